@@ -1,0 +1,344 @@
+"""Integration in time: the only caller of ``diffrax.diffeqsolve``, in chunks of frames."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.bar import Bar
+from wavesim.field import Energy, Field
+from wavesim.forcing import forcing
+from wavesim.medium import Medium
+from wavesim.operator import excited_blocks, semi_discrete, to_fields
+from wavesim.planewave import check_hyperbolic
+from wavesim.response import pulse_tables
+from wavesim.sectors import Block, scales
+from wavesim.source import Ricker
+from wavesim.steppers import TERM, Chebyshev, Motion, Verlet, WaveEquation, propagator_series
+from wavesim.timestep import Schedule, schedule, spectral_bound
+
+# Frames in one chunk: as many as fit into about this many bytes, within these limits.
+_CHUNK_BYTES = 24e6
+_CHUNK_FRAMES = (4, 128)
+
+
+class NotFiniteError(RuntimeError):
+    """The integration produced values that are not finite.
+
+    Attributes:
+        time: end of the chunk in which it was found, s.
+    """
+
+    def __init__(self, at: float, plan: Plan) -> None:
+        self.time = at
+        remedy = (
+            "shorten [time] step or take solver 'chebyshev'"
+            if plan.schedule.solver == "verlet"
+            else "lower the sources' amplitude, or check the medium's parameters"
+        )
+        super().__init__(
+            f"the field is not finite at t = {at:.4g} s (solver {plan.schedule.solver!r}, step "
+            f"{plan.step:.4g} s): {remedy}"
+        )
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that is settled before integrating.
+
+    Attributes:
+        medium, bar, sources: the problem.
+        blocks: those that the sources set in motion.
+        schedule: stepper and step, scaled.
+        duration: s.
+    """
+
+    medium: Medium
+    bar: Bar
+    sources: tuple[Ricker, ...]
+    blocks: tuple[Block, ...]
+    schedule: Schedule
+    duration: float
+
+    @property
+    def step(self) -> float:
+        """Time step, s."""
+        return self.schedule.step * float(self.medium.time_scale)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the frames, s."""
+        return np.linspace(0.0, self.duration, self.schedule.frames)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that are integrated and stored."""
+        names = [name for block in self.blocks for name in block.fields]
+        return tuple(dict.fromkeys(names))
+
+    @property
+    def chunk(self) -> int:
+        """Frames in one chunk."""
+        size = 8 * self.bar.cells * len(self.fields)
+        low, high = _CHUNK_FRAMES
+        return min(max(low, int(_CHUNK_BYTES / size)), high, self.schedule.frames - 1)
+
+
+def plan(
+    medium: Medium,
+    bar: Bar,
+    sources: Sequence[Ricker],
+    duration: float,
+    samples: int | None = None,
+    solver: str = "auto",
+    step: float | None = None,
+) -> Plan:
+    """Settle stepper, step and frames of a run.
+
+    Args:
+        medium: its parameters.
+        bar: the grid.
+        sources: at least one.
+        duration: s.
+        samples: number of frames, the start among them; None stores twice the sources' band.
+        solver: "auto", "chebyshev" or "verlet".
+        step: longest step allowed, s; None lets the stepper choose.
+
+    Returns:
+        The plan.
+
+    Raises:
+        ValueError: no source, or a value that can't be used; the message names it.
+        NotHyperbolicError: waves of the medium grow without bound.
+    """
+    if not sources:
+        raise ValueError("sources = []: at least one source is needed")
+    if not duration > 0:
+        raise ValueError(f"duration = {duration:g} s: must be greater than 0")
+    frames = samples or default_samples(sources, duration)
+    if frames < 2:
+        raise ValueError(f"samples = {frames}: must be at least 2")
+    check_hyperbolic(medium)
+    blocks = excited_blocks([source.field for source in sources])
+    bound = spectral_bound(medium, bar, blocks)
+    unit = float(medium.time_scale)
+    steps = schedule(bound, duration / unit, frames, solver, step if step is None else step / unit)
+    return Plan(medium, bar, tuple(sources), blocks, steps, duration)
+
+
+def default_samples(sources: Sequence[Ricker], duration: float) -> int:
+    """Frames that hold twice the band of the highest source."""
+    highest = max(source.band for source in sources)
+    return max(2, math.ceil(2 * duration * highest / math.pi) + 1)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive frames of a run.
+
+    Attributes:
+        first: index of the first frame.
+        values: {field: (frames, N)}, SI.
+        energy: of these frames, J/m².
+        motion: scaled state at the last frame, to carry on from.
+    """
+
+    first: int
+    values: dict[str, np.ndarray]
+    energy: Energy
+    motion: Motion
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return len(self.energy.work)
+
+
+@dataclass
+class Timing:
+    """Seconds spent; filled in as a run goes."""
+
+    compile: float = 0.0
+    integrate: float = 0.0
+
+
+def _stepper(settled: Plan, equation: WaveEquation) -> diffrax.AbstractSolver:
+    if settled.schedule.solver == "verlet":
+        return Verlet()
+    return Chebyshev(
+        propagator_series(settled.schedule),
+        settled.schedule.bound,
+        pulse_tables(equation.operator, equation.forcing, settled.schedule),
+    )
+
+
+def _advance(
+    equation: WaveEquation,
+    stepper: Any,
+    motion: Motion,
+    stepper_state: Any,
+    start: jax.Array,
+    step: float,
+    steps_per_frame: int,
+    frames: int,
+    adjoint: Any = None,
+) -> Any:
+    """Integrate some frames from a state; pure, so that jax transforms go through."""
+
+    def observe(t: Any, y: Motion, args: Any) -> Any:
+        operator = equation.operator
+        return y.q, operator.kinetic(y.v), operator.potential(y.q), y.work
+
+    count = frames * steps_per_frame
+    times = (start + jnp.arange(count + 1)) * step
+    solution = diffrax.diffeqsolve(
+        TERM,
+        stepper,
+        t0=times[0],
+        t1=times[-1],
+        dt0=None,
+        y0=motion,
+        args=equation,
+        saveat=diffrax.SaveAt(
+            subs=(
+                diffrax.SubSaveAt(steps=steps_per_frame, fn=observe),
+                diffrax.SubSaveAt(t1=True),
+            ),
+            solver_state=True,
+        ),
+        stepsize_controller=diffrax.StepTo(ts=times),
+        solver_state=stepper_state,
+        max_steps=count,
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
+    )
+    seen, last = solution.ys
+    return seen, jax.tree.map(lambda a: a[-1], last), solution.solver_state
+
+
+def stream(
+    settled: Plan, start: tuple[int, Motion] | None = None, timing: Timing | None = None
+) -> Iterator[Chunk]:
+    """Integrate a plan and give its frames chunk by chunk, the state of rest at t = 0 first.
+
+    Args:
+        settled: the plan.
+        start: (frame index, state) to carry on after; None begins at rest.
+        timing: where to note the seconds spent.
+
+    Yields:
+        Chunks, in order.
+
+    Raises:
+        NotFiniteError: the integration failed.
+    """
+    timing = timing or Timing()
+    begun = time.perf_counter()
+    operator = semi_discrete(settled.medium, settled.bar, settled.blocks)
+    force = forcing(settled.sources, settled.medium, settled.bar, settled.blocks, operator)
+    equation = WaveEquation(operator, force)
+    stepper = _stepper(settled, equation)
+    steps, size = settled.schedule, settled.chunk
+    frame, motion = start or (0, Motion(operator.zero(), operator.zero(), jnp.zeros(())))
+    stepper_state = stepper.init(
+        TERM, frame * steps.steps_per_frame * steps.step, None, motion, equation
+    )
+
+    def advance(motion: Motion, stepper_state: Any, start: jax.Array) -> Any:
+        return _advance(
+            equation, stepper, motion, stepper_state, start, steps.step, steps.steps_per_frame, size
+        )
+
+    at = jnp.asarray(frame * steps.steps_per_frame)
+    run = jax.jit(advance).lower(motion, stepper_state, at).compile()
+    timing.compile += time.perf_counter() - begun
+    if start is None:
+        rest = (jax.tree.map(lambda a: a[None], motion.q), *(np.zeros(1) for _ in range(3)))
+        yield _chunk(settled, 0, rest, 1, motion)
+    while frame < steps.frames - 1:
+        begun = time.perf_counter()
+        seen, motion, stepper_state = run(
+            motion, stepper_state, jnp.asarray(frame * steps.steps_per_frame)
+        )
+        seen = jax.tree.map(np.asarray, seen)
+        # The last chunk runs past the end, so that one compiled function serves all chunks.
+        wanted = min(size, steps.frames - 1 - frame)
+        chunk = _chunk(settled, frame + 1, seen, wanted, motion)
+        timing.integrate += time.perf_counter() - begun
+        if not all(np.isfinite(values).all() for values in chunk.values.values()):
+            raise NotFiniteError((frame + wanted) * settled.duration / (steps.frames - 1), settled)
+        yield chunk
+        frame += wanted
+
+
+def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) -> Chunk:
+    q, kinetic, potential, work = seen
+    q = jax.tree.map(lambda a: np.asarray(a)[:wanted], q)
+    unit = float(scales(settled.medium).energy)
+    energy = Energy(*(unit * np.asarray(part)[:wanted] for part in (kinetic, potential, work)))
+    values = to_fields(q, settled.blocks, settled.medium)
+    return Chunk(first, {name: values[name] for name in settled.fields}, energy, motion)
+
+
+def simulate(
+    medium: Medium,
+    bar: Bar,
+    sources: Sequence[Ricker],
+    duration: float,
+    samples: int | None = None,
+    solver: str = "auto",
+    step: float | None = None,
+    receivers: Mapping[str, float] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Field:
+    """Integrate the wave equations on a bar from rest and keep the field in memory.
+
+    Args:
+        medium: its parameters.
+        bar: the grid.
+        sources: pulses that drive it, at least one.
+        duration: s.
+        samples: number of frames, the start among them; None stores twice the sources' band.
+        solver: "auto", "chebyshev" or "verlet".
+        step: longest step allowed, s; None lets the stepper choose.
+        receivers: {name: position in m}.
+        progress: called with the part done, 0 to 1, after each chunk.
+
+    Returns:
+        The field; only the sectors that the sources set in motion are in it.
+
+    Raises:
+        ValueError: a value that can't be used; the message names it.
+        NotFiniteError: the integration failed.
+    """
+    settled = plan(medium, bar, sources, duration, samples, solver, step)
+    chunks = []
+    for chunk in stream(settled):
+        chunks.append(chunk)
+        if progress is not None:
+            progress((chunk.first + chunk.count) / settled.schedule.frames)
+    return Field(
+        t=settled.times,
+        values={
+            name: np.concatenate([chunk.values[name] for chunk in chunks])
+            for name in settled.fields
+        },
+        medium=medium,
+        bar=bar,
+        sources=settled.sources,
+        receivers=dict(receivers or {}),
+        energy=Energy(
+            *(
+                np.concatenate([getattr(chunk.energy, part) for chunk in chunks])
+                for part in ("kinetic", "potential", "work")
+            )
+        ),
+        stepper=settled.schedule.solver,
+    )
