@@ -140,11 +140,6 @@ def inner(a: Any, b: Any) -> jax.Array:
     return jax.tree.reduce(jnp.add, products)
 
 
-def excited_blocks(fields: Sequence[str]) -> tuple[Block, ...]:
-    """Blocks that sources on these fields set in motion."""
-    return tuple(block for block in BLOCKS if set(block.fields) & set(fields))
-
-
 def semi_discrete(
     medium: Medium,
     bar: Bar,

@@ -15,6 +15,7 @@ and c_bp = c_pbᵀ exactly where the closure is symmetric.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,6 +97,11 @@ def blocks_of(sector: str) -> tuple[Block, ...]:
     if not found:
         raise ValueError(f"sector {sector!r}: must be one of {', '.join(SECTORS)}")
     return found
+
+
+def excited_blocks(fields: Sequence[str]) -> tuple[Block, ...]:
+    """Blocks that sources on these fields set in motion."""
+    return tuple(block for block in BLOCKS if set(block.fields) & set(fields))
 
 
 @dataclass(frozen=True)
