@@ -102,7 +102,7 @@ def _advance(
         return y.q, operator.kinetic(y.v), operator.potential(y.q), y.work
 
     count = frames * steps_per_frame
-    times = (start + jnp.arange(count + 1)) * step
+    times = (start + jnp.arange(count + 1)).astype(float) * step
     solution = diffrax.diffeqsolve(
         TERM,
         stepper,

@@ -1,0 +1,175 @@
+"""From a field to ω(k): windowed 2D FFT, ridges between the bins, branches by continuity.
+
+Nothing here knows the dispersion relation: the ridges are the peaks of the spectrum, and branches
+are peaks joined from one wavenumber to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import fft, next_fast_len, rfft
+from scipy.optimize import linear_sum_assignment
+from scipy.signal import find_peaks, get_window
+
+from wavesim.field import Field
+from wavesim.sectors import Block
+
+Float = NDArray[Any]
+
+# 4-term Blackman–Harris: side lobes at −92 dB, main lobe of ±4 bins (Harris, Proc. IEEE 66, 51
+# (1978)). A peak counts above −80 dB of the strongest at its wavenumber.
+WINDOW = "blackmanharris"
+LOBE_BINS = 4
+_FLOOR = 1e-8
+_PADDING = 8
+# A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
+_LONGEST_BREAK = 3
+_SHORTEST_BRANCH = 5
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Power of one block's motion over wavenumber and frequency.
+
+    Attributes:
+        k: wavenumbers, shape (nk,), rad/m.
+        omega: angular frequencies, even, shape (nω,), rad/s.
+        power: shape (nk, nω), relative to the strongest entry.
+        bin: frequency resolution 2π/T of the record, rad/s.
+    """
+
+    k: Float
+    omega: Float
+    power: Float
+    bin: float
+
+
+@dataclass(frozen=True)
+class Ridge:
+    """One branch recovered from a spectrum.
+
+    Attributes:
+        k: wavenumbers at which it was found, ascending, rad/m.
+        omega: its frequency there, rad/s.
+        power: height of its peak there, relative to the spectrum's strongest.
+    """
+
+    k: Float
+    omega: Float
+    power: Float
+
+
+def analysed_from(field: Field) -> int:
+    """First frame of the analysis: the first without a source, if that leaves half the record."""
+    quiet = int(np.searchsorted(field.t, field.quiet_from))
+    return quiet if quiet <= len(field.t) // 2 else 0
+
+
+def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None = None) -> Spectrum:
+    """2D FFT of a block's components: exact in space on a periodic bar, windowed in time.
+
+        P(|k|, ω) = Σ_components Σ_±k |∫∫ q w(t) e^{−i(kx−ωt)} dx dt|²
+
+    Args:
+        field: the field.
+        block: one of its blocks.
+        k_max: highest wavenumber wanted, rad/m.
+        omega_max: highest frequency wanted, rad/s; the Nyquist frequency of the frames where None.
+
+    Returns:
+        The spectrum, at the wavenumbers that the bar holds, padded eightfold in time.
+
+    Raises:
+        ValueError: the bar holds fewer than three wavenumbers up to k_max.
+    """
+    k = field.bar.wavenumbers
+    count = int(np.searchsorted(k, k_max, side="right"))
+    if count < 3:
+        raise ValueError(
+            f"k_max = {k_max:.4g} rad/m: the bar of {field.bar.length:.4g} m holds only multiples "
+            f"of {k[1]:.4g} rad/m; raise k_max or lengthen the bar"
+        )
+    first = analysed_from(field)
+    frames = len(field.t) - first
+    window = get_window(WINDOW, frames, fftbins=False)[:, None]
+    padded = next_fast_len(_PADDING * frames)
+    omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
+    kept = len(omega)
+    if omega_max is not None:
+        kept = min(kept, int(np.searchsorted(omega, omega_max, side="right")) + 1)
+    power = np.zeros((kept, count))
+    for values, _ in field.components(block):
+        in_space = rfft(values[first:], axis=1)[:, :count] * window
+        in_time = np.abs(fft(in_space, padded, axis=0)) ** 2
+        power += in_time[:kept]
+        power[1:kept] += in_time[: padded - kept : -1]
+    duration = frames * field.interval
+    return Spectrum(
+        k[:count], omega[:kept], power.T / max(power.max(), 1e-300), 2 * np.pi / duration
+    )
+
+
+def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
+    """Frequencies and heights of the peaks at one wavenumber, by a parabola through log power.
+
+    Args:
+        found: the spectrum.
+        index: of the wavenumber.
+
+    Returns:
+        Frequencies (rad/s), ascending, and power at the peaks.
+    """
+    height = np.log(np.maximum(found.power[index], 1e-300))
+    at, _ = find_peaks(height, height=height.max() + np.log(_FLOOR))
+    left, middle, right = height[at - 1], height[at], height[at + 1]
+    shift = 0.5 * (left - right) / (left - 2 * middle + right)
+    top = middle - 0.25 * (left - right) * shift
+    return found.omega[0] + (at + shift) * (found.omega[1] - found.omega[0]), np.exp(top)
+
+
+def ridges(found: Spectrum) -> list[Ridge]:
+    """Branches of a spectrum: its peaks, joined over k by continuity of ω and of its slope.
+
+    At each wavenumber the peaks are assigned to the branches so far with the least total distance
+    from their straight continuation; a peak further off than two bins and the last slope begins a
+    branch of its own.
+
+    Args:
+        found: the spectrum.
+
+    Returns:
+        The branches, ascending in their median frequency.
+    """
+    tracks: list[list[tuple[int, float, float]]] = []
+    for index in range(1, len(found.k)):
+        omega, power = peaks(found, index)
+        live = [track for track in tracks if index - track[-1][0] <= _LONGEST_BREAK]
+        taken = set()
+        if live and len(omega):
+            guess = np.array([_continued(track, index) for track in live])
+            distance = np.abs(guess[:, :1] - omega)
+            reach = 2 * found.bin + guess[:, 1:]
+            rows, columns = linear_sum_assignment(np.minimum(distance, 2 * reach))
+            for row, column in zip(rows, columns, strict=True):
+                if distance[row, column] <= reach[row, 0]:
+                    live[row].append((index, omega[column], power[column]))
+                    taken.add(column)
+        for column in set(range(len(omega))) - taken:
+            tracks.append([(index, omega[column], power[column])])
+    kept = [np.array(track) for track in tracks if len(track) >= _SHORTEST_BRANCH]
+    branches = [Ridge(found.k[t[:, 0].astype(int)], t[:, 1], t[:, 2]) for t in kept]
+    return sorted(branches, key=lambda branch: float(np.median(branch.omega)))
+
+
+def _continued(track: list[tuple[int, float, float]], index: int) -> tuple[float, float]:
+    """Where a branch is expected next, and how far from there it may be."""
+    last, omega, _ = track[-1]
+    if len(track) == 1:
+        return omega, 0.0
+    before, earlier, _ = track[-2]
+    change = (omega - earlier) / (last - before) * (index - last)
+    return omega + change, abs(change)

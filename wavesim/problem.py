@@ -1,0 +1,163 @@
+"""A case as the program's own objects: medium, bar, sources, receivers and plan. No jax."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import tomli_w
+from scipy.optimize import brentq
+
+from wavesim.bar import Bar
+from wavesim.case import Case, CaseError, place, read
+from wavesim.equations import flux_form
+from wavesim.medium import Medium
+from wavesim.plan import Plan, plan
+from wavesim.planewave import check_hyperbolic
+from wavesim.source import Ricker
+from wavesim.stencils import modified_wavenumber
+from wavesim.timestep import StepTooLongError
+
+Built = TypeVar("Built")
+
+# Branches are judged between these k̄ where the case does not say otherwise.
+_JUDGED = (0.02, 0.5)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a case describes.
+
+    Attributes:
+        case: the tables, as given.
+        plan: medium, bar, sources, stepper, step and frames.
+        receivers: {name: position in m}.
+        k_range: wavenumbers between which branches are judged, rad/m.
+    """
+
+    case: Case
+    plan: Plan
+    receivers: dict[str, float]
+    k_range: tuple[float, float]
+
+    @property
+    def resolved(self) -> str:
+        """The case as TOML, every default filled in; a run of it repeats this one."""
+        tables = self.case.model_dump()
+        medium, bar, schedule = self.plan.medium, self.plan.bar, self.plan.schedule
+        tables["medium"] |= {"rotation_inertia": medium.beta, "curvature_inertia": medium.gamma}
+        del tables["bar"]["length"]
+        tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
+        for table, source in zip(tables["sources"], self.plan.sources, strict=True):
+            table["delay"] = source.peak_time
+        tables["time"] |= {
+            "solver": schedule.solver,
+            "step": self.plan.step,
+            "samples": schedule.frames,
+        }
+        tables["analysis"] |= {"k_min": self.k_range[0], "k_max": self.k_range[1]}
+        return tomli_w.dumps(tables)
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Problem:
+    """Read a case file, lay overrides over it, and build what it describes.
+
+    Args:
+        path: of the TOML file.
+        overrides: "table.key=value", value in TOML.
+
+    Raises:
+        CaseError: anything that can't be used; the message names file, key, value and remedy.
+    """
+    return settle(read(path, overrides), str(path))
+
+
+def settle(case: Case, name: str) -> Problem:
+    """Build what a case describes.
+
+    Args:
+        case: the tables.
+        name: of the file, for messages.
+
+    Raises:
+        CaseError: as :func:`load`.
+    """
+
+    def build(where: tuple[str, ...], make: Callable[[], Built]) -> Built:
+        try:
+            return make()
+        except ValueError as error:
+            raise CaseError(f"{name}: {place(where)} {error}") from None
+
+    medium = build(("medium",), case.medium.build)
+    build(("medium",), lambda: check_hyperbolic(medium))
+    bar = build(("bar",), lambda: case.bar.build(medium))
+    sources = []
+    for number, table in enumerate(case.sources):
+        where = ("sources", str(number))
+        source = build(where, table.build)
+        build(where, lambda s=source: bar.spread(s.position, s.width, s.staggered))  # type: ignore[misc]
+        build(where, lambda s=source: check_carried(s, medium, bar))  # type: ignore[misc]
+        sources.append(source)
+    for number, receiver in enumerate(case.receivers):
+        where = ("receivers", str(number))
+        build(where, lambda r=receiver: bar.sampling(r.position, False))  # type: ignore[misc]
+    unit = 2 * math.pi / medium.length_scale
+    return Problem(
+        case,
+        build(("time",), lambda: _plan(case, medium, bar, sources)),
+        {receiver.name: receiver.position for receiver in case.receivers},
+        (
+            case.analysis.k_min or _JUDGED[0] * unit,
+            case.analysis.k_max or _JUDGED[1] * unit,
+        ),
+    )
+
+
+def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Plan:
+    time = case.time
+    step = None if time.step == "auto" else time.step
+    samples = None if time.samples == "auto" else time.samples
+    try:
+        return plan(medium, bar, sources, time.duration, samples, time.solver, step)
+    except StepTooLongError as error:
+        assert step is not None
+        limit = error.fraction * step
+        raise ValueError(
+            f"step = {step:g}: the Verlet stepper is stable up to {limit:.4g} s on this bar; "
+            "take that or less, 'auto', or solver = 'chebyshev'"
+        ) from None
+
+
+def check_carried(source: Ricker, medium: Medium, bar: Bar) -> None:
+    """Hold a source's peak frequency to what the grid can carry.
+
+    Raises:
+        ValueError: the frequency is above :func:`highest_frequency`.
+    """
+    highest = highest_frequency(medium, bar)
+    if source.peak_frequency > highest:
+        spacing = bar.spacing * highest / source.peak_frequency
+        raise ValueError(
+            f"peak_frequency = {source.peak_frequency:g}: the grid carries at most "
+            f"{highest:.4g} Hz (order {bar.order}; there the fastest wave's phase is off by 1 %); "
+            f"lower it, or take [bar] spacing ≤ {spacing:.3g}"
+        )
+
+
+def highest_frequency(medium: Medium, bar: Bar) -> float:
+    """Frequency at which the grid's phase error on the fastest wave reaches 1 %, Hz.
+
+    The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
+    """
+    flux = flux_form(medium)
+    fastest = float(np.sqrt(np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))
+
+    def error(phase: float) -> float:
+        return float(modified_wavenumber(phase, 1.0, bar.order)) / phase - 0.99
+
+    return fastest * brentq(error, 1e-3, math.pi) / bar.spacing / (2 * math.pi)
