@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from wavesim.stencils import difference_weights, interpolation_weights
 
 MINIMUM_CELLS = 16
+
+Float = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -48,23 +51,21 @@ class Bar:
         return self.cells * self.spacing
 
     @property
-    def nodes(self) -> NDArray[np.float64]:
+    def nodes(self) -> Float:
         """Positions of the rotations, shape (N,), m."""
         return np.arange(self.cells) * self.spacing
 
     @property
-    def half_nodes(self) -> NDArray[np.float64]:
+    def half_nodes(self) -> Float:
         """Positions of the micro-curvatures, shape (N,), m."""
         return (np.arange(self.cells) + 0.5) * self.spacing
 
     @property
-    def wavenumbers(self) -> NDArray[np.float64]:
+    def wavenumbers(self) -> Float:
         """Wavenumbers that the periodic bar holds exactly, 0 to Nyquist, rad/m."""
         return 2 * np.pi * np.arange(self.cells // 2 + 1) / self.length
 
-    def sampling(
-        self, position: float, staggered: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def sampling(self, position: float, staggered: bool) -> tuple[Float, NDArray[np.int64]]:
         """Weights and grid indices that interpolate a field at a position, to the bar's order.
 
         Args:
@@ -84,7 +85,7 @@ class Bar:
 
     def spread(
         self, position: float, width: float, staggered: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    ) -> tuple[Float, NDArray[np.int64]]:
         """Density that stands for δ(x − position), or for a Gaussian of that standard deviation.
 
         A point is the transpose of the interpolation above, so that source and receiver can be

@@ -164,12 +164,13 @@ def semi_discrete(
     for _, members in itertools.groupby(blocks, key=lambda b: len(b.rotations)):
         stacked = tuple(members)
         forms = [block_form(medium, block, reference) for block in stacked]
+        coefficients = {
+            name: jnp.stack([jnp.asarray(getattr(form, name)) for form in forms], -1)[..., None]
+            for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
+        }
         groups.append(
             Group(
-                *(
-                    jnp.stack([jnp.asarray(getattr(form, name)) for form in forms], -1)[..., None]
-                    for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
-                ),
+                **coefficients,
                 weights=weights,
                 names=tuple(block.name for block in stacked),
                 with_gradient=not (isinstance(medium.G_n_g, float | int) and medium.G_n_g == 0),

@@ -114,9 +114,11 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
     reaches = tuple(
         tuple(
             _Reach(
-                *(jnp.tensordot(c, a, 1) for c in (on_q, on_v)),
-                *(jnp.tensordot(c, b, 1) for c in (from_q, from_v)),
-                window,
+                on_q=jnp.tensordot(on_q, a, 1),
+                on_v=jnp.tensordot(on_v, a, 1),
+                from_q=jnp.tensordot(from_q, b, 1),
+                from_v=jnp.tensordot(from_v, b, 1),
+                window=window,
             )
             for window, a, b in zip(*of_pulse, strict=True)
         )

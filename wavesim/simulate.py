@@ -151,8 +151,9 @@ def stream(
     stepper = _stepper(settled, equation)
     steps, size = settled.schedule, settled.chunk
     frame, motion = start or (0, Motion(operator.zero(), operator.zero(), jnp.zeros(())))
+    taken = frame * steps.steps_per_frame
     stepper_state = stepper.init(
-        TERM, frame * steps.steps_per_frame * steps.step, None, motion, equation
+        TERM, taken * steps.step, (taken + 1) * steps.step, motion, equation
     )
 
     def advance(motion: Motion, stepper_state: Any, start: jax.Array) -> Any:
@@ -160,7 +161,7 @@ def stream(
             equation, stepper, motion, stepper_state, start, steps.step, steps.steps_per_frame, size
         )
 
-    at = jnp.asarray(frame * steps.steps_per_frame)
+    at = jnp.asarray(taken)
     run = jax.jit(advance).lower(motion, stepper_state, at).compile()
     timing.compile += time.perf_counter() - begun
     if start is None:
