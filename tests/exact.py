@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from wavesim.equations import CURVATURES, FIELDS, ROTATIONS, flux_form
-from wavesim.medium import Medium
 from wavesim.stencils import modified_wavenumber
 
 
@@ -68,8 +67,9 @@ def _convolve(source, omega, times, rate):
         half = (edges[1] - edges[0]) / 2
         tau = (edges[:-1, None] + half * (nodes + 1)).ravel()
         w = np.tile(half * weights, panels) * source.signal(tau)
+        parts = max(1, len(tau) // 64)
         for part_tau, part_w in zip(
-            np.array_split(tau, max(1, len(tau) // 64)), np.array_split(w, max(1, len(tau) // 64))
+            np.array_split(tau, parts), np.array_split(w, parts), strict=True
         ):
             lag = t - part_tau
             phase = np.multiply.outer(lag, omega)
