@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.medium import Medium
+from wavesim.medium import CLOSURES, Medium
 from wavesim.tensors import average_stiffness, gradient_stiffness, relative_stiffness
 
 ROTATIONS: tuple[str, ...] = ("phi1", "phi2", "phi3")
@@ -97,7 +97,15 @@ def flux_form(medium: Medium) -> FluxForm:
 
     Returns:
         The coefficient matrices, for waves along x₁.
+
+    Raises:
+        ValueError: the closure has no wave equations.
     """
+    if medium.closure not in CLOSURES:
+        raise ValueError(
+            f"closure = {medium.closure!r} has no wave equations, only dispersion coefficients: "
+            f"for a time-domain run take one of {', '.join(CLOSURES)}"
+        )
     scale = medium.branch_length**2 * medium.contact_density
     J = average_stiffness(medium) / scale
     M = relative_stiffness(medium) / scale

@@ -48,7 +48,7 @@ class Field:
         medium, bar, sources: what made it.
         receivers: {name: position in m}.
         energy: energy at each frame.
-        stepper: name of the stepper that made it.
+        stepper, step: name and time step (s) of the stepper that made it.
     """
 
     t: Float
@@ -59,6 +59,7 @@ class Field:
     receivers: Mapping[str, float] = field(default_factory=dict)
     energy: Energy | None = None
     stepper: str = ""
+    step: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:

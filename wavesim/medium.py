@@ -12,8 +12,10 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 Closure = Literal["printed", "consistent"]
+SpectralClosure = Literal["printed", "consistent", "appendix_c"]
 
-CLOSURES: tuple[str, ...] = ("printed", "consistent")
+CLOSURES: tuple[str, ...] = ("printed", "consistent")  # those with wave equations
+SPECTRAL_CLOSURES: tuple[str, ...] = (*CLOSURES, "appendix_c")
 
 # Admissible ranges. Outside −1 ≤ a ≤ 2 the contact density ξ(n) is negative in some direction
 # (Eq. 18); outside η ≥ 0, or with a stiffness, length or inertia that is not positive, the
@@ -53,7 +55,9 @@ class Medium:
         G_n_r: G_n^r, normal rotation stiffness for the relative rotation, N·m.
         G_n_g: G_n^g, normal rotation stiffness for the gradient of micro-curvature, N·m.
         closure: "printed", Eqs. (26)–(37) as the paper prints them, or "consistent", the paper's
-            Appendix-B tensors in every equation. They differ where a ≠ 0 (docs/physics.md).
+            Appendix-B tensors in every equation. They differ where a ≠ 0 (docs/physics.md). A
+            third, "appendix_c", the dispersion coefficients of Appendix C, is for the spectral
+            solver alone: it has no wave equations.
         rotation_inertia: β, m²; None stands for the paper's 2R²/5.
         curvature_inertia: γ, m⁴; None stands for the paper's 12R⁴/35.
 
@@ -70,13 +74,14 @@ class Medium:
     G_n_a: Any = 5.0
     G_n_r: Any = 5.0
     G_n_g: Any = 1.25e-11
-    closure: Closure = "printed"
+    closure: SpectralClosure = "printed"
     rotation_inertia: Any = None
     curvature_inertia: Any = None
 
     def __post_init__(self) -> None:
-        if self.closure not in CLOSURES:
-            raise ValueError(f"closure = {self.closure!r}: must be one of {', '.join(CLOSURES)}")
+        if self.closure not in SPECTRAL_CLOSURES:
+            allowed = ", ".join(SPECTRAL_CLOSURES)
+            raise ValueError(f"closure = {self.closure!r}: must be one of {allowed}")
         for name in PARAMETERS:
             value = getattr(self, name)
             if isinstance(value, numbers.Real):

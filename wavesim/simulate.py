@@ -66,6 +66,22 @@ class Chunk:
         return len(self.energy.work)
 
 
+def pack(motion: Motion) -> list[np.ndarray]:
+    """A state as plain arrays, to be stored."""
+    return [np.asarray(leaf) for leaf in jax.tree.leaves(motion)]
+
+
+def unpack(arrays: Sequence[np.ndarray], settled: Plan) -> Motion:
+    """Inverse of :func:`pack`, for a run of the same plan."""
+    structure = jax.tree.structure(_rest(settled))
+    return jax.tree.unflatten(structure, [jnp.asarray(array) for array in arrays])
+
+
+def _rest(settled: Plan) -> Motion:
+    operator = semi_discrete(settled.medium, settled.bar, settled.blocks)
+    return Motion(operator.zero(), operator.zero(), jnp.zeros(()))
+
+
 @dataclass
 class Timing:
     """Seconds spent; filled in as a run goes."""
@@ -246,4 +262,5 @@ def simulate(
             )
         ),
         stepper=settled.schedule.solver,
+        step=settled.step,
     )

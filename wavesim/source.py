@@ -7,10 +7,12 @@ B_ij) to the balance equations: amplitude · s(t) · δ(x − position), or a Ga
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import lambertw
 
 from wavesim.equations import FIELDS, ROTATIONS
 
@@ -100,3 +102,34 @@ class Ricker:
         ratio = np.asarray(omega) / peak
         shape = 2 / math.sqrt(math.pi) * ratio**2 * np.exp(-(ratio**2)) / peak
         return self.amplitude * shape * np.exp(1j * np.asarray(omega) * self.peak_time)
+
+
+# A frequency counts as excited where the spectrum is above this part of its peak.
+EXCITED = 1e-3
+
+
+def excitation(sources: Sequence[Ricker], omega: Any) -> Any:
+    """Spectrum |s(ω)| of the strongest source at each frequency, relative to its own peak.
+
+    Args:
+        sources: at least one.
+        omega: angular frequencies, any shape, rad/s.
+
+    Returns:
+        Shape of omega, 0 to 1.
+    """
+    parts = []
+    for source in sources:
+        ratio = (np.asarray(omega) / (2 * math.pi * source.peak_frequency)) ** 2
+        parts.append(ratio * np.exp(1 - ratio))
+    return np.max(parts, axis=0)
+
+
+def excited_band(sources: Sequence[Ricker]) -> tuple[float, float]:
+    """Lowest and highest angular frequency that count as excited, rad/s.
+
+    (ω/ω_p)² exp(1 − (ω/ω_p)²) = EXCITED at ω/ω_p = 0.01918 and 3.123.
+    """
+    peaks = [2 * math.pi * source.peak_frequency for source in sources]
+    low, high = (math.sqrt(-lambertw(-EXCITED / math.e, branch).real) for branch in (0, -1))
+    return low * min(peaks), high * max(peaks)

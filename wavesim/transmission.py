@@ -47,9 +47,7 @@ class Attenuation:
     level: Float
 
 
-def damped_transform(
-    values: ArrayLike, t: Float, omega: Float, sigma: float
-) -> Complex:
+def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) -> Complex:
     """∫ u e^{i(ω+iσ)t} dt by the trapezoidal rule, exact to exp(−σT) for a band-limited record.
 
     Args:

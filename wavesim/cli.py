@@ -1,0 +1,197 @@
+"""The commands: arguments, progress and exit codes. Nothing imports this module.
+
+Exit codes: 0 all well; 1 a check of the run fell short; 2 bad input; 3 the integration failed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+FELL_SHORT, BAD_INPUT, NOT_FINITE = 1, 2, 3
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    click.echo(f"wavesim: {message}", err=True)
+    sys.exit(code)
+
+
+def _console(quiet: bool = False) -> Any:
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else 120
+    return Console(quiet=quiet, highlight=False, width=width)
+
+
+def _load(case: str, overrides: tuple[str, ...]) -> Any:
+    from wavesim.case import CaseError
+    from wavesim.problem import load
+
+    try:
+        return load(case, overrides)
+    except CaseError as error:
+        _stop(str(error), BAD_INPUT)
+
+
+_CASE = click.argument("case", type=click.Path())
+_SET = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="TABLE.KEY=VALUE",
+    help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
+)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="wavesim")
+def main() -> None:
+    """Rotation waves in granular bars: simulate, extract dispersion, hold against theory."""
+
+
+@main.command()
+@_CASE
+@click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
+@_SET
+@click.option("--resume", is_flag=True, help="Carry on an interrupted run of the same case.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
+    """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
+    problem = _load(case, overrides)
+    from wavesim import report
+
+    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    for warning in report.warnings(problem):
+        click.echo(f"wavesim: warning: {case}: {warning}", err=True)
+    console = _console(quiet)
+    with _progress(quiet) as tell:
+        outcome = _run(problem, folder, resume, tell)
+    report.verdict(console, outcome.summary)
+    for note in outcome.notes:
+        console.print(f"Note: {note}.")
+    console.print(f"Results in {folder}")
+    if not outcome.passed:
+        sys.exit(FELL_SHORT)
+
+
+def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], None]) -> Any:
+    from wavesim import runner
+
+    try:
+        return runner.run(problem, folder, resume, tell)
+    except runner.RunError as error:
+        _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
+
+
+class _progress:
+    """A bar on a terminal, with time done, rate and time left; silence elsewhere."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.silent = quiet or not sys.stderr.isatty()
+
+    def __enter__(self) -> Callable[[str, float], None]:
+        if self.silent:
+            return lambda stage, part: None
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TaskProgressColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        self.bar = Progress(
+            TextColumn("{task.description:<10}"),
+            BarColumn(),
+            TaskProgressColumn(show_speed=True),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self.bar.start()
+        self.task: Any = None
+        self.stage = ""
+        return self._tell
+
+    def _tell(self, stage: str, part: float) -> None:
+        if stage != self.stage:
+            if self.task is not None:
+                self.bar.remove_task(self.task)
+            self.stage = stage
+            self.task = self.bar.add_task(stage, total=1.0 if stage == "integrate" else None)
+        if stage == "integrate":
+            self.bar.update(self.task, completed=part)
+
+    def __exit__(self, *exception: object) -> None:
+        if not self.silent:
+            self.bar.stop()
+
+
+@main.command()
+@_CASE
+@_SET
+def check(case: str, overrides: tuple[str, ...]) -> None:
+    """Say everything about CASE that can be said before integrating."""
+    problem = _load(case, overrides)
+    from wavesim import report
+
+    report.survey(_console(), problem)
+    _print_bands(problem.plan.medium)
+    found = report.warnings(problem)
+    for warning in found:
+        click.echo(f"wavesim: warning: {case}: {warning}", err=True)
+    if found:
+        sys.exit(FELL_SHORT)
+
+
+def _print_bands(medium: Any) -> None:
+    from wavesim import bands as content
+    from wavesim import report
+    from wavesim.planewave import full_gaps
+
+    to_hertz, to_bar = 1 / (2 * math.pi), float(medium.time_scale)
+    free = [
+        (low * to_hertz, high * to_hertz, low * to_bar, high * to_bar)
+        for low, high in full_gaps(medium)
+    ]
+    report.bands(_console(), content.table(medium), free)
+
+
+@main.command()
+@_CASE
+@click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
+@_SET
+def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
+    """Branches, cutoffs, asymptotes and gaps of CASE's medium, by the plane-wave solver alone."""
+    medium = _load(case, overrides).plan.medium
+    from wavesim import bands as content
+
+    answer = json.dumps(content.summary(medium))
+    if as_json:
+        click.echo(answer)
+    else:
+        _print_bands(medium)
+    if out:
+        from wavesim.bandfigure import band_figure
+
+        folder = Path(out)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "bands.json").write_text(answer + "\n", encoding="utf-8")
+            band_figure(medium).savefig(folder / "bands.png", dpi=160)
+        except OSError as error:
+            _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()

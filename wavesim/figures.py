@@ -1,0 +1,339 @@
+"""Figures of a run: data in, figure out. Nothing is computed here but what is drawn.
+
+Colour maps are perceptually uniform and run from light to dark, and lines differ by style as well
+as by colour, so that a figure can be read in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wavesim.equations import FIELDS, ROTATIONS
+from wavesim.field import Field
+from wavesim.medium import Medium
+from wavesim.planewave import block_frequencies, gaps, wavenumber
+from wavesim.sectors import SECTORS
+from wavesim.verdict import Held
+
+STYLE: Any = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "savefig.dpi": 160,
+    "figure.constrained_layout.use": True,
+}
+MAP = matplotlib.colormaps["magma_r"].with_extremes(under="white")
+FOUND = "#c8102e"
+THEORY = "#111111"
+GAP: dict[str, Any] = {"facecolor": "#7f8c99", "alpha": 0.22, "linewidth": 0}
+_DECIBELS = 60.0
+_LEVEL = 120.0
+_PIXELS = (900, 700)
+_LOWERED = str.maketrans("123", "₁₂₃")
+SYMBOLS = {
+    name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
+    for name in FIELDS
+}
+TITLES = {
+    "longitudinal": "longitudinal: φ₁, B₁₁, B₂₂ + B₃₃",
+    "transverse2": "transverse: φ₂, B₂₁, B₁₂",
+    "transverse3": "transverse: φ₃, B₃₁, B₁₃",
+    "inplane": "in-plane shear: B₂₃, B₃₂, B₂₂ − B₃₃",
+}
+
+
+def decibels(amplitude: Any, reference: float) -> np.ndarray:
+    """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
+    return 20 * np.log10(np.maximum(np.abs(amplitude), 1e-15 * reference) / reference)
+
+
+def second_axes(axes: Axes, x: tuple[float, str] | None, y: tuple[float, str] | None) -> None:
+    """Put scaled axes opposite to the SI ones: (scaled units in one shown unit, label)."""
+    if x is not None:
+        top = axes.secondary_xaxis("top", functions=_scaling(x[0]))
+        top.set_xlabel(x[1])
+    if y is not None:
+        right = axes.secondary_yaxis("right", functions=_scaling(y[0]))
+        right.set_ylabel(y[1])
+
+
+def _scaling(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    return (lambda v: v * factor), (lambda v: v / factor)
+
+
+def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool = True) -> None:
+    """Shade a sector's gaps on an axis in kHz; upright where frequency runs along x."""
+    for gap in gaps(field.medium, sector):
+        if gap.upper <= gap.lower:
+            continue
+        low, high = gap.lower / 2e3 / np.pi, gap.upper / 2e3 / np.pi
+        (axes.axvspan if upright else axes.axhspan)(low, high, **GAP)
+        if not named:
+            continue
+        middle = (low + high) / 2
+        if upright:
+            axes.text(
+                middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7,
+                transform=axes.get_xaxis_transform(),
+            )  # fmt: skip
+        else:
+            axes.text(
+                0.985, middle, gap.name, ha="right", va="center", fontsize=7,
+                transform=axes.get_yaxis_transform(),
+            )  # fmt: skip
+
+
+def _thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
+    """Largest value in each of so many tiles, for a picture of a large array."""
+    for axis, most in enumerate(pixels):
+        step = -(-values.shape[axis] // most)
+        if step > 1:
+            values = np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)
+    return values
+
+
+def spacetime(field: Field) -> Figure:
+    """Amplitude of every sector over position and time, in dB below its peak."""
+    sectors = [s for s in SECTORS if any(b.sector == s for b in field.blocks)]
+    columns = min(2, len(sectors))
+    rows = -(-len(sectors) // columns)
+    figure = Figure(figsize=(3.6 * columns + 0.8, 3.1 * rows + 0.3))
+    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    medium, bar = field.medium, field.bar
+    for axes in panels[len(sectors) :]:
+        axes.remove()
+    for axes, sector in zip(panels, sectors, strict=False):
+        parts = [c for b in field.blocks if b.sector == sector for c, _ in field.components(b)]
+        amplitude = _thin(np.sqrt(np.sum([p**2 for p in parts], axis=0)), _PIXELS)
+        image = axes.imshow(
+            decibels(amplitude, float(amplitude.max()) or 1.0),
+            origin="lower",
+            aspect="auto",
+            extent=(0, bar.length * 1e3, 0, field.t[-1] * 1e6),
+            cmap=MAP,
+            vmin=-_DECIBELS,
+            vmax=0,
+            interpolation="nearest",
+        )
+        for source in field.sources:
+            if any(source.field in b.fields for b in field.blocks if b.sector == sector):
+                axes.plot(
+                    source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k"
+                )
+        axes.set(title=TITLES[sector], xlabel="x (mm)", ylabel="t (µs)")
+        second_axes(
+            axes,
+            (1e-3 / medium.length_scale, "x / l"),
+            (1e-6 / medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"),
+        )
+    figure.colorbar(
+        image, ax=list(panels[: len(sectors)]), label="amplitude (dB below peak)", shrink=0.8
+    )
+    return figure
+
+
+def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
+    """2D spectrum of a sector with the theory over it and the recovered points on the theory."""
+    own = [h for h in held if h.measured.block.sector == sector]
+    found = own[0].measured.spectrum
+    size = min(len(h.measured.spectrum.omega) for h in own)
+    power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
+    medium = field.medium
+    figure = Figure(figsize=(5.6, 4.6))
+    axes = figure.subplots()
+    to_kHz = 1 / (2e3 * np.pi)
+    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * to_kHz
+    image = axes.imshow(
+        10 * np.log10(np.maximum(_thin(power.T, (1200, 4096)), 1e-12) / power.max()),
+        origin="lower",
+        aspect="auto",
+        extent=(-step_k / 2e3, (found.k[-1] + step_k / 2) / 1e3, 0, top),
+        cmap=MAP,
+        vmin=-80,
+        vmax=0,
+        interpolation="nearest",
+    )
+    shade_gaps(axes, field, sector, upright=False)
+    k = np.linspace(0, found.k[-1], 400)
+    for h in own:
+        exact = block_frequencies(medium, h.measured.block, k)
+        lines = axes.plot(k / 1e3, exact * to_kHz, "--", color=THEORY, lw=0.9)
+        lines[0].set_label("plane-wave solver" if h is own[0] else None)
+        for branch in h.branches:
+            shown = branch.k > 0
+            every = max(1, int(shown.sum()) // 26)
+            axes.plot(
+                branch.k[shown][::every] / 1e3,
+                branch.omega[shown][::every] * to_kHz,
+                "o",
+                ms=3.6,
+                mfc="white",
+                mec=FOUND,
+                mew=0.9,
+                label="recovered" if branch is own[0].branches[0] else None,
+            )
+    axes.set(
+        xlim=(0, found.k[-1] / 1e3),
+        ylim=_extent(own, found.k[-1], medium, top),
+        xlabel="k (rad/mm)",
+        ylabel="ω/2π (kHz)",
+    )
+    second_axes(
+        axes,
+        (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
+        (2e3 * np.pi * medium.time_scale, "ω̄"),
+    )
+    axes.set_title(TITLES[sector])
+    axes.legend(loc="lower right")
+    figure.colorbar(image, ax=axes, label="power (dB)")
+    return figure
+
+
+def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:
+    """Frequencies (kHz) between which a dispersion figure is drawn: all branches, with room."""
+    ends = [block_frequencies(medium, h.measured.block, [0.0, k]) for h in own]
+    low, high = (edge(np.concatenate(ends, axis=1)) / (2e3 * np.pi) for edge in (np.min, np.max))
+    return 0.75 * low, min(top, 1.08 * high)
+
+
+def attenuation(field: Field, held: Held) -> Figure:
+    """Level over distance and frequency, and complex wavenumber, measured and exact."""
+    curve, block = held.measured.attenuation, held.measured.block
+    assert curve is not None
+    assert held.k_exact is not None
+    medium = field.medium
+    figure = Figure(figsize=(6.2, 7.2))
+    level, loss, real = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1, 1))
+    frequency = curve.omega / (2e3 * np.pi)
+    shown = _thin(curve.level.T, (600, 4096))
+    image = level.imshow(
+        np.maximum(shown, -_LEVEL),
+        origin="lower",
+        aspect="auto",
+        cmap=MAP,
+        vmin=-_LEVEL,
+        vmax=0,
+        extent=(
+            frequency[0], frequency[-1], curve.distance[0] * 1e3, curve.distance[-1] * 1e3
+        ),
+    )  # fmt: skip
+    level.set_ylabel("distance from source (mm)")
+    figure.colorbar(image, ax=level, label="level (dB)")
+    w = np.linspace(curve.omega[0], curve.omega[-1], 2000)
+    damped = wavenumber(medium, block.sector, w + 1j * curve.sigma)
+    plain = wavenumber(medium, block.sector, w)
+    to_decibels = 20 / np.log(10) * 1e-3
+    parts: tuple[tuple[Axes, Callable[[Any], Any], str], ...] = (
+        (loss, lambda k: np.imag(k) * to_decibels, "attenuation (dB/mm)"),
+        (real, lambda k: np.real(k) * 1e-3, "Re k (rad/mm)"),
+    )
+    for axes, part, label in parts:
+        shade_gaps(axes, field, block.sector, upright=True)
+        axes.plot(w / (2e3 * np.pi), part(plain), ":", color=THEORY, lw=0.9, label="exact, real ω")
+        axes.plot(w / (2e3 * np.pi), part(damped), "-", color=THEORY, lw=1.0, label="exact, ω + iσ")
+        axes.plot(
+            frequency, part(curve.k), "o", ms=3.2, mfc="white", mec=FOUND, mew=0.8,
+            label="measured, ω + iσ",
+        )  # fmt: skip
+        axes.set_ylabel(label)
+        top = np.nanmax(part(held.k_exact))
+        axes.set_ylim(-0.04 * top, 1.25 * top)
+    real.set_xlabel("ω/2π (kHz)")
+    loss.legend(loc="upper right")
+    second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
+    second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
+    second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
+    level.set_title(TITLES[block.sector] + f",  σ = {curve.sigma:.3g} rad/s")
+    return figure
+
+
+def receivers(field: Field) -> Figure:
+    """Rotations (or, without any, the first field) at every receiver, and their spectra."""
+    names = [n for n in field.names if n in ROTATIONS] or list(field.names[:1])
+    figure = Figure(figsize=(7.4, 0.6 + 2.4 * len(names)))
+    rows = figure.subplots(len(names), 2, squeeze=False)
+    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.85, len(field.receivers)))
+    styles = ["-", "--", "-.", ":"]
+    for (signal, spectrum), name in zip(rows, names, strict=True):
+        largest = 0.0
+        for number, (label, position) in enumerate(field.receivers.items()):
+            u = field.at(position, name)
+            kind = {"color": shades[number], "ls": styles[number % 4], "lw": 0.9}
+            signal.plot(field.t * 1e6, u, label=f"{label}, {position * 1e3:g} mm", **kind)
+            window = np.hanning(len(u))
+            f = np.fft.rfftfreq(4 * len(u), field.interval) / 1e3
+            power = 2 * np.abs(np.fft.rfft(u * window, 4 * len(u))) / window.sum()
+            largest = max(largest, float(power.max()))
+            spectrum.plot(f, power, **kind)
+        highest = max(s.band for s in field.sources) / (2e3 * np.pi)
+        spectrum.set_yscale("log")
+        spectrum.set(xlim=(0, highest), ylim=(1e-5 * (largest or 1), 2 * (largest or 1)))
+        for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
+            shade_gaps(spectrum, field, sector, upright=True)
+        signal.set(ylabel=f"{SYMBOLS[name]} ({field.unit(name)})", xlim=(0, field.t[-1] * 1e6))
+        spectrum.set_ylabel(f"spectrum of {SYMBOLS[name]} ({field.unit(name)})")
+    handles, labels = rows[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=max(1, min(5, len(labels))))
+    rows[-1, 0].set_xlabel("t (µs)")
+    rows[-1, 1].set_xlabel("ω/2π (kHz)")
+    second_axes(rows[0, 0], (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
+    second_axes(rows[0, 1], (2e3 * np.pi * field.medium.time_scale, "ω̄"), None)
+    return figure
+
+
+def energy(field: Field) -> Figure:
+    """Kinetic and potential energy and the work of the sources."""
+    assert field.energy is not None
+    figure = Figure(figsize=(5.2, 3.2))
+    axes = figure.subplots()
+    for name, style in (("total", "-"), ("kinetic", "--"), ("potential", "-."), ("work", ":")):
+        width = 2.2 if name == "work" else 1.0
+        axes.plot(field.t * 1e6, getattr(field.energy, name), style, lw=width, label=name)
+    axes.set(xlabel="t (µs)", ylabel="energy per area of the section (J/m²)")
+    second_axes(axes, (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
+    axes.legend()
+    return figure
+
+
+def write_all(field: Field, held: Sequence[Held], folder: Path) -> list[Path]:
+    """Write every figure of a run.
+
+    Args:
+        field: the field.
+        held: what was measured, beside the theory.
+        folder: where to; made if need be.
+
+    Returns:
+        The files written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    sectors = dict.fromkeys(h.measured.block.sector for h in held)
+    drawings: dict[str, Callable[[], Figure]] = {"spacetime": lambda: spacetime(field)}
+    for sector in sectors:
+        drawings[f"dispersion_{sector}"] = lambda s=sector: dispersion(field, held, s)  # type: ignore[misc]
+    for h in held:
+        if h.k_exact is not None:
+            name = f"attenuation_{h.measured.block.sector}"
+            drawings[name] = lambda h=h: attenuation(field, h)  # type: ignore[misc]
+    if field.receivers:
+        drawings["receivers"] = lambda: receivers(field)
+    if field.energy is not None:
+        drawings["energy"] = lambda: energy(field)
+    written = []
+    with matplotlib.rc_context(STYLE):
+        for name, draw in drawings.items():
+            path = folder / f"{name}.png"
+            draw().savefig(path)
+            written.append(path)
+    return written

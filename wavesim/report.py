@@ -1,0 +1,153 @@
+"""What the terminal shows: the verdict, the bands and what is known before a run, as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wavesim.problem import Problem, highest_frequency
+
+
+def _table(*headings: str, title: str = "") -> Table:
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == headings[0] else "right")
+    return table
+
+
+def verdict(console: Console, summary: dict[str, Any]) -> None:
+    """Print the checks of a run, one line each, and how many passed.
+
+    Args:
+        console: where to.
+        summary: contents of summary.json.
+    """
+    checks = summary["checks"]
+    table = _table("check", "measured", "reference", "tolerance", "unit", "")
+    for check in checks:
+        mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
+        numbers = [_number(check[key]) for key in ("measured", "reference", "tolerance")]
+        table.add_row(check["name"], *numbers, check["unit"], mark)
+    console.print(table)
+    passed = sum(check["passed"] for check in checks)
+    timing = summary["timing"]
+    console.print(
+        f"{passed} of {len(checks)} checks passed.  "
+        f"{summary['stepper']}, {summary['steps']} steps, "
+        f"{summary['operator_products']} products; seconds: "
+        + ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in timing.items())
+        + f"; peak memory {summary['peak_memory_bytes'] / 2**20:.0f} MiB"
+    )
+
+
+def _number(value: float) -> str:
+    if value == int(value) and abs(value) < 1e5:
+        return f"{value:.0f}"
+    return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
+
+
+def survey(console: Console, problem: Problem) -> None:
+    """Print what can be said of a case before integrating."""
+    settled = problem.plan
+    medium, bar, steps = settled.medium, settled.bar, settled.schedule
+    frame = settled.duration / (steps.frames - 1)
+    size = steps.frames * len(settled.fields) * bar.cells * 8
+    kHz = 1e-3 / (2 * math.pi)
+    rows = [
+        ("title", problem.case.title or "–"),
+        ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
+                   f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
+        ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
+                f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
+        ("grid carries", f"peak frequencies to {highest_frequency(medium, bar) / 1e3:.5g} kHz"),
+        ("sources", ", ".join(f"{s.field} at {s.position:g} m, {s.peak_frequency / 1e3:.5g} kHz"
+                              for s in settled.sources)),
+        ("integrated", ", ".join(settled.fields)),
+        ("time", f"{settled.duration:.6g} s, {steps.frames} frames of {frame:.4g} s (Nyquist "
+                 f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / settled.duration:.4g} kHz"),
+        ("stepper", f"{steps.solver}, {steps.steps} steps of {settled.step:.4g} s, "
+                    f"{steps.operator_products} operator products"),
+        ("judged", f"k = {problem.k_range[0]:.5g} to {problem.k_range[1]:.5g} rad/m, every "
+                   f"{2 * math.pi / bar.length:.4g} rad/m"),
+        ("result file", f"at most {size / 1e6:.4g} MB"),
+    ]  # fmt: skip
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, text in rows:
+        table.add_row(Text(name, "bold"), text)
+    console.print(table)
+
+
+def warnings(problem: Problem) -> list[str]:
+    """What will make a run of a case less than it could be; each with its remedy."""
+    settled = problem.plan
+    frame = settled.duration / (settled.schedule.frames - 1)
+    band = max(source.band for source in settled.sources)
+    found = []
+    if math.pi / frame < band:
+        needed = math.ceil(settled.duration * band / math.pi) + 1
+        found.append(
+            f"[time] samples = {settled.schedule.frames}: the frames alias the sources' band "
+            f"(to {band / 2e3 / math.pi:.4g} kHz); take at least {needed}"
+        )
+    late = [s for s in settled.sources if s.end > settled.duration]
+    if late:
+        found.append(
+            f"[time] duration = {settled.duration:g}: the {late[0].field} source acts until "
+            f"{late[0].end:.4g} s; lengthen the run"
+        )
+    early = [s for s in settled.sources if s.peak_time * s.peak_frequency < 1.5]
+    if early:
+        found.append(
+            f"[[sources]] delay = {early[0].peak_time:g}: the pulse begins with a jump; take at "
+            f"least {1.5 / early[0].peak_frequency:.3g} s"
+        )
+    return found
+
+
+def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[Any]) -> None:
+    """Print the branches and gaps of a medium.
+
+    Args:
+        console: where to.
+        rows: of ``wavesim.bands.table``.
+        full_gaps: [(lower, upper)] in Hz and ω̄: (low, high, low_bar, high_bar).
+    """
+    table = _table("sector", "branch", "cutoff", "", "asymptote", "", "gap above", "", "")
+    table.columns[1].justify = "left"
+    table.add_row("", "", "kHz", "ω̄", "kHz", "ω̄", "", "kHz", "ω̄", style="dim")
+    for row in rows:
+        table.add_row(
+            row["sector"],
+            row["branch"],
+            *_pair(row["cutoff_hz"], row["cutoff_bar"]),
+            *_pair(row["asymptote_hz"], row["asymptote_bar"]),
+            row["gap"] or "",
+            *(
+                (
+                    f"{row['gap_lower_hz'] / 1e3:.2f} – {row['gap_upper_hz'] / 1e3:.2f}",
+                    f"{row['gap_lower_bar']:.4f} – {row['gap_upper_bar']:.4f}",
+                )
+                if row["gap"]
+                else ("", "")
+            ),
+        )
+    console.print(table)
+    if not full_gaps:
+        console.print("At every frequency some wave propagates.")
+    for low, high, low_bar, high_bar in full_gaps:
+        console.print(
+            f"No wave propagates between {low / 1e3:.2f} and {high / 1e3:.2f} kHz "
+            f"(ω̄ {low_bar:.4f} – {high_bar:.4f})."
+        )
+
+
+def _pair(hertz: float | None, bar: float | None) -> tuple[str, str]:
+    if hertz is None or bar is None:
+        return ("rises", "")
+    return f"{hertz / 1e3:.2f}", f"{bar:.4f}"

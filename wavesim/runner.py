@@ -1,0 +1,176 @@
+"""One run, from a settled case to a folder of results: integrate, measure, judge, draw."""
+
+from __future__ import annotations
+
+import json
+import math
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from wavesim.problem import Problem
+
+Progress = Callable[[str, float], None]
+
+
+class RunError(RuntimeError):
+    """A run can't begin or can't go on; the message says why and what to do.
+
+    Attributes:
+        unstable: the integration failed, rather than a file.
+    """
+
+    def __init__(self, message: str, unstable: bool) -> None:
+        self.unstable = unstable
+        super().__init__(message)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run has to say.
+
+    Attributes:
+        summary: contents of summary.json.
+        folder: where its files are.
+        notes: what the record was too short, or the grid too coarse, to tell.
+    """
+
+    summary: dict[str, Any]
+    folder: Path
+    notes: list[str]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check["passed"] for check in self.summary["checks"])
+
+
+def run(
+    problem: Problem, folder: Path, resume: bool = False, progress: Progress | None = None
+) -> Outcome:
+    """Run a case.
+
+    Args:
+        problem: the settled case.
+        folder: where to write; made if need be.
+        resume: carry on from the result file that is there.
+        progress: called with the name of the stage and the part of it done.
+
+    Returns:
+        What came of it.
+
+    Raises:
+        RunError: a file can't be written or resumed, or the integration failed; the result file
+            then holds what came before.
+    """
+    tell = progress or (lambda stage, part: None)
+    timing: dict[str, float] = {}
+    clock = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        timing[stage], clock = now - clock, now
+
+    tell("import", 0.0)
+    from wavesim import storage
+    from wavesim.analysis import extract
+    from wavesim.figures import write_all
+    from wavesim.simulate import NotFiniteError, Timing, pack, stream, unpack
+    from wavesim.verdict import hold, judge
+
+    lap("import")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
+    except OSError as error:
+        raise RunError(
+            f"--out {folder}: can't be written: {error.strerror}; name another folder", False
+        ) from None
+    results = storage.Results(folder / "result.h5", problem)
+    settled, spent = problem.plan, Timing()
+    frames = settled.schedule.frames
+    tell("compile", 0.0)
+    try:
+        start = None
+        if resume:
+            frame, arrays = results.carry_on()
+            start = (frame, unpack(arrays, settled))
+        for chunk in stream(settled, start, spent):
+            state = pack(chunk.motion)
+            if chunk.first == 0:
+                results.create(state)
+            results.append(chunk.first, chunk.values, chunk.energy, state)
+            tell("integrate", (chunk.first + chunk.count) / frames)
+    except storage.StorageError as error:
+        raise RunError(str(error), False) from None
+    except NotFiniteError as error:
+        results.status("failed")
+        raise RunError(str(error), True) from None
+    lap("integrate")
+    timing["compile"] = spent.compile
+    timing["store"] = timing["integrate"] - spent.compile - spent.integrate
+    timing["integrate"] = spent.integrate
+
+    tell("analyse", 0.0)
+    field = storage.read(results.path, problem)
+    table = problem.case.analysis
+    measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
+    held = [hold(field, m, problem.k_range) for m in measured]
+    checks = judge(field, held)
+    results.record(held)
+    results.status("complete")
+    lap("analyse")
+    tell("figures", 0.0)
+    write_all(field, held, folder / "figures")
+    lap("figures")
+    summary = {
+        "title": problem.case.title,
+        "checks": [asdict(check) | {"passed": check.passed} for check in checks],
+        "passed": all(check.passed for check in checks),
+        "timing": timing,
+        "stepper": settled.schedule.solver,
+        "step": settled.step,
+        "steps": settled.schedule.steps,
+        "operator_products": settled.schedule.operator_products,
+        "cells": settled.bar.cells,
+        "fields": list(settled.fields),
+        "peak_memory_bytes": peak_memory(),
+        "versions": storage.versions(),
+    }
+    (folder / "summary.json").write_text(
+        json.dumps(_plain(summary), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    return Outcome(summary, folder, notes(problem, checks))
+
+
+def notes(problem: Problem, checks: list[Any]) -> list[str]:
+    """What a reader should know beside the checks."""
+    if any("waves present" in check.name for check in checks):
+        return []
+    bin_width = 1 / problem.plan.duration
+    return [
+        "the record is too short to tell branches apart (frequency bin "
+        f"{bin_width / 1e3:.3g} kHz): no branch was judged; lengthen [time] duration"
+    ]
+
+
+def peak_memory() -> int:
+    """Largest memory of this process so far, bytes."""
+    size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return size if sys.platform == "darwin" else size * 1024
+
+
+def _plain(value: Any) -> Any:
+    """Numbers that JSON has: not a number becomes null."""
+    if isinstance(value, dict):
+        return {key: _plain(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,267 @@
+"""The verdict: what was measured, held against the plane-wave solver; numbers and pass or fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.analysis import Measured
+from wavesim.dispersion import LOBE_BINS, Ridge
+from wavesim.field import Field
+from wavesim.planewave import block_frequencies, gaps, wavenumber
+from wavesim.source import EXCITED, excitation
+
+Float = NDArray[Any]
+
+MEDIAN_TOLERANCE = 1e-3
+MAXIMUM_TOLERANCE = 1e-2
+WAVENUMBER_TOLERANCE = 1e-3
+ENERGY_TOLERANCE = 1e-9
+ENERGY_AFTER_TOLERANCE = 1e-10
+# A wave is present where its branch was found at this part of the wavenumbers it is judged at.
+_PRESENT = 0.9
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the verdict.
+
+    Attributes:
+        name: what was checked.
+        measured, reference: in the unit named; an error has reference 0.
+        tolerance: largest |measured − reference| that passes.
+        unit: of the three numbers.
+    """
+
+    name: str
+    measured: float
+    reference: float
+    tolerance: float
+    unit: str = "–"
+
+    @property
+    def passed(self) -> bool:
+        """Whether the measured value is within the tolerance; never where it is not a number."""
+        return bool(abs(self.measured - self.reference) <= self.tolerance)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One branch of the theory with what was found of it.
+
+    Attributes:
+        name: LA, LO1, …
+        k: wavenumbers at which it was found, rad/m.
+        omega: found there, rad/s.
+        omega_exact: of the plane-wave solver there, rad/s.
+        judged: where it was excited, clear of its neighbours and within the judged range.
+        expected: number of wavenumbers of the bar at which it is judged.
+    """
+
+    name: str
+    k: Float
+    omega: Float
+    omega_exact: Float
+    judged: NDArray[np.bool_]
+    expected: int
+
+    @property
+    def error(self) -> Float:
+        """|ω/ω_exact − 1| where judged."""
+        return np.abs(self.omega / self.omega_exact - 1)[self.judged]
+
+    @property
+    def present(self) -> bool:
+        """Whether it was found at nine tenths of the wavenumbers where it is judged."""
+        return self.expected > 0 and int(self.judged.sum()) >= _PRESENT * self.expected
+
+
+@dataclass(frozen=True)
+class Held:
+    """What was measured of one block, beside the theory.
+
+    Attributes:
+        measured: the measurement.
+        branches: one for each branch of the theory.
+        strays: ridges that belong to no branch.
+        k_exact: plane-wave k(ω + iσ) at the frequencies of the attenuation, rad/m.
+    """
+
+    measured: Measured
+    branches: list[Branch]
+    strays: list[Ridge]
+    k_exact: NDArray[np.complex128] | None
+
+
+def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held:
+    """Put the theory beside the measurement of one block.
+
+    A ridge is taken for the branch that it lies nearest to; a branch is judged where its
+    frequency was excited, stands the window's main lobe clear of its neighbours and of ω = 0,
+    and its wavenumber is in the judged range.
+
+    Args:
+        field: the field.
+        measured: of one block.
+        k_range: judged wavenumbers, rad/m.
+    """
+    block, found = measured.block, measured.spectrum
+    exact = block_frequencies(field.medium, block, found.k)
+    clear = _clear(exact, LOBE_BINS * found.bin)
+    sources = [s for s in field.sources if s.field in block.fields]
+    inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
+    covered = (excitation(sources, exact) >= EXCITED) & (exact <= found.omega[-1])
+    judged = clear & covered & inside[:, None]
+    branches, strays = [], []
+    owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
+    for number, name in enumerate(block.branches):
+        own = [r for r, o in zip(measured.ridges, owner, strict=True) if o == number]
+        points = sorted(
+            (k, w, p) for r in own for k, w, p in zip(r.k, r.omega, r.power, strict=True)
+        )
+        k, omega = np.array([p[0] for p in points]), np.array([p[1] for p in points])
+        at = np.searchsorted(found.k, k)
+        branches.append(
+            Branch(
+                name,
+                k,
+                omega,
+                exact[at, number],
+                judged[at, number],
+                int(judged[:, number].sum()),
+            )
+        )
+    strays = [r for r, o in zip(measured.ridges, owner, strict=True) if o is None]
+    curve = measured.attenuation
+    k_exact = None
+    if curve is not None:
+        k_exact = wavenumber(field.medium, block.sector, curve.omega + 1j * curve.sigma)
+    return Held(measured, branches, strays, k_exact)
+
+
+def _clear(exact: Float, distance: float) -> NDArray[np.bool_]:
+    """Where each branch is this far from its neighbours and from its mirror at −ω."""
+    mirrored = np.concatenate([-exact[:, :1], exact, np.full((len(exact), 1), np.inf)], axis=1)
+    gap = np.diff(mirrored, axis=1)
+    return np.asarray((gap[:, :-1] >= distance) & (gap[:, 1:] >= distance))
+
+
+def _nearest(ridge: Ridge, k: Float, exact: Float) -> int | None:
+    """Number of the branch a ridge is nearest to; None if another is nearly as near."""
+    distance = np.median(np.abs(exact[np.searchsorted(k, ridge.k)] - ridge.omega[:, None]), axis=0)
+    order = np.argsort(distance)
+    if len(order) > 1 and distance[order[0]] > 0.5 * distance[order[1]]:
+        return None
+    return int(order[0])
+
+
+def judge(field: Field, held: Sequence[Held]) -> list[Check]:
+    """All checks of a run.
+
+    Args:
+        field: the field.
+        held: every block, beside the theory.
+
+    Returns:
+        The checks; none about what the record is too short to tell.
+    """
+    checks = []
+    expected = [b for h in held for b in h.branches if b.expected]
+    if expected:
+        present = sum(b.present for b in expected)
+        checks.append(Check("waves present", present, len(expected), 0.0, "waves"))
+        strays = sum(len(h.strays) for h in held)
+        checks.append(Check("ridges of no wave", strays, 0, 0.0, "ridges"))
+    for h in held:
+        checks += _branch_checks(h)
+    checks += _gap_edge_checks(field, held)
+    for h in held:
+        checks += _wavenumber_checks(field, h)
+    return checks + _energy_checks(field)
+
+
+def _branch_checks(h: Held) -> list[Check]:
+    checks = []
+    for branch in h.branches:
+        if not branch.expected:
+            continue
+        found = branch.error if branch.judged.any() else np.array([np.nan])
+        label = f"{h.measured.block.sector} {branch.name}: |Δω|/ω"
+        checks.append(Check(f"{label}, median", float(np.median(found)), 0.0, MEDIAN_TOLERANCE))
+        checks.append(Check(f"{label}, maximum", float(np.max(found)), 0.0, MAXIMUM_TOLERANCE))
+    return checks
+
+
+def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
+    """Edges of each gap as the recovered branches show them over the judged range."""
+    checks = []
+    for sector in dict.fromkeys(h.measured.block.sector for h in held):
+        blocks = [h for h in held if h.measured.block.sector == sector]
+        branches = [b for h in blocks for b in h.branches if b.judged.any()]
+        if sector == "inplane":
+            # The two relations of the in-plane sector, the lower first.
+            branches = sorted(
+                {round(float(b.omega_exact[0]), 0): b for b in branches}.values(),
+                key=lambda b: float(b.omega_exact[0]),
+            )
+        elif len(branches) < len(blocks[0].branches):
+            continue
+        step = blocks[0].measured.spectrum.bin / (2 * np.pi)
+        for gap, lower, upper in zip(
+            gaps(field.medium, sector), branches, branches[1:], strict=False
+        ):
+            for side, branch, edge in (("lower", lower, np.max), ("upper", upper, np.min)):
+                j = branch.judged
+                found, exact = edge(branch.omega[j]), edge(branch.omega_exact[j])
+                name = f"{sector} {gap.name} {side} edge, one bin"
+                checks.append(
+                    Check(name, float(found / 2 / np.pi), float(exact / 2 / np.pi), step, "Hz")
+                )
+    return checks
+
+
+def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
+    """Complex wavenumber, in each gap and in the bands."""
+    curve, exact = h.measured.attenuation, h.k_exact
+    if curve is None or exact is None:
+        return []
+    error = np.abs(curve.k / exact - 1)
+    sector = h.measured.block.sector
+    in_bands = np.ones(len(error), bool)
+    parts = []
+    for gap in gaps(field.medium, sector):
+        inside = (curve.omega > gap.lower) & (curve.omega < gap.upper)
+        in_bands &= ~inside
+        parts.append((f"in {gap.name}", inside))
+    parts.append(("in the bands", in_bands))
+    checks = []
+    for label, where in parts:
+        known = error[where & np.isfinite(error)]
+        if len(known):
+            name = f"{sector} k {label}: |Δk|/|k|, {len(known)} of {where.sum()} frequencies"
+            checks.append(Check(name, float(known.max()), 0.0, WAVENUMBER_TOLERANCE))
+    return checks
+
+
+def _energy_checks(field: Field) -> list[Check]:
+    """Energy balance, where the closure conserves energy."""
+    medium, energy = field.medium, field.energy
+    if energy is None or not (medium.closure == "consistent" or medium.anisotropy == 0):
+        return []
+    scale = float(energy.total.max())
+    balance = float(np.abs(energy.total - energy.work).max()) / scale
+    after = energy.total[field.t >= field.quiet_from]
+    # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
+    band = max(source.band for source in field.sources)
+    drift = (band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
+    checks = [Check("energy − work over energy", balance, 0.0, max(drift, ENERGY_TOLERANCE))]
+    if len(after) > 1:
+        change = float(np.ptp(after)) / scale
+        checks.append(
+            Check("energy after the pulse", change, 0.0, max(drift, ENERGY_AFTER_TOLERANCE))
+        )
+    return checks
