@@ -61,7 +61,9 @@ def _assemble(pp: Any, pb: Any, bp: Any, bb: Any) -> Float:
 def stiffness(form: BlockForm, k: Any) -> Float:
     """K(k), shape (..., m, m); k of shape (...), scaled."""
     k = np.asarray(k)[..., None, None]
-    return _assemble(k**2 * form.c_pp, -k * form.c_pb, -k * form.c_bp, form.c_bb + k**2 * form.gamma)
+    return _assemble(
+        k**2 * form.c_pp, -k * form.c_pb, -k * form.c_bp, form.c_bb + k**2 * form.gamma
+    )
 
 
 def stiffness_slope(form: BlockForm, k: Any) -> Float:
