@@ -73,7 +73,8 @@ def test_order_on_the_grid_of_the_program(order):
     """The difference as the operator applies it, in float64, on u = exp(sin x), both ways.
 
     64 to 128 cells a period: errors 8e-4 to 6e-12, far above rounding (1e-14). Measured slopes
-    1.999, 3.995, 5.98, 7.96, either way. Above order 8 rounding takes over before the asymptotic range.
+    1.999, 3.995, 5.98, 7.96, either way. Above order 8 rounding comes before the asymptotic
+    range.
     """
     for forward in (True, False):
         spacings, errors = [], []
