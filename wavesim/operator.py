@@ -74,6 +74,20 @@ class Group(eqx.Module):
         """Number of rotations in each block."""
         return self.c_pp.shape[0]
 
+    @property
+    def adjoint(self) -> Group:
+        """The group of Lᵀ."""
+        return Group(
+            c_pp=jnp.swapaxes(self.c_pp, 0, 1),
+            c_pb=jnp.swapaxes(self.c_bp, 0, 1),
+            c_bp=jnp.swapaxes(self.c_pb, 0, 1),
+            c_bb=jnp.swapaxes(self.c_bb, 0, 1),
+            gamma=jnp.swapaxes(self.gamma, 0, 1),
+            weights=self.weights,
+            names=self.names,
+            with_gradient=self.with_gradient,
+        )
+
     def apply(self, components: tuple[Component, ...]) -> tuple[Component, ...]:
         """L q of this group's components."""
         phi, B = components[: self.rotations], components[self.rotations :]
@@ -113,6 +127,11 @@ class Operator(eqx.Module):
     def __call__(self, q: State) -> State:
         """L q."""
         return tuple(group.apply(c) for group, c in zip(self.groups, q, strict=True))
+
+    @property
+    def adjoint(self) -> Operator:
+        """Lᵀ: rows and columns of the coefficients exchanged."""
+        return Operator(tuple(g.adjoint for g in self.groups), self.spacing, self.cells)
 
     def zero(self) -> State:
         """The state of rest."""
@@ -165,7 +184,7 @@ def semi_discrete(
         stacked = tuple(members)
         forms = [block_form(medium, block, reference) for block in stacked]
         coefficients = {
-            name: jnp.stack([jnp.asarray(getattr(form, name)) for form in forms], -1)[..., None]
+            name: _stack([getattr(form, name) for form in forms])
             for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
         }
         groups.append(
@@ -177,6 +196,12 @@ def semi_discrete(
             )
         )
     return Operator(tuple(groups), spacing, bar.cells)
+
+
+def _stack(matrices: list[Any]) -> Any:
+    """Coefficients of several blocks, (row, column, blocks, 1); numpy where all of them are."""
+    traced = any(isinstance(matrix, jax.Array) for matrix in matrices)
+    return (jnp if traced else np).stack(matrices, axis=-1)[..., None]
 
 
 def from_fields(fields: dict[str, Any], blocks: Sequence[Block], medium: Medium) -> State:

@@ -16,7 +16,6 @@ source; the work so found uses no energy, so that the energy balance is a true c
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
@@ -32,56 +31,64 @@ from wavesim.timestep import Schedule, chebyshev_series, cosine, sine
 _EXTRA_NODES = 6
 
 
-@dataclass(frozen=True)
-class _Window:
-    """Where a pulse is felt within a step: cells first … first + count − 1 round the ring."""
+class _Window(eqx.Module):
+    """Where pulses are felt within a step.
 
-    group: int
-    blocks: tuple[int, ...]
-    first: int
-    count: int
-    ring: int
+    Attributes:
+        pulse, block: of each entry, shape (entries,).
+        cells: the cells within reach round the source, shape (entries, cells).
+    """
 
-    @property
-    def cells(self) -> np.ndarray:
-        return (self.first + np.arange(self.count)) % self.ring
+    pulse: np.ndarray
+    block: np.ndarray
+    cells: np.ndarray
+
+    def seen(self, components: tuple[jax.Array, ...]) -> jax.Array:
+        """A group's components in the windows, shape (entries, components, cells)."""
+        rows = self.block[:, None]
+        return jnp.stack([c[rows, self.cells] for c in components], axis=1)
+
+    def add(self, components: tuple[jax.Array, ...], change: jax.Array) -> tuple[jax.Array, ...]:
+        """A group's components with a change of that shape added in the windows."""
+        rows = self.block[:, None]
+        return tuple(c.at[rows, self.cells].add(change[:, i]) for i, c in enumerate(components))
 
 
 class _Reach(eqx.Module):
-    """One pulse on one group of blocks, within a window of the grid.
+    """The pulses on one group of blocks, an entry for each pulse and block that it drives.
 
     Attributes:
-        on_q, on_v: w_m S(h−τ_m) g and w_m C(h−τ_m) g, shape (nodes, components, blocks, cells).
-        from_q, from_v: (LS(τ_m))ᵀ g and C(τ_m)ᵀ g, likewise.
-        window: which cells of which blocks.
+        on_q, on_v: w_m S(h−τ_m) g and w_m C(h−τ_m) g, shape (entries, nodes, components, cells).
+        from_q, from_v: (LS(τ_m))ᵀ g and C(τ_m)ᵀ g times the cell size, likewise.
+        at: which pulse, block and cells an entry is.
+        group: which group of the state.
     """
 
     on_q: jax.Array
     on_v: jax.Array
     from_q: jax.Array
     from_v: jax.Array
-    window: _Window = eqx.field(static=True)
+    at: _Window
+    group: int = eqx.field(static=True)
 
 
 class PulseTables(eqx.Module):
     """Tables of all pulses for one step length.
 
     Attributes:
-        reaches: for each pulse, for each group it drives.
+        reaches: for each group that a pulse drives.
         own: ∫ kernel for the pulses' velocity at each other's points within the step, shape
             (pulses, nodes, pulses, inner nodes).
         nodes, weights: Gauss nodes and weights on [0, h].
         inner: nodes of [0, τ_m] for each m, shape (nodes, inner nodes).
-        spacing: cell size, scaled.
         end: scaled time from which on no pulse acts.
     """
 
-    reaches: tuple[tuple[_Reach, ...], ...]
+    reaches: tuple[_Reach, ...]
     own: jax.Array
     nodes: jax.Array
     weights: jax.Array
     inner: jax.Array
-    spacing: float = eqx.field(static=True)
     end: float = eqx.field(static=True)
 
 
@@ -109,22 +116,26 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
     kernel = chebyshev_series(lambda e: cosine(lag, e), bound, degree)
     kernel *= np.multiply.outer(nodes, unit_weights)[..., None]
 
-    windows = tuple(_windows(operator, profile, degree) for profile in forcing.profiles)
-    ahead, back, moments = _series_vectors(operator, forcing.profiles, bound, degree, windows)
+    windows = {
+        number: window
+        for number in range(len(operator.groups))
+        if (window := _window(operator, number, forcing.profiles, degree)) is not None
+    }
+    forward, backward = np.stack([on_q, on_v]), np.stack([from_q, from_v]) * operator.spacing
+    ahead, moments = _sums(operator, forcing.profiles, bound, windows, forward)
+    back, _ = _sums(operator.adjoint, forcing.profiles, bound, windows, backward)
     reaches = tuple(
-        tuple(
-            _Reach(
-                on_q=jnp.tensordot(on_q, a, 1),
-                on_v=jnp.tensordot(on_v, a, 1),
-                from_q=jnp.tensordot(from_q, b, 1),
-                from_v=jnp.tensordot(from_v, b, 1),
-                window=window,
-            )
-            for window, a, b in zip(*of_pulse, strict=True)
+        _Reach(
+            on_q=ahead[number][0],
+            on_v=ahead[number][1],
+            from_q=back[number][0],
+            from_v=back[number][1],
+            at=window,
+            group=number,
         )
-        for of_pulse in zip(windows, ahead, back, strict=True)
+        for number, window in windows.items()
     )
-    own = jnp.einsum("mnk,kij->imjn", kernel, moments) * operator.spacing
+    own = jnp.einsum("mnk,kij->imjn", kernel, moments)
     end = max(pulse.end for pulse in forcing.pulses) / forcing.time_scale
     return PulseTables(
         reaches,
@@ -132,69 +143,68 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
         jnp.asarray(nodes),
         jnp.asarray(weights),
         jnp.asarray(np.multiply.outer(nodes, unit_nodes)),
-        operator.spacing,
         end,
     )
 
 
-def _windows(operator: Operator, profile: State, degree: int) -> tuple[_Window, ...]:
-    """A window for each group that a profile drives; the profile must be concrete."""
-    windows = []
-    for number, (group, components) in enumerate(zip(operator.groups, profile, strict=True)):
-        driven = np.any([np.asarray(c) != 0 for c in components], axis=0)
-        if not driven.any():
-            continue
-        at = np.nonzero(driven.any(axis=0))[0]
-        # The widest stretch of cells on the ring that is not driven is left out.
-        idle = np.diff(np.append(at, at[0] + operator.cells))
-        first = int(at[(int(np.argmax(idle)) + 1) % len(at)])
-        span = operator.cells - int(idle.max()) + 1
-        reach = degree * 2 * len(group.weights)
-        count = min(operator.cells, span + 2 * reach)
-        blocks = tuple(int(s) for s in np.nonzero(driven.any(axis=1))[0])
-        windows.append(_Window(number, blocks, first - reach, count, operator.cells))
-    return tuple(windows)
+def _window(
+    operator: Operator, number: int, profiles: tuple[State, ...], degree: int
+) -> _Window | None:
+    """Entries of one group, None where no pulse drives it; the profiles must be concrete."""
+    entries, spans = [], []
+    for pulse, profile in enumerate(profiles):
+        driven = np.any([np.asarray(c) != 0 for c in profile[number]], axis=0)
+        for block in np.nonzero(driven.any(axis=1))[0]:
+            cells = np.nonzero(driven[block])[0]
+            # The widest stretch of cells on the ring that is not driven is left out.
+            idle = np.diff(np.append(cells, cells[0] + operator.cells))
+            first = int(cells[(int(np.argmax(idle)) + 1) % len(cells)])
+            entries.append((pulse, int(block), first))
+            spans.append(operator.cells - int(idle.max()) + 1)
+    if not entries:
+        return None
+    # A product with L reaches one cell less than the two stencils together are wide.
+    reach = degree * 2 * len(operator.groups[number].weights)
+    count = min(operator.cells, max(spans) + 2 * reach)
+    pulse, block, first = np.array(entries).T
+    return _Window(pulse, block, (first[:, None] - reach + np.arange(count)) % operator.cells)
 
 
-@functools.partial(jax.jit, static_argnums=(2, 3, 4))
-def _series_vectors(
+@functools.partial(jax.jit, static_argnums=2)
+def _sums(
     operator: Operator,
     profiles: tuple[State, ...],
     bound: float,
-    degree: int,
-    windows: tuple[tuple[_Window, ...], ...],
-) -> tuple[Any, Any, jax.Array]:
-    """T_k(X) g_j and T_k(Xᵀ) g_j in the windows, and ⟨g_i, T_k(X) g_j⟩.
+    windows: dict[int, _Window],
+    coefficients: np.ndarray,
+) -> tuple[dict[int, jax.Array], jax.Array]:
+    """Σ_k c_fmk T_k(X) g_j in the windows, and ⟨g_i, T_k(X) g_j⟩ h, X = 1 + 2L/Λ.
 
-    The first two, for each pulse and window, have shape (degree + 1, components, blocks, cells);
-    the last has shape (degree + 1, pulses i, pulses j).
+    With coefficients of shape (functions, nodes, degree + 1) the first has, for each group,
+    shape (functions, entries, nodes, components, cells); the second (degree + 1, i, j).
     """
-    adjoint = jax.linear_transpose(operator, operator.zero())
-    pulses = range(len(profiles))
     stacked = jax.tree.map(lambda *g: jnp.stack(g), *profiles)
 
-    def sequence(product: Any) -> Any:
-        """T_k(X) of all profiles, one after the other."""
+    def shifted(y: State) -> State:
+        return jax.tree.map(lambda a, b: a + 2 / bound * b, y, operator(y))
 
-        def shifted(y: State) -> State:
-            return jax.tree.map(lambda a, b: a + 2 / bound * b, y, jax.vmap(product)(y))
+    def seen(y: State) -> Any:
+        parts = {
+            n: jnp.stack([c[w.pulse[:, None], w.block[:, None], w.cells] for c in y[n]], axis=1)
+            for n, w in windows.items()
+        }
+        overlaps = jax.tree.map(lambda g, c: jnp.einsum("isn,jsn->ij", g, c), stacked, y)
+        return parts, jax.tree.reduce(jnp.add, overlaps) * operator.spacing
 
-        def seen(y: State) -> Any:
-            each = [jax.tree.map(lambda c, j=j: c[j], y) for j in pulses]
-            parts = tuple(tuple(_seen(each[j], w) for w in windows[j]) for j in pulses)
-            overlaps = jax.tree.map(lambda g, c: jnp.einsum("isn,jsn->ij", g, c), stacked, y)
-            return parts, jax.tree.reduce(jnp.add, overlaps)
+    def advance(carry: tuple[State, State], _: None) -> Any:
+        before, now = carry
+        after = jax.tree.map(lambda a, b: 2 * a - b, shifted(now), before)
+        return (now, after), seen(now)
 
-        def advance(carry: tuple[State, State], _: None) -> Any:
-            before, now = carry
-            after = jax.tree.map(lambda a, b: 2 * a - b, shifted(now), before)
-            return (now, after), seen(now)
-
-        return jax.lax.scan(advance, (shifted(stacked), stacked), length=degree + 1)[1]
-
-    ahead, moments = sequence(operator)
-    back, _ = sequence(lambda y: adjoint(y)[0])
-    return ahead, back, moments
+    count = coefficients.shape[-1]
+    _, (vectors, overlaps) = jax.lax.scan(advance, (shifted(stacked), stacked), length=count)
+    sums = {n: jnp.einsum("fmk,kecn->femcn", coefficients, v) for n, v in vectors.items()}
+    return sums, overlaps
 
 
 def pulse_step(
@@ -220,29 +230,17 @@ def pulse_step(
     """
 
     def act(fields: tuple[State, State]) -> tuple[State, State, jax.Array]:
-        q, v = fields
+        q, v = (list(field) for field in fields)
         signal = forcing.signals(t + tables.nodes)
-        within = jnp.einsum("imjn,jmn->im", tables.own, forcing.signals(t + tables.inner))
-        work = jnp.zeros(())
-        for number, reaches in enumerate(tables.reaches):
-            velocity = within[number]
-            for reach in reaches:
-                velocity += tables.spacing * jnp.tensordot(reach.from_q, _seen(q0, reach.window), 3)
-                velocity += tables.spacing * jnp.tensordot(reach.from_v, _seen(v0, reach.window), 3)
-                q = _add(q, reach.window, jnp.tensordot(signal[number], reach.on_q, 1))
-                v = _add(v, reach.window, jnp.tensordot(signal[number], reach.on_v, 1))
-            work += jnp.sum(tables.weights * signal[number] * velocity)
-        return q, v, work
+        velocity = jnp.einsum("imjn,jmn->im", tables.own, forcing.signals(t + tables.inner))
+        for reach in tables.reaches:
+            g, at = reach.group, reach.at
+            before = jnp.einsum("emcn,ecn->em", reach.from_q, at.seen(q0[g]))
+            before += jnp.einsum("emcn,ecn->em", reach.from_v, at.seen(v0[g]))
+            velocity = velocity.at[at.pulse].add(before)
+            of_entry = signal[at.pulse]
+            q[g] = at.add(q[g], jnp.einsum("em,emcn->ecn", of_entry, reach.on_q))
+            v[g] = at.add(v[g], jnp.einsum("em,emcn->ecn", of_entry, reach.on_v))
+        return tuple(q), tuple(v), jnp.sum(tables.weights * signal * velocity)
 
     return jax.lax.cond(t < tables.end, act, lambda fields: (*fields, jnp.zeros(())), (q1, v1))
-
-
-def _seen(y: State, window: _Window) -> jax.Array:
-    rows = jnp.asarray(window.blocks)
-    return jnp.stack([c[rows][:, window.cells] for c in y[window.group]])
-
-
-def _add(y: State, window: _Window, change: jax.Array) -> State:
-    rows = jnp.asarray(window.blocks)[:, None]
-    group = tuple(c.at[rows, window.cells].add(change[i]) for i, c in enumerate(y[window.group]))
-    return (*y[: window.group], group, *y[window.group + 1 :])

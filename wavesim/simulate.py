@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -172,22 +173,19 @@ def stream(
         TERM, taken * steps.step, (taken + 1) * steps.step, motion, equation
     )
 
-    def advance(motion: Motion, stepper_state: Any, start: jax.Array) -> Any:
-        return _advance(
-            equation, stepper, motion, stepper_state, start, steps.step, steps.steps_per_frame, size
-        )
-
-    at = jnp.asarray(taken)
-    run = jax.jit(advance).lower(motion, stepper_state, at).compile()
+    advance = functools.partial(
+        _advance, step=steps.step, steps_per_frame=steps.steps_per_frame, frames=size
+    )
+    state = (motion, stepper_state, jnp.asarray(frame * steps.steps_per_frame))
+    run = jax.jit(advance).lower(equation, stepper, *state).compile()
     timing.compile += time.perf_counter() - begun
     if start is None:
         rest = (jax.tree.map(lambda a: a[None], motion.q), *(np.zeros(1) for _ in range(3)))
         yield _chunk(settled, 0, rest, 1, motion)
     while frame < steps.frames - 1:
         begun = time.perf_counter()
-        seen, motion, stepper_state = run(
-            motion, stepper_state, jnp.asarray(frame * steps.steps_per_frame)
-        )
+        at = jnp.asarray(frame * steps.steps_per_frame)
+        seen, motion, stepper_state = run(equation, stepper, motion, stepper_state, at)
         seen = jax.tree.map(np.asarray, seen)
         # The last chunk runs past the end, so that one compiled function serves all chunks.
         wanted = min(size, steps.frames - 1 - frame)
