@@ -1,6 +1,7 @@
 """Sources on the grid: which points of which components a pulse drives, and how hard.
 
-Jax leaves; scaled units throughout, times included.
+Scaled units throughout, times included. The profiles are numpy arrays: plain numbers also under
+``jax.jit``, where ``wavesim.response`` must see which cells a pulse drives.
 """
 
 from __future__ import annotations
@@ -85,9 +86,9 @@ def _on_blocks(field: str, line: np.ndarray, blocks: Sequence[Block], zero: Stat
     grouped = itertools.groupby(blocks, key=lambda b: len(b.rotations))
     state: list[Any] = []
     for components, (_, members) in zip(zero, grouped, strict=True):
-        arrays = [np.array(component) for component in components]
+        arrays = [np.zeros(component.shape) for component in components]
         for s, block in enumerate(members):
             for array, part in zip(arrays, block.rotations + block.curvatures, strict=True):
                 array[s] += part.get(field, 0.0) * line
-        state.append(tuple(jnp.asarray(array) for array in arrays))
+        state.append(tuple(arrays))
     return tuple(state)
