@@ -12,6 +12,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -35,11 +36,13 @@ STYLE: Any = {
 }
 MAP = matplotlib.colormaps["magma_r"].with_extremes(under="white")
 FOUND = "#c8102e"
+_HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 THEORY = "#111111"
 GAP: dict[str, Any] = {"facecolor": "#7f8c99", "alpha": 0.22, "linewidth": 0}
 _DECIBELS = 60.0
 _LEVEL = 120.0
 _PIXELS = (900, 700)
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("123", "₁₂₃")
 SYMBOLS = {
     name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
@@ -168,7 +171,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
         exact = block_frequencies(medium, h.measured.block, k)
-        lines = axes.plot(k / 1e3, exact * to_kHz, "--", color=THEORY, lw=0.9)
+        lines = axes.plot(k / 1e3, exact * to_kHz, color=THEORY, lw=0.8, path_effects=_HALO)
         lines[0].set_label("plane-wave solver" if h is own[0] else None)
         for branch in h.branches:
             shown = branch.k > 0
@@ -258,6 +261,13 @@ def attenuation(field: Field, held: Held) -> Figure:
     return figure
 
 
+def _power_of_ten(values: Any) -> tuple[float, str]:
+    """Factor that brings values to the order of one, and what it puts before their unit."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    power = int(np.floor(np.log10(largest))) if largest > 0 else 0
+    return 10.0**-power, f"10{str(power).translate(_RAISED)} " if power else ""
+
+
 def receivers(field: Field) -> Figure:
     """Rotations (or, without any, the first field) at every receiver, and their spectra."""
     names = [n for n in field.names if n in ROTATIONS] or list(field.names[:1])
@@ -267,10 +277,12 @@ def receivers(field: Field) -> Figure:
     styles = ["-", "--", "-.", ":"]
     for (signal, spectrum), name in zip(rows, names, strict=True):
         largest = 0.0
-        for number, (label, position) in enumerate(field.receivers.items()):
-            u = field.at(position, name)
+        signals = [field.at(position, name) for position in field.receivers.values()]
+        factor, exponent = _power_of_ten(signals)
+        labels = [f"{label}, {x * 1e3:g} mm" for label, x in field.receivers.items()]
+        for number, (label, u) in enumerate(zip(labels, signals, strict=True)):
             kind = {"color": shades[number], "ls": styles[number % 4], "lw": 0.9}
-            signal.plot(field.t * 1e6, u, label=f"{label}, {position * 1e3:g} mm", **kind)
+            signal.plot(field.t * 1e6, u * factor, label=label, **kind)
             window = np.hanning(len(u))
             f = np.fft.rfftfreq(4 * len(u), field.interval) / 1e3
             power = 2 * np.abs(np.fft.rfft(u * window, 4 * len(u))) / window.sum()
@@ -281,7 +293,9 @@ def receivers(field: Field) -> Figure:
         spectrum.set(xlim=(0, highest), ylim=(1e-5 * (largest or 1), 2 * (largest or 1)))
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
             shade_gaps(spectrum, field, sector, upright=True)
-        signal.set(ylabel=f"{SYMBOLS[name]} ({field.unit(name)})", xlim=(0, field.t[-1] * 1e6))
+        signal.set(
+            ylabel=f"{SYMBOLS[name]} ({exponent}{field.unit(name)})", xlim=(0, field.t[-1] * 1e6)
+        )
         spectrum.set_ylabel(f"spectrum of {SYMBOLS[name]} ({field.unit(name)})")
     handles, labels = rows[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=max(1, min(5, len(labels))))
@@ -297,10 +311,16 @@ def energy(field: Field) -> Figure:
     assert field.energy is not None
     figure = Figure(figsize=(5.2, 3.2))
     axes = figure.subplots()
-    for name, style in (("total", "-"), ("kinetic", "--"), ("potential", "-."), ("work", ":")):
-        width = 2.2 if name == "work" else 1.0
-        axes.plot(field.t * 1e6, getattr(field.energy, name), style, lw=width, label=name)
-    axes.set(xlabel="t (µs)", ylabel="energy per area of the section (J/m²)")
+    factor, exponent = _power_of_ten(field.energy.total)
+    for name, style, colour, width in (
+        ("potential", "-", "#b9c4cf", 0.6),
+        ("kinetic", "--", "#5f7183", 0.6),
+        ("total", "-", THEORY, 1.2),
+        ("work", ":", FOUND, 2.4),
+    ):
+        y = getattr(field.energy, name) * factor
+        axes.plot(field.t * 1e6, y, style, color=colour, lw=width, label=name)
+    axes.set(xlabel="t (µs)", ylabel=f"energy per area of the section ({exponent}J/m²)")
     second_axes(axes, (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
     axes.legend()
     return figure

@@ -120,10 +120,12 @@ def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[
     """
     table = _table("sector", "branch", "cutoff", "", "asymptote", "", "gap above", "", "")
     table.columns[1].justify = "left"
+    for column in table.columns:
+        column.no_wrap = True
     table.add_row("", "", "kHz", "ω̄", "kHz", "ω̄", "", "kHz", "ω̄", style="dim")
     for row in rows:
         table.add_row(
-            row["sector"],
+            row["sector"].replace(", transverse", ", "),
             row["branch"],
             *_pair(row["cutoff_hz"], row["cutoff_bar"]),
             *_pair(row["asymptote_hz"], row["asymptote_bar"]),
