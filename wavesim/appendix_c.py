@@ -3,7 +3,8 @@
 The determinants of Eqs. (51)–(54) hold the unknowns φ₁, B̄ = tr B/3, B_D = B₁₁ − B̄; φ₂, B₍₁₂₎,
 B₍[21]₎ = (B₂₁ − B₁₂)/2, the sign of the skew part for which T₁₃, T₂₃, T₃₁ are positive as
 printed; B₍₂₃₎ and B₂₂ − B₃₃; B₍[23]₎. With B = Z z, z those unknowns, a determinant is that of
-Zᵀ K Z, so that K follows. The printed coefficients are no wave equations: this closure is spectral only.
+Zᵀ K Z, so that K follows. The printed coefficients are no wave equations: this closure is
+spectral only.
 
 Its factors are kept as printed, but for T33, which prints without the l²/4 that its unit asks for.
 """
