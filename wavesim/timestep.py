@@ -29,7 +29,7 @@ Solver = Literal["auto", "chebyshev", "verlet"]
 
 SOLVERS: tuple[str, ...] = ("auto", "chebyshev", "verlet")
 
-# The series is cut where its terms fall below this part of the largest.
+# Rounding of a value of size 1: a series is cut where its terms fall to a few of it.
 SERIES_TOLERANCE = 2e-16
 # Verlet by default takes this part of the longest stable step 2/√Λ.
 _VERLET_SAFETY = 0.5
@@ -81,8 +81,9 @@ def chebyshev_series(function: Callable[[Float], Float], bound: float, degree: i
         Coefficients a_0 … a_degree along the last axis: f ≈ Σ a_k T_k(x).
     """
     n = 2 * degree + 2
-    x = np.cos(np.pi * (np.arange(n) + 0.5) / n)
-    coefficients = dct(function(bound * (1 - x) / 2), type=2, axis=-1) / n
+    # λ = Λ (1 − cos θ)/2 without its cancellation, which a long step would magnify near λ = 0.
+    half_angle = np.pi * (np.arange(n) + 0.5) / (2 * n)
+    coefficients = dct(function(bound * np.sin(half_angle) ** 2), type=2, axis=-1) / n
     coefficients[..., 0] /= 2
     return np.asarray(coefficients[..., : degree + 1])
 
@@ -99,18 +100,20 @@ def sine(duration: Float | float, eigenvalue: Float) -> Float:
 
 
 def series_degree(step: float, bound: float) -> int:
-    """Degree at which the series of C, S√Λ and λS/√Λ are exact to SERIES_TOLERANCE."""
+    """Degree at which the series of C, S/h and λS/√Λ are exact to rounding."""
     radians = step * math.sqrt(bound)
     trial = math.ceil(0.5 * radians + 12 * (1 + radians) ** (1 / 3)) + 12
     root = math.sqrt(bound)
 
     def all_three(eigenvalue: Float) -> Float:
         s = sine(step, eigenvalue)
-        return np.stack([cosine(step, eigenvalue), s * root, s * eigenvalue / root])
+        return np.stack([cosine(step, eigenvalue), s / step, s * eigenvalue / root])
 
     size = np.abs(chebyshev_series(all_three, bound, trial)).max(axis=0)
-    # Terms at rounding level are noise of the interpolation; the last one above it counts.
-    return int(np.max(np.nonzero(size > 4 * SERIES_TOLERANCE)[0]))
+    # Terms at rounding level, which rises with the phase h√λ, are noise of the interpolation; the
+    # last one above it counts.
+    noise = SERIES_TOLERANCE * (4 + radians / 16)
+    return int(np.max(np.nonzero(size > noise)[0]))
 
 
 @dataclass(frozen=True)
