@@ -53,7 +53,8 @@ class Chunk:
         first: index of the first frame.
         values: {field: (frames, N)}, SI.
         energy: of these frames, J/m².
-        motion: scaled state at the last frame, to carry on from.
+        motion: scaled state at the last frame, to carry on from; but past it in the last chunk of a
+            run, of which a part may not be wanted.
     """
 
     first: int
@@ -105,14 +106,17 @@ def _advance(
     equation: WaveEquation,
     stepper: Any,
     motion: Motion,
-    stepper_state: Any,
     start: jax.Array,
     step: float,
     steps_per_frame: int,
     frames: int,
     adjoint: Any = None,
 ) -> Any:
-    """Integrate some frames from a state; pure, so that jax transforms go through."""
+    """Integrate some frames from a state; pure, so that jax transforms go through.
+
+    The stepper's own state is made anew from the motion: a run that is carried on from a stored
+    motion is the uninterrupted one to the last bit.
+    """
 
     def observe(t: Any, y: Motion, args: Any) -> Any:
         operator = equation.operator
@@ -133,15 +137,13 @@ def _advance(
                 diffrax.SubSaveAt(steps=steps_per_frame, fn=observe),
                 diffrax.SubSaveAt(t1=True),
             ),
-            solver_state=True,
         ),
         stepsize_controller=diffrax.StepTo(ts=times),
-        solver_state=stepper_state,
         max_steps=count,
         adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
     )
     seen, last = solution.ys
-    return seen, jax.tree.map(lambda a: a[-1], last), solution.solver_state
+    return seen, jax.tree.map(lambda a: a[-1], last)
 
 
 def stream(
@@ -168,16 +170,11 @@ def stream(
     stepper = _stepper(settled, equation)
     steps, size = settled.schedule, settled.chunk
     frame, motion = start or (0, Motion(operator.zero(), operator.zero(), jnp.zeros(())))
-    taken = frame * steps.steps_per_frame
-    stepper_state = stepper.init(
-        TERM, taken * steps.step, (taken + 1) * steps.step, motion, equation
-    )
-
     advance = functools.partial(
         _advance, step=steps.step, steps_per_frame=steps.steps_per_frame, frames=size
     )
-    state = (motion, stepper_state, jnp.asarray(frame * steps.steps_per_frame))
-    run = jax.jit(advance).lower(equation, stepper, *state).compile()
+    at = jnp.asarray(frame * steps.steps_per_frame)
+    run = jax.jit(advance).lower(equation, stepper, motion, at).compile()
     timing.compile += time.perf_counter() - begun
     if start is None:
         rest = (jax.tree.map(lambda a: a[None], motion.q), *(np.zeros(1) for _ in range(3)))
@@ -185,7 +182,7 @@ def stream(
     while frame < steps.frames - 1:
         begun = time.perf_counter()
         at = jnp.asarray(frame * steps.steps_per_frame)
-        seen, motion, stepper_state = run(equation, stepper, motion, stepper_state, at)
+        seen, motion = run(equation, stepper, motion, at)
         seen = jax.tree.map(np.asarray, seen)
         # The last chunk runs past the end, so that one compiled function serves all chunks.
         wanted = min(size, steps.frames - 1 - frame)
@@ -201,8 +198,10 @@ def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) ->
     q, kinetic, potential, work = seen
     q = jax.tree.map(lambda a: np.asarray(a)[:wanted], q)
     unit = float(scales(settled.medium).energy)
-    energy = Energy(*(unit * np.asarray(part)[:wanted] for part in (kinetic, potential, work)))
-    values = to_fields(q, settled.blocks, settled.medium)
+    # A run that has become unstable is reported by its caller, not by warnings.
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = Energy(*(unit * np.asarray(part)[:wanted] for part in (kinetic, potential, work)))
+        values = to_fields(q, settled.blocks, settled.medium)
     return Chunk(first, {name: values[name] for name in settled.fields}, energy, motion)
 
 
