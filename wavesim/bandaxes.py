@@ -42,7 +42,8 @@ def shade_gaps(axes: Axes, medium: Medium, sector: str, label: bool = True) -> N
                     ha="right",
                     va="center",
                     fontsize=8,
-                    color="0.25",
+                    color="0.2",
+                    bbox={"facecolor": GAP_GREY, "edgecolor": "none", "pad": 0.6},
                 )
 
 
