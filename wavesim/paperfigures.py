@@ -191,7 +191,7 @@ def _edges_figure(rows: list[tuple[str, Float, Any]], x_label: str, limits: Any)
 def stiffness_ratio_figure(studies: dict[str, Study]) -> Figure:
     """Figure 5: gap edges against η, for a = 0 and for each closure at a = 0.5."""
     rows = [(label, ETA_VALUES, studies[closure].over_eta(a)) for label, closure, a in _cases()]
-    return _edges_figure(rows, "stiffness ratio η", (0.0, 2.35))
+    return _edges_figure(rows, "stiffness ratio η", (0.0, 1.8))
 
 
 def anisotropy_figure(studies: dict[str, Study]) -> Figure:

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from wavesim.direction import POLARISATIONS, directed_waves
 from wavesim.gapmap import GapMap
@@ -46,9 +48,8 @@ def gap_map_figure(gaps: GapMap) -> Figure:
         shown = np.ma.masked_invalid(np.where(width > 1e-9 * max(top, 1e-300), width, np.nan))
         image = axes.pcolormesh(x, y, shown, cmap="viridis", vmin=0.0, shading="auto")
         if top > 0:
-            lines = axes.contour(
-                x, y, np.ma.masked_invalid(width), 6, colors="white", linewidths=0.7
-            )
+            levels = MaxNLocator(7).tick_values(0.0, top)[1:]
+            lines = axes.contour(x, y, shown.filled(0.0), levels, colors="white", linewidths=0.7)
             axes.clabel(lines, fontsize=7, fmt="%.0f")
         figure.colorbar(image, ax=axes, label="width (kHz)")
         title = "widest full gap" if name == "full" else name
@@ -59,6 +60,10 @@ def gap_map_figure(gaps: GapMap) -> Figure:
         axes.set_ylabel(_LABELS[gaps.y])
     figure.suptitle(f"closure {gaps.medium.closure}", fontsize=10)
     return figure
+
+
+# Slowness is shown up to so many times the least: near an asymptote it has no bound.
+_SHOWN = 4.0
 
 
 def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 0.75)) -> Figure:
@@ -72,10 +77,12 @@ def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 
     colours = colormaps["viridis"]((0.05, 0.45, 0.72))
     figure = Figure(figsize=(3.6 * len(omega_bars) + 0.6, 7.4), layout="constrained")
     panels = figure.subplots(2, len(omega_bars), squeeze=False)
-    handles = []
+    handles: list[Line2D] = []
     for column, omega_bar in zip(panels.T, omega_bars, strict=True):
         waves = directed_waves(medium, omega_bar / float(medium.time_scale), theta)
         slowness = np.where(waves.slowness.imag == 0, waves.slowness.real, np.nan) * 1e6
+        shown = min(_SHOWN * float(np.nanmin(slowness)), 1.1 * float(np.nanmax(slowness)))
+        slowness = np.where(slowness < _SHOWN * np.nanmin(slowness), slowness, np.nan)
         handles = []
         for i, (colour, dash) in enumerate(zip(colours, ("-", "--", "-."), strict=True)):
             label = POLARISATIONS[i]
@@ -92,10 +99,13 @@ def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 
         for axes, quantity in zip(
             column, ("slowness {} (µs/m)", "group velocity {} (m/s)"), strict=True
         ):
-            axes.set_aspect("equal", "datalim")
+            axes.set_aspect("equal", "box")
             axes.set_xlabel(quantity.format("$x_1$"))
             axes.axhline(0.0, color="0.85", lw=0.6, zorder=0)
             axes.axvline(0.0, color="0.85", lw=0.6, zorder=0)
+        column[0].set(xlim=(-shown, shown), ylim=(-shown, shown))
+        reach = 1.1 * float(np.nanmax(np.abs(waves.group_velocity)))
+        column[1].set(xlim=(-reach, reach), ylim=(-reach, reach))
         column[0].set_ylabel("slowness $x_2$ (µs/m)")
         column[1].set_ylabel("group velocity $x_2$ (m/s)")
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
