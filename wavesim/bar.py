@@ -108,9 +108,10 @@ class Bar:
             return weights / self.spacing, indices
         reach = int(np.ceil(8.5 * width / self.spacing))
         if 2 * reach + 1 > self.cells:
+            widest = (self.cells - 1) // 2 * self.spacing / 8.5
             raise ValueError(
                 f"width = {width:g} m: a Gaussian of 17 widths must fit into the bar of "
-                f"{self.length:g} m; take at most {self.length / 17.5:.3g} m"
+                f"{self.length:g} m; take at most {0.99 * widest:.3g} m"
             )
         first = 0.5 * self.spacing if staggered else 0.0
         centre = round((position - first) / self.spacing)

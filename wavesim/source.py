@@ -90,7 +90,7 @@ class Ricker:
     def spectrum(self, omega: Any) -> Any:
         """Fourier transform ∫ amplitude · s(t) e^{iωt} dt, entire in ω.
 
-            (2/√π) (ω²/ω_p³) exp(−ω²/ω_p²) e^{iωt₀},   ω_p = 2π f_p
+            4√π (ω²/ω_p³) exp(−ω²/ω_p²) e^{iωt₀},   ω_p = 2π f_p
 
         Args:
             omega: angular frequencies, real or complex, any shape, rad/s.
@@ -100,7 +100,7 @@ class Ricker:
         """
         peak = 2 * math.pi * self.peak_frequency
         ratio = np.asarray(omega) / peak
-        shape = 2 / math.sqrt(math.pi) * ratio**2 * np.exp(-(ratio**2)) / peak
+        shape = 4 * math.sqrt(math.pi) * ratio**2 * np.exp(-(ratio**2)) / peak
         return self.amplitude * shape * np.exp(1j * np.asarray(omega) * self.peak_time)
 
 
