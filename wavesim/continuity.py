@@ -1,0 +1,98 @@
+"""Points joined into branches, from one wavenumber to the next, by continuity alone.
+
+At each wavenumber the points are assigned to the branches so far with the least total distance
+from their continuation: a parabola through the last three points, a line through two. Nothing
+here knows a dispersion relation or how many branches there should be.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+Float = NDArray[Any]
+
+# A branch may miss this many wavenumbers and go on; one of fewer points is no branch.
+LONGEST_BREAK = 3
+SHORTEST_BRANCH = 5
+# A point may be off its continuation by this many resolution cells, and by these parts of the last
+# change of the branch: after one, two and three points.
+_CELLS = 2.0
+_OF_CHANGE = (0.0, 1.0, 0.5)
+# How much a change of amplitude by a factor of ten weighs, in distances allowed.
+_AMPLITUDE = 0.2
+# A branch of one point reaches this part of the way to its nearest neighbour.
+_OF_GAP = 0.6
+
+
+def join(
+    step: NDArray[np.int64],
+    value: Float,
+    amplitude: Float,
+    cell: float,
+    shortest: int = SHORTEST_BRANCH,
+) -> NDArray[np.int64]:
+    """Number of the branch of each point.
+
+    Args:
+        step: index of the point's wavenumber in an even sequence, shape (m,).
+        value: its frequency, shape (m,), any unit.
+        amplitude: shape (m,), > 0.
+        cell: resolution in the unit of value.
+        shortest: fewest points of a branch.
+
+    Returns:
+        Branch numbers, ascending in the median of value; −1 for points of none; shape (m,).
+    """
+    order = np.argsort(step, kind="stable")
+    tracks: list[list[int]] = []
+    for at in np.unique(step):
+        here = order[np.searchsorted(step[order], at) : np.searchsorted(step[order], at + 1)]
+        live = [track for track in tracks if at - step[track[-1]] <= LONGEST_BREAK + 1]
+        taken: set[int] = set()
+        if live:
+            guess = np.array([_continued(track, step, value, at) for track in live])
+            reach = cell * _CELLS + guess[:, 1:]
+            single = np.array([len(track) == 1 for track in live])
+            reach[single] += _OF_GAP * _room(live, step, value)[single, None]
+            distance = np.abs(guess[:, :1] - value[here]) / reach
+            last = amplitude[[track[-1] for track in live]][:, None]
+            change = np.abs(np.log10(amplitude[here] / last))
+            cost = np.where(distance <= 1, distance + _AMPLITUDE * change, 1e6)
+            for row, column in zip(*linear_sum_assignment(cost), strict=True):
+                if cost[row, column] < 1e6:
+                    live[row].append(int(here[column]))
+                    taken.add(int(here[column]))
+        tracks += [[int(point)] for point in here if int(point) not in taken]
+    kept = [track for track in tracks if len(track) >= shortest]
+    kept.sort(key=lambda track: float(np.median(value[track])))
+    branch = np.full(len(step), -1)
+    for number, track in enumerate(kept):
+        branch[track] = number
+    return branch
+
+
+def _continued(track: list[int], step: Any, value: Float, at: int) -> tuple[float, float]:
+    """Where a branch is expected at a step, and how far from there it may be."""
+    last = track[-3:]
+    if len(last) == 1:
+        return float(value[last[0]]), 0.0
+    s, v = step[last].astype(float), value[last]
+    slope = (v[-1] - v[-2]) / (s[-1] - s[-2])
+    ahead = at - s[-1]
+    guess = v[-1] + slope * ahead
+    if len(last) == 3:
+        earlier = (v[-2] - v[-3]) / (s[-2] - s[-3])
+        bend = (slope - earlier) / (s[-1] - s[-3])
+        guess += bend * ahead * (at - s[-2])
+    return float(guess), _OF_CHANGE[len(last) - 1] * abs(float(slope * ahead))
+
+
+def _room(live: list[list[int]], step: Any, value: Float) -> Float:
+    """Distance of each branch's last value to the nearest other branch's, or to 0."""
+    last = np.array([value[track[-1]] for track in live])
+    apart = np.abs(last[:, None] - last) + np.where(np.eye(len(last), dtype=bool), np.inf, 0)
+    return np.minimum(apart.min(axis=1), np.abs(last))

@@ -1,0 +1,195 @@
+"""Complex wavenumbers fitted to amplitudes along a line, at many frequencies at once.
+
+    U(x) = Σ_p A_p e^{ik_p x} + B_p e^{−ik_p x},    p = 1 … P pairs
+
+k is fitted by variable projection (Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973)), from
+first guesses that evenly spaced receivers give in closed form: Prony's relation in its symmetric
+form, where w = 2 cos(kd) solves w = c₀ of U₊₁ + U₋₁ = c₀ U₀ for one pair and
+w² − 2 = c₁ w + c₀ of U₊₂ + U₋₂ = c₁(U₊₁ + U₋₁) + c₀ U₀ for two. Uneven ones are searched over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+Complex = NDArray[np.complex128]
+
+_STEPS = 80
+# First guesses of Re k for uneven receivers, over ±π of the least spacing.
+_GUESSES = 65
+# Receivers closer than this part of their spacing to even count as even.
+_EVEN = 1e-6
+
+
+@dataclass(frozen=True)
+class LineFit:
+    """Wavenumbers fitted at n frequencies, P pairs ±k at each.
+
+    Attributes:
+        k: shape (n, P), rad/m, Im k ≥ 0; NaN where too few receivers count.
+        unit: standard error of |k| for a noise of variance 1 in U, shape (n, P), rad/m.
+        forward, backward: √ of the mean square over the receivers of each wave, shape (n, P).
+        residual: mean square left over, of those receivers, per free parameter, shape (n,).
+        unexplained: part of the power left over, shape (n,).
+    """
+
+    k: Complex
+    unit: Float
+    forward: Float
+    backward: Float
+    residual: Float
+    unexplained: Float
+
+
+def unknowns(pairs: int, both: bool) -> int:
+    """Complex unknowns of a fit: as many receivers are the least."""
+    return pairs * (3 if both else 2)
+
+
+@dataclass(frozen=True)
+class _State:
+    basis: Complex
+    coefficients: Complex
+    residual: Complex
+    normal: Complex
+    step: Complex
+
+
+def _evaluate(U: Complex, x: Float, used: Any, k: Complex, both: bool) -> _State:
+    """Best amplitudes at given k, and the Gauss–Newton step.
+
+    Each wave is counted from the end at which it is largest, so that none overflows.
+    """
+    ahead = np.exp(1j * k[:, None, :] * (x - x[0])[:, None]) * used[..., None]
+    slope_a = 1j * (x - x[0])[:, None] * ahead
+    basis = ahead
+    if both:
+        back = np.exp(-1j * k[:, None, :] * (x - x[-1])[:, None]) * used[..., None]
+        basis = np.concatenate([ahead, back], axis=-1)
+    q, r = np.linalg.qr(basis)
+    qh = np.conj(np.swapaxes(q, -1, -2))
+    size = np.abs(np.diagonal(r, axis1=-2, axis2=-1)).max(axis=-1)
+    r = r + (1e-14 * size)[:, None, None] * np.eye(r.shape[-1])
+    coefficients = np.linalg.solve(r, qh @ U[..., None])[..., 0]
+    residual = U - (basis @ coefficients[..., None])[..., 0]
+    p = k.shape[1]
+    slope = coefficients[:, None, :p] * slope_a
+    if both:
+        slope = slope - coefficients[:, None, p:] * (1j * (x - x[-1])[:, None] * back)
+    slope = slope - q @ (qh @ slope)
+    sh = np.conj(np.swapaxes(slope, -1, -2))
+    normal = sh @ slope
+    diagonal = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2).real, 1e-280))
+    scaled = normal / (diagonal[:, :, None] * diagonal[:, None, :]) + 1e-14 * np.eye(p)
+    step = np.linalg.solve(scaled, (sh @ residual[..., None]) / diagonal[..., None])[..., 0]
+    return _State(basis, coefficients, residual, normal, step / diagonal)
+
+
+def fit_line(U: Complex, x: Float, used: NDArray[np.bool_], pairs: int, both: bool) -> LineFit:
+    """Fit wavenumbers to amplitudes along a line without sources.
+
+    Args:
+        U: complex amplitudes, shape (n, nx).
+        x: positions, ascending, shape (nx,), m.
+        used: receivers that count, shape (n, nx).
+        pairs: P, 1 or 2, –.
+        both: whether waves run both ways.
+
+    Returns:
+        The fit.
+    """
+    enough = used.sum(axis=1) >= unknowns(pairs, both)
+    scale = np.sqrt(np.sum(np.abs(U) ** 2 * used, axis=1))
+    data = np.where(used, U, 0) / np.maximum(scale, 1e-290)[:, None]
+    best = np.full(len(U), np.inf)
+    k = np.ones((len(U), pairs), complex)
+    for guess in _guesses(data, x, used, pairs):
+        trial = _refined(data, x, used, guess, both)
+        left = np.sum(np.abs(_evaluate(data, x, used, trial, both).residual) ** 2, axis=1)
+        better = np.isfinite(left) & (left < best)
+        best[better], k[better] = left[better], trial[better]
+    state = _evaluate(data, x, used, k, both)
+    inverse = np.linalg.pinv(state.normal, hermitian=True)
+    unit = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2).real, 0))
+    count = used.sum(axis=1)
+    waves = state.coefficients[:, None, :] * state.basis
+    size = np.sqrt(np.sum(np.abs(waves) ** 2, axis=1) / np.maximum(count, 1)[:, None])
+    size *= scale[:, None]
+    ahead = size[:, :pairs]
+    back = size[:, pairs:] if both else np.zeros_like(ahead)
+    flip = k.imag < 0
+    spare = np.maximum(count - unknowns(pairs, both), 1)
+    return LineFit(
+        np.where(enough[:, None], np.where(flip, -k, k), np.nan),
+        unit / np.maximum(scale, 1e-290)[:, None],
+        np.where(flip, back, ahead),
+        np.where(flip, ahead, back),
+        best * scale**2 / spare,
+        best,
+    )
+
+
+def _refined(data: Complex, x: Float, used: Any, k: Complex, both: bool) -> Complex:
+    length = float(x[-1] - x[0])
+    k = np.where(np.isfinite(k), k, 1 / length)
+    for _ in range(_STEPS):
+        step = _evaluate(data, x, used, k, both).step
+        size = np.abs(step)
+        most = np.maximum(0.3 / length, 0.1 * np.abs(k))
+        k = k + step * np.minimum(1, most / np.maximum(size, 1e-290))
+        k = k.real + 1j * np.clip(k.imag, -2 / length if not both else 0, 600 / length)
+        if (size <= 1e-14 * np.abs(k)).all():
+            break
+    return np.asarray(k)
+
+
+def _guesses(U: Complex, x: Float, used: Any, pairs: int) -> list[Complex]:
+    gaps = np.diff(x)
+    d = float(gaps.mean())
+    even = np.ptp(gaps) <= _EVEN * d
+    found = []
+    if even and len(x) >= 2 * pairs + 1:
+        found.append(_prony(U, used, pairs) / d)
+    inner = used[:, 1:] & used[:, :-1]
+    size = np.sum(np.abs(U[:, :-1]) ** 2 * inner, axis=1)
+    cross = np.sum(np.conj(U[:, :-1]) * U[:, 1:] * inner, axis=1)
+    ratio = np.where(size > 0, cross, 1) / np.where(size > 0, size, 1)
+    ratio = np.where(ratio == 0, 1, ratio)
+    one = -1j * np.log(ratio) / d
+    loss = np.maximum(one.imag, 0)
+    singles = [one]
+    if not even:
+        reals = np.linspace(-np.pi, np.pi, _GUESSES) / gaps.min()
+        singles += [real + 1j * loss for real in reals]
+    if pairs == 1:
+        return [*found, *(s[:, None] for s in singles)]
+    others = (lambda s: 1j * np.abs(s), lambda s: 0.5 * s, lambda s: 2 * s)
+    first = [one] if even else singles[1::4]
+    return [*found, *(np.stack([s, other(s)], axis=1) for s in first for other in others)]
+
+
+def _prony(U: Complex, used: Any, pairs: int) -> Complex:
+    """k d from the symmetric recurrence, shape (n, P)."""
+    last = U.shape[1] - pairs
+    middle = slice(pairs, last)
+
+    def around(j: int) -> Any:
+        return U[:, pairs + j : last + j] + U[:, pairs - j : last - j]
+
+    counts = used[:, middle].copy()
+    for j in range(1, pairs + 1):
+        counts &= used[:, pairs + j : last + j] & used[:, pairs - j : last - j]
+    columns = [U[:, middle] * counts] + [around(j) * counts for j in range(1, pairs)]
+    right = (around(pairs) * counts)[..., None]
+    c = (np.linalg.pinv(np.stack(columns, axis=-1)) @ right)[..., 0]
+    if pairs == 1:
+        w = c
+    else:
+        root = np.sqrt(c[:, 1] ** 2 / 4 + 2 + c[:, 0])
+        w = np.stack([c[:, 1] / 2 + root, c[:, 1] / 2 - root], axis=1)
+    return np.asarray(np.arccos(w / 2))

@@ -1,0 +1,113 @@
+"""Branch points: what every method of extraction returns, whatever it started from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+
+# A 95 % bar is this many standard errors.
+BAR = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class BranchPoints:
+    """Points (k, ω) of dispersion branches, in arrays of shape (m,).
+
+    Attributes:
+        method: "harmonic" (ω at given k), "fft" (ω at given k) or "space" (k at given ω).
+        k: wavenumber, rad/m; complex for "space": Re k along x, Im k > 0 decay.
+        omega: angular frequency, rad/s; for "space" complex, ω + iσ, the frequency at which k was
+            measured.
+        decay: temporal decay γ at given k, 1/s; 0 where the method has none.
+        amplitude: unit of the record.
+        error: standard error of ω (rad/s) or, for "space", of the modulus of k (rad/m).
+        residual: part of the power at that k or ω that the points there do not explain.
+        valid: whether the point counts.
+        reason: why not, "" where it does.
+        branch: number of its branch, joined by continuity; −1 for none.
+    """
+
+    method: str
+    k: Float
+    omega: Float
+    decay: Float
+    amplitude: Float
+    error: Float
+    residual: Float
+    valid: NDArray[np.bool_]
+    reason: NDArray[Any]
+    branch: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.k)
+
+    @property
+    def in_space(self) -> bool:
+        """Whether k was measured at given ω, rather than ω at given k."""
+        return self.method == "space"
+
+    @property
+    def bar(self) -> Float:
+        """Half-width of the 95 % error bar, unit of the error."""
+        return BAR * self.error
+
+    @property
+    def branches(self) -> tuple[int, ...]:
+        """Numbers of the branches."""
+        return tuple(int(b) for b in np.unique(self.branch[self.branch >= 0]))
+
+    def take(self, which: Any) -> BranchPoints:
+        """The points at an index or mask."""
+        names = [n for n in self.__dataclass_fields__ if n != "method"]
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def refused(self, where: Any, reason: str) -> BranchPoints:
+        """The points with those at a mask no longer valid; an earlier reason stays."""
+        where = np.asarray(where) & self.valid
+        return replace(
+            self,
+            valid=self.valid & ~where,
+            reason=np.where(where, reason, self.reason),
+        )
+
+    def columns(self) -> dict[str, Float]:
+        """Columns for a table, real numbers only, names with units."""
+        table: dict[str, Float] = {"branch": self.branch}
+        if self.in_space:
+            table |= {
+                "omega_rad_per_s": self.omega.real,
+                "sigma_rad_per_s": self.omega.imag,
+                "k_real_rad_per_m": self.k.real,
+                "k_imag_rad_per_m": self.k.imag,
+                "k_error_rad_per_m": self.error,
+            }
+        else:
+            table |= {
+                "k_rad_per_m": self.k,
+                "omega_rad_per_s": self.omega,
+                "omega_error_rad_per_s": self.error,
+                "decay_per_s": self.decay,
+            }
+        return table | {
+            "amplitude": self.amplitude,
+            "residual": self.residual,
+            "valid": self.valid,
+            "reason": self.reason,
+        }
+
+
+def joined(parts: list[BranchPoints]) -> BranchPoints:
+    """Points of several records in one; their branches are numbered on."""
+    offset, shifted = 0, []
+    for part in parts:
+        moved = np.where(part.branch >= 0, part.branch + offset, -1)
+        shifted.append(replace(part, branch=moved))
+        offset += int(part.branch.max(initial=-1)) + 1
+    names = [n for n in BranchPoints.__dataclass_fields__ if n != "method"]
+    whole: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in shifted]) for n in names}
+    return replace(shifted[0], **whole)
