@@ -6,7 +6,6 @@ Scaled units throughout, times included. The profiles are numpy arrays: plain nu
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.operator import Operator, State
-from wavesim.sectors import Block, scales
+from wavesim.sectors import Block, grouped, scales
 from wavesim.source import Ricker
 
 
@@ -83,11 +82,10 @@ def forcing(
 
 
 def _on_blocks(field: str, line: np.ndarray, blocks: Sequence[Block], zero: State) -> State:
-    grouped = itertools.groupby(blocks, key=lambda b: len(b.rotations))
     state: list[Any] = []
-    for components, (_, members) in zip(zero, grouped, strict=True):
+    for components, stacked in zip(zero, grouped(blocks), strict=True):
         arrays = [np.zeros(component.shape) for component in components]
-        for s, block in enumerate(members):
+        for s, block in enumerate(stacked):
             for array, part in zip(arrays, block.rotations + block.curvatures, strict=True):
                 array[s] += part.get(field, 0.0) * line
         state.append(tuple(arrays))

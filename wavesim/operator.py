@@ -11,7 +11,6 @@ Blocks of the same shape are stacked and go through together: a component of the
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,7 +22,7 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.equations import ROTATIONS
 from wavesim.medium import PARAMETERS, Medium
-from wavesim.sectors import BLOCKS, Block, block_form, scales
+from wavesim.sectors import BLOCKS, Block, block_form, grouped, scales
 from wavesim.stencils import difference_weights
 
 # The scheme needs double precision: in single it would be worth 1e-3 over a long run.
@@ -180,8 +179,7 @@ def semi_discrete(
     spacing = float(bar.spacing / (reference or medium).length_scale)
     weights = tuple(c / spacing for c in difference_weights(bar.order))
     groups = []
-    for _, members in itertools.groupby(blocks, key=lambda b: len(b.rotations)):
-        stacked = tuple(members)
+    for stacked in grouped(blocks):
         forms = [block_form(medium, block, reference) for block in stacked]
         coefficients = {
             name: _stack([getattr(form, name) for form in forms])
@@ -209,8 +207,7 @@ def from_fields(fields: dict[str, Any], blocks: Sequence[Block], medium: Medium)
     units = scales(medium)
     shape = np.shape(next(iter(fields.values())))
     state = []
-    for _, members in itertools.groupby(blocks, key=lambda b: len(b.rotations)):
-        stacked = tuple(members)
+    for stacked in grouped(blocks):
         components = []
         for row in zip(*(b.rotations + b.curvatures for b in stacked), strict=True):
             parts = [
@@ -238,9 +235,8 @@ def to_fields(q: State, blocks: Sequence[Block], medium: Medium) -> dict[str, An
     """
     units = scales(medium)
     fields: dict[str, Any] = {}
-    grouped = itertools.groupby(blocks, key=lambda b: len(b.rotations))
-    for components, (_, members) in zip(q, grouped, strict=True):
-        for s, block in enumerate(members):
+    for components, stacked in zip(q, grouped(blocks), strict=True):
+        for s, block in enumerate(stacked):
             parts = block.rotations + block.curvatures
             for component, array in zip(parts, components, strict=True):
                 for name, weight in component.items():

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesim.bar import Bar
+from wavesim.equations import flux_form
 from wavesim.medium import Medium
 from wavesim.planewave import check_hyperbolic
 from wavesim.sectors import Block, excited_blocks
@@ -79,7 +80,7 @@ def plan(
         sources: at least one.
         duration: s.
         samples: number of frames, the start among them; None stores twice the sources' band.
-        solver: "auto", "chebyshev" or "verlet".
+        solver: "auto", "propagator", "chebyshev" or "verlet".
         step: longest step allowed, s; None lets the stepper choose.
 
     Returns:
@@ -100,7 +101,15 @@ def plan(
     blocks = excited_blocks([source.field for source in sources])
     bound = spectral_bound(medium, bar, blocks)
     unit = float(medium.time_scale)
-    steps = schedule(bound, duration / unit, frames, solver, step if step is None else step / unit)
+    steps = schedule(
+        bound,
+        duration / unit,
+        frames,
+        solver,
+        step if step is None else step / unit,
+        fastest(medium) * unit / bar.spacing,
+        bar.cells,
+    )
     return Plan(medium, bar, tuple(sources), blocks, steps, duration)
 
 
@@ -108,3 +117,9 @@ def default_samples(sources: Sequence[Ricker], duration: float) -> int:
     """Frames that hold twice the band of the highest source."""
     highest = max(source.band for source in sources)
     return max(2, math.ceil(2 * duration * highest / math.pi) + 1)
+
+
+def fastest(medium: Medium) -> float:
+    """Speed of the fastest wave at short wavelengths, c_∞ = √(C_φφ/m_φ), m/s."""
+    flux = flux_form(medium)
+    return float(np.sqrt(np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))

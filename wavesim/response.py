@@ -1,21 +1,24 @@
-"""What the pulses do to the field within one Chebyshev step, prepared as small dense tables.
+"""What the pulses do to the field within one exact step, prepared as small dense tables.
 
-A pulse at a point reaches only the cells near it within a step. With Gauss nodes τ_m and weights
-w_m on [0, h] the pulse adds to the field after the step
+A pulse at a point reaches only the cells near it within a step. With nodes τ_m on [0, h] it adds
+to the field after the step
 
-    Δq = Σ_m w_m s(t+τ_m) S(h−τ_m) g,     Δv = Σ_m w_m s(t+τ_m) C(h−τ_m) g,
+    Δq = ∫₀^h S(h−τ) g s(t+τ) dτ = Σ_m [S g]_m s(t+τ_m),     Δv = ∫₀^h C(h−τ) g s(t+τ) dτ,
 
-and its work is Σ_m w_m s(t+τ_m) ⟨g, v(t+τ_m)⟩, where
+and its work is ∫ s(t+τ) ⟨g, v(t+τ)⟩ dτ, where
 
     ⟨g, v(t+τ)⟩ = ⟨LS(τ)ᵀg, q⟩ + ⟨C(τ)ᵀg, v⟩ + Σ_j ∫₀^τ ⟨g, C(τ−τ′) g_j⟩ s_j(t+τ′) dτ′.
 
-The vectors S(h−τ_m) g, C(τ_m)ᵀg, … are Chebyshev sums of T_k(X) g, kept in a window round the
-source; the work so found uses no energy, so that the energy balance is a true check.
+The integrals over the operator's functions are Gauss sums fine enough for its fastest mode; the
+pulse, which is smoother, is sampled at fewer Gauss nodes and interpolated to those. The vectors
+[S g]_m, … are Chebyshev sums of T_k(X) g, kept in a window round the source. The work so found
+uses no energy, so that the energy balance is a true check.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import equinox as eqx
@@ -27,8 +30,10 @@ from wavesim.forcing import Forcing
 from wavesim.operator import Operator, State
 from wavesim.timestep import Schedule, chebyshev_series, cosine, sine
 
-# Gauss nodes beyond the degree of the series, for the spectrum of the pulse itself.
-_EXTRA_NODES = 6
+# Gauss nodes beyond half the phase of what they integrate or interpolate.
+_EXTRA_NODES = 14
+# A pulse has no spectrum, to rounding, above this many times the end of its band.
+_BEYOND_BAND = 2.4
 
 
 class _Window(eqx.Module):
@@ -79,8 +84,9 @@ class PulseTables(eqx.Module):
         reaches: for each group that a pulse drives.
         own: ∫ kernel for the pulses' velocity at each other's points within the step, shape
             (pulses, nodes, pulses, inner nodes).
-        nodes, weights: Gauss nodes and weights on [0, h].
+        nodes, weights: Gauss nodes and weights on [0, h], at which the pulses are sampled.
         inner: nodes of [0, τ_m] for each m, shape (nodes, inner nodes).
+        step: h, scaled.
         end: scaled time from which on no pulse acts.
     """
 
@@ -89,6 +95,7 @@ class PulseTables(eqx.Module):
     nodes: jax.Array
     weights: jax.Array
     inner: jax.Array
+    step: float = eqx.field(static=True)
     end: float = eqx.field(static=True)
 
 
@@ -104,22 +111,29 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
         The tables, jax arrays where the operator's coefficients are.
     """
     h, bound, degree = schedule.step, schedule.bound, schedule.degree
-    unit_nodes, unit_weights = np.polynomial.legendre.leggauss(degree + _EXTRA_NODES)
-    unit_nodes, unit_weights = (unit_nodes + 1) / 2, unit_weights / 2
+    fine = degree + _EXTRA_NODES
+    band = _BEYOND_BAND * max(pulse.band for pulse in forcing.pulses) * forcing.time_scale
+    unit_nodes, unit_weights, between = _interpolation(
+        min(fine, math.ceil(h * band / 2) + _EXTRA_NODES), fine
+    )
     nodes, weights = h * unit_nodes, h * unit_weights
+    fine_nodes, fine_weights = _gauss(fine)
     # (node, degree) coefficients of the functions of L named at the head of this file.
-    on_q = weights[:, None] * chebyshev_series(lambda e: sine(h - nodes, e), bound, degree)
-    on_v = weights[:, None] * chebyshev_series(lambda e: cosine(h - nodes, e), bound, degree)
+    rest, measure = h * (1 - fine_nodes), h * fine_weights[:, None]
+    on_q = between.T @ (measure * chebyshev_series(lambda e: sine(rest, e), bound, degree))
+    on_v = between.T @ (measure * chebyshev_series(lambda e: cosine(rest, e), bound, degree))
     from_q = chebyshev_series(lambda e: -e * sine(nodes, e), bound, degree)
     from_v = chebyshev_series(lambda e: cosine(nodes, e), bound, degree)
-    lag = np.multiply.outer(nodes, 1 - unit_nodes)
-    kernel = chebyshev_series(lambda e: cosine(lag, e), bound, degree)
-    kernel *= np.multiply.outer(nodes, unit_weights)[..., None]
+    kernel = np.empty((len(nodes), len(nodes), degree + 1))
+    for row, node in zip(kernel, nodes, strict=True):
+        lag = functools.partial(cosine, node * (1 - fine_nodes))
+        part = node * fine_weights[:, None]
+        row[:] = between.T @ (part * chebyshev_series(lag, bound, degree))
 
     windows = {
         number: window
         for number in range(len(operator.groups))
-        if (window := _window(operator, number, forcing.profiles, degree)) is not None
+        if (window := _window(operator, number, forcing.profiles, schedule.reach)) is not None
     }
     forward, backward = np.stack([on_q, on_v]), np.stack([from_q, from_v]) * operator.spacing
     ahead, moments = _sums(operator, forcing.profiles, bound, windows, forward)
@@ -143,12 +157,13 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
         jnp.asarray(nodes),
         jnp.asarray(weights),
         jnp.asarray(np.multiply.outer(nodes, unit_nodes)),
+        h,
         end,
     )
 
 
 def _window(
-    operator: Operator, number: int, profiles: tuple[State, ...], degree: int
+    operator: Operator, number: int, profiles: tuple[State, ...], reach: int
 ) -> _Window | None:
     """Entries of one group, None where no pulse drives it; the profiles must be concrete."""
     entries, spans = [], []
@@ -163,11 +178,27 @@ def _window(
             spans.append(operator.cells - int(idle.max()) + 1)
     if not entries:
         return None
-    # A product with L reaches one cell less than the two stencils together are wide.
-    reach = degree * 2 * len(operator.groups[number].weights)
     count = min(operator.cells, max(spans) + 2 * reach)
     pulse, block, first = np.array(entries).T
     return _Window(pulse, block, (first[:, None] - reach + np.arange(count)) % operator.cells)
+
+
+def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Legendre nodes and weights on [0, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return (nodes + 1) / 2, weights / 2
+
+
+def _interpolation(count: int, fine: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss nodes and weights on [0, 1], and the matrix from values there to a finer set's nodes.
+
+    Values become Legendre coefficients by the discrete transform, exact for degree < count.
+    """
+    nodes, weights = _gauss(count)
+    legendre = np.polynomial.legendre.legvander
+    coarse = legendre(2 * nodes - 1, count - 1)
+    transform = (2 * np.arange(count) + 1)[:, None] * coarse.T * weights
+    return nodes, weights, legendre(2 * _gauss(fine)[0] - 1, count - 1) @ transform
 
 
 @functools.partial(jax.jit, static_argnums=2)
@@ -207,40 +238,32 @@ def _sums(
     return sums, overlaps
 
 
-def pulse_step(
-    tables: PulseTables,
-    forcing: Forcing,
-    t: jax.Array,
-    q0: State,
-    v0: State,
-    q1: State,
-    v1: State,
-) -> tuple[State, State, jax.Array]:
-    """Add the pulses' part to a step of the field.
+def add_pulses(
+    tables: PulseTables, on_q: jax.Array, on_v: jax.Array, q: State, v: State
+) -> tuple[State, State]:
+    """Add the pulses' part to a field and its rate after a step.
 
     Args:
         tables: of :func:`pulse_tables`.
-        forcing: the pulses.
-        t: scaled time at the step's start.
-        q0, v0: the field and its rate at the step's start.
-        q1, v1: both after the step without sources.
-
-    Returns:
-        Both after the step with sources, and the work done in it.
+        on_q, on_v: signal of each pulse at the nodes, as it enters q and v, (pulses, nodes).
+        q, v: the field and its rate, after the step without sources.
     """
+    new_q, new_v = list(q), list(v)
+    for reach in tables.reaches:
+        g, at = reach.group, reach.at
+        new_q[g] = at.add(q[g], jnp.einsum("em,emcn->ecn", on_q[at.pulse], reach.on_q))
+        new_v[g] = at.add(v[g], jnp.einsum("em,emcn->ecn", on_v[at.pulse], reach.on_v))
+    return tuple(new_q), tuple(new_v)
 
-    def act(fields: tuple[State, State]) -> tuple[State, State, jax.Array]:
-        q, v = (list(field) for field in fields)
-        signal = forcing.signals(t + tables.nodes)
-        velocity = jnp.einsum("imjn,jmn->im", tables.own, forcing.signals(t + tables.inner))
-        for reach in tables.reaches:
-            g, at = reach.group, reach.at
-            before = jnp.einsum("emcn,ecn->em", reach.from_q, at.seen(q0[g]))
-            before += jnp.einsum("emcn,ecn->em", reach.from_v, at.seen(v0[g]))
-            velocity = velocity.at[at.pulse].add(before)
-            of_entry = signal[at.pulse]
-            q[g] = at.add(q[g], jnp.einsum("em,emcn->ecn", of_entry, reach.on_q))
-            v[g] = at.add(v[g], jnp.einsum("em,emcn->ecn", of_entry, reach.on_v))
-        return tuple(q), tuple(v), jnp.sum(tables.weights * signal * velocity)
 
-    return jax.lax.cond(t < tables.end, act, lambda fields: (*fields, jnp.zeros(())), (q1, v1))
+def pulse_work(
+    tables: PulseTables, forcing: Forcing, t: jax.Array, q: State, v: State
+) -> jax.Array:
+    """Work of the pulses in a step from scaled time t, from the field and its rate at t."""
+    velocity = jnp.einsum("imjn,jmn->im", tables.own, forcing.signals(t + tables.inner))
+    for reach in tables.reaches:
+        at, g = reach.at, reach.group
+        felt = jnp.einsum("emcn,ecn->em", reach.from_q, at.seen(q[g]))
+        felt += jnp.einsum("emcn,ecn->em", reach.from_v, at.seen(v[g]))
+        velocity = velocity.at[at.pulse].add(felt)
+    return jnp.sum(tables.weights * forcing.signals(t + tables.nodes) * velocity)

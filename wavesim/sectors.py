@@ -14,6 +14,7 @@ and c_bp = c_pbᵀ exactly where the closure is symmetric.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -102,6 +103,12 @@ def blocks_of(sector: str) -> tuple[Block, ...]:
 def excited_blocks(fields: Sequence[str]) -> tuple[Block, ...]:
     """Blocks that sources on these fields set in motion."""
     return tuple(block for block in BLOCKS if set(block.fields) & set(fields))
+
+
+def grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
+    """Blocks that lie side by side and have as many rotations, together."""
+    groups = itertools.groupby(blocks, key=lambda block: len(block.rotations))
+    return [tuple(members) for _, members in groups]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from wavesim.forcing import forcing
 from wavesim.medium import Medium
 from wavesim.operator import semi_discrete, to_fields
 from wavesim.plan import Plan, plan
+from wavesim.propagator import Propagator, bar_kernels
 from wavesim.response import pulse_tables
 from wavesim.sectors import scales
 from wavesim.source import Ricker
@@ -95,11 +96,11 @@ class Timing:
 def _stepper(settled: Plan, equation: WaveEquation) -> diffrax.AbstractSolver:
     if settled.schedule.solver == "verlet":
         return Verlet()
-    return Chebyshev(
-        propagator_series(settled.schedule),
-        settled.schedule.bound,
-        pulse_tables(equation.operator, equation.forcing, settled.schedule),
-    )
+    steps = settled.schedule
+    pulses = pulse_tables(equation.operator, equation.forcing, steps)
+    if steps.solver == "chebyshev":
+        return Chebyshev(propagator_series(steps), steps.bound, pulses)
+    return Propagator(bar_kernels(settled.medium, settled.bar, settled.blocks, steps.step), pulses)
 
 
 def _advance(
@@ -188,7 +189,8 @@ def stream(
         wanted = min(size, steps.frames - 1 - frame)
         chunk = _chunk(settled, frame + 1, seen, wanted, motion)
         timing.integrate += time.perf_counter() - begun
-        if not all(np.isfinite(values).all() for values in chunk.values.values()):
+        known = [*chunk.values.values(), chunk.energy.total, chunk.energy.work]
+        if not all(np.isfinite(values).all() for values in known):
             raise NotFiniteError((frame + wanted) * settled.duration / (steps.frames - 1), settled)
         yield chunk
         frame += wanted

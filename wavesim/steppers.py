@@ -1,6 +1,6 @@
 """Diffrax solvers for q̈ = L q + Σ_j g_j s_j(t), with the work of the sources as one more state.
 
-Both take the term TERM and, as diffrax's args, a :class:`WaveEquation`; diffrax's own solvers can
+All take the term TERM and, as diffrax's args, a :class:`WaveEquation`; diffrax's own solvers can
 take the same.
 """
 
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from wavesim.forcing import Forcing
 from wavesim.operator import Operator, State, inner
-from wavesim.response import PulseTables, pulse_step
+from wavesim.response import PulseTables, add_pulses, pulse_work
 from wavesim.timestep import Schedule, chebyshev_series, cosine, sine
 
 
@@ -48,8 +48,8 @@ class WaveEquation(eqx.Module):
 TERM = diffrax.ODETerm(lambda t, y, equation: equation(t, y))
 
 
-class _WaveSolver(diffrax.AbstractSolver):
-    """What the two solvers share: term, interpolation and no error estimate."""
+class WaveSolver(diffrax.AbstractSolver):
+    """What the solvers share: term, interpolation and no error estimate."""
 
     term_structure: ClassVar[Any] = diffrax.ODETerm
     interpolation_cls: ClassVar[Any] = diffrax.LocalLinearInterpolation
@@ -58,7 +58,7 @@ class _WaveSolver(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
 
-class Verlet(_WaveSolver):
+class Verlet(WaveSolver):
     """Störmer–Verlet, order 2, stable for h < 2/√Λ.
 
         v½ = v + h/2 (Lq + f(t)),  q⁺ = q + h v½,  v⁺ = v½ + h/2 (Lq⁺ + f(t + h))
@@ -98,7 +98,7 @@ def _force(equation: WaveEquation, t: Any, q: State) -> tuple[State, State]:
     return jax.tree.map(jnp.add, equation.operator(q), force), force
 
 
-class Chebyshev(_WaveSolver):
+class Chebyshev(WaveSolver):
     """The exact propagator over a fixed step, as a Chebyshev series in L cut at rounding level.
 
         q⁺ = C q + S v + ∫₀^h S(h−τ) g s dτ,   v⁺ = L S q + C v + ∫₀^h C(h−τ) g s dτ
@@ -124,8 +124,13 @@ class Chebyshev(_WaveSolver):
         self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Any, solver_state: Any, made_jump: Any
     ) -> Any:
         q, v = propagate(self.series, self.bound, args.operator, y0.q, y0.v)
-        q, v, work = pulse_step(self.pulses, args.forcing, t0, y0.q, y0.v, q, v)
-        y1 = Motion(q, v, y0.work + work)
+
+        def driven() -> Motion:
+            signal = args.forcing.signals(t0 + self.pulses.nodes)
+            work = pulse_work(self.pulses, args.forcing, t0, y0.q, y0.v)
+            return Motion(*add_pulses(self.pulses, signal, signal, q, v), y0.work + work)
+
+        y1 = jax.lax.cond(t0 < self.pulses.end, driven, lambda: Motion(q, v, y0.work))
         return y1, None, {"y0": y0, "y1": y1}, None, diffrax.RESULTS.successful
 
 
