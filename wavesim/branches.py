@@ -2,8 +2,9 @@
 
 Two eigenvalues that cross belong to modes that pass through each other; two that only come near
 exchange their shapes over a short way and turn back. Sorting takes every crossing for a near
-miss; a coarse overlap takes every near miss for a crossing. Here an interval over which the
-overlap of the modes is not clear is halved until it is.
+miss; a coarse overlap takes every near miss for a crossing. Here an interval is divided until the
+overlap of the modes over it is clear and, where by it two modes change places, until either they
+are seen to turn back or the crossing is pinned down.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ from wavesim.spectral import Eigenmodes, Float, solve, spectral_form
 _CLEAR = 0.7
 # ω² nearer than this, relative to the largest, are one: their modes are known only together.
 _EQUAL = 1e-10
-_HALVINGS = 32
+_DIVISIONS = 40
+# Not the middle, where a symmetric interval has its crossing and the modes are mixed at will.
+_DIVIDE_AT = 0.4453
 
 Solver = Callable[[Float], Eigenmodes]
 
@@ -38,13 +41,18 @@ def _overlaps(before: Eigenmodes, after: Eigenmodes) -> Float:
 
 
 def _assign(before: Eigenmodes, after: Eigenmodes) -> tuple[Any, bool]:
-    """Which mode after continues each mode before, and whether that is clear."""
+    """Which mode after continues each mode before, and whether that is settled.
+
+    It is settled if every mode keeps its shape and its place; modes of one frequency count as
+    one, in shape and in place.
+    """
     overlaps = _overlaps(before, after)
     target = linear_sum_assignment(-overlaps)[1]
     squares = np.real(after.squares)
     together = np.abs(squares[:, None] - squares) <= _EQUAL * np.abs(squares).max()
     kept = np.sum(overlaps * together[target], axis=1)
-    return target, bool((kept >= _CLEAR).all())
+    in_place = together[target, np.arange(len(target))]
+    return target, bool((kept >= _CLEAR).all() and in_place.all())
 
 
 def _pick(modes: Eigenmodes, i: int) -> Eigenmodes:
@@ -52,15 +60,15 @@ def _pick(modes: Eigenmodes, i: int) -> Eigenmodes:
 
 
 def _link(
-    solver: Solver, x: tuple[float, float], ends: tuple[Eigenmodes, Eigenmodes], halvings: int
+    solver: Solver, x: tuple[float, float], ends: tuple[Eigenmodes, Eigenmodes], divisions: int
 ) -> Any:
-    target, clear = _assign(*ends)
-    if clear or halvings == 0:
+    target, settled = _assign(*ends)
+    if settled or divisions == 0:
         return target
-    middle = 0.5 * (x[0] + x[1])
+    middle = x[0] + _DIVIDE_AT * (x[1] - x[0])
     between = _pick(solver(np.array([middle])), 0)
-    first = _link(solver, (x[0], middle), (ends[0], between), halvings - 1)
-    second = _link(solver, (middle, x[1]), (between, ends[1]), halvings - 1)
+    first = _link(solver, (x[0], middle), (ends[0], between), divisions - 1)
+    second = _link(solver, (middle, x[1]), (between, ends[1]), divisions - 1)
     return second[first]
 
 
@@ -81,7 +89,7 @@ def track(solver: Solver, points: Float) -> Any:
     here = _pick(modes, 0)
     for i in range(1, len(points)):
         there = _pick(modes, i)
-        step = _link(solver, (float(points[i - 1]), float(points[i])), (here, there), _HALVINGS)
+        step = _link(solver, (float(points[i - 1]), float(points[i])), (here, there), _DIVISIONS)
         order[i] = step[order[i - 1]]
         here = there
     return order
