@@ -67,16 +67,34 @@ def run(
         RunError: a file can't be written or resumed, or the integration failed; the result file
             then holds what came before.
     """
+    begun = time.perf_counter()
     tell = progress or (lambda stage, part: None)
+    tell("import", 0.0)
+    from wavesim.storage import StorageError
+
+    try:
+        return _run(problem, folder, resume, tell, begun)
+    except StorageError as error:
+        raise RunError(str(error), False) from error
+    except OSError as error:
+        what = error.strerror or error
+        raise RunError(f"{error.filename or folder}: can't be written: {what}", False) from error
+    except MemoryError as error:
+        raise RunError(
+            f"the run does not fit into memory ({error}): lower [time] samples or duration, or "
+            "take fewer cells",
+            False,
+        ) from error
+
+
+def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: float) -> Outcome:
     timing: dict[str, float] = {}
-    clock = time.perf_counter()
 
     def lap(stage: str) -> None:
         nonlocal clock
         now = time.perf_counter()
         timing[stage], clock = now - clock, now
 
-    tell("import", 0.0)
     from wavesim import storage
     from wavesim.analysis import extract
     from wavesim.figures import write_all
@@ -84,32 +102,26 @@ def run(
     from wavesim.verdict import hold, judge
 
     lap("import")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
-    except OSError as error:
-        raise RunError(
-            f"--out {folder}: can't be written: {error.strerror}; name another folder", False
-        ) from None
     results = storage.Results(folder / "result.h5", problem)
     settled, spent = problem.plan, Timing()
     frames = settled.schedule.frames
+    start = None
+    if resume:
+        frame, arrays = results.carry_on()
+        start = (frame, unpack(arrays, settled))
+    else:
+        _begin(folder)
+        results.create()
+    # An earlier run's verdict must not be taken for this one's.
+    (folder / "summary.json").unlink(missing_ok=True)
+    (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
     tell("compile", 0.0)
     try:
-        start = None
-        if resume:
-            frame, arrays = results.carry_on()
-            start = (frame, unpack(arrays, settled))
         for chunk in stream(settled, start, spent):
-            state = pack(chunk.motion)
-            if chunk.first == 0:
-                results.create(state)
-            results.append(chunk.first, chunk.values, chunk.energy, state)
+            results.append(chunk.first, chunk.values, chunk.energy, pack(chunk.motion))
             tell("integrate", (chunk.first + chunk.count) / frames)
-    except storage.StorageError as error:
-        raise RunError(str(error), False) from None
     except NotFiniteError as error:
-        results.status("failed")
+        results.finish("failed")
         raise RunError(str(error), True) from None
     lap("integrate")
     timing["compile"] = spent.compile
@@ -122,12 +134,13 @@ def run(
     measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
     held = [hold(field, m, problem.k_range) for m in measured]
     checks = judge(field, held)
-    results.record(held)
-    results.status("complete")
     lap("analyse")
     tell("figures", 0.0)
     write_all(field, held, folder / "figures")
     lap("figures")
+    tell("store", 0.0)
+    results.finish("complete", held)
+    timing["store"] += time.perf_counter() - clock
     summary = {
         "title": problem.case.title,
         "checks": [asdict(check) | {"passed": check.passed} for check in checks],
@@ -148,15 +161,32 @@ def run(
     return Outcome(summary, folder, notes(problem, checks))
 
 
+def _begin(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunError(
+            f"--out {folder}: can't be written: {error.strerror}; name another folder", False
+        ) from None
+
+
 def notes(problem: Problem, checks: list[Any]) -> list[str]:
     """What a reader should know beside the checks."""
-    if any("waves present" in check.name for check in checks):
-        return []
-    bin_width = 1 / problem.plan.duration
-    return [
-        "the record is too short to tell branches apart (frequency bin "
-        f"{bin_width / 1e3:.3g} kHz): no branch was judged; lengthen [time] duration"
-    ]
+    found = []
+    if not any("waves present" in check.name for check in checks):
+        bin_width = 1 / problem.plan.duration
+        found.append(
+            "the record is too short to tell branches apart (frequency bin "
+            f"{bin_width / 1e3:.3g} kHz): no branch was judged; lengthen [time] duration"
+        )
+    if any(block.rotations for block in problem.plan.blocks) and not any(
+        "|Δk|/|k|" in check.name for check in checks
+    ):
+        found.append(
+            "no wavenumber could be measured along the bar: lengthen the bar, or leave more room "
+            "between the sources"
+        )
+    return found
 
 
 def peak_memory() -> int:

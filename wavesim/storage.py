@@ -1,14 +1,17 @@
-"""result.h5: written chunk by chunk, readable at any moment of a run and after a crash.
+"""result.h5: readable at any moment of a run and after a crash.
 
-The only importer of h5py. Frames are appended in HDF5's single-writer-multiple-reader mode, and
-the file is closed between chunks: a reader sees whole chunks, and a run that is killed leaves a
-file that opens. The state to carry on from is kept in two slots in turn, so that one is whole.
+The only importer of h5py. No file that a reader may see is ever changed in place: the frames of a
+run go to parts beside result.h5, written once each, and result.h5 itself, which presents them as
+one array, is written anew after each chunk and moved into place. A run that is killed, at whatever
+instant, so leaves a whole file of whole chunks. At the end the parts are gathered into result.h5.
 """
 
 from __future__ import annotations
 
 import datetime
 import importlib.metadata
+import os
+import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,6 +33,8 @@ _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
 _COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 _CHUNK_POINTS = 16384
 _ENERGIES = ("kinetic", "potential", "work", "total")
+# Parts are gathered this many frames at a time.
+_GATHERED = 128
 
 
 class StorageError(RuntimeError):
@@ -47,75 +52,205 @@ class Results:
     Args:
         path: of the file.
         problem: what is run.
+
+    Every method raises StorageError if the file can't be written (a full disk, say).
     """
 
     def __init__(self, path: Path, problem: Problem) -> None:
         self.path, self.problem = path, problem
+        self._parts = path.with_name(path.name + ".parts")
+        self._created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+        self._ends: list[int] = []
+        self._series: dict[str, np.ndarray] = {}
+        self._state: Sequence[np.ndarray] = ()
 
-    def create(self, state: Sequence[np.ndarray]) -> None:
-        """Begin a new file, replacing an old one.
+    @property
+    def _frames(self) -> int:
+        return self._ends[-1] if self._ends else 0
+
+    def create(self) -> None:
+        """Begin anew, replacing what an earlier run left."""
+        with self._writing():
+            shutil.rmtree(self._parts, ignore_errors=True)
+            self._parts.mkdir(parents=True)
+
+    def append(
+        self, first: int, values: dict[str, np.ndarray], energy: Energy, state: Sequence[np.ndarray]
+    ) -> None:
+        """Append frames and the state after them.
 
         Args:
-            state: arrays like those of the state to carry on from.
+            first: index of the first frame.
+            values: {field: (frames, N)}, SI.
+            energy: of these frames.
+            state: arrays to carry on from after the last of them.
+        """
+        end = first + len(energy.work)
+        series = {f"energy/{part}": getattr(energy, part) for part in _ENERGIES}
+        bar = self.problem.plan.bar
+        for name, data in values.items():
+            for receiver, position in self.problem.receivers.items():
+                weights, indices = bar.sampling(position, name not in ROTATIONS)
+                series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
+        with self._writing():
+            with _written(self._part(end)) as part:
+                for name, data in values.items():
+                    part[name] = data
+            self._ends.append(end)
+            self._series = {
+                name: np.concatenate([self._series.get(name, np.zeros(0)), data])
+                for name, data in series.items()
+            }
+            self._state = state
+            with _written(self.path) as file:
+                self._lay_out(file, "running")
+                for name in values:
+                    self._present(file, name)
+
+    def finish(self, status: str, held: Sequence[Held] = ()) -> None:
+        """Gather all parts into the file, with what was measured beside the theory.
+
+        Args:
+            status: complete or failed.
+            held: every block that was measured.
+        """
+        if not self._frames:
+            return
+        with self._writing():
+            self._room()
+            with _reading(self.path) as before, _replaced(self.path) as file:
+                self._lay_out(file, status)
+                for name in self.problem.plan.fields:
+                    self._gather(file, name, before[f"fields/{name}"])
+                for h in held:
+                    _record_dispersion(file, h)
+                    if h.k_exact is not None:
+                        _record_attenuation(file, h)
+            shutil.rmtree(self._parts, ignore_errors=True)
+
+    def carry_on(self) -> tuple[int, list[np.ndarray]]:
+        """Last state of an interrupted run of the same case.
+
+        Returns:
+            Its frame and its arrays.
 
         Raises:
-            StorageError: the file can't be written.
+            StorageError: there is no such run, it failed, or it was another case.
         """
-        try:
-            with h5py.File(self.path, "w", libver="latest") as file:
-                self._lay_out(file, state)
-        except OSError as error:
-            raise StorageError(f"{self.path}: can't be written: {error}") from None
+        with _reading(self.path) as file:
+            if file.attrs["case"] != self.problem.resolved:
+                raise StorageError(
+                    f"{self.path}: was made by another case than this; run without --resume, or "
+                    "name another folder with --out"
+                )
+            if file.attrs["status"] == "failed":
+                raise StorageError(
+                    f"{self.path}: the integration failed, and would again; change the case and "
+                    "run without --resume"
+                )
+            self._created = str(file.attrs["created_utc"])
+            self._ends = file["restart/ends"][()].tolist()
+            missing = [e for e in self._ends if not self._part(e).is_file()]
+            if missing and file.attrs["status"] == "running":
+                raise StorageError(
+                    f"{self._part(missing[0])}: is missing, so that the run can't be resumed; run "
+                    "without --resume"
+                )
+            names = [f"energy/{part}" for part in _ENERGIES]
+            for receiver in self.problem.receivers:
+                names += [f"receivers/{receiver}/{name}" for name in self.problem.plan.fields]
+            self._series = {name: file[name][()] for name in names}
+            group = file["restart/state"]
+            self._state = [group[str(n)][()] for n in range(len(group))]
+            return self._frames - 1, list(self._state)
 
-    def _lay_out(self, file: h5py.File, state: Sequence[np.ndarray]) -> None:
+    def _part(self, end: int) -> Path:
+        """The part whose frames end before this one."""
+        return self._parts / f"{end:08d}.h5"
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        # h5py reports some failures to write as RuntimeError.
+        try:
+            yield
+        except StorageError:
+            raise
+        except (OSError, RuntimeError) as error:
+            what = getattr(error, "strerror", None) or str(error).partition("\n")[0]
+            raise StorageError(
+                f"{self.path}: can't be written: {what}; make room, or name another folder with "
+                "--out"
+            ) from error
+
+    def _room(self) -> None:
+        """Hold the file to come to the room on the disk; the HDF5 library dies of a full one."""
+        settled = self.problem.plan
+        needed = 8 * self._frames * settled.bar.cells * len(settled.fields)
+        free = shutil.disk_usage(self.path.parent).free
+        if needed > free:
+            raise StorageError(
+                f"{self.path}: can't be written: it may need {needed / 1e6:.0f} MB, and the disk "
+                f"has {free / 1e6:.0f} MB left; make room and run again with --resume"
+            )
+
+    def _lay_out(self, file: h5py.File, status: str) -> None:
+        """Everything but the fields and what was measured."""
         settled = self.problem.plan
         file.attrs.update(
             {
                 "format": "wavesim",
                 "format_version": FORMAT_VERSION,
-                "status": "running",
+                "status": status,
                 "title": self.problem.case.title,
                 "case": self.problem.resolved,
-                "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+                "created_utc": self._created,
                 "fourier_convention": FOURIER_CONVENTION,
             }
             | versions()
         )
-        bar, names = settled.bar, settled.fields
-        file["x"], file["x_half"] = bar.nodes, bar.half_nodes
-        file.create_dataset("t", (0,), maxshape=(None,), dtype=float, chunks=(4096,))
-        for name, unit in (("t", "s"), ("x", "m"), ("x_half", "m")):
+        axes = {
+            "t": (settled.times[: self._frames], "s"),
+            "x": (settled.bar.nodes, "m"),
+            "x_half": (settled.bar.half_nodes, "m"),
+        }
+        for name, (values, unit) in axes.items():
+            _put(file, name, values, unit)
             file[name].make_scale(name)
-            file[name].attrs["units"] = unit
-        width = min(bar.cells, 1024)
-        for name in names:
-            data = file.create_dataset(
-                f"fields/{name}",
-                (0, bar.cells),
-                maxshape=(None, bar.cells),
-                dtype=float,
-                chunks=(max(1, min(64, _CHUNK_POINTS // width)), width),
-                **_COMPRESSED,
-            )
-            data.attrs["units"] = UNITS[name]
-            data.dims[0].attach_scale(file["t"])
-            data.dims[1].attach_scale(file["x" if name in ROTATIONS else "x_half"])
-        series = [(f"energy/{part}", "J/m²") for part in _ENERGIES]
-        for receiver in self.problem.receivers:
-            series += [(f"receivers/{receiver}/{name}", UNITS[name]) for name in names]
-        for name, unit in series:
-            data = file.create_dataset(name, (0,), maxshape=(None,), dtype=float, chunks=(4096,))
-            data.attrs["units"] = unit
-            data.dims[0].attach_scale(file["t"])
+        for name, values in self._series.items():
+            _put(file, name, values, UNITS.get(name.rpartition("/")[2], "J/m²"))
+            file[name].dims[0].attach_scale(file["t"])
         file["energy/t"] = h5py.SoftLink("/t")
         for receiver, position in self.problem.receivers.items():
             file[f"receivers/{receiver}"].attrs["position"] = position
         self._sources(file.create_group("source"), settled)
-        for slot in ("0", "1"):
-            group = file.create_group(f"restart/{slot}")
-            group["frame"] = -1
-            for number, array in enumerate(state):
-                group.create_dataset(str(number), array.shape, dtype=float)
+        file["restart/ends"] = self._ends
+        for number, array in enumerate(self._state):
+            file[f"restart/state/{number}"] = array
+
+    def _present(self, file: h5py.File, name: str) -> None:
+        """A field as one array, its frames in the parts."""
+        cells = self.problem.plan.bar.cells
+        layout = h5py.VirtualLayout((self._frames, cells), float)
+        for first, end in zip([0, *self._ends], self._ends, strict=False):
+            where = self._part(end).relative_to(self.path.parent)
+            layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, cells))
+        self._label(file, name, file.create_virtual_dataset(f"fields/{name}", layout, np.nan))
+
+    def _gather(self, file: h5py.File, name: str, frames: h5py.Dataset) -> None:
+        """A field as one compressed array, copied from the parts."""
+        width = min(self.problem.plan.bar.cells, 1024)
+        rows = max(1, min(64, _CHUNK_POINTS // width, len(frames)))
+        data = file.create_dataset(
+            f"fields/{name}", frames.shape, float, chunks=(rows, width), **_COMPRESSED
+        )
+        for first in range(0, len(frames), _GATHERED):
+            data[first : first + _GATHERED] = frames[first : first + _GATHERED]
+        self._label(file, name, data)
+
+    def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
+        data.attrs["units"] = UNITS[name]
+        data.dims[0].attach_scale(file["t"])
+        data.dims[1].attach_scale(file["x" if name in ROTATIONS else "x_half"])
 
     def _sources(self, group: h5py.Group, settled: Plan) -> None:
         t = settled.times
@@ -134,84 +269,32 @@ class Results:
             )
             entry["t"], entry["signal"] = t, source.signal(t)
 
-    def append(
-        self, first: int, values: dict[str, np.ndarray], energy: Energy, state: Sequence[np.ndarray]
-    ) -> None:
-        """Append frames and the state after them.
 
-        Args:
-            first: index of the first frame.
-            values: {field: (frames, N)}, SI.
-            energy: of these frames.
-            state: arrays to carry on from after the last of them.
+@contextmanager
+def _replaced(path: Path) -> Iterator[h5py.File]:
+    """A new file, which takes the place of an old one once it is whole."""
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with h5py.File(temporary, "w") as file:
+            yield file
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
-        Raises:
-            StorageError: the file can't be written (a full disk, say).
-        """
-        end = first + len(energy.work)
-        series = {f"energy/{part}": getattr(energy, part) for part in _ENERGIES}
-        bar = self.problem.plan.bar
-        for name, data in values.items():
-            series[f"fields/{name}"] = data
-            for receiver, position in self.problem.receivers.items():
-                weights, indices = bar.sampling(position, name not in ROTATIONS)
-                series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
-        try:
-            with h5py.File(self.path, "r+", libver="latest") as file:
-                file.swmr_mode = True
-                for name, data in series.items():
-                    file[name].resize(end, axis=0)
-                    file[name][first:end] = data
-                file["t"].resize(end, axis=0)
-                file["t"][first:end] = self.problem.plan.times[first:end]
-                slots = [file["restart/0"], file["restart/1"]]
-                slot = min(slots, key=lambda s: int(s["frame"][()]))
-                slot["frame"][()] = -1
-                file.flush()
-                for number, array in enumerate(state):
-                    slot[str(number)][...] = array
-                file.flush()
-                slot["frame"][()] = end - 1
-        except OSError as error:
-            raise StorageError(f"{self.path}: can't be written: {error}") from None
 
-    def carry_on(self) -> tuple[int, list[np.ndarray]]:
-        """Last whole state of an interrupted run of the same case.
-
-        Returns:
-            Its frame and its arrays.
-
-        Raises:
-            StorageError: there is no such run, it was another case, or it has no whole state.
-        """
-        with _reading(self.path) as file:
-            if file.attrs["case"] != self.problem.resolved:
-                raise StorageError(
-                    f"{self.path}: was made by another case than this; run without --resume, or "
-                    "name another folder with --out"
-                )
-            slots = [file["restart/0"], file["restart/1"]]
-            slot = max(slots, key=lambda s: int(s["frame"][()]))
-            frame = int(slot["frame"][()])
-            if frame < 0:
-                raise StorageError(f"{self.path}: holds no state to resume; run without --resume")
-            return frame, [slot[str(n)][()] for n in range(len(slot) - 1)]
-
-    def status(self, status: str) -> None:
-        """Set the file's status: running, complete or failed."""
-        with h5py.File(self.path, "r+", libver="latest") as file:
-            file.attrs["status"] = status
-
-    def record(self, held: Sequence[Held]) -> None:
-        """Store what was measured, beside the theory."""
-        with h5py.File(self.path, "r+", libver="latest") as file:
-            for group in ("dispersion", "attenuation"):
-                if group in file:
-                    del file[group]
-            for h in held:
-                _record_dispersion(file, h)
-                if h.k_exact is not None:
-                    _record_attenuation(file, h)
+@contextmanager
+def _written(path: Path) -> Iterator[h5py.File]:
+    """As :func:`_replaced`, made in memory: no failure to write can upset the HDF5 library."""
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with h5py.File(temporary, "w", driver="core", backing_store=False) as file:
+            yield file
+            file.flush()
+            image = file.id.get_file_image()
+        temporary.write_bytes(image)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _put(group: h5py.Group, name: str, data: Any, unit: str) -> None:
@@ -266,12 +349,8 @@ def _reading(path: Path) -> Iterator[h5py.File]:
         raise StorageError(f"{path}: no such file; run the case first")
     try:
         file = h5py.File(path, "r")
-    except OSError:
-        try:
-            # A writer that was killed while appending leaves its mark; this mode reads past it.
-            file = h5py.File(path, "r", libver="latest", swmr=True)
-        except OSError as error:
-            raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
+    except OSError as error:
+        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
     try:
         if file.attrs.get("format") != "wavesim":
             raise StorageError(f"{path}: is not a result of wavesim (attribute format)")
