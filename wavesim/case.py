@@ -6,7 +6,6 @@ otherwise, and whatever is wrong is said in one message that names file, key, va
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from wavesim.bar import Bar
+from wavesim.casemessages import sentence
 from wavesim.equations import FIELDS
 from wavesim.medium import PARAMETERS, Closure, Medium, check_parameter
 from wavesim.source import Ricker
@@ -22,6 +22,7 @@ from wavesim.stencils import ORDERS
 
 End = Literal["periodic"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -84,7 +85,8 @@ class BarTable(_Table):
     @model_validator(mode="after")
     def _one_size(self) -> BarTable:
         if (self.length is None) == (self.cells is None):
-            raise ValueError("give either length (m) or cells, one of the two")
+            both = "both are given" if self.cells is not None else "neither is given"
+            raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
         return self
 
     def build(self, medium: Medium) -> Bar:
@@ -109,15 +111,22 @@ class SourceTable(_Table):
     field: str
     position: NotNegative
     peak_frequency: Positive
-    amplitude: Annotated[float, Field(allow_inf_nan=False)] = 1.0
+    amplitude: Finite = 1.0
     width: NotNegative = 0.0
-    delay: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    delay: Finite | None = None
 
     @field_validator("field")
     @classmethod
     def _known(cls, value: str) -> str:
         if value not in FIELDS:
             raise ValueError(f"must be one of {', '.join(FIELDS)}")
+        return value
+
+    @field_validator("amplitude")
+    @classmethod
+    def _moves(cls, value: float) -> float:
+        if value == 0:
+            raise ValueError("must not be 0, or nothing moves")
         return value
 
     def build(self) -> Ricker:
@@ -128,8 +137,15 @@ class SourceTable(_Table):
 class ReceiverTable(_Table):
     """[[receivers]]: a name and a position (m)."""
 
-    name: Annotated[str, Field(min_length=1, pattern=r"^[^/.]+$")]
+    name: str
     position: NotNegative
+
+    @field_validator("name")
+    @classmethod
+    def _usable(cls, value: str) -> str:
+        if not value.strip() or "/" in value or value.strip(".") == "":
+            raise ValueError("must be a name without '/', not blank and not only dots")
+        return value
 
 
 class TimeTable(_Table):
@@ -152,7 +168,7 @@ class AnalysisTable(_Table):
     k_min: Positive | None = None
     k_max: Positive | None = None
     frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
-    damping: Annotated[float, Field(ge=4, le=30)] = 18.0
+    damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
 
     @model_validator(mode="after")
     def _ordered(self) -> AnalysisTable:
@@ -178,7 +194,7 @@ class Case(_Table):
         names = [receiver.name for receiver in value]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"name = {twice[0]!r} is given twice; each receiver needs its own")
+            raise ValueError(f'name = "{twice[0]}" is given twice; each receiver needs its own')
         return value
 
 
@@ -201,8 +217,10 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> Case:
         text = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
         raise CaseError(f"{name}: no such file; name a case file, such as one in cases/") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise CaseError(f"{name}: can't be read: {error}") from None
+    except OSError as error:
+        raise CaseError(f"{name}: can't be read: {error.strerror}; name a case file") from None
+    except UnicodeDecodeError as error:
+        raise CaseError(f"{name}: not a text file in UTF-8: {error.reason}") from None
     return parse(text, name, overrides)
 
 
@@ -217,7 +235,7 @@ def parse(text: str, name: str, overrides: Sequence[str] = ()) -> Case:
     try:
         return Case.model_validate(tables)
     except ValidationError as error:
-        raise CaseError(f"{name}: {_sentence(_first(error))}") from None
+        raise CaseError(f"{name}: {sentence(Case, error)}") from None
 
 
 def _override(tables: dict[str, Any], override: str) -> None:
@@ -226,106 +244,32 @@ def _override(tables: dict[str, Any], override: str) -> None:
     if not equals or not all(parts):
         raise CaseError(f"--set {override}: must be table.key=value, such as bar.order=10")
     try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
+        parsed = tomllib.loads(f"value = {value}")
     except tomllib.TOMLDecodeError:
-        parsed = value.strip()
+        parsed = {"value": value.strip()}
+    if len(parsed) > 1:
+        raise CaseError(f"--set {override!r}: must be one line; give --set once for each key")
     table: Any = tables
     for depth, part in enumerate(parts):
         last = depth == len(parts) - 1
         if isinstance(table, list):
             if not part.isdigit() or int(part) >= len(table):
+                known = f"entries 0 to {len(table) - 1}" if table else "no entries"
                 raise CaseError(
-                    f"--set {override}: {'.'.join(parts[:depth])} has entries 0 to "
-                    f"{len(table) - 1}, not {part!r}"
+                    f"--set {override}: {'.'.join(parts[:depth])} has {known}, not {part!r}; "
+                    "name one that is there, or add it to the file"
                 )
             if last:
-                table[int(part)] = parsed
+                table[int(part)] = parsed["value"]
             else:
                 table = table[int(part)]
         elif isinstance(table, dict):
             if last:
-                table[part] = parsed
+                table[part] = parsed["value"]
             else:
                 table = table.setdefault(part, {})
         else:
-            raise CaseError(f"--set {override}: {'.'.join(parts[:depth])} has no keys")
-
-
-def _first(error: ValidationError) -> Any:
-    """The error to tell: an unknown key first, as it is often why another one is missing."""
-    errors = error.errors()
-    return next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
-
-
-def place(parts: Sequence[Any]) -> str:
-    """[medium] or [[sources]] number 1, from a path through the tables."""
-    table, *rest = (str(part) for part in parts)
-    if table in ("sources", "receivers") and rest and rest[0].isdigit():
-        return f"[[{table}]] number {int(rest[0]) + 1}:"
-    return f"[{table}]"
-
-
-_PLAIN = {
-    "float_type": "must be a number",
-    "int_type": "must be a whole number",
-    "string_type": "must be text in quotes",
-    "list_type": "must be an array of tables, [[…]]",
-    "finite_number": "must be finite",
-    "too_short": "needs at least one entry",
-}
-
-
-def _sentence(error: Any) -> str:
-    """One validation error in words: key, value, and what is allowed."""
-    parts = [part for part in error["loc"] if not _is_member(part)]
-    kind, value = error["type"], error["input"]
-    top = len(parts) == 1 and parts[0] not in Case.model_fields
-    key = str(parts[-1])
-    where = "" if top or len(parts) < 2 else place(parts[:-1]) + " "
-    if kind == "extra_forbidden":
-        allowed = _allowed(parts[:-1])
-        near = difflib.get_close_matches(key, allowed, 1)
-        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(allowed)}"
-        return f"{where}{key} = {_short(value)}: unknown key; {hint}"
-    if kind == "missing":
-        return f"{where}{key}: required, but not given"
-    if kind == "value_error" and isinstance(value, dict):
-        return f"{place(parts)} {error['ctx']['error']}"
-    if kind == "value_error":
-        text = str(error["ctx"]["error"])
-    elif kind == "literal_error":
-        text = f"must be {error['ctx']['expected']}"
-        if parts[-1] in ("step", "samples"):
-            text = "must be a number greater than 0, or 'auto'"
-    elif kind == "model_type":
-        return f"{key} = {_short(value)}: must be a table, [{key}]"
-    elif kind in ("greater_than", "greater_than_equal", "less_than_equal"):
-        text = error["msg"].replace("Input should be", "must be")
-    else:
-        text = _PLAIN.get(kind, error["msg"])
-    return f"{where}{key} = {_short(value)}: {text}"
-
-
-def _is_member(part: Any) -> bool:
-    """Whether a part of a location names a member of a union rather than a key."""
-    return isinstance(part, str) and ("[" in part or part.startswith("constrained-"))
-
-
-def _allowed(parts: Sequence[Any]) -> list[str]:
-    model: Any = Case
-    tables = {
-        "medium": MediumTable,
-        "bar": BarTable,
-        "sources": SourceTable,
-        "receivers": ReceiverTable,
-        "time": TimeTable,
-        "analysis": AnalysisTable,
-    }
-    if parts:
-        model = tables[str(parts[0])]
-    return list(model.model_fields)
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "…"
+            raise CaseError(
+                f"--set {override}: {'.'.join(parts[:depth])} is a value and has no keys; must be "
+                "table.key=value, such as bar.order=10"
+            )

@@ -13,7 +13,8 @@ import tomli_w
 from scipy.optimize import brentq
 
 from wavesim.bar import Bar
-from wavesim.case import Case, CaseError, place, read
+from wavesim.case import Case, CaseError, read
+from wavesim.casemessages import place
 from wavesim.equations import flux_form
 from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
@@ -26,6 +27,8 @@ Built = TypeVar("Built")
 
 # Branches are judged between these k̄ where the case does not say otherwise.
 _JUDGED = (0.02, 0.5)
+# A field of more bytes than this is taken for a slip of the pen.
+_LARGEST = 1e12
 
 
 @dataclass(frozen=True)
@@ -106,16 +109,36 @@ def settle(case: Case, name: str) -> Problem:
     for number, receiver in enumerate(case.receivers):
         where = ("receivers", str(number))
         build(where, lambda r=receiver: bar.sampling(r.position, False))  # type: ignore[misc]
-    unit = 2 * math.pi / medium.length_scale
     return Problem(
         case,
         build(("time",), lambda: _plan(case, medium, bar, sources)),
         {receiver.name: receiver.position for receiver in case.receivers},
-        (
-            case.analysis.k_min or _JUDGED[0] * unit,
-            case.analysis.k_max or _JUDGED[1] * unit,
-        ),
+        build(("analysis",), lambda: _judged(case, medium, bar)),
     )
+
+
+def _judged(case: Case, medium: Medium, bar: Bar) -> tuple[float, float]:
+    """Wavenumbers between which branches are judged, held to what the bar resolves."""
+    unit = 2 * math.pi / medium.length_scale
+    low = case.analysis.k_min or _JUDGED[0] * unit
+    high = case.analysis.k_max or _JUDGED[1] * unit
+    if low >= high:
+        raise ValueError(
+            f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {_JUDGED[0]:g} and "
+            f"{_JUDGED[1]:g} are the defaults); give the other too"
+        )
+    if high > math.pi / bar.spacing:
+        raise ValueError(
+            f"k_max = {high:g}: the grid holds wavenumbers up to {math.pi / bar.spacing:.5g} "
+            "rad/m; take that or less, or a finer [bar] spacing"
+        )
+    if high * bar.length < 4 * math.pi:
+        raise ValueError(
+            f"k_max = {high:g}: the bar of {bar.length:.4g} m holds only multiples of "
+            f"{2 * math.pi / bar.length:.4g} rad/m, and at least two are needed; raise k_max, or "
+            f"lengthen the bar to {4 * math.pi / high:.3g} m"
+        )
+    return low, high
 
 
 def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Plan:
@@ -123,7 +146,7 @@ def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Pl
     step = None if time.step == "auto" else time.step
     samples = None if time.samples == "auto" else time.samples
     try:
-        return plan(medium, bar, sources, time.duration, samples, time.solver, step)
+        settled = plan(medium, bar, sources, time.duration, samples, time.solver, step)
     except StepTooLongError as error:
         assert step is not None
         limit = error.fraction * step
@@ -131,6 +154,16 @@ def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Pl
             f"step = {step:g}: the Verlet stepper is stable up to {limit:.4g} s on this bar; "
             "take that or less, 'auto', or solver = 'chebyshev'"
         ) from None
+    frames = settled.schedule.frames
+    size = 8.0 * frames * bar.cells * len(settled.fields)
+    if size > _LARGEST:
+        given = f"duration = {time.duration:g}" if samples is None else f"samples = {samples}"
+        raise ValueError(
+            f"{given}: {frames:.6g} frames of {len(settled.fields)} fields on {bar.cells} cells "
+            f"are {size / 1e12:.3g} TB, more than {_LARGEST / 1e12:g} TB; lower it, or take fewer "
+            "cells"
+        )
+    return settled
 
 
 def check_carried(source: Ricker, medium: Medium, bar: Bar) -> None:
