@@ -13,7 +13,7 @@ from wavesim.dispersion import Ridge, Spectrum, ridges, spectrum
 from wavesim.field import Field
 from wavesim.sectors import Block
 from wavesim.source import excited_band
-from wavesim.transmission import Attenuation, attenuation
+from wavesim.transmission import FEWEST_POINTS, Attenuation, attenuation
 
 # The attenuation is measured up to this many times the highest peak frequency.
 _ABOVE_PEAK = 2.0
@@ -29,7 +29,7 @@ class Measured:
         block: the block.
         spectrum: its power over k and ω.
         ridges: the branches found in it.
-        attenuation: complex wavenumber; None where nothing travels.
+        attenuation: complex wavenumber; None where nothing travels, or too short a way.
     """
 
     block: Block
@@ -64,6 +64,7 @@ def extract(
         if block.rotations:
             peak = 2 * np.pi * max(s.peak_frequency for s in field.sources)
             omega = np.linspace(low, min(high, _ABOVE_PEAK * peak), frequencies)
-            travelling = attenuation(field, block, omega, damping)
+            curve = attenuation(field, block, omega, damping)
+            travelling = curve if len(curve.distance) >= FEWEST_POINTS else None
         found.append(Measured(block, shown, ridges(shown), travelling))
     return found

@@ -1,6 +1,7 @@
 """The commands: arguments, progress and exit codes. Nothing imports this module.
 
-Exit codes: 0 all well; 1 a check of the run fell short; 2 bad input; 3 the integration failed.
+Exit codes: 0 all well; 1 a check of the run fell short; 2 bad input; 3 the integration failed; 130
+interrupted from the keyboard.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, NoReturn
 
 import click
 
-FELL_SHORT, BAD_INPUT, NOT_FINITE = 1, 2, 3
+FELL_SHORT, BAD_INPUT, NOT_FINITE, INTERRUPTED = 1, 2, 3, 130
 
 
 def _stop(message: str, code: int) -> NoReturn:
@@ -87,6 +88,8 @@ def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], 
         return runner.run(problem, folder, resume, tell)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
+    except KeyboardInterrupt:
+        _stop(f"interrupted; what was done is in {folder}, --resume carries on", INTERRUPTED)
 
 
 class _progress:

@@ -126,6 +126,8 @@ def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
     height = np.log(np.maximum(found.power[index], 1e-300))
     at, _ = find_peaks(height, height=height.max() + np.log(_FLOOR))
     left, middle, right = height[at - 1], height[at], height[at + 1]
+    round_top = left + right < 2 * middle  # a plateau, as of nothing at all, is no peak
+    at, left, middle, right = at[round_top], left[round_top], middle[round_top], right[round_top]
     shift = 0.5 * (left - right) / (left - 2 * middle + right)
     top = middle - 0.25 * (left - right) * shift
     return found.omega[0] + (at + shift) * (found.omega[1] - found.omega[0]), np.exp(top)

@@ -58,7 +58,7 @@ TITLES = {
 
 def decibels(amplitude: Any, reference: float) -> np.ndarray:
     """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
-    return 20 * np.log10(np.maximum(np.abs(amplitude), 1e-15 * reference) / reference)
+    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
 
 
 def second_axes(axes: Axes, x: tuple[float, str] | None, y: tuple[float, str] | None) -> None:
@@ -88,12 +88,12 @@ def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool
         if upright:
             axes.text(
                 middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7,
-                transform=axes.get_xaxis_transform(),
+                transform=axes.get_xaxis_transform(), clip_on=True,
             )  # fmt: skip
         else:
             axes.text(
                 0.985, middle, gap.name, ha="right", va="center", fontsize=7,
-                transform=axes.get_yaxis_transform(),
+                transform=axes.get_yaxis_transform(), clip_on=True,
             )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
     to_kHz = 1 / (2e3 * np.pi)
     step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * to_kHz
     image = axes.imshow(
-        10 * np.log10(np.maximum(_thin(power.T, (1200, 4096)), 1e-12) / power.max()),
+        10 * np.log10(np.maximum(_thin(power.T, (1200, 4096)) / (power.max() or 1.0), 1e-12)),
         origin="lower",
         aspect="auto",
         extent=(-step_k / 2e3, (found.k[-1] + step_k / 2) / 1e3, 0, top),
@@ -207,7 +207,7 @@ def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[
     """Frequencies (kHz) between which a dispersion figure is drawn: all branches, with room."""
     ends = [block_frequencies(medium, h.measured.block, [0.0, k]) for h in own]
     low, high = (edge(np.concatenate(ends, axis=1)) / (2e3 * np.pi) for edge in (np.min, np.max))
-    return 0.75 * low, min(top, 1.08 * high)
+    return (0.75 * low if low < top else 0.0), min(top, 1.08 * high)
 
 
 def attenuation(field: Field, held: Held) -> Figure:
@@ -283,7 +283,7 @@ def receivers(field: Field) -> Figure:
         for number, (label, u) in enumerate(zip(labels, signals, strict=True)):
             kind = {"color": shades[number], "ls": styles[number % 4], "lw": 0.9}
             signal.plot(field.t * 1e6, u * factor, label=label, **kind)
-            window = np.hanning(len(u))
+            window = np.hanning(len(u) + 2)[1:-1]
             f = np.fft.rfftfreq(4 * len(u), field.interval) / 1e3
             power = 2 * np.abs(np.fft.rfft(u * window, 4 * len(u))) / window.sum()
             largest = max(largest, float(power.max()))

@@ -47,6 +47,8 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
 
 
 def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return "none"
     if value == int(value) and abs(value) < 1e5:
         return f"{value:.0f}"
     return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"

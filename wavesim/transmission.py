@@ -25,7 +25,7 @@ Complex = NDArray[np.complex128]
 _FROM = 2.0
 _PART = 0.125
 _ABOVE_FLOOR = 30.0
-_FEWEST_POINTS = 6
+FEWEST_POINTS = 6
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def wavenumber_of_decay(amplitude: Complex, distance: Float, floor: float) -> co
     """
     above = np.abs(amplitude) > floor
     count = len(above) if above.all() else int(np.argmin(above))
-    if count < _FEWEST_POINTS:
+    if count < FEWEST_POINTS:
         return complex(np.nan, np.nan)
     U, x = amplitude[:count], distance[:count]
     logarithm = np.log(np.abs(U)) + 1j * np.unwrap(np.angle(U))
