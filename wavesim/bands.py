@@ -128,10 +128,11 @@ def table(medium: Medium) -> list[dict[str, Any]]:
         for branch, start, end, gap in zip(block.branches, starts, ends, above, strict=True):
             rows.append(_row(medium, label, branch, start, end, gap))
     (shear,) = gaps(medium, "inplane")
-    lines = sorted(
+    lines = [
         (float(block_frequencies(medium, block, 0.0)[0, 0]), block.branches[0])
         for block in blocks_of("inplane")
-    )
+    ]
+    lines.sort(key=lambda line: float(f"{line[0]:.10g}"))  # two are equal but for rounding
     for i, (line, branch) in enumerate(lines):
         rows.append(_row(medium, "inplane", branch, line, line, None if i else shear))
     return rows

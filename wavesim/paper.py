@@ -111,11 +111,12 @@ def figures() -> dict[str, tuple[str, Figure]]:
     return drawn
 
 
-def reproduce(out: Path) -> dict[str, Any]:
+def reproduce(out: Path, dpi: int = 160) -> dict[str, Any]:
     """Write the paper's figures, the page paper.md and the numbers paper.json to a folder.
 
     Args:
         out: the folder; made if it does not exist.
+        dpi: resolution of the figures, dots per inch.
 
     Returns:
         What paper.json holds: {"source", "figures": {file: caption}, "gaps": [...], "claims":
@@ -129,7 +130,7 @@ def reproduce(out: Path) -> dict[str, Any]:
     out.mkdir(parents=True, exist_ok=True)
     captions = {}
     for name, (caption, figure) in figures().items():
-        figure.savefig(out / name, dpi=160)
+        figure.savefig(out / name, dpi=dpi)
         captions[name] = caption
     claims, gaps, stability = judge(), gap_rows(), stability_rows()
     (out / "paper.md").write_text(page(captions, claims, gaps, stability), encoding="utf-8")

@@ -1,0 +1,175 @@
+"""Waves at an angle: rotated tensors, isotropy, and two routes to group velocity."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from media import media
+
+from wavesim import direction, planewave
+from wavesim.medium import Medium
+from wavesim.sectors import SECTORS
+from wavesim.tensors import (
+    average_stiffness,
+    direction_moments,
+    gradient_stiffness,
+    relative_stiffness,
+)
+
+property_test = settings(deadline=None, derandomize=True, max_examples=40)
+angles = st.floats(-np.pi, np.pi)
+MEDIUM = Medium(anisotropy=1.0, closure="consistent")
+BAR = MEDIUM.time_scale
+
+
+def turn(theta):
+    c, s = np.cos(theta), np.sin(theta)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def turned(tensor, Q):
+    """The tensor of the body turned by Q: Q on every index."""
+    for axis in range(tensor.ndim):
+        tensor = np.moveaxis(np.tensordot(Q, tensor, axes=(1, axis)), 0, axis)
+    return tensor
+
+
+def by_formula(normal, eta, count, fabric, scale):
+    """scale ⟨G_ik n…n⟩, count n's beside G, with ξ = (δ_pq + F_pq) n_p n_q/4π for any fabric F."""
+    weight = np.eye(3) + fabric
+    aligned = np.tensordot(direction_moments(count + 4), weight, axes=2)
+    spread = np.tensordot(direction_moments(count + 2), weight, axes=2)
+    return scale * normal * ((1 - eta) * aligned + eta * np.multiply.outer(np.eye(3), spread))
+
+
+@property_test
+@given(media(), angles)
+def test_tensors_turned_by_hand_are_those_of_the_turned_fabric(medium, theta):
+    """J, M, N turned on every index = the averages under Q F Qᵀ, to 1e-13 of the largest entry."""
+    Q = turn(theta)
+    a = medium.anisotropy
+    fabric = Q @ np.diag([a, -a / 2, -a / 2]) @ Q.T
+    area = medium.branch_length**2 * medium.contact_density
+    eta = medium.stiffness_ratio
+    for tensor, normal in (
+        (average_stiffness(medium), medium.G_n_a),
+        (relative_stiffness(medium), medium.G_n_r),
+    ):
+        expected = by_formula(normal, eta, 2, fabric, area).transpose(0, 2, 1, 3)
+        assert np.abs(turned(tensor, Q) - expected).max() <= 1e-13 * np.abs(expected).max()
+    tensor = gradient_stiffness(medium)
+    scale = area * medium.branch_length**2 / 4
+    expected = by_formula(medium.G_n_g, eta, 4, fabric, scale).transpose(0, 2, 3, 1, 4, 5)
+    assert np.abs(turned(tensor, Q) - expected).max() <= 1e-13 * np.abs(expected).max()
+
+
+@property_test
+@given(media(), angles, st.floats(0.02, 1.0))
+def test_contraction_with_the_direction_is_the_turned_body_along_its_axis(medium, theta, k_bar):
+    """Waves along n(θ) = waves along x₁ of the body turned by −θ: ω² to 1e-13 of the largest."""
+    tensors = direction.scaled_tensors(medium)
+    Q = turn(-theta)
+    back = direction.ScaledTensors(
+        *(turned(getattr(tensors, n), Q) for n in ("rotation", "coupling", "curvature", "gradient"))
+    )
+    k = np.array([2 * np.pi * k_bar])
+    one = direction.solve(direction.direction_form(medium, theta), k).squares
+    two = direction.solve(direction._contract(back, np.array([1.0, 0.0, 0.0])), k).squares
+    np.testing.assert_allclose(one, two, rtol=0, atol=2e-13 * np.abs(one).max())
+
+
+@property_test
+@given(media(), st.floats(0.02, 1.0))
+def test_along_the_axis_they_are_the_four_sectors(medium, k_bar):
+    """θ = 0 gives the equations of closure "consistent": ω² to 1e-13 of the largest."""
+    k = 2 * np.pi * k_bar / medium.branch_length
+    sectors = np.concatenate([planewave.frequencies(medium, s, k)[0] for s in SECTORS])
+    found = direction.frequencies(medium, 0.0, k)[0]
+    scale = found.max() ** 2
+    np.testing.assert_allclose(found**2, np.sort(sectors) ** 2, rtol=0, atol=1e-13 * scale)
+
+
+@property_test
+@given(media(a=(0.0, 0.0)), angles, st.floats(0.02, 1.0))
+def test_isotropic_bands_are_the_same_in_every_direction(medium, theta, k_bar):
+    """Law: a = 0 is isotropic. ω² to 1e-13 of the largest (rounding of a 12 × 12 eigenproblem)."""
+    k = 2 * np.pi * k_bar / medium.branch_length
+    one, two = (direction.frequencies(medium, x, k)[0] ** 2 for x in (0.0, theta))
+    np.testing.assert_allclose(two, one, rtol=0, atol=1e-13 * one.max())
+
+
+def test_anisotropic_bands_are_not():
+    one, two = (direction.frequencies(MEDIUM, x, 500.0)[0] for x in (0.0, np.pi / 2))
+    assert np.abs(two / one - 1).max() > 0.1
+
+
+@property_test
+@given(media(), angles, st.floats(0.02, 1.0))
+def test_the_mirror_splits_the_twelve_fields_at_every_angle(medium, theta, k_bar):
+    """The five fields with φ₃ and the seven with φ₁, φ₂ exchange nothing, exactly."""
+    form = direction.direction_form(medium, theta)
+    k = np.array([2 * np.pi * k_bar])
+    parts = [
+        direction.solve(direction.kind_form(form, kind), k).squares[0] for kind in direction.KINDS
+    ]
+    assert [len(part) for part in parts] == [7, 5]
+    whole = direction.solve(form, k).squares[0]
+    np.testing.assert_allclose(
+        np.sort(np.concatenate(parts)), np.sort(whole), rtol=0, atol=1e-13 * whole.max()
+    )
+
+
+@pytest.mark.parametrize("omega_bar", [0.3, 0.6, 1.24])
+def test_group_velocity_by_two_routes(omega_bar):
+    """Eigenvectors of all twelve fields at (k, θ), and the implicit derivative of the Christoffel
+    equation at (ω, θ), which leaves Γ out: they differ by Γ, 1e-12 of M. Tolerance 1e-9 of c∞."""
+    waves = direction.directed_waves(MEDIUM, omega_bar / BAR, [0.3, 0.9, 1.4])
+    checked = 0
+    for i, theta in enumerate(waves.theta):
+        for j in range(3):
+            slowness = waves.slowness[i, j]
+            if slowness.imag == 0:
+                k = slowness.real * waves.omega
+                omega = direction.frequencies(MEDIUM, theta, k)[0]
+                velocity = direction.group_velocity(MEDIUM, theta, k)[0]
+                same = np.argmin(np.abs(omega - waves.omega))
+                assert omega[same] == pytest.approx(waves.omega, rel=1e-9)
+                assert np.abs(velocity[same] - waves.group_velocity[i, j]).max() <= 1e-9 * 4121
+                checked += 1
+    assert checked >= 3
+
+
+def test_group_velocity_is_normal_to_the_slowness_curve():
+    """Law: V · ds/dθ = 0 with s(θ) = s n(θ). The closed curve is differentiated by FFT, 256
+    points, exact to rounding for so smooth a curve. Tolerance 1e-10 of |V||s|."""
+    theta = np.arange(256) * 2 * np.pi / 256
+    waves = direction.directed_waves(MEDIUM, 0.4 / BAR, theta)
+    assert (waves.slowness.imag == 0).all()
+    normal = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
+    curve = waves.slowness.real[..., None] * normal[:, None]
+    order = np.fft.fftfreq(256, 1 / 256)[:, None, None]
+    slope = np.fft.ifft(1j * order * np.fft.fft(curve, axis=0), axis=0).real
+    across = np.sum(waves.group_velocity * slope, axis=-1)
+    size = np.linalg.norm(waves.group_velocity, axis=-1) * np.linalg.norm(curve, axis=-1)
+    assert np.abs(across / size).max() <= 1e-10
+
+
+def test_along_the_axis_slowness_is_that_of_the_plane_wave_solver():
+    omega = 0.5 / BAR
+    waves = direction.directed_waves(MEDIUM, omega, [0.0])
+    expected = [planewave.wavenumber(MEDIUM, name, omega)[0] for name in waves.polarisations]
+    np.testing.assert_allclose(waves.slowness[0] * omega, expected, rtol=1e-12)
+    speeds = [
+        planewave.group_velocity(MEDIUM, name, k.real)[0, 0]
+        for name, k in zip(waves.polarisations, expected, strict=True)
+    ]
+    np.testing.assert_allclose(waves.group_velocity[0, :, 0], speeds, rtol=1e-9)
+
+
+def test_what_has_no_direction_is_refused():
+    with pytest.raises(ValueError, match="k = 0"):
+        direction.group_velocity(MEDIUM, 0.1, [0.0])
+    with pytest.raises(ValueError, match="omega = 0"):
+        direction.directed_waves(MEDIUM, 0.0, [0.1])
