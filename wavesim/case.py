@@ -19,6 +19,7 @@ from wavesim.equations import FIELDS
 from wavesim.medium import PARAMETERS, Closure, Medium, check_parameter
 from wavesim.source import Ricker
 from wavesim.stencils import ORDERS
+from wavesim.timestep import Solver
 
 End = Literal["periodic"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -152,7 +153,7 @@ class TimeTable(_Table):
     """[time]: duration (s) is required."""
 
     duration: Positive
-    solver: Literal["auto", "chebyshev", "verlet"] = "auto"
+    solver: Solver = "auto"
     step: Positive | Literal["auto"] = "auto"
     samples: Annotated[int, Field(ge=2)] | Literal["auto"] = "auto"
 
