@@ -255,7 +255,7 @@ def test_carrying_on_gives_the_same_bits(solver, of_seven):
 def test_chunks_do_not_matter(of_seven, monkeypatch):
     """Chunks of seven frames and one chunk of all give the same field and energy, to 1e-13 of the
     largest; measured 0: the same instructions, compiled for another number of frames. The progress
-    that is reported with the chunks ends at 1, and "auto" is Chebyshev."""
+    that is reported with the chunks ends at 1, and "auto" is Chebyshev on so short a bar."""
     chunks = cut("chebyshev")
     monkeypatch.setattr(Plan, "chunk", property(lambda self: 24))
     seen = []
