@@ -88,22 +88,13 @@ def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
     return _closed_form(spectral_form(medium, block), scaled) / medium.length_scale
 
 
-def dynamic_stiffness(form: BlockForm, square: Any) -> tuple[Any, Any]:
-    """D(ω²) of a block with one rotation and its derivative by ω², shape (n,) each, scaled."""
-    inner = form.c_bb - square[:, None, None] * np.eye(len(form.c_bb))
-    back = np.linalg.solve(inner, np.broadcast_to(form.c_bp, (len(square), *form.c_bp.shape)))
-    there = np.linalg.solve(
-        np.swapaxes(inner, -1, -2), np.broadcast_to(form.c_pb.T, (len(square), *form.c_bp.shape))
-    )
-    stiffness = form.c_pp[0, 0] - (form.c_pb @ back)[:, 0, 0]
-    return stiffness, -np.sum(there * back, axis=(-2, -1))
-
-
 def _closed_form(form: BlockForm, omega: Any) -> Complex:
-    square = omega**2
-    stiffness, derivative = dynamic_stiffness(form, square)
+    """k(ω) with Γ → 0, scaled: det(s P − Q) is then linear in s, with no pole at a cutoff."""
+    without = BlockForm(form.c_pp, form.c_pb, form.c_bp, form.c_bb, 0 * form.gamma)
+    values, rates = _polynomial(without, omega**2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return _outward(square / stiffness, 1 / stiffness - square * derivative / stiffness**2)
+        square = -values[:, 0] / values[:, 1]
+        return _outward(square, -(rates[:, 0] + rates[:, 1] * square) / values[:, 1])
 
 
 def _polynomial(form: BlockForm, square: Any) -> tuple[Any, Any]:

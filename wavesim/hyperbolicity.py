@@ -11,7 +11,8 @@ from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, Block, BlockForm
 from wavesim.spectral import Eigenmodes, Float, is_symmetric, solve, spectral_form
 
-# ω² that is negative, or complex, by less than these of the largest |ω²| at its k is rounding.
+# ω² that is negative, or complex, by less than these of the largest |ω²| at its k is rounding, or
+# of 1, near which scaled frequencies are: a wave that costs no energy (η = 0) has ω² of rounding.
 # Where one of two equal waves drives the other and not the reverse, rounding ε turns a double
 # ω² into a complex pair √ε apart; a growth that weak is a part in 1e-7 per cycle or less.
 _NEGATIVE, _COMPLEX = 1e-11, 1e-7
@@ -32,14 +33,14 @@ class NotHyperbolicError(ValueError):
             f"anisotropy = {medium.anisotropy:g} with stiffness_ratio = "
             f"{medium.stiffness_ratio:g}: the {sector} waves of closure {medium.closure!r} are "
             f"unstable: at k = {k:.4g} rad/m they grow as exp({growth_rate:.3g}/s · t); bring "
-            "the two nearer to 0 ≤ a ≤ 1, 0 ≤ η ≤ 1, or take closure 'consistent'"
+            "anisotropy nearer to 0, where no closure is, or take closure 'consistent'"
         )
 
 
 def growth_rates(squares: Any) -> Float:
     """Im ω of modes with given ω², 0 where it is rounding; shape (..., m) as given, scaled."""
     squares = np.asarray(squares, dtype=complex)
-    size = np.abs(squares).max(axis=-1, keepdims=True)
+    size = np.maximum(np.abs(squares).max(axis=-1, keepdims=True), 1.0)
     growth = np.abs(np.sqrt(squares).imag)
     rounding = (np.abs(squares.imag) < _COMPLEX * size) & (-squares.real < _NEGATIVE * size)
     return np.where(rounding, 0.0, growth)
