@@ -10,14 +10,12 @@ from typing import TypeVar
 
 import numpy as np
 import tomli_w
-from scipy.optimize import brentq
 
 from wavesim.bar import Bar
 from wavesim.case import Case, CaseError, read
 from wavesim.casemessages import place
-from wavesim.equations import flux_form
 from wavesim.medium import Medium
-from wavesim.plan import Plan, plan
+from wavesim.plan import Plan, fastest, plan
 from wavesim.planewave import check_hyperbolic
 from wavesim.source import Ricker
 from wavesim.stencils import modified_wavenumber
@@ -25,6 +23,8 @@ from wavesim.timestep import StepTooLongError
 
 Built = TypeVar("Built")
 
+# A grid carries what it slows down by no more than this.
+_PHASE_ERROR = 0.01
 # Branches are judged between these k̄ where the case does not say otherwise.
 _JUDGED = (0.02, 0.5)
 # A field of more bytes than this is taken for a slip of the pen.
@@ -187,10 +187,7 @@ def highest_frequency(medium: Medium, bar: Bar) -> float:
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    flux = flux_form(medium)
-    fastest = float(np.sqrt(np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))
-
-    def error(phase: float) -> float:
-        return float(modified_wavenumber(phase, 1.0, bar.order)) / phase - 0.99
-
-    return fastest * brentq(error, 1e-3, math.pi) / bar.spacing / (2 * math.pi)
+    phase = np.linspace(1e-3, math.pi, 20001)
+    slowing = 1 - modified_wavenumber(phase, 1.0, bar.order) / phase
+    limit = float(np.interp(_PHASE_ERROR, slowing, phase))
+    return fastest(medium) * limit / bar.spacing / (2 * math.pi)

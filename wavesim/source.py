@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import lambertw
 
 from wavesim.equations import FIELDS, ROTATIONS
 
@@ -130,6 +129,8 @@ def excited_band(sources: Sequence[Ricker]) -> tuple[float, float]:
 
     (ω/ω_p)² exp(1 − (ω/ω_p)²) = EXCITED at ω/ω_p = 0.01918 and 3.123.
     """
+    from scipy.special import lambertw  # slow to import, and only an analysis needs it
+
     peaks = [2 * math.pi * source.peak_frequency for source in sources]
     low, high = (math.sqrt(-lambertw(-EXCITED / math.e, branch).real) for branch in (0, -1))
     return low * min(peaks), high * max(peaks)
