@@ -10,7 +10,7 @@ import pytest
 
 from wavesim import planewave, surveyfigures
 from wavesim.family import block_forms
-from wavesim.gapmap import gap_map
+from wavesim.gapmap import gap_map, table
 from wavesim.medium import SPECTRAL_CLOSURES, Medium
 from wavesim.sectors import BLOCKS
 from wavesim.spectral import spectral_form
@@ -93,3 +93,16 @@ def test_bad_axes_are_refused():
         gap_map(Medium(), ("anisotropy", [0.1]), ("anisotropy", [0.1]))
     with pytest.raises(ValueError, match="anisotropy = 3: must be between -1 and 2"):
         gap_map(Medium(), ("anisotropy", [0.1, 3.0]), ("stiffness_ratio", [0.1]))
+
+
+def test_a_map_as_a_table_keeps_each_medium_in_one_row():
+    ratios, values = np.array([0.2, 0.8]), np.array([0.0, 0.3, 0.6])
+    found = gap_map(Medium(), ("anisotropy", values), ("stiffness_ratio", ratios))
+    header, rows = table(found)
+    assert header[:3] == ["anisotropy", "stiffness_ratio", "RLB1_lower"]
+    assert header[-2:] == ["full_lower", "full_upper"]
+    row = rows[4]
+    assert row[:2].tolist() == [0.3, 0.8]
+    gap = planewave.gaps(Medium(anisotropy=0.3, stiffness_ratio=0.8), "transverse2")[1]
+    assert row[header.index("RTB2_lower")] == pytest.approx(gap.lower, rel=1e-12)
+    assert row[header.index("RTB2_upper")] == pytest.approx(gap.upper, rel=1e-12)

@@ -228,6 +228,17 @@ def test_long_waves_are_exact_relative_to_themselves(closure):
         assert planewave.group_velocity(medium, sector, 0.0)[0, 0] == speed
 
 
+def test_without_tangential_stiffness_long_waves_still_have_a_speed():
+    """At η = 0 B[12] costs no energy and has ω = 0; TA keeps its speed, the limit η → 0."""
+    speeds = [
+        planewave.long_wave_speed(Medium(stiffness_ratio=eta), "transverse2") for eta in (0.0, 1e-7)
+    ]
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-6)
+    assert np.isfinite(
+        planewave.group_velocity(Medium(stiffness_ratio=0.0), "transverse2", 0.0)
+    ).all()
+
+
 # ---- laws --------------------------------------------------------------------------------------
 
 

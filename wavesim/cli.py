@@ -27,7 +27,8 @@ def _console(quiet: bool = False) -> Any:
     from rich.console import Console
 
     width = None if sys.stdout.isatty() else 120
-    return Console(quiet=quiet, highlight=False, width=width)
+    # Without markup: [time] in a message is a table of the case file.
+    return Console(quiet=quiet, highlight=False, markup=False, width=width)
 
 
 def _load(case: str, overrides: tuple[str, ...]) -> Any:
@@ -193,7 +194,83 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
             (folder / "bands.json").write_text(answer + "\n", encoding="utf-8")
             band_figure(medium).savefig(folder / "bands.png", dpi=160)
         except OSError as error:
-            _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
+            _stop(
+                f"--out {out}: can't be written: {error.strerror}; name another folder", BAD_INPUT
+            )
+
+
+@main.command()
+@click.option(
+    "--out", type=click.Path(), default="outputs/paper", show_default=True, help="Folder for it."
+)
+def paper(out: str) -> None:
+    """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
+    from wavesim.claims import CLOSURES
+    from wavesim.paper import reproduce
+
+    try:
+        result = reproduce(Path(out))
+    except OSError as error:
+        _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
+    click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
+    for claim in result["claims"]:
+        verdicts = "  ".join(f"{claim['verdicts'][closure]:<10}" for closure in CLOSURES)
+        click.echo(f"{claim['number']:>5}  {verdicts}")
+    click.echo(f"Page, figures and numbers in {out}")
+
+
+_AXIS = (str, float, float)
+
+
+@main.command()
+@_CASE
+@click.option(
+    "--x", type=_AXIS, default=("anisotropy", 0.0, 1.0), metavar="KEY FROM TO", help="Abscissa."
+)
+@click.option(
+    "--y",
+    type=_AXIS,
+    default=("stiffness_ratio", 0.0, 1.0),
+    metavar="KEY FROM TO",
+    help="Ordinate.",
+)
+@click.option("--points", type=click.IntRange(2, 2000), default=200, show_default=True)
+@click.option("--out", type=click.Path(), help="Folder; outputs/<case> by default.")
+@_SET
+def gaps(
+    case: str,
+    x: tuple[str, float, float],
+    y: tuple[str, float, float],
+    points: int,
+    out: str | None,
+    overrides: tuple[str, ...],
+) -> None:
+    """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png."""
+    medium = _load(case, overrides).plan.medium
+    import numpy as np
+
+    from wavesim.gapmap import gap_map, table
+    from wavesim.surveyfigures import gap_map_figure
+
+    try:
+        found = gap_map(
+            medium,
+            (x[0], np.linspace(x[1], x[2], points)),
+            (y[0], np.linspace(y[1], y[2], points)),
+        )
+    except ValueError as error:
+        _stop(str(error), BAD_INPUT)
+    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    header, rows = table(found)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        np.savetxt(
+            folder / "gap_map.csv", rows, delimiter=",", header=",".join(header), comments=""
+        )
+        gap_map_figure(found).savefig(folder / "gap_map.png", dpi=160)
+    except OSError as error:
+        _stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
+    click.echo(f"gap_map.csv and gap_map.png in {folder}")
 
 
 if __name__ == "__main__":

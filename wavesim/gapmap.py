@@ -120,3 +120,21 @@ def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) 
         return {name: np.broadcast_to(edge, shape) for name, edge in edges.items()}
 
     return GapMap(family, spread(lower), spread(upper), full_lower, full_upper, x[0], y[0])
+
+
+def table(gaps: GapMap) -> tuple[list[str], Float]:
+    """The map as one row for each medium, for a file.
+
+    Returns:
+        Names of the columns: the two parameters, then lower and upper edge of each gap and of
+        the widest full gap, rad/s; and the rows, shape (ny·nx, columns).
+    """
+    shape = gaps.full_lower.shape
+    columns = {
+        gaps.x: np.broadcast_to(getattr(gaps.medium, gaps.x), shape),
+        gaps.y: np.broadcast_to(getattr(gaps.medium, gaps.y), shape),
+    }
+    for name in gaps.lower:
+        columns[f"{name}_lower"], columns[f"{name}_upper"] = gaps.lower[name], gaps.upper[name]
+    columns["full_lower"], columns["full_upper"] = gaps.full_lower, gaps.full_upper
+    return list(columns), np.column_stack([np.ravel(column) for column in columns.values()])

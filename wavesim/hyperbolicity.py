@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, Block, BlockForm
@@ -70,6 +70,15 @@ def _spread(squares: Any) -> Float:
     return np.diff(real, axis=-1).min(axis=-1) / np.abs(real).max(axis=-1)
 
 
+def _least(function: Callable[[Float], Float], low: float, high: float) -> float:
+    """Where a function is least between two bounds, by grids ever finer about its least value."""
+    for _ in range(13):
+        x = np.linspace(low, high, 17)
+        i = int(np.argmin(function(x)))
+        low, high = x[max(i - 1, 0)], x[min(i + 1, 16)]
+    return float(x[i])
+
+
 def fastest_growth(form: BlockForm) -> tuple[float, float]:
     """The wavenumber of fastest growth of a block and Im ω there, both scaled; (0, 0) if none.
 
@@ -83,13 +92,7 @@ def fastest_growth(form: BlockForm) -> tuple[float, float]:
         spread = _spread(squares)
         lows = 1 + np.flatnonzero((spread[1:-1] <= spread[:-2]) & (spread[1:-1] <= spread[2:]))
         found = [
-            minimize_scalar(
-                lambda x: float(_spread(solve(form, np.array([x])).squares)[0]),
-                bounds=(k[i - 1], k[i + 1]),
-                method="bounded",
-                options={"xatol": 1e-12 * k[i]},
-            ).x
-            for i in lows
+            _least(lambda x: _spread(solve(form, x).squares), k[i - 1], k[i + 1]) for i in lows
         ]
         k = np.sort(np.concatenate([k, found]))
         squares = solve(form, k).squares
@@ -97,16 +100,12 @@ def fastest_growth(form: BlockForm) -> tuple[float, float]:
     top = int(np.argmax(growth))
     if growth[top] == 0:
         return 0.0, 0.0
-    best = minimize_scalar(
-        lambda x: -float(growth_rates(solve(form, np.array([x])).squares).max()),
-        bounds=(k[max(top - 1, 0)], k[min(top + 1, len(k) - 1)]),
-        method="bounded",
-    )
-    return max((float(k[top]), float(growth[top])), (float(best.x), float(-best.fun)), key=_rate)
 
+    def slowness(x: Float) -> Float:
+        return -growth_rates(solve(form, x).squares).max(axis=-1)
 
-def _rate(found: tuple[float, float]) -> float:
-    return found[1]
+    best = _least(slowness, k[max(top - 1, 0)], k[min(top + 1, len(k) - 1)])
+    return best, -float(slowness(np.array([best]))[0])
 
 
 def check_hyperbolic(medium: Medium) -> None:

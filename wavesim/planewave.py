@@ -89,13 +89,16 @@ def scaled_group_velocity(form: BlockForm, k: Float, modes: Eigenmodes) -> Float
     rising = slope(form, k, modes).real
     still = omega <= 1e-150
     speed = np.where(still, 0.0, rising / np.where(still, 1.0, 2 * omega))
-    if still.any() and np.shape(form.c_pp)[-1] == 1:
-        speed = np.where(still & (k == 0)[:, None], _scaled_long_wave_speed(form), speed)
+    starting = (k == 0) & still[:, 0]
+    if starting.any() and np.shape(form.c_pp)[-1] == 1:
+        speed[starting, 0] = _scaled_long_wave_speed(form)
     return speed
 
 
 def _scaled_long_wave_speed(form: BlockForm) -> float:
-    return float(np.sqrt((form.c_pp - form.c_pb @ np.linalg.solve(form.c_bb, form.c_bp))[0, 0]))
+    # A pseudo-inverse, as at η = 0 a micro-curvature that couples to nothing costs no energy.
+    static = form.c_pp - form.c_pb @ np.linalg.pinv(form.c_bb, rcond=1e-12) @ form.c_bp
+    return float(np.sqrt(static[0, 0]))
 
 
 def block_group_velocity(medium: Medium, block: Block, k: ArrayLike) -> Float:

@@ -45,7 +45,7 @@ def gap_map_figure(gaps: GapMap) -> Figure:
     for axes, name in zip(panels.flat, names, strict=True):
         width = gaps.width(name) * 1e-3 / (2 * math.pi)
         top = float(np.nanmax(width))
-        shown = np.ma.masked_invalid(np.where(width > 1e-9 * max(top, 1e-300), width, np.nan))
+        shown = np.ma.masked_invalid(np.where(width > 1e-6 * max(top, 1e-300), width, np.nan))
         image = axes.pcolormesh(x, y, shown, cmap="viridis", vmin=0.0, shading="auto")
         if top > 0:
             levels = MaxNLocator(7).tick_values(0.0, top)[1:]
