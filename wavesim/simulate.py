@@ -147,6 +147,32 @@ def _advance(
     return seen, jax.tree.map(lambda a: a[-1], last)
 
 
+# Compiled functions, by all that they depend on: a second run of one shape compiles nothing.
+_COMPILED: dict[Any, Any] = {}
+
+
+def _compiled(
+    equation: WaveEquation,
+    stepper: Any,
+    motion: Motion,
+    at: jax.Array,
+    step: float,
+    steps_per_frame: int,
+    frames: int,
+) -> Any:
+    """:func:`_advance` compiled for arguments of these shapes."""
+    arguments = (equation, stepper, motion, at)
+    leaves, structure = jax.tree.flatten(arguments)
+    shapes = tuple((np.shape(leaf), np.result_type(leaf).str) for leaf in leaves)
+    key = (structure, shapes, step, steps_per_frame, frames)
+    if key not in _COMPILED:
+        advance = functools.partial(
+            _advance, step=step, steps_per_frame=steps_per_frame, frames=frames
+        )
+        _COMPILED[key] = jax.jit(advance).lower(*arguments).compile()
+    return _COMPILED[key]
+
+
 def stream(
     settled: Plan, start: tuple[int, Motion] | None = None, timing: Timing | None = None
 ) -> Iterator[Chunk]:
@@ -171,11 +197,8 @@ def stream(
     stepper = _stepper(settled, equation)
     steps, size = settled.schedule, settled.chunk
     frame, motion = start or (0, Motion(operator.zero(), operator.zero(), jnp.zeros(())))
-    advance = functools.partial(
-        _advance, step=steps.step, steps_per_frame=steps.steps_per_frame, frames=size
-    )
     at = jnp.asarray(frame * steps.steps_per_frame)
-    run = jax.jit(advance).lower(equation, stepper, motion, at).compile()
+    run = _compiled(equation, stepper, motion, at, steps.step, steps.steps_per_frame, size)
     timing.compile += time.perf_counter() - begun
     if start is None:
         rest = (jax.tree.map(lambda a: a[None], motion.q), *(np.zeros(1) for _ in range(3)))
