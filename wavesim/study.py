@@ -27,7 +27,7 @@ PAPER_NAMES: dict[str, str] = {
     "TSO(22-33)": "TSO(B22−B33)",
 }
 A_VALUES = np.linspace(0.0, 1.0, 21)
-ETA_VALUES = np.linspace(0.0, 1.0, 41)
+ETA_VALUES = np.linspace(0.0, 1.0, 61) ** 2  # denser near 0, where edges go as √η
 K_BAR = np.linspace(0.0, 1.0, 201)
 
 
