@@ -13,3 +13,67 @@ def rng():
     import numpy as np
 
     return np.random.default_rng(6129)
+
+
+SMALL = """\
+title = "A small bar"
+
+[medium]
+closure = "consistent"
+anisotropy = 0.25
+
+[bar]
+length = 0.128
+spacing = 1.25e-4
+
+[[sources]]
+field = "phi1"
+position = 0.064
+peak_frequency = 1.0e6
+
+[[sources]]
+field = "B22"
+position = 0.064
+peak_frequency = 1.0e6
+amplitude = 3.0e-4
+
+[[receivers]]
+name = "near"
+position = 0.0681
+
+[[receivers]]
+name = "far"
+position = 0.0802
+
+[time]
+duration = 5.0e-5
+"""
+
+
+@pytest.fixture(scope="session")
+def small_case(tmp_path_factory):
+    """File of a case whose run takes seconds: longitudinal and in-plane waves, 1024 cells."""
+    path = tmp_path_factory.mktemp("case") / "small.toml"
+    path.write_text(SMALL)
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_run(small_case, tmp_path_factory):
+    """That case run whole: (problem, outcome, field)."""
+    from wavesim import runner, storage
+    from wavesim.problem import load
+
+    problem = load(small_case)
+    outcome = runner.run(problem, tmp_path_factory.mktemp("small"))
+    return problem, outcome, storage.read(outcome.folder / "result.h5", problem)
+
+
+@pytest.fixture(scope="session")
+def small_held(small_run):
+    """What is measured from it, beside the theory, block by block."""
+    from wavesim.analysis import extract
+    from wavesim.verdict import hold
+
+    problem, _, field = small_run
+    return [hold(field, m, problem.k_range) for m in extract(field, problem.k_range[1])]

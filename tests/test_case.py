@@ -1,0 +1,329 @@
+"""The case file: what is wrong is told in one line, what is left out has a default."""
+
+import copy
+import dataclasses
+import math
+import tomllib
+
+import numpy as np
+import pytest
+import tomli_w
+
+from wavesim.case import Case, CaseError, parse, read
+from wavesim.medium import Medium
+from wavesim.problem import load, settle
+
+BASE = {
+    "bar": {"length": 0.032, "spacing": 1.25e-4},
+    "sources": [{"field": "phi1", "position": 0.016, "peak_frequency": 6e5}],
+    "receivers": [{"name": "near", "position": 0.02}],
+    "time": {"duration": 4e-6},
+}
+TEXT = tomli_w.dumps(BASE)
+
+
+def problem_of(*overrides, text=TEXT):
+    return settle(parse(text, "my.toml", overrides), "my.toml")
+
+
+def message_of(*overrides, text=TEXT):
+    with pytest.raises(CaseError) as caught:
+        problem_of(*overrides, text=text)
+    return str(caught.value)
+
+
+def without(*path):
+    tables = copy.deepcopy(BASE)
+    inner = tables
+    for key in path[:-1]:
+        inner = inner[key]
+    del inner[path[-1]]
+    return tomli_w.dumps(tables)
+
+
+# override, where, key and value as the file would spell them, remedy
+BAD = [
+    # unknown keys
+    ("medium.anisotropi=0.2", "[medium] anisotropi = 0.2", "did you mean anisotropy?"),
+    ("bar.lenght=1", "[bar] lenght = 1", "did you mean length?"),
+    ("sources.0.positon=3", "[[sources]] number 1: positon = 3", "did you mean position?"),
+    ("receivers.0.nam='a'", '[[receivers]] number 1: nam = "a"', "did you mean name?"),
+    ("time.zzz=1", "[time] zzz = 1", "known are duration, solver, step, samples"),
+    ("mediun.anisotropy=0.2", "mediun = {", "did you mean medium?"),
+    ("plot.colour='red'", "plot = {", "known are title, medium, bar, sources, receivers, time"),
+    ("order=10", "order = 10", "unknown key"),
+    # wrong types
+    ("title=3", "title = 3", "text in quotes"),
+    ("medium=3", "medium = 3", "a table, [medium]"),
+    ("sources=3", "sources = 3", "an array of tables"),
+    ("sources.0=3", "[[sources]] number 1: 3", "a table, [[sources]]"),
+    ("medium.anisotropy=true", "[medium] anisotropy = true", "a number"),
+    ("medium.anisotropy='0.2'", '[medium] anisotropy = "0.2"', "a number"),
+    ("bar.spacing='fine'", '[bar] spacing = "fine"', "a number"),
+    ("bar.order=8.0", "[bar] order = 8.0", "a whole number"),
+    ("bar.order=true", "[bar] order = true", "a whole number"),
+    ("sources.0.field=3", "[[sources]] number 1: field = 3", "text in quotes"),
+    ("time.step='big'", '[time] step = "big"', 'a number, or "auto"'),
+    ("time.step=true", "[time] step = true", 'a number, or "auto"'),
+    ("time.samples='many'", '[time] samples = "many"', 'a whole number, or "auto"'),
+    ("time.samples=10.5", "[time] samples = 10.5", 'a whole number, or "auto"'),
+    # words
+    ("medium.closure='other'", '[medium] closure = "other"', '"printed" or "consistent"'),
+    ("medium.closure='appendix_c'", '[medium] closure = "appendix_c"', '"printed" or'),
+    ("medium.closure=true", "[medium] closure = true", '"printed" or "consistent"'),
+    ("time.solver='rk4'", '[time] solver = "rk4"', '"chebyshev" or "verlet"'),
+    ("sources.0.kind='sine'", '[[sources]] number 1: kind = "sine"', '"ricker"'),
+    ("sources.0.field='phi4'", '[[sources]] number 1: field = "phi4"', "one of phi1, phi2"),
+    # the medium's admissible ranges
+    ("medium.anisotropy=2.5", "[medium] anisotropy = 2.5", "between -1 and 2"),
+    ("medium.anisotropy=-1.5", "[medium] anisotropy = -1.5", "between -1 and 2"),
+    ("medium.stiffness_ratio=-0.1", "[medium] stiffness_ratio = -0.1", "≥ 0"),
+    ("medium.density=0", "[medium] density = 0", "greater than 0"),
+    ("medium.G_n_g=-1", "[medium] G_n_g = -1", "0 or greater"),
+    ("medium.rotation_inertia=0", "[medium] rotation_inertia = 0", "greater than 0"),
+    ("medium.anisotropy=nan", "[medium] anisotropy = nan", "finite"),
+    ("medium.branch_length=inf", "[medium] branch_length = inf", "finite"),
+    ("medium.anisotropy=2.0", "[medium] anisotropy = 2 ", "or take closure 'consistent'"),
+    # the bar
+    ("bar.length=-0.1", "[bar] length = -0.1", "greater than 0"),
+    ("bar.length=nan", "[bar] length = nan", "finite"),
+    ("bar.length=inf", "[bar] length = inf", "finite"),
+    ("bar.length=0.0321", "[bar] length = 0.0321", "the nearest is 0.032125"),
+    ("bar.length=0.001", "[bar] cells = 8", "needs at least 16; lengthen the bar"),
+    ("bar.cells=256", "[bar] length, cells: both", "one of the two"),
+    ("bar.spacing=0", "[bar] spacing = 0", "greater than 0"),
+    ("bar.order=3", "[bar] order = 3", "one of 2, 4, 6, 8, 10, 12"),
+    ("bar.order=14", "[bar] order = 14", "one of 2, 4, 6, 8, 10, 12"),
+    # the sources
+    ("sources=[]", "sources = []", "at least one is needed"),
+    ("sources.0.position=0.05", "[[sources]] number 1: position = 0.05", "0 to 0.032 m"),
+    ("sources.0.position=-0.01", "[[sources]] number 1: position = -0.01", "0 or greater"),
+    ("sources.0.position=nan", "[[sources]] number 1: position = nan", "finite"),
+    ("sources.0.peak_frequency=5e7", "[[sources]] number 1: peak_frequency = 5e+07", "lower it"),
+    ("sources.0.peak_frequency=0", "[[sources]] number 1: peak_frequency = 0", "greater than 0"),
+    ("sources.0.peak_frequency=inf", "[[sources]] number 1: peak_frequency = inf", "finite"),
+    ("sources.0.amplitude=0", "[[sources]] number 1: amplitude = 0", "nothing moves"),
+    ("sources.0.amplitude=nan", "[[sources]] number 1: amplitude = nan", "finite"),
+    ("sources.0.delay=nan", "[[sources]] number 1: delay = nan", "finite"),
+    ("sources.0.width=-1", "[[sources]] number 1: width = -1", "0 or greater"),
+    ("sources.0.width=0.003", "[[sources]] number 1: width = 0.003", "take at most"),
+    # the receivers
+    ("receivers.0.name=''", '[[receivers]] number 1: name = ""', "not blank"),
+    ("receivers.0.name='a/b'", '[[receivers]] number 1: name = "a/b"', "without '/'"),
+    ("receivers.0.name='..'", '[[receivers]] number 1: name = ".."', "not only dots"),
+    ("receivers.0.position=1", "[[receivers]] number 1: position = 1", "0 to 0.032 m"),
+    (
+        "receivers=[{name='a',position=0.01},{name='a',position=0.02}]",
+        '[[receivers]] name = "a"',
+        "each receiver needs its own",
+    ),
+    # time
+    ("time.duration=0", "[time] duration = 0", "greater than 0"),
+    ("time.duration=-1", "[time] duration = -1", "greater than 0"),
+    ("time.duration=nan", "[time] duration = nan", "finite"),
+    ("time.duration=1e6", "[time] duration = 1e+06", "lower it"),
+    ("time.step=0", "[time] step = 0", 'greater than 0, or "auto"'),
+    ("time.step=inf", "[time] step = inf", "finite"),
+    ("time.samples=1", "[time] samples = 1", "2 or greater"),
+    ("time.samples=100000000000", "[time] samples = 100000000000", "lower it"),
+    # analysis
+    ("analysis.k_min=-1", "[analysis] k_min = -1", "greater than 0"),
+    ("analysis.k_min=5000", "[analysis] k_min = 5000", "below k_max"),
+    ("analysis.k_max=10", "[analysis] k_min = 125.664", "below k_max = 10"),
+    ("analysis.k_max=1e9", "[analysis] k_max = 1e+09", "finer [bar] spacing"),
+    ("analysis.k_max=250", "[analysis] k_max = 250", "raise k_max, or lengthen the bar"),
+    ("analysis.frequencies=3", "[analysis] frequencies = 3", "8 or greater"),
+    ("analysis.damping=50", "[analysis] damping = 50", "30 or less"),
+    ("analysis.damping=nan", "[analysis] damping = nan", "finite"),
+]
+
+
+@pytest.mark.parametrize(("override", "given", "remedy"), BAD, ids=[row[0] for row in BAD])
+def test_bad_value_is_told_in_one_line(override, given, remedy):
+    message = message_of(override)
+    assert message.startswith("my.toml: ")
+    assert "\n" not in message
+    assert given in message
+    assert remedy in message.partition(given)[2]
+    assert len(message) < 330
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        (("bar",), "[bar]: required"),
+        (("sources",), "[[sources]]: required"),
+        (("time",), "[time]: required"),
+        (("time", "duration"), "[time] duration: required"),
+        (("bar", "length"), "[bar] length, cells: neither is given; give length (m) or cells"),
+        (("sources", 0, "field"), "[[sources]] number 1: field: required"),
+        (("sources", 0, "position"), "[[sources]] number 1: position: required"),
+        (("sources", 0, "peak_frequency"), "[[sources]] number 1: peak_frequency: required"),
+        (("receivers", 0, "name"), "[[receivers]] number 1: name: required"),
+    ],
+    ids=str,
+)
+def test_what_is_missing_is_named(path, told):
+    message = message_of(text=without(*path))
+    assert message.startswith(f"my.toml: {told}")
+    assert "\n" not in message
+
+
+def test_unknown_key_is_told_before_the_one_it_stands_for():
+    text = TEXT.replace("duration", "durration")
+    assert "[time] durration = 4e-06: unknown key; did you mean duration?" in message_of(text=text)
+
+
+@pytest.mark.parametrize(
+    ("override", "remedy"),
+    [
+        ("bar.order", "must be table.key=value"),
+        ("=3", "must be table.key=value"),
+        ("bar.=3", "must be table.key=value"),
+        ("bar..order=3", "must be table.key=value"),
+        ("sources.1.field='phi1'", "entries 0 to 0, not '1'"),
+        ("sources.-1.field='phi1'", "entries 0 to 0, not '-1'"),
+        ("sources.first.field='phi1'", "entries 0 to 0, not 'first'"),
+        ("bar.length.x=3", "bar.length is a value and has no keys"),
+        ("bar.order=10\nbar.cells=3", "one line"),
+    ],
+)
+def test_bad_override_is_told_as_such(override, remedy):
+    message = message_of(override)
+    assert message.startswith("--set ")
+    assert "\n" not in message
+    assert remedy in message
+
+
+def test_index_into_an_array_that_is_not_there():
+    message = message_of("receivers.0.name='a'", text=without("receivers"))
+    assert message.startswith("my.toml: receivers = ")
+    assert message.endswith("must be an array of tables, [[…]]")
+
+
+def test_step_beyond_the_limit_of_stability_names_the_limit():
+    """The limit told is that of the stepper: just below it is taken, just above refused."""
+    message = message_of("time.solver='verlet'", "time.step=1e-6")
+    assert message.startswith("my.toml: [time] step = 1e-06:")
+    limit = float(message.split("stable up to ")[1].split(" s ")[0])
+    problem_of("time.solver='verlet'", f"time.step={0.999 * limit:.6e}")
+    assert "stable up to" in message_of("time.solver='verlet'", f"time.step={1.001 * limit:.6e}")
+
+
+def test_peak_frequency_limit_and_remedy_hold():
+    """The frequency told as carried is carried, and so is the first one on the spacing told."""
+    message = message_of("sources.0.peak_frequency=2e7")
+    highest = float(message.split("at most ")[1].split(" Hz")[0])
+    spacing = float(message.split("spacing ≤ ")[1])
+    problem_of(f"sources.0.peak_frequency={0.999 * highest:.6e}")
+    cells = math.ceil(0.032 / spacing) + 2
+    problem_of("sources.0.peak_frequency=2e7", f"bar.spacing={0.032 / cells!r}")
+
+
+def test_not_a_file_not_text_and_not_toml(tmp_path):
+    for path, told in (
+        (tmp_path / "absent.toml", "no such file"),
+        (tmp_path, "can't be read: Is a directory"),
+    ):
+        with pytest.raises(CaseError, match=told) as caught:
+            read(path)
+        assert str(caught.value).startswith(f"{path}: ")
+        assert "\n" not in str(caught.value)
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(CaseError, match="not a text file in UTF-8"):
+        read(binary)
+    for broken in ("[medium\n", "a = \n", 'title = "x\n', "[bar]\n[bar]\n"):
+        message = message_of(text=broken)
+        assert message.startswith("my.toml: not valid TOML: ")
+        assert "line" in message
+        assert "\n" not in message
+
+
+def test_defaults():
+    """What a case may leave out is Table 1 of the paper and the design's own choices."""
+    problem = problem_of()
+    case, plan = problem.case, problem.plan
+    assert plan.medium == Medium()
+    assert (case.medium.closure, case.medium.anisotropy, case.medium.stiffness_ratio) == (
+        "printed",
+        0.0,
+        0.5,
+    )
+    assert (plan.bar.cells, plan.bar.spacing, plan.bar.order) == (256, 1.25e-4, 8)
+    (source,) = plan.sources
+    assert (source.amplitude, source.width, source.peak_time) == (1.0, 0.0, 2 / 6e5)
+    assert problem.k_range == pytest.approx((0.02 * 2e3 * np.pi, 0.5 * 2e3 * np.pi), rel=1e-15)
+    # Twice the band of 2.5 peak frequencies: an interval of 1/(2 · 2 · 2.5 f_p).
+    assert plan.duration / (plan.schedule.frames - 1) <= 1 / (10 * 6e5)
+    assert problem_of("bar.spacing=2.5e-4").plan.bar.cells == 128
+    no_spacing = copy.deepcopy(BASE)
+    del no_spacing["bar"]["spacing"]
+    coarse = problem_of("medium.branch_length=2e-3", text=tomli_w.dumps(no_spacing))
+    assert coarse.plan.bar.spacing == 2.5e-4
+
+
+def test_whole_numbers_do_for_numbers():
+    assert problem_of("medium.anisotropy=1").plan.medium.anisotropy == 1.0
+
+
+def test_overrides_are_laid_over_in_order():
+    problem = problem_of(
+        "bar.order=10",
+        "bar.order=12",
+        "sources.0.field='phi2'",
+        "sources.0.width = 1e-4",
+        "medium.closure=consistent",
+        "title=A bar",
+        "time.samples=33",
+    )
+    plan = problem.plan
+    assert plan.bar.order == 12
+    assert (plan.sources[0].field, plan.sources[0].width) == ("phi2", 1e-4)
+    assert plan.medium.closure == "consistent"
+    assert problem.case.title == "A bar"
+    assert plan.schedule.frames == 33
+
+
+def meaning(plan):
+    """A plan without the difference between what is given and what stands for None."""
+    medium = dataclasses.replace(
+        plan.medium, rotation_inertia=plan.medium.beta, curvature_inertia=plan.medium.gamma
+    )
+    sources = tuple(dataclasses.replace(s, delay=s.peak_time) for s in plan.sources)
+    return dataclasses.replace(plan, medium=medium, sources=sources)
+
+
+@pytest.mark.parametrize("solver", ["auto", "propagator", "chebyshev", "verlet"])
+def test_resolved_case_repeats_itself(solver):
+    """The resolved text settles to the same plan and to the same text: a fixed point."""
+    first = problem_of(
+        f"time.solver='{solver}'",
+        "medium.anisotropy=0.3",
+        "medium.density=1571.5",
+        "sources.0.width=1.3e-4",
+    )
+    again = problem_of(text=first.resolved)
+    assert meaning(again.plan) == meaning(first.plan)
+    assert again.receivers == first.receivers
+    assert again.k_range == first.k_range
+    assert again.resolved == first.resolved
+
+
+def test_resolved_case_leaves_nothing_to_default():
+    tables = tomllib.loads(problem_of().resolved)
+    assert set(tables) == set(Case.model_fields)
+    for name, model in Case.model_fields.items():
+        fields = getattr(model.annotation, "model_fields", None)
+        if fields is not None:
+            assert set(tables[name]) == set(fields) - {"length"}
+    assert tables["bar"]["cells"] == 256
+
+
+def test_load_names_the_file(tmp_path):
+    path = tmp_path / "bar.toml"
+    path.write_text(TEXT)
+    assert load(path).plan == problem_of().plan
+    with pytest.raises(CaseError) as caught:
+        load(path, ["bar.order=3"])
+    assert str(caught.value).startswith(f"{path}: [bar] order = 3")

@@ -1,0 +1,282 @@
+"""The commands: what they print, what they return, and that nobody ever meets a traceback."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from wavesim import cli, planewave, runner, simulate
+from wavesim.cli import main
+from wavesim.medium import Medium
+from wavesim.sectors import SECTORS
+
+CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.toml"))
+
+
+def call(*arguments):
+    """Run a command in this process; an exception that is not an exit fails the test."""
+    return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def wavesim(*arguments, **options):
+    """Run a command as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "wavesim.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        **options,
+    )
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """A case whose record is too short to judge a branch; 256 cells, 48 frames."""
+    path = tmp_path / "tiny.toml"
+    path.write_text(
+        "[bar]\nlength = 0.032\n"
+        "[[sources]]\nfield = 'B23'\nposition = 0.016\npeak_frequency = 6e5\n"
+        "[time]\nduration = 8e-6\n"
+    )
+    return path
+
+
+def test_help_names_the_commands():
+    result = call("--help")
+    assert result.exit_code == 0
+    for name in ("run", "check", "bands"):
+        assert f"  {name} " in result.output
+    assert all(line == line.rstrip() for line in result.output.splitlines())
+
+
+@pytest.mark.parametrize("command", ["run", "check", "bands"])
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (None, "no such file"),
+        ("[medium\n", "not valid TOML"),
+        ("[medium]\nclosure = 'other'\n", 'must be "printed" or "consistent"'),
+        ("[bar]\nlenght = 1.0\n", "did you mean length?"),
+    ],
+    ids=["absent", "broken", "word", "misspelt"],
+)
+def test_bad_input_gives_2_and_one_line(command, text, told, tmp_path):
+    path = tmp_path / "case.toml"
+    if text is not None:
+        path.write_text(text)
+    result = call(command, path)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"wavesim: {path}: ")
+    assert told in line
+
+
+def test_override_is_laid_over(tiny):
+    result = call("check", tiny, "--set", "bar.order=3")
+    assert result.exit_code == 2
+    assert "[bar] order = 3: must be one of 2, 4" in result.stderr
+
+
+def test_run_that_passes_gives_0(small_case, small_run, monkeypatch):
+    """The verdict on the terminal: every check, in one line each, and where the results are."""
+    _, outcome, _ = small_run
+    monkeypatch.setattr(runner, "run", lambda *arguments: outcome)
+    result = call("run", small_case)
+    assert outcome.passed
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    lines = result.stdout.splitlines()
+    for check in outcome.summary["checks"]:
+        (line,) = [line for line in lines if check["name"] in line]
+        assert line.rstrip().endswith("pass")
+    count = len(outcome.summary["checks"])
+    assert any(f"{count} of {count} checks passed" in line for line in lines)
+    assert f"Results in {Path('outputs') / 'small'}" in result.stdout
+
+
+def test_quiet_run_prints_nothing(small_case, small_run, monkeypatch):
+    _, outcome, _ = small_run
+    monkeypatch.setattr(runner, "run", lambda *arguments: outcome)
+    result = call("run", small_case, "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+
+
+def test_run_whose_check_falls_short_gives_1(tiny, tmp_path):
+    """Six microseconds after the pulse no frequency stands clear of another: nothing passes as
+    measured, and a wave that is expected and not there fails its check."""
+    out = tmp_path / "out"
+    result = call("run", tiny, "--out", out)
+    assert result.exit_code == 1
+    assert "FAIL" in result.stdout
+    assert result.stderr == ""
+    summary = json.loads((out / "summary.json").read_text())
+    assert not summary["passed"]
+    failed = [check for check in summary["checks"] if not check["passed"]]
+    assert failed
+    for check in failed:
+        assert check["measured"] is None or (
+            abs(check["measured"] - check["reference"]) > check["tolerance"]
+        )
+
+
+def test_note_says_what_the_record_is_too_short_for(tiny, tmp_path):
+    result = call("run", tiny, "--out", tmp_path / "out", "--set", "time.duration=1e-6")
+    assert result.exit_code == 0
+    assert "no branch was judged; lengthen [time] duration" in " ".join(result.stdout.split())
+    assert "warning" in result.stderr
+    assert "the B23 source acts until" in result.stderr
+
+
+def test_field_that_overflows_gives_3(tiny, tmp_path):
+    """A moment of 1e300 makes an energy of 1e600, which no double holds."""
+    out = tmp_path / "out"
+    result = call("run", tiny, "--out", out, "--set", "sources.0.amplitude=1e300")
+    assert result.exit_code == 3
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert "not finite" in line
+    assert "lower the sources' amplitude" in line
+    assert not (out / "summary.json").exists()
+
+
+def test_unstable_stepper_gives_3_and_says_what_to_change(tiny, tmp_path, monkeypatch):
+    """Verlet at 1.2 times its stability limit, let through by a limit that is set too high."""
+    from wavesim import timestep
+
+    limit = timestep.stability_limit
+    monkeypatch.setattr(timestep, "stability_limit", lambda bound: 2.4 * limit(bound))
+    # 0.5 of 2.4 times the limit; growth e^{1.2 per step} overflows within 600 steps.
+    result = call(
+        "run", tiny, "--out", tmp_path / "out",
+        "--set", "time.solver='verlet'", "--set", "time.duration=4e-5",
+        "--set", "bar.spacing=6.25e-5", "--set", "sources.0.field='phi1'",
+    )  # fmt: skip
+    assert result.exit_code == 3
+    assert "shorten [time] step or take solver 'chebyshev'" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "bands"])
+def test_folder_that_can_not_be_written_gives_2(command, tiny, tmp_path):
+    """A folder below a regular file: not even root can make it."""
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "folder"
+    result = call(command, tiny, "--out", out)
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"wavesim: --out {out}: can't be written: ")
+    assert "name another folder" in line
+
+
+def test_resume_of_nothing_gives_2(tiny, tmp_path):
+    result = call("run", tiny, "--out", tmp_path / "none", "--resume")
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert "no such file; run the case first" in line
+
+
+def test_interrupt_says_how_to_carry_on(tiny, tmp_path, monkeypatch):
+    def stream(*arguments):
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(simulate, "stream", stream)
+    result = call("run", tiny, "--out", tmp_path / "out")
+    assert result.exit_code == 130
+    assert "--resume carries on" in result.stderr
+
+
+def test_wrong_usage_gives_2():
+    for arguments in (["run"], ["nothing"], ["run", "a.toml", "--loud"]):
+        result = call(*arguments)
+        assert result.exit_code == 2
+        assert "Usage: " in result.stderr
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
+def test_check_says_what_can_be_said_before_integrating(case):
+    """Shipped cases give no warning; the numbers printed are those of the settled plan."""
+    from wavesim.problem import load
+
+    result = call("check", case)
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    plan = load(case).plan
+    assert f"{plan.bar.cells} cells" in result.stdout
+    assert f"{plan.schedule.steps} steps" in result.stdout
+    low, high = planewave.gaps(plan.medium, "longitudinal")[0].lower, 2e3 * np.pi
+    assert f"{low / high:.2f}" in result.stdout
+    for name in ("RLB1", "RLB2", "RTB1", "RTB2", "RSB"):
+        assert name in result.stdout
+
+
+def test_check_warns_and_gives_1_where_frames_alias(tiny):
+    """Fewer than two frames to the shortest period of the band (2.5 f_p) alias."""
+    result = call("check", tiny, "--set", "time.samples=20")
+    assert result.exit_code == 1
+    (line,) = result.stderr.splitlines()
+    needed = int(line.split("take at least ")[1])
+    assert needed == np.ceil(2 * 2.5 * 6e5 * 8e-6) + 1
+    assert call("check", tiny, "--set", f"time.samples={needed}").exit_code == 0
+
+
+def test_bands_json_keeps_the_contract(tiny):
+    result = wavesim("bands", tiny, "--json", "--set", "medium.anisotropy=0.25")
+    assert (result.returncode, result.stderr) == (0, "")
+    answer = json.loads(result.stdout)
+    medium = Medium(anisotropy=0.25)
+    assert answer["medium"]["anisotropy"] == 0.25
+    assert answer["medium"]["closure"] == "printed"
+    assert set(answer["sectors"]) == set(SECTORS)
+    names = set()
+    for sector, content in answer["sectors"].items():
+        omega = np.array(content["omega"])
+        assert omega.shape == (len(content["k"]), 3)
+        assert (np.diff(omega, axis=1) >= 0).all()
+        np.testing.assert_array_equal(omega, planewave.frequencies(medium, sector, content["k"]))
+        for gap in content["gaps"]:
+            assert gap["upper"] >= gap["lower"]
+            names.add(gap["name"])
+    assert names == {"RLB1", "RLB2", "RTB1", "RTB2", "RSB"}
+    assert all(high > low for low, high in answer["full_gaps"])
+
+
+def test_bands_writes_data_and_figure(tiny, tmp_path):
+    result = call("bands", tiny, "--out", tmp_path / "bands")
+    assert result.exit_code == 0
+    assert "RSB" in result.stdout
+    content = json.loads((tmp_path / "bands" / "bands.json").read_text())
+    assert set(content["sectors"]) == set(SECTORS)
+    assert (tmp_path / "bands" / "bands.png").read_bytes()[1:4] == b"PNG"
+
+
+def test_exit_codes_are_the_contract():
+    assert (cli.FELL_SHORT, cli.BAD_INPUT, cli.NOT_FINITE) == (1, 2, 3)
+    assert isinstance(main, click.Group)
+
+
+def test_interrupt_of_a_real_run(small_case, tmp_path):
+    """SIGINT, as from the keyboard: a message, and no traceback."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "wavesim.cli", "run", str(small_case), "--out", str(tmp_path / "o")],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"JAX_PLATFORMS": "cpu"},
+    )
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "o" / "resolved.toml").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in told
+    assert "--resume carries on" in told

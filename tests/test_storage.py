@@ -1,0 +1,430 @@
+"""result.h5: its layout, and that it is whole at every instant, crash or not."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.interpolate import BarycentricInterpolator
+
+from wavesim import figures, runner, storage
+from wavesim.equations import ROTATIONS
+from wavesim.field import Energy
+from wavesim.planewave import block_frequencies
+from wavesim.problem import load
+from wavesim.sectors import BLOCKS
+
+CELLS, RECEIVER = 64, 5.03e-3
+
+
+@pytest.fixture
+def problem(tmp_path):
+    """A case of 64 cells and 40 frames, to be written by hand."""
+    path = tmp_path / "hand.toml"
+    path.write_text(
+        f"title = 'by hand'\n[bar]\ncells = {CELLS}\n"
+        "[[sources]]\nfield = 'phi1'\nposition = 4e-3\npeak_frequency = 6e5\n"
+        f"[[receivers]]\nname = 'near.1'\nposition = {RECEIVER}\n"
+        "[time]\nduration = 4e-6\nsamples = 40\n"
+    )
+    return load(path)
+
+
+def frames(problem, first, count):
+    """Arguments of Results.append: every number is told by frame, field and cell."""
+    number = np.arange(first, first + count)[:, None] + np.arange(CELLS) / CELLS
+    values = {n: number + 1000.0 * i for i, n in enumerate(problem.plan.fields)}
+    energy = Energy(*(float(i) + np.arange(first, first + count) for i in range(3)))
+    return first, values, energy, [np.full((2, CELLS), first + count - 1.0), np.array(0.5)]
+
+
+def whole_frames(path, problem):
+    """How many frames a file shows, every one of them held to what was written."""
+    with h5py.File(path, "r") as file:
+        assert file.attrs["status"] == "running"
+        count = len(file["t"])
+        _, values, energy, _ = frames(problem, 0, count)
+        for name, data in values.items():
+            np.testing.assert_array_equal(file[f"fields/{name}"][()], data)
+            assert len(file[f"receivers/near.1/{name}"]) == count
+        np.testing.assert_array_equal(file["energy/work"][()], energy.work)
+    return count
+
+
+def test_layout_is_the_contract(small_run):
+    problem, outcome, _ = small_run
+    with h5py.File(outcome.folder / "result.h5") as file:
+        attributes = dict(file.attrs)
+        assert attributes["format"] == "wavesim"
+        assert attributes["format_version"] == storage.FORMAT_VERSION
+        assert attributes["status"] == "complete"
+        assert attributes["case"] == problem.resolved
+        assert attributes["fourier_convention"].startswith("exp(i(kx - omega t))")
+        assert attributes["created_utc"].endswith("+00:00")
+        assert {"wavesim", "jax", "diffrax", "numpy"} <= set(attributes)
+
+        nt, nx = problem.plan.schedule.frames, problem.plan.bar.cells
+        np.testing.assert_allclose(file["t"][()], np.linspace(0, 5e-5, nt), rtol=1e-14)
+        np.testing.assert_allclose(file["x"][()], np.arange(nx) * 1.25e-4, rtol=1e-14)
+        np.testing.assert_allclose(file["x_half"][()], (np.arange(nx) + 0.5) * 1.25e-4, rtol=1e-14)
+        assert {n: file[n].attrs["units"] for n in ("t", "x", "x_half")} == {
+            "t": "s", "x": "m", "x_half": "m",
+        }  # fmt: skip
+
+        # phi1 drives the longitudinal sector; B22 that and B22 − B33 of the in-plane one.
+        assert set(file["fields"]) == {"phi1", "B11", "B22", "B33"}
+        for name, data in file["fields"].items():
+            assert data.shape == (nt, nx)
+            assert data.dtype == np.float64
+            assert data.chunks is not None
+            assert data.compression is not None
+            assert not data.is_virtual
+            assert data.attrs["units"] == ("rad" if name in ROTATIONS else "1/m")
+            assert data.dims[0][0] == file["t"]
+            assert data.dims[1][0] == file["x" if name in ROTATIONS else "x_half"]
+        assert set(file["receivers"]) == {"near", "far"}
+        for name in ("near", "far"):
+            assert set(file["receivers"][name]) == {"phi1", "B11", "B22", "B33"}
+            assert file["receivers"][name].attrs["position"] == problem.receivers[name]
+            assert file["receivers"][name]["B11"].attrs["units"] == "1/m"
+        assert set(file["energy"]) == {"t", "kinetic", "potential", "work", "total"}
+        total = file["energy/kinetic"][()] + file["energy/potential"][()]
+        np.testing.assert_array_equal(file["energy/total"][()], total)
+        assert file["energy/total"].attrs["units"] == "J/m²"
+        np.testing.assert_array_equal(file["energy/t"][()], file["t"][()])
+        assert file["source/1"].attrs["field"] == "B22"
+        assert file["source/1/signal"].shape == (nt,)
+
+        assert set(file["dispersion"]) == {"longitudinal", "inplane"}
+        for sector in file["dispersion"].values():
+            assert sector["power"].shape == (len(sector["k"]), len(sector["omega"]))
+            assert sector["k"].attrs["units"] == "rad/m"
+            assert sector["omega"].attrs["units"] == "rad/s"
+        branches = file["dispersion/longitudinal/branches"]
+        assert set(branches) == {"LA", "LO1", "LO2"}
+        for number, name in enumerate(("LA", "LO1", "LO2")):
+            k, exact = branches[name]["k"][()], branches[name]["omega_exact"][()]
+            expected = block_frequencies(problem.plan.medium, BLOCKS[0], k)[:, number]
+            np.testing.assert_allclose(exact, expected, rtol=1e-14)
+            assert branches[name]["omega"].shape == k.shape
+        curve = file["attenuation/longitudinal"]
+        assert curve["k"].dtype == curve["k_exact"].dtype == np.complex128
+        assert curve["omega"].shape == curve["k"].shape == curve["k_exact"].shape
+    assert sorted(p.name for p in outcome.folder.iterdir()) == [
+        "figures", "resolved.toml", "result.h5", "summary.json",
+    ]  # fmt: skip
+
+
+def test_receiver_is_the_polynomial_through_the_eight_nearest_points(small_run):
+    """Bar of order 8, receiver at cell 544.8: the polynomial of degree 7 through nodes 541 to 548,
+    or half-nodes 540.5 to 548.5 less the farthest, here by the barycentric formula. To rounding
+    of the weights, 1e-12 of the maximum; measured 2e-15."""
+    _, outcome, field = small_run
+    with h5py.File(outcome.folder / "result.h5") as file:
+        found = {name: file[f"receivers/near/{name}"][()] for name in ("phi1", "B11")}
+    for name, shift in (("phi1", 0.0), ("B11", 0.5)):
+        first = int(np.floor(544.8 - shift)) - 3
+        at = np.arange(first, first + 8)
+        exact = BarycentricInterpolator(at + shift, field[name][:, at].T)(544.8)
+        assert np.abs(found[name] - exact).max() <= 1e-12 * np.abs(exact).max()
+
+
+def test_file_is_readable_in_the_middle_of_a_run(problem, tmp_path):
+    """After each chunk, and by a reader that had it open before the chunk came."""
+    path = tmp_path / "result.h5"
+    results = storage.Results(path, problem)
+    results.create()
+    results.append(*frames(problem, 0, 1))
+    assert whole_frames(path, problem) == 1
+    for first in (1, 8, 15):
+        with h5py.File(path, "r") as before:
+            results.append(*frames(problem, first, 7))
+            assert len(before["t"]) == first
+            np.testing.assert_array_equal(
+                before["fields/phi1"][()], frames(problem, 0, first)[1]["phi1"]
+            )
+        assert whole_frames(path, problem) == first + 7
+    with h5py.File(path, "r") as file:
+        data = file["fields/B11"]
+        assert data.dims[0][0] == file["t"]
+        assert data.dims[1][0] == file["x_half"]
+        assert data.attrs["units"] == "1/m"
+    stored = storage.describe(path)
+    assert (stored.status, stored.frames, stored.case) == ("running", 22, problem.resolved)
+
+
+def test_finish_gathers_the_parts(problem, tmp_path):
+    path = tmp_path / "result.h5"
+    results = storage.Results(path, problem)
+    results.create()
+    for first, count in ((0, 1), (1, 20), (21, 19)):
+        results.append(*frames(problem, first, count))
+    results.finish("complete")
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith("result")] == ["result.h5"]
+    with h5py.File(path, "r") as file:
+        assert file.attrs["status"] == "complete"
+        for name, data in frames(problem, 0, 40)[1].items():
+            assert not file[f"fields/{name}"].is_virtual
+            np.testing.assert_array_equal(file[f"fields/{name}"][()], data)
+
+
+def test_carry_on_gives_the_last_state_and_goes_on(problem, tmp_path):
+    path = tmp_path / "result.h5"
+    results = storage.Results(path, problem)
+    results.create()
+    results.append(*frames(problem, 0, 1))
+    results.append(*frames(problem, 1, 9))
+    with h5py.File(path, "r") as file:
+        created = file.attrs["created_utc"]
+    again = storage.Results(path, problem)
+    frame, state = again.carry_on()
+    assert frame == 9
+    np.testing.assert_array_equal(state[0], np.full((2, CELLS), 9.0))
+    assert state[1] == 0.5
+    again.append(*frames(problem, 10, 5))
+    assert whole_frames(path, problem) == 15
+    with h5py.File(path, "r") as file:
+        assert file.attrs["created_utc"] == created
+
+
+def kill_and_look(case, path, kills):
+    """Kill a writer that appends as fast as it can at random instants; frames left each time.
+
+    Run in a process of its own, which holds no threads that a fork would break.
+    """
+    problem = load(case)
+    rng = np.random.default_rng(40)
+    seen = []
+    for wait in rng.uniform(0.0, 0.12, kills):
+        results = storage.Results(path, problem)
+        results.create()
+        results.append(*frames(problem, 0, 1))
+        child = os.fork()
+        if child == 0:
+            for first in range(1, 10**6, 3):
+                results.append(*frames(problem, first, 3))
+        time.sleep(wait)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        count = whole_frames(path, problem)
+        again = storage.Results(path, problem)
+        frame, state = again.carry_on()
+        assert state[0][0, 0] == frame == count - 1
+        again.append(*frames(problem, count, 3))
+        assert whole_frames(path, problem) == count + 3
+        seen.append(count)
+    return seen
+
+
+def test_killed_at_any_instant_leaves_whole_frames(tmp_path, problem):
+    """40 kills in the middle of appending. Each time the file opens as any HDF5 file does, holds
+    whole chunks of three frames after the first frame, and can be carried on."""
+    program = (
+        "import sys, pathlib; sys.path.insert(0, sys.argv[1]); import test_storage as t\n"
+        "print(*t.kill_and_look(sys.argv[2], pathlib.Path(sys.argv[3]), 40))"
+    )
+    case, path = tmp_path / "hand.toml", tmp_path / "result.h5"
+    here = Path(__file__).parent
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(here), str(case), str(path)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    seen = [int(count) for count in done.stdout.split()]
+    assert len(seen) == 40
+    assert all(count % 3 == 1 for count in seen)
+    assert len(set(seen)) > 3
+
+
+def test_killed_run_resumes_bit_for_bit(small_case, small_run, tmp_path, monkeypatch):
+    """SIGKILL in the middle of `wavesim run`; --resume completes it; every stored number is that
+    of the run that was not interrupted."""
+    _, outcome, _ = small_run
+    out = tmp_path / "out"
+    # The run pauses after its second chunk, so that the kill comes in the middle of it.
+    program = (
+        "import sys, time; from wavesim import storage; from wavesim.cli import main\n"
+        "append = storage.Results.append\n"
+        "def slow(self, first, *rest):\n"
+        "    append(self, first, *rest)\n"
+        "    if first > 1: print('there', flush=True); time.sleep(600)\n"
+        "storage.Results.append = slow\n"
+        "main(sys.argv[1:])\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, "run", str(small_case), "--out", str(out)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "there\n"
+    process.kill()
+    process.communicate()
+    with (
+        h5py.File(out / "result.h5", "r") as file,
+        h5py.File(outcome.folder / "result.h5", "r") as reference,
+    ):
+        assert file.attrs["status"] == "running"
+        count = len(file["t"])
+        assert 1 < count < len(reference["t"])
+        for name, data in reference["fields"].items():
+            np.testing.assert_array_equal(file["fields"][name][()], data[:count])
+    monkeypatch.setattr(figures, "write_all", lambda *arguments: [])
+    resumed = runner.run(load(small_case), out, resume=True)
+    assert resumed.passed == outcome.passed
+    with (
+        h5py.File(out / "result.h5", "r") as file,
+        h5py.File(outcome.folder / "result.h5", "r") as reference,
+    ):
+        assert file.attrs["status"] == "complete"
+        different = []
+
+        def compare(name, item):
+            if isinstance(item, h5py.Dataset) and not name.startswith("restart/ends"):
+                same = np.array_equal(item[()], file[name][()], equal_nan=item.dtype.kind in "fc")
+                if not same:
+                    different.append(name)
+
+        reference.visititems(compare)
+        assert different == []
+    assert [c["measured"] for c in resumed.summary["checks"]] == [
+        c["measured"] for c in outcome.summary["checks"]
+    ]
+    assert not (out / "result.h5.parts").exists()
+
+    # Once complete it can be resumed again: nothing is integrated, everything measured anew.
+    again = runner.run(load(small_case), out, resume=True)
+    assert again.summary["timing"]["integrate"] == 0
+    assert again.summary["checks"] == resumed.summary["checks"]
+
+    # Another case is refused, and nothing in the folder is touched.
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    other = load(small_case, ["medium.anisotropy=0.26"])
+    with pytest.raises(runner.RunError, match="made by another case") as caught:
+        runner.run(other, out, resume=True)
+    assert not caught.value.unstable
+    assert "run without --resume, or name another folder" in str(caught.value)
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+
+
+def test_resume_of_a_failed_run_is_refused(problem, tmp_path):
+    results = storage.Results(tmp_path / "result.h5", problem)
+    results.create()
+    results.append(*frames(problem, 0, 2))
+    results.finish("failed")
+    assert storage.describe(tmp_path / "result.h5").status == "failed"
+    with pytest.raises(storage.StorageError, match=r"failed, and would again; change the case"):
+        storage.Results(tmp_path / "result.h5", problem).carry_on()
+
+
+def test_resume_with_a_part_gone_is_refused(problem, tmp_path):
+    results = storage.Results(tmp_path / "result.h5", problem)
+    results.create()
+    results.append(*frames(problem, 0, 2))
+    results.append(*frames(problem, 2, 2))
+    next((tmp_path / "result.h5.parts").glob("*2.h5")).unlink()
+    with pytest.raises(storage.StorageError, match=r"2\.h5: is missing.*run without --resume"):
+        storage.Results(tmp_path / "result.h5", problem).carry_on()
+
+
+def test_what_is_not_a_result_is_told(problem, tmp_path):
+    path = tmp_path / "other.h5"
+    with pytest.raises(storage.StorageError, match="no such file; run the case first"):
+        storage.describe(path)
+    path.write_text("not HDF5")
+    with pytest.raises(storage.StorageError, match="is not a readable HDF5 file"):
+        storage.describe(path)
+    with h5py.File(path, "w") as file:
+        file["t"] = [0.0]
+    with pytest.raises(storage.StorageError, match="is not a result of wavesim"):
+        storage.describe(path)
+    results = storage.Results(tmp_path / "result.h5", problem)
+    results.create()
+    results.append(*frames(problem, 0, 1))
+    with pytest.raises(storage.StorageError, match="holds 1 frames; at least 2 are needed"):
+        storage.read(tmp_path / "result.h5", problem)
+
+
+def test_disk_that_fills_is_told_and_what_was_written_stays(problem, tmp_path):
+    """A real failure to write: the system refuses files beyond a size, as a full disk does."""
+    path = tmp_path / "result.h5"
+    results = storage.Results(path, problem)
+    results.create()
+    results.append(*frames(problem, 0, 1))
+    results.append(*frames(problem, 1, 4))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size // 2, limits[1]))
+    try:
+        with pytest.raises(storage.StorageError) as caught:
+            results.append(*frames(problem, 5, 4))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: can't be written: File too large")
+    assert "make room" in message
+    assert "\n" not in message
+    assert whole_frames(path, problem) == 5
+    assert not list(tmp_path.glob("**/*.tmp"))
+
+
+def test_too_little_room_for_the_final_file_is_told_before_it_is_written(
+    problem, tmp_path, monkeypatch
+):
+    path = tmp_path / "result.h5"
+    results = storage.Results(path, problem)
+    results.create()
+    results.append(*frames(problem, 0, 5))
+    usage = storage.shutil.disk_usage(tmp_path)._replace(free=1000)
+    monkeypatch.setattr(storage.shutil, "disk_usage", lambda folder: usage)
+    with pytest.raises(storage.StorageError, match=r"disk has 0 MB left; make room and .*--resume"):
+        results.finish("complete")
+    assert whole_frames(path, problem) == 5
+
+
+@pytest.mark.parametrize(
+    "error",
+    [OSError(28, "No space left on device"), MemoryError("800 GB")],
+    ids=["disk", "memory"],
+)
+def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch, error):
+    def append(*arguments):
+        raise error
+
+    def stream(*arguments):
+        class Chunk:
+            first, count, values, energy, motion = 0, 1, {}, None, ()
+
+        yield Chunk()
+
+    from wavesim import simulate
+
+    monkeypatch.setattr(simulate, "stream", stream)
+    monkeypatch.setattr(storage.Results, "append", append)
+    with pytest.raises(runner.RunError) as caught:
+        runner.run(load(small_case), tmp_path / "out")
+    assert not caught.value.unstable
+    assert ("No space left" in str(caught.value)) or ("into memory" in str(caught.value))
+
+
+def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
+    """A summary of an earlier run must not stand beside a run that failed."""
+    from wavesim import simulate
+
+    (tmp_path / "summary.json").write_text("{}")
+
+    def stream(*arguments):
+        raise simulate.NotFiniteError(1e-6, load(small_case).plan)
+        yield
+
+    monkeypatch.setattr(simulate, "stream", stream)
+    with pytest.raises(runner.RunError) as caught:
+        runner.run(load(small_case), tmp_path)
+    assert caught.value.unstable
+    assert not (tmp_path / "summary.json").exists()
