@@ -48,6 +48,7 @@ class Record:
         missing: frames that are missing, shape (nt,).
         sources: positions of sources, where known, m.
         notes: what was done to the record.
+        lattice: whether the receivers are all the sites there are, so that k has no alias.
         answer: the truth, where the record is synthetic: {name: array}.
     """
 
@@ -60,6 +61,7 @@ class Record:
     missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     sources: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+    lattice: bool = False
     answer: dict[str, Any] | None = None
 
     @property
@@ -114,6 +116,7 @@ def record(
     quiet_from: float = 0.0,
     sources: Sequence[float] = (),
     answer: dict[str, Any] | None = None,
+    lattice: bool = False,
 ) -> Record:
     """A record from arrays, remedied where that can be done.
 
@@ -126,6 +129,7 @@ def record(
         quiet_from: time from which on no source acts, s.
         sources: positions of sources, m.
         answer: the truth, where it is known.
+        lattice: whether the receivers are all the sites there are.
 
     Returns:
         The record; its notes say what was done.
@@ -154,7 +158,17 @@ def record(
         )
     labels = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
     return Record(
-        t, x, values, labels, ring, float(quiet_from), missing, tuple(sources), tuple(notes), answer
+        t,
+        x,
+        values,
+        labels,
+        ring=ring,
+        quiet_from=float(quiet_from),
+        missing=missing,
+        sources=tuple(float(s) for s in sources),
+        notes=tuple(notes),
+        lattice=lattice,
+        answer=answer,
     )
 
 
@@ -219,7 +233,8 @@ def _living(values: Float, x: Float, ring: bool, notes: list[str]) -> tuple[Floa
         np.where(finite, values, np.inf), axis=1
     )
     still = np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= _DEAD * max(size.max(), 1e-300)
-    dead = broken | still
+    # On a ring a wave that does not travel leaves receivers rightly at rest.
+    dead = broken if ring else broken | still
     if not dead.any():
         return values, x
     where = ", ".join(f"{p:g}" for p in x[dead][:6]) + (", …" if dead.sum() > 6 else "")

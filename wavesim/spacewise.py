@@ -34,6 +34,8 @@ _BETTER = 6.0
 _UNEXPLAINED = 0.05
 _LARGEST_ERROR = 0.5
 _NYQUIST = 0.97
+# Part of the Nyquist frequency up to which what lies beyond is not folded in.
+_BAND = 0.8
 # Part of a ring, from its source on, in which receivers are used.
 _PART_OF_RING = 0.125
 
@@ -89,7 +91,11 @@ def in_space(
     level = np.hypot(truncation, noise)
     fits = _fits(U, x, used, pairs)
     points = _chosen(fits, used, omega + 1j * sigma, level)
-    points = _judged(points, x, k_max)
+    points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
+    points = points.refused(
+        points.omega.real > _BAND * np.pi / record.interval,
+        "near the Nyquist frequency: sample more often",
+    )
     return _with_branches(points, omega)
 
 
@@ -194,7 +200,7 @@ def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints
         ~(points.error < _LARGEST_ERROR * np.abs(points.k)), "the error bar is as large as k"
     )
     d = np.diff(x)
-    if np.ptp(d) <= 1e-6 * d.mean():
+    if len(d) and np.ptp(d) <= 1e-6 * d.mean():
         points = points.refused(
             np.abs(points.k.real) > _NYQUIST * np.pi / d.mean(),
             "at the receivers' Nyquist wavenumber: space them closer",

@@ -33,6 +33,10 @@ _WORKERS = 2
 _PEAK_FLOOR = 1e-8
 _ABOVE_MEDIAN = 40.0
 _PADDING = 2
+_ROUNDING = 1e-12
+_CYCLES = 1.0
+# Half-width of the Blackman–Harris main lobe.
+LOBE_BINS = 4
 # A wave's k is known to this part of the aperture's resolution 2π/X.
 _OF_LOBE = 0.1
 
@@ -171,7 +175,16 @@ def _judged(points: BranchPoints, record: Record, cell: float) -> BranchPoints:
         "at the Nyquist frequency: sample more often",
     )
     points = points.refused(
-        points.k > _NYQUIST * np.pi / record.spacing,
+        points.amplitude < _ROUNDING * points.amplitude.max(initial=0.0),
+        "as weak as the rounding of the record's strongest wave",
+    )
+    if points.method == "fft":
+        points = points.refused(
+            points.omega < LOBE_BINS * cell, "in the window's main lobe about ω = 0: lengthen it"
+        )
+    nyquist = np.inf if record.lattice else _NYQUIST
+    points = points.refused(
+        points.k > nyquist * np.pi / record.spacing,
         "at the Nyquist wavenumber: space receivers closer",
     )
     if not record.ring:
