@@ -1,4 +1,4 @@
-"""The propagators C and S of a uniform bar over one step, as kernels and as dense matrices.
+"""The propagators C, S and LS of a uniform bar over one step, as kernels and as dense matrices.
 
 Within a step h nothing travels further than about c_∞h, so C = cos(h√−L) couples a cell only to
 the r cells on either side, to rounding; on a uniform bar it is the same for every cell. Cut into
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -54,7 +54,7 @@ def symbol(form: BlockForm, phase: np.ndarray, spacing: float, order: int) -> np
 
 
 def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: float) -> np.ndarray:
-    """C and S over one step as convolution kernels on an endless grid.
+    """C, S and LS over one step as convolution kernels on an endless grid.
 
     Args:
         form: scaled coefficients of a block.
@@ -63,13 +63,14 @@ def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: flo
         bound: spectral bound Λ of this block.
 
     Returns:
-        Shape (2, fields, fields, 2r + 1): entry n of the last axis is the effect of a cell on the
+        Shape (3, fields, fields, 2r + 1): entry n of the last axis is the effect of a cell on the
         one n − r after it.
     """
     degree = series_degree(step, bound)
     series = [
         chebyshev_series(lambda e: cosine(step, e), bound, degree),
         chebyshev_series(lambda e: sine(step, e), bound, degree),
+        chebyshev_series(lambda e: -e * sine(step, e), bound, degree),
     ]
     least = _NEGLIGIBLE * max(4.0, step * math.sqrt(bound))
     ring = 64
@@ -99,26 +100,29 @@ def _ring_kernel(
 
 
 class Convolution(eqx.Module):
-    """A kernel on some blocks of a group, as a dense matrix from b + 2r cells to b.
+    """Kernels of a group's blocks, as dense matrices from b + 2r cells to b.
 
     Attributes:
-        cosine, sine: of C and S, shape (fields (b + 2r), fields b).
-        blocks: which blocks of the group it acts on.
+        cosine: of C, shape (blocks, fields (b + 2r), fields b).
+        start: of C, S and LS side by side, shape (blocks, fields (b + 2r), 3 fields b).
         cells: N.
         run: b.
         reach: r.
     """
 
     cosine: jax.Array
-    sine: jax.Array
-    blocks: tuple[int, ...] = eqx.field(static=True)
+    start: jax.Array
     cells: int = eqx.field(static=True)
     run: int = eqx.field(static=True)
     reach: int = eqx.field(static=True)
 
     def apply(self, matrix: jax.Array, components: Sequence[jax.Array]) -> list[jax.Array]:
-        """The matrix on a group's components of shape (tracks, blocks, N), these blocks alone."""
-        fields = jnp.stack([c[:, self.blocks, :] for c in components], axis=2)
+        """One of the matrices on a group's components of shape (tracks, blocks, N).
+
+        Returns:
+            As many components as the matrix has columns for, of the same shape.
+        """
+        fields = jnp.stack(components, axis=2)
         tracks, blocks, count, cells = fields.shape
         runs = -(-cells // self.run)
         padded = jnp.concatenate(
@@ -128,28 +132,23 @@ class Convolution(eqx.Module):
         width = self.run + 2 * self.reach
         at = np.arange(runs)[:, None] * self.run + np.arange(width)
         windows = padded[..., np.minimum(at, padded.shape[-1] - 1)]
-        rows = jnp.moveaxis(windows, 2, 3).reshape(-1, count * width)
-        result = (rows @ matrix).reshape(tracks, blocks, runs, count, self.run)
-        result = jnp.moveaxis(result, 2, 3).reshape(tracks, blocks, count, -1)[..., :cells]
-        return [result[:, :, i] for i in range(count)]
+        rows = windows.transpose(1, 0, 3, 2, 4).reshape(blocks, tracks * runs, count * width)
+        result = (rows @ matrix).reshape(blocks, tracks, runs, -1, self.run)
+        result = result.transpose(3, 1, 0, 2, 4).reshape(-1, tracks, blocks, runs * self.run)
+        return list(result[..., :cells])
 
 
-Convolutions = tuple[tuple[Convolution, ...], ...]
-
-
-def convolution(kernel: np.ndarray, blocks: tuple[int, ...], cells: int) -> Convolution:
+def convolution(of_blocks: Sequence[np.ndarray], cells: int) -> Convolution:
     """Lay kernels out as dense matrices.
 
     Args:
-        kernel: of :func:`kernels`.
-        blocks: of the group, that they act on.
+        of_blocks: for each block of a group, its :func:`kernels`.
         cells: N.
 
     Raises:
         ValueError: they reach round the bar.
     """
-    _, fields, _, length = kernel.shape
-    reach = (length - 1) // 2
+    reach = max((kernel.shape[-1] - 1) // 2 for kernel in of_blocks)
     run = max(SHORTEST_RUN, math.ceil(0.75 * reach / 16) * 16)
     if 2 * reach + run > cells:
         raise ValueError(
@@ -160,36 +159,42 @@ def convolution(kernel: np.ndarray, blocks: tuple[int, ...], cells: int) -> Conv
     # Cell p of a window stands p − r from the start of its run; cell m of the run takes it with
     # the kernel's entry at distance m + r − p.
     entry = np.arange(run)[None, :] + reach - np.arange(width)[:, None]
-    inside = np.abs(entry) <= reach
-    matrices = []
-    for part in kernel:
-        dense = np.where(inside, part[..., np.clip(entry + reach, 0, 2 * reach)], 0.0)
-        # (row field i, column field j, p, m) → rows (j, p), columns (i, m).
-        matrices.append(dense.transpose(1, 2, 0, 3).reshape(fields * width, fields * run))
+    start = []
+    for kernel in of_blocks:
+        functions, fields, _, length = kernel.shape
+        own = (length - 1) // 2
+        inside = np.abs(entry) <= own
+        dense = np.where(inside, kernel[..., np.clip(entry + own, 0, 2 * own)], 0.0)
+        # (function, row field i, column field j, p, m) → rows (j, p), columns (function, i, m).
+        start.append(
+            dense.transpose(2, 3, 0, 1, 4).reshape(fields * width, functions * fields * run)
+        )
+    matrices = np.stack(start)
+    columns = matrices.shape[-1] // 3
     return Convolution(
-        jnp.asarray(matrices[0]), jnp.asarray(matrices[1]), blocks, cells, run, reach
+        jnp.asarray(matrices[..., :columns]), jnp.asarray(matrices), cells, run, reach
     )
 
 
-def convolve(parts: Convolutions, which: Literal["cosine", "sine"], state: Any) -> Any:
-    """C or S on a whole state.
+def convolve(parts: Sequence[Convolution], state: Any) -> Any:
+    """C on a whole state.
 
     Args:
-        parts: for each group, the convolutions of its blocks.
-        which: "cosine" for C, "sine" for S.
+        parts: the convolution of each group.
         state: groups of components of shape (tracks, blocks, N).
 
     Returns:
         A state of the same shapes.
     """
-    result = []
-    for group, components in zip(parts, state, strict=True):
-        made = [part.apply(getattr(part, which), components) for part in group]
-        order = np.argsort([block for part in group for block in part.blocks])
-        result.append(
-            tuple(
-                jnp.concatenate([piece[i] for piece in made], axis=1)[:, order]
-                for i in range(len(components))
-            )
-        )
-    return tuple(result)
+    pairs = zip(parts, state, strict=True)
+    return tuple(tuple(part.apply(part.cosine, group)) for part, group in pairs)
+
+
+def convolve_all(parts: Sequence[Convolution], state: Any) -> tuple[Any, Any, Any]:
+    """C, S and LS on a whole state; arguments as for :func:`convolve`."""
+    made: tuple[list[Any], list[Any], list[Any]] = ([], [], [])
+    for part, group in zip(parts, state, strict=True):
+        components = part.apply(part.start, group)
+        for number, whole in enumerate(made):
+            whole.append(tuple(components[number * len(group) : (number + 1) * len(group)]))
+    return tuple(made[0]), tuple(made[1]), tuple(made[2])

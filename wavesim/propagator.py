@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.bar import Bar
-from wavesim.kernels import Convolutions, convolution, convolve, kernels
+from wavesim.kernels import Convolution, convolution, convolve, convolve_all, kernels
 from wavesim.medium import Medium
 from wavesim.operator import State
 from wavesim.response import PulseTables, add_pulses, pulse_work
@@ -33,7 +33,7 @@ class Propagator(WaveSolver):
     The step that diffrax takes must be the one that the kernels were made for.
     """
 
-    kernels: Convolutions
+    kernels: tuple[Convolution, ...]
     pulses: PulseTables
 
     def order(self, terms: Any) -> None:
@@ -41,19 +41,16 @@ class Propagator(WaveSolver):
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Any) -> tuple[State, State]:
         """(q⁻, v⁻) one step before: C q − S v and C v − LS q, and the pulses run backward."""
-        both = _stack(y0.q, y0.v)
-        c = convolve(self.kernels, "cosine", both)
-        s = convolve(self.kernels, "sine", both)
-        Sq, Sv = _part(s, 0), _part(s, 1)
-        q = jax.tree.map(jnp.subtract, _part(c, 0), Sv)
-        v = jax.tree.map(jnp.subtract, _part(c, 1), args.operator(Sq))
+        C, S, LS = convolve_all(self.kernels, _stack(y0.q, y0.v))
+        q = jax.tree.map(lambda c, s: c[0] - s[1], C, S)
+        v = jax.tree.map(lambda c, s: c[1] - s[0], C, LS)
         behind = args.forcing.signals(t0 - self.pulses.nodes)
         return add_pulses(self.pulses, behind, -behind, q, v)
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Any, solver_state: Any, made_jump: Any
     ) -> Any:
-        both = convolve(self.kernels, "cosine", _stack(y0.q, y0.v))
+        both = convolve(self.kernels, _stack(y0.q, y0.v))
         before = _stack(*solver_state)
         after = jax.tree.map(lambda a, b: 2 * a - b, both, before)
         q, v = _part(after, 0), _part(after, 1)
@@ -78,8 +75,10 @@ def _part(both: State, index: int) -> State:
     return jax.tree.map(lambda a: a[index], both)
 
 
-def bar_kernels(medium: Medium, bar: Bar, blocks: Sequence[Block], step: float) -> Convolutions:
-    """Kernels of all blocks that are integrated; blocks of one relation share theirs.
+def bar_kernels(
+    medium: Medium, bar: Bar, blocks: Sequence[Block], step: float
+) -> tuple[Convolution, ...]:
+    """Kernels of all blocks that are integrated.
 
     Args:
         medium: of plain numbers.
@@ -88,42 +87,18 @@ def bar_kernels(medium: Medium, bar: Bar, blocks: Sequence[Block], step: float) 
         step: h, scaled.
 
     Returns:
-        For each group of the operator, its convolutions.
+        For each group of the operator, its convolution.
 
     Raises:
         ValueError: the kernels reach round the bar.
     """
     spacing = bar.spacing / medium.length_scale
-    groups = []
-    for stacked in grouped(blocks):
-        alike: list[tuple[Any, list[int]]] = []
-        for number, block in enumerate(stacked):
-            form = block_form(medium, block)
-            for other, numbers in alike:
-                if _same(form, other):
-                    numbers.append(number)
-                    break
-            else:
-                alike.append((form, [number]))
-        groups.append(
-            tuple(
-                convolution(
-                    kernels(
-                        form,
-                        spacing,
-                        bar.order,
-                        step,
-                        spectral_bound(medium, bar, [stacked[numbers[0]]]),
-                    ),
-                    tuple(numbers),
-                    bar.cells,
-                )
-                for form, numbers in alike
-            )
-        )
-    return tuple(groups)
 
+    def of_block(block: Block) -> np.ndarray:
+        bound = spectral_bound(medium, bar, [block])
+        return kernels(block_form(medium, block), spacing, bar.order, step, bound)
 
-def _same(one: Any, other: Any) -> bool:
-    names = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
-    return all(np.array_equal(getattr(one, n), getattr(other, n)) for n in names)
+    return tuple(
+        convolution([of_block(block) for block in stacked], bar.cells)
+        for stacked in grouped(blocks)
+    )

@@ -163,7 +163,7 @@ def _compiled(
     """:func:`_advance` compiled for arguments of these shapes."""
     arguments = (equation, stepper, motion, at)
     leaves, structure = jax.tree.flatten(arguments)
-    shapes = tuple((np.shape(leaf), np.result_type(leaf).str) for leaf in leaves)
+    shapes = tuple((np.shape(leaf), str(jnp.asarray(leaf).dtype)) for leaf in leaves)
     key = (structure, shapes, step, steps_per_frame, frames)
     if key not in _COMPILED:
         advance = functools.partial(
