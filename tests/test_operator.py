@@ -25,7 +25,7 @@ from wavesim.operator import (
 )
 from wavesim.planewave import block_frequencies
 from wavesim.sectors import BLOCKS, scales
-from wavesim.simulate import simulate
+from wavesim.integration import simulate
 from wavesim.source import Ricker
 from wavesim.stencils import ORDERS, difference_weights, modified_wavenumber
 from wavesim.timestep import spectral_bound

@@ -17,7 +17,7 @@ from wavesim.operator import semi_discrete
 from wavesim.plan import Plan, fastest, plan
 from wavesim.propagator import bar_kernels
 from wavesim.sectors import BLOCKS, block_form
-from wavesim.simulate import simulate, stream
+from wavesim.integration import simulate, stream
 from wavesim.source import Ricker
 from wavesim.steppers import propagate, propagator_series
 from wavesim.timestep import reach_within, schedule, spectral_bound

@@ -29,7 +29,7 @@ from wavesim.operator import from_fields, semi_discrete, to_fields
 from wavesim.plan import Plan, plan
 from wavesim.response import pulse_tables
 from wavesim.sectors import BLOCKS, block_form, scales
-from wavesim.simulate import NotFiniteError, _advance, simulate, stream
+from wavesim.integration import NotFiniteError, _advance, simulate, stream
 from wavesim.source import Ricker
 from wavesim.steppers import (
     TERM,

@@ -22,7 +22,7 @@ _HOMES = {
     "Bar": "wavesim.bar",
     "Ricker": "wavesim.source",
     "Field": "wavesim.field",
-    "simulate": "wavesim.simulate",
+    "simulate": "wavesim.integration",
     "extract": "wavesim.analysis",
     "hold": "wavesim.verdict",
     "judge": "wavesim.verdict",

@@ -98,7 +98,7 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
     from wavesim import storage
     from wavesim.analysis import extract
     from wavesim.figures import write_all
-    from wavesim.simulate import NotFiniteError, Timing, pack, stream, unpack
+    from wavesim.integration import NotFiniteError, Timing, pack, stream, unpack
     from wavesim.verdict import hold, judge
 
     lap("import")
