@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim import cli, planewave, runner, simulate
+from wavesim import cli, integration, planewave, runner
 from wavesim.cli import main
 from wavesim.medium import Medium
 from wavesim.sectors import SECTORS
@@ -189,7 +189,7 @@ def test_interrupt_says_how_to_carry_on(tiny, tmp_path, monkeypatch):
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr(simulate, "stream", stream)
+    monkeypatch.setattr(integration, "stream", stream)
     result = call("run", tiny, "--out", tmp_path / "out")
     assert result.exit_code == 130
     assert "--resume carries on" in result.stderr

@@ -403,9 +403,9 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
 
         yield Chunk()
 
-    from wavesim import simulate
+    from wavesim import integration
 
-    monkeypatch.setattr(simulate, "stream", stream)
+    monkeypatch.setattr(integration, "stream", stream)
     monkeypatch.setattr(storage.Results, "append", append)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path / "out")
@@ -415,15 +415,15 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
 
 def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
     """A summary of an earlier run must not stand beside a run that failed."""
-    from wavesim import simulate
+    from wavesim import integration
 
     (tmp_path / "summary.json").write_text("{}")
 
     def stream(*arguments):
-        raise simulate.NotFiniteError(1e-6, load(small_case).plan)
+        raise integration.NotFiniteError(1e-6, load(small_case).plan)
         yield
 
-    monkeypatch.setattr(simulate, "stream", stream)
+    monkeypatch.setattr(integration, "stream", stream)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path)
     assert caught.value.unstable
