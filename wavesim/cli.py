@@ -11,24 +11,16 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
-FELL_SHORT, BAD_INPUT, NOT_FINITE, INTERRUPTED = 1, 2, 3, 130
+from wavesim import labcli
+from wavesim.terminal import BAD_INPUT, FELL_SHORT
+from wavesim.terminal import console as _console
+from wavesim.terminal import stop as _stop
 
-
-def _stop(message: str, code: int) -> NoReturn:
-    click.echo(f"wavesim: {message}", err=True)
-    sys.exit(code)
-
-
-def _console(quiet: bool = False) -> Any:
-    from rich.console import Console
-
-    width = None if sys.stdout.isatty() else 120
-    # Without markup: [time] in a message is a table of the case file.
-    return Console(quiet=quiet, highlight=False, markup=False, width=width)
+NOT_FINITE, INTERRUPTED = 3, 130
 
 
 def _load(case: str, overrides: tuple[str, ...]) -> Any:
@@ -271,6 +263,10 @@ def gaps(
     except OSError as error:
         _stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
     click.echo(f"gap_map.csv and gap_map.png in {folder}")
+
+
+for _command in labcli.COMMANDS:
+    main.add_command(_command)
 
 
 if __name__ == "__main__":
