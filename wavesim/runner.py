@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import resource
 import sys
 import time
@@ -87,6 +88,21 @@ def run(
         ) from error
 
 
+def _keep_compiled() -> None:
+    """Let jax keep compiled functions from one process to the next, unless it was told where to.
+
+    Equinox's checks call back to Python, and jax keeps nothing on disk that does: they are set to
+    turn into values that are not finite, which the integration looks for.
+    """
+    os.environ.setdefault("EQX_ON_ERROR", "nan")
+    import jax
+    from platformdirs import user_cache_path
+
+    if jax.config.values["jax_compilation_cache_dir"] is None:
+        jax.config.update("jax_compilation_cache_dir", str(user_cache_path("wavesim") / "jax"))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
 def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: float) -> Outcome:
     timing: dict[str, float] = {}
 
@@ -95,6 +111,7 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
         now = time.perf_counter()
         timing[stage], clock = now - clock, now
 
+    _keep_compiled()
     from wavesim import storage
     from wavesim.analysis import extract
     from wavesim.figures import write_all
