@@ -175,7 +175,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
         (folder / f"{kind}.json").write_text(text + "\n", encoding="utf-8")
         for one in results:
             columns = one.points.columns()
-            path = folder / f"{kind}_{one.source.name}.csv"
+            path = folder / f"{kind}_{one.source.label}.csv"
             with path.open("w", newline="", encoding="utf-8") as file:
                 table = csv.writer(file)
                 table.writerow(columns)
@@ -206,14 +206,14 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 @_options
 @click.option("--band", type=float, nargs=2, help="Lowest and highest frequency, Hz.")
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)
-@click.option("--damping", type=click.FloatRange(4, 30), default=18.0, show_default=True,
-              help="σT of the exponential window.")  # fmt: skip
+@click.option("--damping", type=click.FloatRange(4, 30),
+              help="σT of the exponential window; by the noise where not given.")  # fmt: skip
 @click.option("--pairs", type=click.IntRange(1, 2), default=1, help="Most pairs ±k sought.")
 @click.option("--clear", type=float, help="Distance to keep from sources, m.")
 def attenuation(
     band: tuple[float, float] | None,
     frequencies: int,
-    damping: float,
+    damping: float | None,
     pairs: int,
     clear: float | None,
     **given: Any,
@@ -265,6 +265,7 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
 @click.option("--samples", type=click.IntRange(16, 1_000_000), required=True)
 @click.option("--peak-frequency", type=float, required=True, help="Of the Ricker pulse, Hz.")
 @click.option("--source", type=float, default=0.0, help="Its position, m.")
+@click.option("--width", type=float, default=0.0, help="Standard deviation in x, m; 0 a point.")
 @click.option("--length", type=float, help="Of the ring, m; far longer than the record else.")
 @click.option("--ring", is_flag=True, help="Receivers go round the whole ring.")
 @click.option("--k-max", type=float, help="Highest wavenumber in it, rad/m.")
@@ -295,7 +296,7 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
         length = o["receivers"] * o["spacing"] if o["ring"] else o["length"]
         if length is None:
             length = 16 * max(float(np.ptp(x)), abs(o["source"] - o["first"]), o["spacing"])
-        pulse = synthetic.Pulse(o["peak_frequency"], o["source"])
+        pulse = synthetic.Pulse(o["peak_frequency"], o["source"], width=o["width"])
         made = synthetic.synthesize(waves, t, x, pulse, length, o["k_max"], spoil, ring=o["ring"])
         write(file, made)
     except RecordError as error:

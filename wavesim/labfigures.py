@@ -114,7 +114,7 @@ def residuals(one: Recovered) -> Figure:
     panels = np.atleast_1d(figure.subplots(1, len(references), sharey=True))
     for axes, (title, continuum) in zip(panels, references, strict=True):
         for b, name in enumerate(matched.names):
-            error = np.maximum(matched.error(continuum)[:, b], 1e-17)
+            error = np.maximum(matched.error(continuum)[:, b], 1e-16)
             every = slice(None, None, max(1, len(error) // (2 * _MOST_POINTS)))
             shade = _SHADES[b % 6]
             axes.plot(
@@ -216,7 +216,7 @@ def write(results: Sequence[Recovered], folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     drawings: dict[str, Callable[[], Figure]] = {}
     for one in results:
-        name = one.source.name
+        name = one.source.label
         if one.points.in_space:
             drawings[f"attenuation_{name}"] = lambda one=one: attenuation(one)  # type: ignore[misc]
             if one.matched is not None:

@@ -18,7 +18,7 @@ from wavesim.record import Record, RecordError
 from wavesim.records import HDF5, Layout, read
 from wavesim.relations import OfMedium
 from wavesim.sectors import Block, blocks_of
-from wavesim.spacewise import DAMPING, in_space
+from wavesim.spacewise import in_space
 from wavesim.timewise import in_time
 from wavesim.verdict import Check
 
@@ -53,6 +53,11 @@ class Source:
     medium: Medium | None = None
     block: Block | None = None
     bar: Any = None
+
+    @property
+    def label(self) -> str:
+        """The name as part of a file's: no brackets."""
+        return self.name.translate({ord("["): "_skew_", ord("("): "_even_", 93: "", 41: ""})
 
     @property
     def theory(self) -> tuple[OfMedium, OfMedium | None] | None:
@@ -157,7 +162,7 @@ def attenuation(
     found: Sequence[Source],
     band: tuple[float, float] | None = None,
     frequencies: int = _FREQUENCIES,
-    damping: float = DAMPING,
+    damping: float | None = None,
     pairs: int = 1,
     clear: float | None = None,
 ) -> list[Recovered]:
@@ -168,7 +173,7 @@ def attenuation(
         band: lowest and highest frequency, Hz; ω̄ from 0.2 to 2 where a medium is known, else from
             three periods in the record to half the Nyquist frequency.
         frequencies: how many, –.
-        damping: σT of the exponential window, –.
+        damping: σT of the exponential window, –; by the record's noise where None.
         pairs: most pairs ±k at one frequency, –.
         clear: distance to keep from sources, m; one particle distance where a medium is known.
 

@@ -12,6 +12,8 @@ Float = NDArray[Any]
 
 # A 95 % bar is this many standard errors.
 BAR = 1.959963984540054
+# … and for the modulus of a complex number with that much in both parts together, √ln 20.
+COMPLEX_BAR = 1.7308183826022854
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class BranchPoints:
     @property
     def bar(self) -> Float:
         """Half-width of the 95 % error bar, unit of the error."""
-        return BAR * self.error
+        return (COMPLEX_BAR if self.in_space else BAR) * self.error
 
     @property
     def branches(self) -> tuple[int, ...]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
 
 from wavesim.continuity import join
 from wavesim.linefit import LineFit, fit_line, unknowns
@@ -23,7 +24,11 @@ from wavesim.transmission import damped_transform
 
 Float = NDArray[Any]
 
+# σT where there is no noise, and the least. With noise of a part n of the peak ln(1/n) + 4 serves:
+# the truncation is then below the noise, and no more of the record is given away.
 DAMPING = 18.0
+_LEAST_DAMPING = 8.0
+_BELOW_NOISE = 4.0
 # Receivers count where their amplitude is this many times the truncation error exp(−σT), and the
 # noise.
 _ABOVE_TRUNCATION = 30.0
@@ -33,6 +38,12 @@ _BETTER = 6.0
 # Largest part of the power that may be left unexplained, and largest relative error.
 _UNEXPLAINED = 0.05
 _LARGEST_ERROR = 0.5
+# Chance that noise passes for a wave at one of the wavenumbers told apart; with no receiver to
+# spare, the power that a wave must have over the noise's.
+_BY_CHANCE = 1e-6
+_WITHOUT_SPARE = 25.0
+# Left over above this many times the noise's and truncation's power, it is not theirs.
+_EXCESS = 9.0
 _NYQUIST = 0.97
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
@@ -43,7 +54,7 @@ _PART_OF_RING = 0.125
 def in_space(
     record: Record,
     omega: Float,
-    damping: float = DAMPING,
+    damping: float | None = None,
     pairs: int = 1,
     component: int | None = None,
     clear: float = 0.0,
@@ -55,7 +66,7 @@ def in_space(
         record: from before the source began on (u = 0 at its start).
         omega: real frequencies, ascending, shape (n,), rad/s.
         damping: σT of the exponential window, –; more cuts how far decay is seen, less leaves
-            more of the record's end.
+            more of the record's end; by the record's noise where None.
         pairs: most pairs ±k sought at one frequency, 1 or 2, –.
         component: which of the record's; the strongest where None.
         clear: distance to keep from sources, m.
@@ -78,11 +89,15 @@ def in_space(
     receivers, x = _line(record, clear)
     values = record.values[component][:, receivers]
     t = record.t - record.t[0]
+    deviation = _deviation(values)
+    if damping is None:
+        part = deviation / max(np.abs(values).max(), 1e-290)
+        damping = float(np.clip(_BELOW_NOISE - np.log(part + 1e-290), _LEAST_DAMPING, DAMPING))
     sigma = damping / float(t[-1])
     U = damped_transform(values, t, omega, sigma)
     everywhere = np.abs(damped_transform(record.values[component], t, omega, sigma)).max(axis=1)
     truncation = everywhere * np.exp(-damping)
-    noise = _noise(values, record.interval, sigma, len(t))
+    noise = _noise(deviation, record.interval, sigma, len(t))
     used = np.abs(U) > np.maximum(_ABOVE_TRUNCATION * truncation, _ABOVE_NOISE * noise)[:, None]
     if not record.ring:
         used |= (used.sum(axis=1) < len(x))[:, None] & (
@@ -127,13 +142,18 @@ def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
     return chosen, at
 
 
-def _noise(values: Float, interval: float, sigma: float, count: int) -> float:
-    """Standard deviation in U of a white noise with the level of the record's highest tenth."""
-    spectrum = np.abs(np.fft.rfft(values * np.hanning(count)[:, None], axis=0)) ** 2
+def _deviation(values: Float) -> float:
+    """Standard deviation of a white noise with the level of the record's highest tenth."""
+    window = np.hanning(len(values))
+    spectrum = np.abs(np.fft.rfft(values * window[:, None], axis=0)) ** 2
     top = spectrum[-max(4, len(spectrum) // 10) : -1]
-    variance = float(np.median(top) / np.log(2)) / float(np.sum(np.hanning(count) ** 2))
+    return float(np.sqrt(np.median(top) / np.log(2) / np.sum(window**2)))
+
+
+def _noise(deviation: float, interval: float, sigma: float, count: int) -> float:
+    """Standard deviation in U of white noise: √(Σ e^{−2σt}) Δt times its own."""
     weights = (1 - np.exp(-2 * sigma * interval * count)) / (1 - np.exp(-2 * sigma * interval))
-    return float(np.sqrt(variance * weights)) * interval
+    return float(deviation * np.sqrt(weights)) * interval
 
 
 def _fits(U: Any, x: Float, used: Any, pairs: int) -> list[tuple[int, bool, LineFit]]:
@@ -161,7 +181,8 @@ def _chosen(
         chosen[better] = number
         best = np.where(better, one.residual, best)
     columns: dict[str, list[Any]] = {
-        name: [] for name in ("omega", "k", "amplitude", "error", "residual", "reason")
+        name: []
+        for name in ("omega", "k", "amplitude", "error", "residual", "reason", "excess", "weak")
     }
     for i in range(n):
         pairs, both, one = fits[chosen[i]]
@@ -173,11 +194,19 @@ def _chosen(
             columns["amplitude"].append(np.hypot(one.forward[i, p], one.backward[i, p]))
             columns["error"].append(np.nan if few else noise * one.unit[i, p])
             columns["residual"].append(one.unexplained[i])
+            columns["weak"].append(_weak(one, i, count[i], unknowns(pairs, both), level[i]))
+            columns["excess"].append(one.residual[i] > _EXCESS * level[i] ** 2)
             columns["reason"].append(
                 "too few receivers above the record's truncation and noise: place some nearer to "
                 "the source, or lengthen the record" if few else ""
             )  # fmt: skip
     reason = np.array(columns["reason"], object)
+    unexplained = np.array(columns["residual"]) > _UNEXPLAINED
+    more = unexplained & np.array(columns["excess"], bool) & (reason == "")
+    weak = np.array(columns["weak"], bool) & (reason == "")
+    reason[weak] = "no wave stands above the noise: drive more of it, or listen nearer"
+    more &= ~weak
+    reason[more] = "unexplained power: more waves than sought, or uneven noise"
     return BranchPoints(
         "space",
         np.array(columns["k"]),
@@ -192,10 +221,18 @@ def _chosen(
     )
 
 
+def _weak(one: LineFit, i: int, count: int, free: int, level: float) -> bool:
+    """Whether noise alone might be explained as well, by an F test."""
+    spare = count - free
+    if spare < 1:
+        power = np.sum(one.forward[i] ** 2 + one.backward[i] ** 2)
+        return bool(power < _WITHOUT_SPARE * level**2)
+    left = max(float(one.unexplained[i]), 1e-290)
+    ratio = (1 - left) / free / (left / spare)
+    return bool(ratio < f_distribution.isf(_BY_CHANCE / count, 2 * free, 2 * spare))
+
+
 def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints:
-    points = points.refused(
-        points.residual > _UNEXPLAINED, "more waves than sought, or noise: unexplained power"
-    )
     points = points.refused(
         ~(points.error < _LARGEST_ERROR * np.abs(points.k)), "the error bar is as large as k"
     )

@@ -2,10 +2,12 @@
 
 On a ring of length X, driven at x_s by a Ricker pulse s(t), a relation with branches ω_b(k) gives
 
-    u(x, t) = (1/X) Σ_m Σ_b W_b(k_m) cos(k_m(x − x_s)) q(t; ω_b(k_m)),    k_m = 2πm/X, all m
+    u(x, t) = (1/X) Σ_m Σ_b W_b(k_m) e^{−(k_m w)²/2} cos(k_m(x − x_s)) q(t; ω_b(k_m)),
 
-where q is an oscillator driven from rest (``wavesim.oscillator``, closed form). A ring so long
-that no wave comes round it is an unbounded medium.
+    k_m = 2πm/X, all m,
+
+where w is the source's width and q an oscillator driven from rest (``wavesim.oscillator``, closed
+form). A ring so long that no wave comes round it is an unbounded medium.
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ Float = NDArray[Any]
 # from this many f_p on.
 _HALF_DURATION = 2.0
 _HIGHEST = 6.5
+# exp(−(kw)²/2) is below 1e-16 from kw of this on.
+_WIDTHS = 8.6
 
 
 @dataclass(frozen=True)
@@ -38,12 +42,14 @@ class Pulse:
         position: x_s, m.
         delay: time of its peak, s; 2/f_p where None.
         amplitude: strength; the record's unit follows.
+        width: standard deviation of a Gaussian in x, m; 0 is a point, cut at the highest k.
     """
 
     peak_frequency: float
     position: float = 0.0
     delay: float | None = None
     amplitude: float = 1.0
+    width: float = 0.0
 
     @property
     def peak_time(self) -> float:
@@ -102,7 +108,9 @@ def synthesize(
         x: receivers, shape (nx,), m.
         pulse: what drives them.
         length: X, of the ring, m.
-        k_max: highest wavenumber in it, rad/m; the Nyquist wavenumber of the receivers where None.
+        k_max: highest wavenumber in it, rad/m; where None, that at which a wide source has fallen
+            to 1e-16, and for a point the receivers' Nyquist wavenumber: right for a lattice, while
+            in a continuum a point so cut off is no longer one.
         spoil: what is done to it; nothing where None.
         ring: whether the receivers go evenly round the whole ring.
         lattice: whether they are all the sites of a lattice.
@@ -120,6 +128,8 @@ def synthesize(
     rng = np.random.default_rng(spoil.seed)
     if k_max is None:
         k_max = np.pi / float(np.median(np.diff(np.sort(x))))
+        if pulse.width > 0:
+            k_max = _WIDTHS / pulse.width
     count = int(np.floor(k_max * length / (2 * np.pi) * (1 + 1e-12)))
     if count < 1:
         raise RecordError(
@@ -161,6 +171,7 @@ def _sum(
 ) -> Float:
     shape = np.cos(np.multiply.outer(k, x - pulse.position)) * (2 * pulse.amplitude / length)
     shape[k == 0] /= 2
+    shape *= np.exp(-((k * pulse.width) ** 2) / 2)[:, None]
     total = np.zeros((len(t), len(x)))
     highest = _HIGHEST * 2 * np.pi * pulse.peak_frequency
     for branch in range(omega.shape[1]):
