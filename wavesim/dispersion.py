@@ -149,7 +149,7 @@ def ridges(found: Spectrum) -> list[Ridge]:
     tracks: list[list[tuple[int, float, float]]] = []
     for index in range(1, len(found.k)):
         omega, power = peaks(found, index)
-        live = [track for track in tracks if index - track[-1][0] <= _LONGEST_BREAK]
+        live = [track for track in tracks if index - track[-1][0] - 1 <= _LONGEST_BREAK]
         taken = set()
         if live and len(omega):
             guess = np.array([_continued(track, index) for track in live])
