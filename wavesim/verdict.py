@@ -253,7 +253,7 @@ def _energy_checks(field: Field) -> list[Check]:
     if energy is None or not (medium.closure == "consistent" or medium.anisotropy == 0):
         return []
     scale = float(energy.total.max())
-    if not scale > 0:
+    if scale == 0:
         return []
     balance = float(np.abs(energy.total - energy.work).max()) / scale
     after = energy.total[field.t >= field.quiet_from]
