@@ -289,8 +289,8 @@ def receivers(field: Field) -> Figure:
             largest = max(largest, float(power.max()))
             spectrum.plot(f, power, **kind)
         highest = max(s.band for s in field.sources) / (2e3 * np.pi)
-        spectrum.set_yscale("log")
         spectrum.set(xlim=(0, highest), ylim=(1e-5 * (largest or 1), 2 * (largest or 1)))
+        spectrum.set_yscale("log")
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
             shade_gaps(spectrum, field, sector, upright=True)
         signal.set(
