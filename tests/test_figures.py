@@ -1,0 +1,242 @@
+"""Figures: all are written, the two scales of each axis agree, and gaps stand where they should."""
+
+import struct
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wavesim import figures, planewave
+from wavesim.field import Field
+from wavesim.source import Ricker
+
+TO_KHZ = 1 / (2e3 * np.pi)
+
+
+@pytest.fixture(scope="module")
+def drawn(small_run, small_held):
+    """Every figure of the small run, by name, laid out but not written."""
+    _, _, field = small_run
+    with matplotlib.rc_context(figures.STYLE):
+        made = {
+            "spacetime": figures.spacetime(field),
+            "dispersion": figures.dispersion(field, small_held, "longitudinal"),
+            "inplane": figures.dispersion(field, small_held, "inplane"),
+            "attenuation": figures.attenuation(field, small_held[0]),
+            "receivers": figures.receivers(field),
+            "energy": figures.energy(field),
+        }
+        for figure in made.values():
+            figure.draw_without_rendering()
+    return made
+
+
+def secondary(axes):
+    """The scaled axes that stand opposite: {"top" or "right": axes}."""
+    return {("top" if a._orientation == "x" else "right"): a for a in axes.child_axes}
+
+
+def spans(axes, upright):
+    """Shaded intervals along frequency, kHz."""
+    found = []
+    for patch in axes.patches:
+        box = patch.get_extents().transformed(axes.transData.inverted())
+        if patch.get_alpha() == figures.GAP["alpha"]:
+            found.append((box.x0, box.x1) if upright else (box.y0, box.y1))
+    return sorted(found)
+
+
+def gaps_in_khz(medium, sector):
+    return [
+        (g.lower * TO_KHZ, g.upper * TO_KHZ)
+        for g in planewave.gaps(medium, sector)
+        if g.upper > g.lower
+    ]
+
+
+def test_every_figure_is_written(small_run):
+    """Those of the run itself, at the size that was asked for, none of them blank."""
+    _, outcome, _ = small_run
+    files = sorted(p.name for p in (outcome.folder / "figures").iterdir())
+    assert files == [
+        "attenuation_longitudinal.png",
+        "dispersion_inplane.png",
+        "dispersion_longitudinal.png",
+        "energy.png",
+        "receivers.png",
+        "spacetime.png",
+    ]
+    for name in files:
+        content = (outcome.folder / "figures" / name).read_bytes()
+        assert content[:8] == b"\x89PNG\r\n\x1a\n"
+        width, height = struct.unpack(">II", content[16:24])
+        assert 700 <= width <= 2000
+        assert 450 <= height <= 2000
+        assert len(content) > 15_000
+
+
+@pytest.mark.parametrize(
+    ("name", "panel", "side", "label", "unit"),
+    [
+        ("spacetime", 0, "top", "x / l", lambda m: 1e-3 / m.length_scale),
+        ("spacetime", 0, "right", "t / √", lambda m: 1e-6 / m.time_scale),
+        ("dispersion", 0, "top", "k̄", lambda m: 1e3 * m.length_scale / 2 / np.pi),
+        ("dispersion", 0, "right", "ω̄", lambda m: 2e3 * np.pi * m.time_scale),
+        ("inplane", 0, "right", "ω̄", lambda m: 2e3 * np.pi * m.time_scale),
+        ("attenuation", 0, "top", "ω̄", lambda m: 2e3 * np.pi * m.time_scale),
+        ("attenuation", 1, "right", "Im k l", lambda m: 1e3 * np.log(10) / 20 * m.length_scale),
+        ("attenuation", 2, "right", "Re k l/2π", lambda m: 1e3 * m.length_scale / 2 / np.pi),
+        ("receivers", 0, "top", "t / √", lambda m: 1e-6 / m.time_scale),
+        ("receivers", 1, "top", "ω̄", lambda m: 2e3 * np.pi * m.time_scale),
+        ("energy", 0, "top", "t / √", lambda m: 1e-6 / m.time_scale),
+    ],
+)
+def test_scaled_axis_stands_opposite_the_si_one(drawn, small_run, name, panel, side, label, unit):
+    """The ends of the scaled axis are those of the SI axis times the unit, to rounding."""
+    medium = small_run[2].medium
+    axes = drawn[name].axes[panel]
+    other = secondary(axes)[side]
+    si = axes.get_xlim() if side == "top" else axes.get_ylim()
+    scaled = other.get_xlim() if side == "top" else other.get_ylim()
+    np.testing.assert_allclose(scaled, np.array(si) * float(unit(medium)), rtol=1e-12)
+    shown = other.get_xlabel() if side == "top" else other.get_ylabel()
+    assert label in shown
+
+
+@pytest.mark.parametrize("name", ["spacetime", "dispersion", "attenuation", "receivers", "energy"])
+def test_every_axis_names_its_quantity_and_unit(drawn, name):
+    """An SI label has a unit in brackets; those hidden by sharing an axis are its neighbour's."""
+    figure = drawn[name]
+    assert isinstance(figure, Figure)
+    labels = [text for a in figure.axes for text in (a.get_xlabel(), a.get_ylabel()) if text]
+    assert len(labels) >= 2
+    for text in labels:
+        assert "(" in text
+        assert text.endswith(")")
+
+
+def test_labels_stay_inside_the_figure(drawn):
+    """Titles and axis labels, those of the opposite axes too, to a pixel."""
+    for figure in drawn.values():
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        frame = figure.bbox.padded(1)
+        for axes in figure.axes:
+            for one in (axes, *axes.child_axes):
+                for text in (one.title, one.xaxis.label, one.yaxis.label):
+                    if text.get_text():
+                        box = text.get_window_extent(renderer)
+                        assert frame.contains(box.x0, box.y0), text.get_text()
+                        assert frame.contains(box.x1, box.y1), text.get_text()
+
+
+def test_gaps_are_shaded_at_their_frequencies(drawn, small_run):
+    """Edges of the shading against the spectral solver, in kHz, to 1e-9."""
+    medium = small_run[2].medium
+    longitudinal, inplane = gaps_in_khz(medium, "longitudinal"), gaps_in_khz(medium, "inplane")
+    assert len(longitudinal) == 2
+    assert len(inplane) == 1
+    for axes, upright, expected in (
+        (drawn["dispersion"].axes[0], False, longitudinal),
+        (drawn["inplane"].axes[0], False, inplane),
+        (drawn["attenuation"].axes[1], True, longitudinal),
+        (drawn["attenuation"].axes[2], True, longitudinal),
+        (drawn["receivers"].axes[1], True, longitudinal),
+    ):
+        np.testing.assert_allclose(spans(axes, upright), expected, rtol=1e-9)
+        names = {text.get_text() for text in axes.texts}
+        assert names in ({"RLB1", "RLB2"}, {"RSB"})
+    assert spans(drawn["attenuation"].axes[0], True) == []
+
+
+def test_theory_and_points_are_drawn_where_they_belong(drawn, small_run, small_held):
+    medium = small_run[2].medium
+    axes = drawn["dispersion"].axes[0]
+    points = [line for line in axes.lines if line.get_marker() == "o"]
+    theory = [line for line in axes.lines if line not in points]
+    assert len(theory) == len(points) == 3
+    for number, line in enumerate(theory):
+        k, omega = line.get_data()
+        exact = planewave.frequencies(medium, "longitudinal", k * 1e3)[:, number] * TO_KHZ
+        np.testing.assert_allclose(omega, exact, rtol=1e-12)
+    for line in points:
+        k, omega = line.get_data()
+        exact = planewave.frequencies(medium, "longitudinal", k * 1e3) * TO_KHZ
+        # a tenth of a bin, also where the branch is too near to ω = 0 to be judged
+        bin_khz = small_held[0].measured.spectrum.bin * TO_KHZ
+        assert np.abs(exact - omega[:, None]).min(axis=1).max() < 0.1 * bin_khz
+        assert len(k) > 20
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["plane-wave solver", "recovered"]
+
+    # Attenuation in dB/mm is 20 log₁₀ e · Im k.
+    curve = small_held[0].measured.attenuation
+    (measured,) = [line for line in drawn["attenuation"].axes[1].lines if line.get_marker() == "o"]
+    np.testing.assert_allclose(measured.get_xdata(), curve.omega * TO_KHZ, rtol=1e-12)
+    np.testing.assert_allclose(
+        measured.get_ydata(), 20 * np.log10(np.e) * curve.k.imag / 1e3, rtol=1e-12
+    )
+
+
+def test_picture_of_the_spectrum_lies_on_its_axes(drawn, small_held):
+    """Pixel centres of the 2D spectrum stand at the wavenumbers of the bar."""
+    found = small_held[0].measured.spectrum
+    (image,) = drawn["dispersion"].axes[0].images
+    left, right, bottom, top = image.get_extent()
+    rows, columns = image.get_array().shape
+    centres = left + (np.arange(columns) + 0.5) * (right - left) / columns
+    np.testing.assert_allclose(centres, found.k / 1e3, atol=1e-9)
+    assert bottom == 0
+    assert top == pytest.approx(found.omega[-1] * TO_KHZ)
+    # Each row is the largest of a tile of frequencies, so that no peak is lost.
+    assert rows <= 1200
+    assert image.get_array().max() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_colours_are_readable_in_grey():
+    """Lightness of the map falls all the way, so that it prints in grey."""
+    colours = figures.MAP(np.linspace(0, 1, 64))[:, :3]
+    lightness = colours @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(lightness) < 0).all()
+
+
+def test_decibels():
+    np.testing.assert_allclose(
+        figures.decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
+    )
+
+
+def test_thinning_keeps_the_largest():
+    values = np.zeros((1000, 900))
+    values[777, 555] = 3.0
+    thin = figures._thin(values, (90, 70))
+    assert thin.shape[0] <= 90
+    assert thin.shape[1] <= 70
+    assert thin.max() == 3.0
+    np.testing.assert_array_equal(figures._thin(values[:80, :60], (90, 70)), values[:80, :60])
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-300])
+def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
+    """No warning of a logarithm, a division or the layout (warnings are errors here)."""
+    from wavesim.analysis import extract
+    from wavesim.verdict import hold
+
+    _, _, full = small_run
+    made = Field(
+        full.t[:8],
+        {name: scale * full[name][:8] for name in full.names},
+        full.medium,
+        full.bar,
+        (Ricker("phi1", 0.064, 1e4),),
+        full.receivers,
+    )
+    held = [hold(made, m, (125.0, 3142.0)) for m in extract(made)]
+    with matplotlib.rc_context(figures.STYLE):
+        for figure in (
+            figures.spacetime(made),
+            figures.dispersion(made, held, "longitudinal"),
+            figures.receivers(made),
+        ):
+            figure.draw_without_rendering()

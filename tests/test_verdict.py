@@ -1,0 +1,256 @@
+"""The verdict: that it passes what is right, and above all that it fails what is wrong."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from wavesim import planewave
+from wavesim.analysis import Measured, extract
+from wavesim.bar import Bar
+from wavesim.dispersion import LOBE_BINS, Ridge, Spectrum
+from wavesim.field import Energy, Field
+from wavesim.medium import Medium
+from wavesim.sectors import BLOCKS
+from wavesim.source import EXCITED, Ricker, excitation
+from wavesim.verdict import Branch, Check, hold, judge
+
+LONGITUDINAL = BLOCKS[0]
+MEDIUM = Medium(anisotropy=0.25, closure="consistent")
+BAR = Bar(1024, 1.25e-4, 8)
+K_RANGE = (125.0, 3142.0)
+
+
+def test_check_passes_within_its_tolerance_alone():
+    assert Check("", 1.0, 1.0, 0.0).passed
+    assert Check("", 1.25, 1.0, 0.25).passed
+    assert Check("", 0.75, 1.0, 0.25).passed
+    assert not Check("", 1.2500001, 1.0, 0.25).passed
+    for wrong in (np.nan, np.inf, -np.inf):
+        assert Check("", wrong, 0.0, 1e-3).passed is False
+        assert Check("", 0.0, wrong, 1e-3).passed is False
+    assert Check("", np.nan, np.nan, np.inf).passed is False
+
+
+def field(*sources, medium=MEDIUM, **more):
+    """A field of zeros: what is held here is made by hand."""
+    sources = sources or (Ricker("phi1", 0.064, 1e6), Ricker("B11", 0.064, 1e6))
+    return Field(np.linspace(0, 5e-5, 501), {}, medium, BAR, sources, **more)
+
+
+def measured(*ridges, top=5e6, width=2 * np.pi / 5e-5):
+    """A measurement with these ridges, at wavenumbers that the bar holds."""
+    k = BAR.wavenumbers[:80]
+    spectrum = Spectrum(k, np.array([0.0, 2 * np.pi * top]), np.zeros((80, 2)), width)
+    return Measured(LONGITUDINAL, spectrum, list(ridges), None)
+
+
+def exact(number, first=1, last=80, factor=1.0):
+    """A ridge on a branch of the theory, from one wavenumber of the bar to another."""
+    k = BAR.wavenumbers[first:last]
+    omega = planewave.block_frequencies(MEDIUM, LONGITUDINAL, k)[:, number]
+    return Ridge(k, factor * omega, np.ones(len(k)))
+
+
+def test_ridges_go_to_the_branch_they_are_nearest_to():
+    """In any order, in pieces, and a little off; what lies between two branches goes to neither."""
+    middle = Ridge(
+        exact(0).k, (0.45 * exact(1).omega + 0.55 * exact(2).omega), np.ones(79)
+    )  # as far from one as from the other, nearly
+    pieces = [exact(2, factor=1.002), exact(0, 40), exact(1), exact(0, 1, 40), middle]
+    held = hold(field(), measured(*pieces), K_RANGE)
+    assert [b.name for b in held.branches] == ["LA", "LO1", "LO2"]
+    assert held.strays == [middle]
+    for number, branch in enumerate(held.branches):
+        np.testing.assert_array_equal(branch.k, exact(number).k)
+        np.testing.assert_allclose(branch.omega_exact, exact(number).omega, rtol=1e-12)
+        assert branch.present
+    np.testing.assert_allclose(held.branches[2].error, 0.002, rtol=1e-9)
+    assert held.branches[0].error.max() < 1e-12
+
+
+def test_what_is_judged():
+    """Within the range of k, excited above EXCITED, below the highest frequency kept, and four
+    bins clear of the neighbours and of its own mirror at −ω: each criterion by itself."""
+    k = BAR.wavenumbers[:80]
+    omega = planewave.block_frequencies(MEDIUM, LONGITUDINAL, k)
+    ridges = [exact(0), exact(1), exact(2)]
+
+    def judged(found, number, expected, sources=()):
+        held = hold(field(*sources), found, K_RANGE)
+        branch = held.branches[number]
+        np.testing.assert_array_equal(np.isin(k[1:], branch.k[branch.judged]), expected[1:])
+        assert branch.expected == expected.sum()
+
+    inside = (k >= K_RANGE[0]) & (k <= K_RANGE[1])
+    fine = 2 * np.pi / 1.0
+    judged(measured(*ridges, width=fine), 0, inside)
+    judged(measured(*ridges, width=fine), 2, inside)
+    # four bins to the nearest, where LO1 and LO2 are closest by 0.3 of RLB2's neighbourhood
+    least = (omega[:, 2] - omega[:, 1]).min()
+    width = 1.1 * least / LOBE_BINS
+    apart = omega[:, 2] - omega[:, 1] >= LOBE_BINS * width
+    assert 0 < (apart & inside).sum() < inside.sum()
+    below = omega[:, 1] - omega[:, 0] >= LOBE_BINS * width
+    judged(measured(*ridges, width=width), 2, inside & apart)
+    judged(measured(*ridges, width=width), 1, inside & apart & below)
+    mirror = 2 * omega[:, 0] >= LOBE_BINS * width
+    judged(measured(*ridges, width=width), 0, inside & below & mirror)
+    # frequencies kept
+    top = omega[60, 2]
+    judged(measured(*ridges, width=fine, top=top / 2 / np.pi), 2, inside & (omega[:, 2] <= top))
+    # excitation
+    slow = Ricker("phi1", 0.064, 0.4e6)
+    excited = excitation([slow], omega[:, 2]) >= EXCITED
+    assert 0 < (excited & inside).sum() < inside.sum()
+    judged(measured(*ridges, width=fine), 2, inside & excited, (slow,))
+    # a source of another block excites nothing here
+    judged(measured(*ridges, width=fine), 2, inside & excited, (slow, Ricker("phi2", 0.064, 1e6)))
+
+
+def test_presence_is_nine_tenths_of_what_is_expected():
+    name, k = "LA", np.arange(20.0)
+    for found, present in ((18, True), (17, False), (0, False)):
+        judged = np.arange(20) < found
+        assert Branch(name, k, k, k, judged, 20).present is present
+    assert not Branch(name, k, k, k, np.zeros(20, bool), 0).present
+
+
+def verdict(*ridges, **options):
+    held = hold(field(), measured(*ridges, **options), K_RANGE)
+    return {check.name: check for check in judge(field(), [held])}
+
+
+def test_everything_right_passes():
+    checks = verdict(exact(0), exact(1), exact(2), width=2 * np.pi / 1e-3)
+    assert len(checks) == 2 + 6 + 4
+    assert all(check.passed for check in checks.values())
+    assert checks["waves present"].measured == checks["waves present"].reference == 3
+
+
+def test_missing_branch_fails():
+    checks = verdict(exact(0), exact(2), width=2 * np.pi / 1e-3)
+    assert not checks["waves present"].passed
+    assert checks["waves present"].measured == 2
+    for what in ("median", "maximum"):
+        check = checks[f"longitudinal LO1: |Δω|/ω, {what}"]
+        assert np.isnan(check.measured)
+        assert not check.passed
+
+
+def test_ridge_of_no_wave_fails():
+    between = Ridge(exact(1).k, 0.5 * (exact(1).omega + exact(2).omega), np.ones(79))
+    checks = verdict(exact(0), exact(1), exact(2), between, width=2 * np.pi / 1e-3)
+    assert not checks["ridges of no wave"].passed
+
+
+@pytest.mark.parametrize(("off", "median", "maximum"), [(5e-4, 1, 1), (2e-3, 0, 1), (2e-2, 0, 0)])
+def test_branch_that_is_off_fails(off, median, maximum):
+    checks = verdict(exact(0), exact(1, factor=1 + off), exact(2), width=2 * np.pi / 1e-3)
+    check = checks["longitudinal LO1: |Δω|/ω, median"]
+    assert check.measured == pytest.approx(off, rel=1e-9)
+    assert check.passed == median
+    assert checks["longitudinal LO1: |Δω|/ω, maximum"].passed == maximum
+
+
+def test_single_point_off_fails_the_maximum_alone():
+    spoilt = exact(1)
+    omega = spoilt.omega.copy()
+    omega[30] *= 1.02
+    checks = verdict(exact(0), dataclasses.replace(spoilt, omega=omega), exact(2), width=6e3)
+    assert checks["longitudinal LO1: |Δω|/ω, median"].passed
+    assert not checks["longitudinal LO1: |Δω|/ω, maximum"].passed
+
+
+def test_gap_edges_are_the_extremes_of_the_branches():
+    """RLB1 lies between the top of LA and the bottom of LO1 over the judged range, to one bin
+    of 1/T; a branch shifted by 0.9 bins passes, by 1.1 bins not."""
+    duration = 1e-3
+    k = BAR.wavenumbers[1:80]
+    inside = (k >= K_RANGE[0]) & (k <= K_RANGE[1])
+    edge = exact(0).omega[inside].max() / 2 / np.pi
+    for bins, passes in ((0.0, True), (0.9, True), (1.1, False), (-0.9, True), (-1.1, False)):
+        lower = dataclasses.replace(exact(0), omega=exact(0).omega + 2 * np.pi * bins / duration)
+        checks = verdict(lower, exact(1), exact(2), width=2 * np.pi / duration)
+        check = checks["longitudinal RLB1 lower edge, one bin"]
+        assert check.reference == pytest.approx(edge, rel=1e-12)
+        assert check.measured == pytest.approx(edge + bins / duration, rel=1e-9)
+        assert (check.tolerance, check.unit) == (pytest.approx(1 / duration), "Hz")
+        assert check.passed == passes
+        assert checks["longitudinal RLB1 upper edge, one bin"].passed
+
+
+def test_run_passes_with_the_medium_it_was_made_with(small_run):
+    _, outcome, _ = small_run
+    failed = [c["name"] for c in outcome.summary["checks"] if not c["passed"]]
+    assert failed == []
+    names = [c["name"] for c in outcome.summary["checks"]]
+    assert any("longitudinal k in RLB1" in name for name in names)
+    assert any("TSO(22-33)" in name for name in names)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"anisotropy": 0.255},
+        {"anisotropy": 0.245},
+        {"stiffness_ratio": 0.505},
+        {"density": 1570 * 1.01},
+        {"closure": "printed"},
+    ],
+    ids=str,
+)
+def test_run_fails_with_another_medium(small_run, wrong):
+    """The same field held against a medium that differs in one parameter by 1 or 2 %, or in the
+    closure alone: more than one kind of check falls short."""
+    problem, _, field_ = small_run
+    other = dataclasses.replace(
+        field_, medium=dataclasses.replace(field_.medium, **wrong), energy=None
+    )
+    held = [hold(other, m, problem.k_range) for m in extract(other, problem.k_range[1])]
+    failed = [check for check in judge(other, held) if not check.passed]
+    assert any("|Δω|/ω, median" in check.name for check in failed)
+    assert any("|Δk|/|k|" in check.name for check in failed)
+
+
+def energies(total, work, **medium):
+    half = np.asarray(total) / 2
+    energy = Energy(half, half, np.asarray(work))
+    made = Medium(**medium)
+    return [c.passed for c in judge(field(medium=made, energy=energy), [])]
+
+
+def test_energy_is_judged_where_it_is_conserved():
+    """In the closure "consistent", and in the printed one where a = 0; there alone."""
+    constant = np.ones(501)
+    assert energies(constant, constant, closure="consistent", anisotropy=0.5) == [True, True]
+    assert energies(constant, constant, closure="printed", anisotropy=0.0) == [True, True]
+    assert energies(constant, constant, closure="printed", anisotropy=0.1) == []
+    assert energies(0 * constant, 0 * constant) == []
+    assert judge(field(), []) == []
+
+
+def test_energy_checks_can_fail():
+    """The pulse ends at 4 µs, frame 40: 2e-9 of the work missing fails the balance; a drift of
+    2e-10 afterwards fails the constancy, and does no harm before the pulse's end."""
+    work = np.ones(501)
+    assert energies(work - 2e-9, work) == [False, True]
+    late, early = work.copy(), work.copy()
+    late[300] += 2e-10
+    early[30] += 2e-10
+    assert energies(late, work) == [True, False]
+    assert energies(early, work) == [True, True]
+    assert energies(np.full(501, np.nan), work) == [False, False]
+
+
+def test_energy_of_verlet_is_held_to_its_own_drift():
+    """Off by up to (ωh)²/4 for motion at ω ≤ 2π · 2.5 f_p: 1.5e-4 at h = 1.56 ns."""
+    work = np.ones(501)
+    step = 1.56e-9
+    bound = (2 * np.pi * 2.5e6 * step) ** 2 / 4
+    for drift, passes in ((0.9, True), (1.1, False)):
+        energy = Energy(work / 2 + drift * bound, work / 2, work)
+        made = field(energy=energy, stepper="verlet", step=step)
+        balance, _ = judge(made, [])
+        assert balance.tolerance == pytest.approx(bound, rel=1e-12)
+        assert balance.passed is passes
