@@ -59,12 +59,13 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
     problem = _load(case, overrides)
     from wavesim import report
+    from wavesim.progress import progress
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
     for warning in report.warnings(problem):
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     console = _console(quiet)
-    with _progress(quiet) as tell:
+    with progress(problem.plan.schedule.frames, quiet) as tell:
         outcome = _run(problem, folder, resume, tell)
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
@@ -83,53 +84,6 @@ def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], 
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:
         _stop(f"interrupted; what was done is in {folder}, --resume carries on", INTERRUPTED)
-
-
-class _progress:
-    """A bar on a terminal, with time done, rate and time left; silence elsewhere."""
-
-    def __init__(self, quiet: bool) -> None:
-        self.silent = quiet or not sys.stderr.isatty()
-
-    def __enter__(self) -> Callable[[str, float], None]:
-        if self.silent:
-            return lambda stage, part: None
-        from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            Progress,
-            TaskProgressColumn,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
-
-        self.bar = Progress(
-            TextColumn("{task.description:<10}"),
-            BarColumn(),
-            TaskProgressColumn(show_speed=True),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self.bar.start()
-        self.task: Any = None
-        self.stage = ""
-        return self._tell
-
-    def _tell(self, stage: str, part: float) -> None:
-        if stage != self.stage:
-            if self.task is not None:
-                self.bar.remove_task(self.task)
-            self.stage = stage
-            self.task = self.bar.add_task(stage, total=1.0 if stage == "integrate" else None)
-        if stage == "integrate":
-            self.bar.update(self.task, completed=part)
-
-    def __exit__(self, *exception: object) -> None:
-        if not self.silent:
-            self.bar.stop()
 
 
 @main.command()

@@ -1,0 +1,64 @@
+"""Progress on a terminal: stage, part done, frames a second, time gone, time left."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+
+class _FrameRate(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        if task.total is None or not task.speed:
+            return Text("")
+        return Text(f"{task.completed:.0f} of {task.total:.0f} frames, {task.speed:.3g}/s")
+
+
+@contextmanager
+def progress(frames: int, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """Show the progress of a run while it lasts; nothing when quiet or not on a terminal.
+
+    Args:
+        frames: of the whole run.
+        quiet: show nothing.
+
+    Yields:
+        What to call with the name of a stage and the part of it done, 0 to 1. A stage whose
+        part is not known stays at 0; only "integrate" has one.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda stage, part: None
+        return
+    shown: dict[str, TaskID] = {}
+    with Progress(
+        TextColumn("{task.description:<9}"),
+        BarColumn(bar_width=24),
+        _FrameRate(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+
+        def tell(stage: str, part: float) -> None:
+            if stage not in shown:
+                for other in shown.values():
+                    bar.update(other, visible=False)
+                shown[stage] = bar.add_task(stage, total=frames if stage == "integrate" else None)
+            if stage == "integrate":
+                bar.update(shown[stage], completed=part * frames)
+
+        yield tell
