@@ -21,12 +21,19 @@ from scipy.fft import next_fast_len
 
 from wavesim.sectors import BlockForm
 from wavesim.stencils import modified_wavenumber
-from wavesim.timestep import SHORTEST_RUN, chebyshev_series, cosine, series_degree, sine
+from wavesim.timestep import (
+    SHORTEST_RUN,
+    chebyshev_series,
+    cosine,
+    reach_within,
+    series_degree,
+    sine,
+)
 
-# A kernel ends where all that follows is below this part of its largest entry, for each radian of
-# the fastest mode in a step: cos(h√λ) is known no better than its argument.
+# A kernel ends where it falls below this part of its largest entry, for each radian of the fastest
+# mode in a step (cos(h√λ) is known no better than its argument), and stays there for some cells.
 _NEGLIGIBLE = 1e-16
-_LONGEST_RING = 8192
+_STAYS = 4
 
 
 def symbol(form: BlockForm, phase: np.ndarray, spacing: float, order: int) -> np.ndarray:
@@ -73,15 +80,19 @@ def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: flo
         chebyshev_series(lambda e: -e * sine(step, e), bound, degree),
     ]
     least = _NEGLIGIBLE * max(4.0, step * math.sqrt(bound))
-    ring = 64
-    while True:
-        kernel = _ring_kernel(form, spacing, order, bound, np.array(series), ring)
-        size = np.abs(kernel).max(axis=(1, 2)) / np.abs(kernel).max(axis=(1, 2, 3))[:, None]
-        distance = np.abs(np.fft.fftfreq(ring, 1 / ring))
-        reach = int(distance[(size > least).any(axis=0)].max())
-        if reach < 0.4 * ring or ring > _LONGEST_RING:
-            return np.asarray(np.take(kernel, np.arange(-reach, reach + 1), axis=-1))
-        ring = next_fast_len(2 * ring)
+    speed = math.sqrt(np.max(form.c_pp, initial=0.0)) / spacing
+    front = math.ceil(speed * step)
+    ring = next_fast_len(4 * reach_within(step, speed))
+    kernel = _ring_kernel(form, spacing, order, bound, np.array(series), ring)
+    size = np.abs(kernel).max(axis=(1, 2)) / np.abs(kernel).max(axis=(1, 2, 3))[:, None]
+    size = np.maximum(size, size[:, -np.arange(ring)]).max(axis=0)
+    # Ahead of the front the kernel falls faster than any power: it ends where it first stays
+    # negligible. What stands further out is rounding.
+    stays = np.lib.stride_tricks.sliding_window_view(size[front + 1 : ring // 2], _STAYS).max(
+        axis=1
+    )
+    reach = front + int(np.argmax(stays <= least))
+    return np.asarray(np.take(kernel, np.arange(-reach, reach + 1), axis=-1))
 
 
 def _ring_kernel(

@@ -168,7 +168,7 @@ def reach_within(step: float, speed: float) -> int:
         step: h, scaled.
         speed: c_∞ over the cell size, cells per scaled time.
     """
-    return math.ceil(1.25 * speed * step) + 26
+    return math.ceil(1.25 * speed * step) + 30
 
 
 def schedule(
