@@ -108,7 +108,7 @@ def test_all_twelve_waves_of_the_shipped_case(closure):
 
 @pytest.fixture(scope="module")
 def noisy():
-    """Longitudinal waves at 13 wavenumbers, 50 seeds, with noise: what was found, in rows of truth."""
+    """Longitudinal waves at 13 wavenumbers, 50 seeds, with noise: what was found."""
     field = known.simulated("printed")
     record = known.recovered("printed")[0][1].since(field.quiet_from)
     unit = known.unit(field.medium)
@@ -166,7 +166,9 @@ def test_a_large_record_within_its_budget():
     k = np.linspace(0.01, np.pi, 256)
     t = np.arange(4096)
     waves = [np.sin(k / 2) * 1.2 + 2e-3, 1.5 + 0.3 * np.cos(k), 2.3 + 0.2 * k / np.pi]
-    hat = sum(a * np.exp(-1j * np.multiply.outer(w, t)) for a, w in zip((1, 0.5, 0.1), waves))
+    hat = sum(
+        a * np.exp(-1j * np.multiply.outer(w, t)) for a, w in zip((1, 0.5, 0.1), waves, strict=True)
+    )
     channels = np.stack([hat.real, hat.imag], axis=1)
     start = time.perf_counter()
     power(channels)
@@ -183,7 +185,8 @@ def test_fft_route_sees_every_branch_to_its_own_accuracy():
     block, record, points = known.recovered("printed", "fft")[0]
     field = known.simulated("printed")
     unit = known.unit(field.medium)
-    matched = match(points, record, block.branches, *references(field, block), (0.02 * unit, unit / 2))
+    judged = (0.02 * unit, unit / 2)
+    matched = match(points, record, block.branches, *references(field, block), judged)
     assert len(points.branches) == 3
     assert np.nanmedian(matched.error(False)) < 1e-5
     assert (np.abs(matched.omega - matched.grid) <= matched.bar)[matched.found].mean() > 0.95

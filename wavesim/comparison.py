@@ -22,7 +22,7 @@ from scipy.optimize import linear_sum_assignment
 from wavesim.points import BAR, BranchPoints
 from wavesim.record import Record
 from wavesim.relations import Complex, Relation
-from wavesim.timewise import series
+from wavesim.timewise import ROUNDING, series
 
 Float = NDArray[Any]
 
@@ -110,12 +110,13 @@ def present_waves(record: Record, omega: Float, k_max: float) -> Float:
         k_max: highest wavenumber, rad/m.
 
     Returns:
-        Amplitude over max(1e-6 of the strongest at that k, 8 standard errors): > 1 is present.
+        Amplitude over the largest of 1e-6 of the strongest at that k, 8 standard errors, and the
+        rounding of the record's strongest wave: > 1 is present.
     """
     _, channels = series(record, k_max)
     t = record.t - record.t.mean()
     kept = ~record.missing if len(record.missing) else np.ones(len(t), bool)
-    result = np.zeros(omega.shape)
+    sizes, limits = np.zeros(omega.shape), np.zeros(omega.shape)
     waves = omega.shape[1]
     for i, own in enumerate(omega):
         phase = np.multiply.outer(t[kept], own)
@@ -131,10 +132,9 @@ def present_waves(record: Record, omega: Float, k_max: float) -> Float:
         error = np.hypot(spread[:waves], spread[waves:]) * np.sqrt(
             np.mean(noise**2) * data.shape[1]
         )
-        result[i] = size / np.maximum(
-            np.maximum(PRESENT * size.max(), _ABOVE_NOISE * error), 1e-290
-        )
-    return result
+        sizes[i] = size
+        limits[i] = np.maximum(PRESENT * size.max(), _ABOVE_NOISE * error)
+    return np.asarray(sizes / np.maximum(limits, max(ROUNDING * sizes.max(), 1e-290)))
 
 
 def match(

@@ -28,6 +28,8 @@ FALSE_ALARM = 1e-6
 # Part of the strongest amplitude below which no sinusoid is sought: weaker ones are at the level
 # of the numerical errors that a long product of additions leaves.
 DYNAMIC_RANGE = 5e-7
+# What is weaker than this part of the strongest series is the rounding of its transform.
+_OF_STRONGEST = 1e-14
 _PADDING = 2
 _BATCH = 2_000_000
 _WORKERS = 2
@@ -81,6 +83,7 @@ class _Search:
     dynamic_range: float
     damped: bool
     scale: Float
+    least: float
 
 
 def invert(
@@ -120,7 +123,9 @@ def invert(
     weight = None if present.all() else present.astype(float)
     padded = next_fast_len(_PADDING * count, real=True)
     scale = _levels(series, present)
-    search = _Search(window, weight, padded, most, dynamic_range, damped, scale)
+    size_of = np.sqrt(np.sum(np.mean(series[..., present] ** 2, axis=-1), axis=-1))
+    least = _OF_STRONGEST * float(size_of.max(initial=0.0))
+    search = _Search(window, weight, padded, most, dynamic_range, damped, scale, least)
     size = max(1, _BATCH // (count * max(channels, 4)))
     parts = [slice(start, min(start + size, n)) for start in range(0, n, size)]
 
@@ -177,7 +182,8 @@ def _search(series: Float, search: _Search) -> Iterator[tuple[np.ndarray, _Found
         if not len(rows):
             return
         peak, size, height = _highest_peak(residual, search)
-        goes_on = (size > height) & (size > search.dynamic_range * strongest)
+        weakest = np.maximum(search.dynamic_range * strongest, search.least)
+        goes_on = (size > height) & (size > weakest)
         stops = ~goes_on | (p == search.most)
         if stops.any():
             if last is not None:

@@ -25,10 +25,8 @@ from wavesim.relations import Given, Relation
 
 Float = NDArray[Any]
 
-# The pulse is below 1e-15 of its peak from this many 1/f_p after it, and its spectrum below 1e-16
-# from this many f_p on.
+# The pulse is below 1e-15 of its peak from this many 1/f_p after it.
 _HALF_DURATION = 2.0
-_HIGHEST = 6.5
 # exp(−(kw)²/2) is below 1e-16 from kw of this on.
 _WIDTHS = 8.6
 
@@ -41,7 +39,7 @@ class Pulse:
         peak_frequency: f_p, Hz.
         position: x_s, m.
         delay: time of its peak, s; 2/f_p where None.
-        amplitude: strength; the record's unit follows.
+        amplitude: strength, a force per mass times a length, m²/s² where u is in m.
         width: standard deviation of a Gaussian in x, m; 0 is a point, cut at the highest k.
     """
 
@@ -173,10 +171,9 @@ def _sum(
     shape[k == 0] /= 2
     shape *= np.exp(-((k * pulse.width) ** 2) / 2)[:, None]
     total = np.zeros((len(t), len(x)))
-    highest = _HIGHEST * 2 * np.pi * pulse.peak_frequency
+    # Waves far above the pulse's spectrum count too: they follow it, as s/ω².
     for branch in range(omega.shape[1]):
-        own = np.flatnonzero(omega[:, branch].real < highest)
-        for part in np.array_split(own, max(1, len(own) * len(t) // 2_000_000)):
+        for part in np.array_split(np.arange(len(k)), max(1, len(k) * len(t) // 2_000_000)):
             q = driven(omega[part, branch], t, pulse.peak_frequency, pulse.peak_time)
             total += (q * weights[part, branch]) @ shape[part]
     return total

@@ -33,7 +33,8 @@ _WORKERS = 2
 _PEAK_FLOOR = 1e-8
 _ABOVE_MEDIAN = 40.0
 _PADDING = 2
-_ROUNDING = 1e-12
+# A wave weaker than this part of the record's strongest is rounding.
+ROUNDING = 1e-12
 _CYCLES = 1.0
 # Half-width of the Blackman–Harris main lobe.
 LOBE_BINS = 4
@@ -175,7 +176,7 @@ def _judged(points: BranchPoints, record: Record, cell: float) -> BranchPoints:
         "at the Nyquist frequency: sample more often",
     )
     points = points.refused(
-        points.amplitude < _ROUNDING * points.amplitude.max(initial=0.0),
+        points.amplitude < ROUNDING * points.amplitude.max(initial=0.0),
         "as weak as the rounding of the record's strongest wave",
     )
     if points.method == "fft":
