@@ -72,7 +72,7 @@ def small_run(small_case, tmp_path_factory):
 @pytest.fixture(scope="session")
 def small_held(small_run):
     """What is measured from it, beside the theory, block by block."""
-    from wavesim.analysis import extract
+    from wavesim.extraction.analysis import extract
     from wavesim.verdict import hold
 
     problem, _, field = small_run

@@ -27,8 +27,8 @@ def simulated(closure):
 @cache
 def recovered(closure, method="harmonic"):
     """[(block, record, points up to k̄ = 1)] of that field."""
-    from wavesim.fieldrecord import block_record
-    from wavesim.timewise import in_time
+    from wavesim.extraction.fieldrecord import block_record
+    from wavesim.extraction.timewise import in_time
 
     field = simulated(closure)
     found = []

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavesim.branches import follow, track
-from wavesim.direction import KINDS, direction_form, kind_form
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS
-from wavesim.spectral import solve, spectral_form
+from wavesim.spectral.branches import follow, track
+from wavesim.spectral.direction import KINDS, direction_form, kind_form
+from wavesim.spectral.eigenproblem import solve, spectral_form
 
 LONGITUDINAL = BLOCKS[0]
 

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim import cli, integration, planewave, runner
+from wavesim import cli, planewave, runner
 from wavesim.cli import main
 from wavesim.medium import Medium
 from wavesim.sectors import SECTORS
+from wavesim.timedomain import integration
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.toml"))
 
@@ -150,7 +151,7 @@ def test_field_that_overflows_gives_3(tiny, tmp_path):
 
 def test_unstable_stepper_gives_3_and_says_what_to_change(tiny, tmp_path, monkeypatch):
     """Verlet at 1.2 times its stability limit, let through by a limit that is set too high."""
-    from wavesim import timestep
+    from wavesim.timedomain import timestep
 
     limit = timestep.stability_limit
     monkeypatch.setattr(timestep, "stability_limit", lambda bound: 2.4 * limit(bound))

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from media import media
 
-from wavesim import direction, planewave
+from wavesim import planewave
 from wavesim.medium import Medium
 from wavesim.sectors import SECTORS
+from wavesim.spectral import direction
 from wavesim.tensors import (
     average_stiffness,
     direction_moments,

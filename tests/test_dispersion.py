@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from wavesim.bar import Bar
-from wavesim.dispersion import LOBE_BINS, peaks, ridges, spectrum
+from wavesim.extraction.dispersion import LOBE_BINS, peaks, ridges, spectrum
 from wavesim.field import Field
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, scales

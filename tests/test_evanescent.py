@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from media import any_media, media
 
-from wavesim import planewave, spectral
-from wavesim.evanescent import complex_waves, wavenumber
+from wavesim import planewave
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS
+from wavesim.spectral import eigenproblem as spectral
+from wavesim.spectral.evanescent import complex_waves, wavenumber
 
 property_test = settings(deadline=None, derandomize=True, max_examples=60)
 omega_bars = st.floats(0.05, 3.0)

@@ -220,7 +220,7 @@ def test_thinning_keeps_the_largest():
 @pytest.mark.parametrize("scale", [0.0, 1e-300])
 def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
     """No warning of a logarithm, a division or the layout (warnings are errors here)."""
-    from wavesim.analysis import extract
+    from wavesim.extraction.analysis import extract
     from wavesim.verdict import hold
 
     _, _, full = small_run

@@ -8,12 +8,13 @@ import time
 import numpy as np
 import pytest
 
-from wavesim import planewave, surveyfigures
-from wavesim.family import block_forms
-from wavesim.gapmap import gap_map, table
+from wavesim import planewave
 from wavesim.medium import SPECTRAL_CLOSURES, Medium
 from wavesim.sectors import BLOCKS
-from wavesim.spectral import spectral_form
+from wavesim.spectral import surveyfigures
+from wavesim.spectral.eigenproblem import spectral_form
+from wavesim.spectral.family import block_forms
+from wavesim.spectral.gapmap import gap_map, table
 
 
 @pytest.mark.parametrize("closure", SPECTRAL_CLOSURES)

@@ -8,13 +8,13 @@ import known
 import numpy as np
 import pytest
 
-from wavesim.comparison import match
-from wavesim.fieldrecord import references
-from wavesim.harmonic import invert
+from wavesim.extraction.comparison import match
+from wavesim.extraction.fieldrecord import references
+from wavesim.extraction.harmonic import invert
+from wavesim.extraction.timewise import in_time, power, series
 from wavesim.planewave import block_frequencies
 from wavesim.sectors import BLOCKS
-from wavesim.stencils import modified_wavenumber
-from wavesim.timewise import in_time, power, series
+from wavesim.timedomain.stencils import modified_wavenumber
 
 
 def sinusoids(omega, decay, amplitude, count):

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import wavesim.operator  # noqa: F401 - registers the medium with jax
+import wavesim.timedomain.operator  # noqa: F401 - registers the medium with jax
 from wavesim.equations import flux_form
 from wavesim.medium import CLOSURES, PARAMETERS, Medium, check_parameter
 from wavesim.tensors import average_stiffness, gradient_stiffness, relative_stiffness

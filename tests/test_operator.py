@@ -15,7 +15,11 @@ from jax.flatten_util import ravel_pytree
 from wavesim.bar import Bar
 from wavesim.equations import CURVATURES, FIELDS, ROTATIONS, flux_form
 from wavesim.medium import Medium
-from wavesim.operator import (
+from wavesim.planewave import block_frequencies
+from wavesim.sectors import BLOCKS, scales
+from wavesim.source import Ricker
+from wavesim.timedomain.integration import simulate
+from wavesim.timedomain.operator import (
     difference,
     from_fields,
     inner,
@@ -23,12 +27,8 @@ from wavesim.operator import (
     semi_discrete,
     to_fields,
 )
-from wavesim.planewave import block_frequencies
-from wavesim.sectors import BLOCKS, scales
-from wavesim.integration import simulate
-from wavesim.source import Ricker
-from wavesim.stencils import ORDERS, difference_weights, modified_wavenumber
-from wavesim.timestep import spectral_bound
+from wavesim.timedomain.stencils import ORDERS, difference_weights, modified_wavenumber
+from wavesim.timedomain.timestep import spectral_bound
 
 ratios = st.floats(0, 2)
 moduli = st.floats(0.5, 20)

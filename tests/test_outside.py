@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavesim.comparison import match, match_in_space
-from wavesim.relations import Beam, Diatomic, MassInMass
-from wavesim.spacewise import in_space
-from wavesim.synthetic import Pulse, positions, synthesize
-from wavesim.timewise import in_time
+from wavesim.extraction.comparison import match, match_in_space
+from wavesim.extraction.relations import Beam, Diatomic, MassInMass
+from wavesim.extraction.spacewise import in_space
+from wavesim.extraction.synthetic import Pulse, positions, synthesize
+from wavesim.extraction.timewise import in_time
 
 A = 0.01
 CHAINS = {

@@ -7,10 +7,13 @@ import json
 import numpy as np
 import pytest
 
-from wavesim import bands, claims, paper, planewave
-from wavesim.bandfigure import band_figure
+from wavesim import planewave
 from wavesim.medium import Medium
+from wavesim.paper import claims
+from wavesim.paper import reproduction as paper
 from wavesim.sectors import SECTORS
+from wavesim.spectral import bands
+from wavesim.spectral.bandfigure import band_figure
 
 
 @pytest.fixture(scope="module")

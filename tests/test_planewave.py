@@ -11,9 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from media import any_media, media, printed_media, twelve_by_twelve
 
-from wavesim import hyperbolicity, modes, planewave, spectral
+from wavesim import planewave
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, SECTORS
+from wavesim.spectral import eigenproblem as spectral
+from wavesim.spectral import hyperbolicity, modes
 
 property_test = settings(deadline=None, derandomize=True, max_examples=60)
 k_bars = st.floats(0.02, 1.0)

@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavesim.bar import Bar
-from wavesim.kernels import convolution, convolve, convolve_all, kernels
 from wavesim.medium import Medium
-from wavesim.operator import semi_discrete
 from wavesim.plan import Plan, fastest, plan
-from wavesim.propagator import bar_kernels
 from wavesim.sectors import BLOCKS, block_form
-from wavesim.integration import simulate, stream
 from wavesim.source import Ricker
-from wavesim.steppers import propagate, propagator_series
-from wavesim.timestep import reach_within, schedule, spectral_bound
+from wavesim.timedomain.integration import simulate, stream
+from wavesim.timedomain.kernels import convolution, convolve, convolve_all, kernels
+from wavesim.timedomain.operator import semi_discrete
+from wavesim.timedomain.propagator import bar_kernels
+from wavesim.timedomain.steppers import propagate, propagator_series
+from wavesim.timedomain.timestep import reach_within, schedule, spectral_bound
 
 CELL = 1.25e-4
 # Points and Gaussians, in three sectors, overlapping in time and space, one astride of the end.

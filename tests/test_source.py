@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from wavesim.bar import Bar
 from wavesim.equations import FIELDS, ROTATIONS
-from wavesim.forcing import forcing
 from wavesim.medium import Medium
-from wavesim.operator import semi_discrete, to_fields
 from wavesim.sectors import excited_blocks, scales
 from wavesim.source import Ricker, excitation, excited_band
+from wavesim.timedomain.forcing import forcing
+from wavesim.timedomain.operator import semi_discrete, to_fields
 
 frequencies = st.floats(1e4, 2e6)
 

@@ -6,15 +6,15 @@ import known
 import numpy as np
 import pytest
 
-from wavesim.comparison import match_in_space
-from wavesim.fieldrecord import block_record, references
-from wavesim.linefit import fit_line
+from wavesim.extraction.comparison import match_in_space
+from wavesim.extraction.fieldrecord import block_record, references
+from wavesim.extraction.linefit import fit_line
+from wavesim.extraction.record import RecordError, record
+from wavesim.extraction.relations import OfMedium
+from wavesim.extraction.spacewise import in_space
+from wavesim.extraction.synthetic import Pulse, Spoil, positions, synthesize
 from wavesim.planewave import gaps
-from wavesim.record import RecordError, record
-from wavesim.relations import OfMedium
 from wavesim.sectors import BLOCKS
-from wavesim.spacewise import in_space
-from wavesim.synthetic import Pulse, Spoil, positions, synthesize
 
 SCALE = float(known.MEDIUM.time_scale)
 

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from wavesim.operator import difference
-from wavesim.stencils import (
+from wavesim.timedomain.operator import difference
+from wavesim.timedomain.stencils import (
     ORDERS,
     difference_weights,
     interpolation_weights,

@@ -23,15 +23,15 @@ from jax.flatten_util import ravel_pytree
 
 from wavesim.bar import Bar
 from wavesim.equations import CURVATURES, ROTATIONS
-from wavesim.forcing import forcing
 from wavesim.medium import Medium
-from wavesim.operator import from_fields, semi_discrete, to_fields
 from wavesim.plan import Plan, plan
-from wavesim.response import pulse_tables
 from wavesim.sectors import BLOCKS, block_form, scales
-from wavesim.integration import NotFiniteError, _advance, simulate, stream
 from wavesim.source import Ricker
-from wavesim.steppers import (
+from wavesim.timedomain.forcing import forcing
+from wavesim.timedomain.integration import NotFiniteError, _advance, simulate, stream
+from wavesim.timedomain.operator import from_fields, semi_discrete, to_fields
+from wavesim.timedomain.response import pulse_tables
+from wavesim.timedomain.steppers import (
     TERM,
     Chebyshev,
     Motion,
@@ -40,7 +40,7 @@ from wavesim.steppers import (
     propagate,
     propagator_series,
 )
-from wavesim.timestep import (
+from wavesim.timedomain.timestep import (
     StepTooLongError,
     chebyshev_series,
     cosine,
@@ -293,7 +293,7 @@ def test_a_plan_keeps_its_chunks_within_bounds():
 def test_an_unstable_run_is_reported(monkeypatch):
     """Twice the stability limit, the check disabled: diffrax reports success, the field is not
     finite, and NotFiniteError says when, with which step, and what to do."""
-    monkeypatch.setattr("wavesim.timestep.stability_limit", lambda bound: 1e9)
+    monkeypatch.setattr("wavesim.timedomain.timestep.stability_limit", lambda bound: 1e9)
     medium, bar, sources, *_ = SMALL
     bound = spectral_bound(medium, bar, BLOCKS[:1])
     step = 2 * 2 / np.sqrt(bound) * medium.time_scale

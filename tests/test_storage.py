@@ -403,7 +403,7 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
 
         yield Chunk()
 
-    from wavesim import integration
+    from wavesim.timedomain import integration
 
     monkeypatch.setattr(integration, "stream", stream)
     monkeypatch.setattr(storage.Results, "append", append)
@@ -415,7 +415,7 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
 
 def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
     """A summary of an earlier run must not stand beside a run that failed."""
-    from wavesim import integration
+    from wavesim.timedomain import integration
 
     (tmp_path / "summary.json").write_text("{}")
 

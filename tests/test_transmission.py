@@ -5,19 +5,19 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.analysis import extract
 from wavesim.bar import Bar
-from wavesim.field import Field
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.source import Ricker
-from wavesim.transmission import (
+from wavesim.extraction.analysis import extract
+from wavesim.extraction.transmission import (
     FEWEST_POINTS,
     attenuation,
     damped_transform,
     free_stretch,
     wavenumber_of_decay,
 )
+from wavesim.field import Field
+from wavesim.medium import Medium
+from wavesim.sectors import BLOCKS
+from wavesim.source import Ricker
 
 LONGITUDINAL, TRANSVERSE = BLOCKS[0], BLOCKS[1]
 

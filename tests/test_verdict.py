@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.analysis import Measured, extract
 from wavesim.bar import Bar
-from wavesim.dispersion import LOBE_BINS, Ridge, Spectrum
+from wavesim.extraction.analysis import Measured, extract
+from wavesim.extraction.dispersion import LOBE_BINS, Ridge, Spectrum
 from wavesim.field import Energy, Field
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS

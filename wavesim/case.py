@@ -18,8 +18,8 @@ from wavesim.casemessages import sentence
 from wavesim.equations import FIELDS
 from wavesim.medium import PARAMETERS, Closure, Medium, check_parameter
 from wavesim.source import Ricker
-from wavesim.stencils import ORDERS
-from wavesim.timestep import Solver
+from wavesim.timedomain.stencils import ORDERS
+from wavesim.timedomain.timestep import Solver
 
 End = Literal["periodic"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

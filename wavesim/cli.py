@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from wavesim import labcli
+from wavesim.extraction import labcli
 from wavesim.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.terminal import console as _console
 from wavesim.terminal import stop as _stop
@@ -104,9 +104,9 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
 
 
 def _print_bands(medium: Any) -> None:
-    from wavesim import bands as content
     from wavesim import report
     from wavesim.planewave import full_gaps
+    from wavesim.spectral import bands as content
 
     to_hertz, to_bar = 1 / (2 * math.pi), float(medium.time_scale)
     free = [
@@ -124,7 +124,7 @@ def _print_bands(medium: Any) -> None:
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Branches, cutoffs, asymptotes and gaps of CASE's medium, by the plane-wave solver alone."""
     medium = _load(case, overrides).plan.medium
-    from wavesim import bands as content
+    from wavesim.spectral import bands as content
 
     answer = json.dumps(content.summary(medium))
     if as_json:
@@ -132,7 +132,7 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
     else:
         _print_bands(medium)
     if out:
-        from wavesim.bandfigure import band_figure
+        from wavesim.spectral.bandfigure import band_figure
 
         folder = Path(out)
         try:
@@ -151,8 +151,8 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
 )
 def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
-    from wavesim.claims import CLOSURES
-    from wavesim.paper import reproduce
+    from wavesim.paper.claims import CLOSURES
+    from wavesim.paper.reproduction import reproduce
 
     try:
         result = reproduce(Path(out))
@@ -195,8 +195,8 @@ def gaps(
     medium = _load(case, overrides).plan.medium
     import numpy as np
 
-    from wavesim.gapmap import gap_map, table
-    from wavesim.surveyfigures import gap_map_figure
+    from wavesim.spectral.gapmap import gap_map, table
+    from wavesim.spectral.surveyfigures import gap_map_figure
 
     try:
         found = gap_map(

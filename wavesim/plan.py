@@ -14,7 +14,7 @@ from wavesim.medium import Medium
 from wavesim.planewave import check_hyperbolic
 from wavesim.sectors import Block, excited_blocks
 from wavesim.source import Ricker
-from wavesim.timestep import Schedule, schedule, spectral_bound
+from wavesim.timedomain.timestep import Schedule, schedule, spectral_bound
 
 # Frames in one chunk: as many as fit into about this many bytes, within these limits.
 _CHUNK_BYTES = 24e6

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.bandedges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
-from wavesim.evanescent import ComplexWaves, complex_waves, wavenumber
-from wavesim.hyperbolicity import NotHyperbolicError, check_hyperbolic, real_frequencies
 from wavesim.medium import Medium
 from wavesim.sectors import Block, BlockForm, blocks_of
-from wavesim.spectral import Eigenmodes, Float, slope, solve, spectral_form
+from wavesim.spectral.bandedges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
+from wavesim.spectral.eigenproblem import Eigenmodes, Float, slope, solve, spectral_form
+from wavesim.spectral.evanescent import ComplexWaves, complex_waves, wavenumber
+from wavesim.spectral.hyperbolicity import NotHyperbolicError, check_hyperbolic, real_frequencies
 
 __all__ = [
     "ComplexWaves",

@@ -117,7 +117,7 @@ def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[
 
     Args:
         console: where to.
-        rows: of ``wavesim.bands.table``.
+        rows: of ``wavesim.spectral.bands.table``.
         full_gaps: [(lower, upper)] in Hz and ω̄: (low, high, low_bar, high_bar).
     """
     table = _table("sector", "branch", "cutoff", "", "asymptote", "", "gap above", "", "")

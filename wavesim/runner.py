@@ -113,9 +113,9 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
 
     _keep_compiled()
     from wavesim import storage
-    from wavesim.analysis import extract
+    from wavesim.extraction.analysis import extract
     from wavesim.figures import write_all
-    from wavesim.integration import NotFiniteError, Timing, pack, stream, unpack
+    from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
     from wavesim.verdict import hold, judge
 
     lap("import")

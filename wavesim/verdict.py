@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.analysis import Measured
-from wavesim.dispersion import LOBE_BINS, Ridge
+from wavesim.extraction.analysis import Measured
+from wavesim.extraction.dispersion import LOBE_BINS, Ridge
 from wavesim.field import Field
 from wavesim.planewave import block_frequencies, gaps, wavenumber
 from wavesim.source import EXCITED, excitation

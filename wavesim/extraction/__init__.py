@@ -1,0 +1,1 @@
+"""From records to branches, complex wavenumbers and material parameters."""

@@ -1,0 +1,1 @@
+"""The time-domain side: grid operator, steppers, integration."""

@@ -1,0 +1,295 @@
+"""Integration in time: the only caller of ``diffrax.diffeqsolve``, in chunks of frames."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.bar import Bar
+from wavesim.field import Energy, Field
+from wavesim.medium import Medium
+from wavesim.plan import Plan, plan
+from wavesim.sectors import scales
+from wavesim.source import Ricker
+from wavesim.timedomain.forcing import forcing
+from wavesim.timedomain.operator import semi_discrete, to_fields
+from wavesim.timedomain.propagator import Propagator, bar_kernels
+from wavesim.timedomain.response import pulse_tables
+from wavesim.timedomain.steppers import (
+    TERM,
+    Chebyshev,
+    Motion,
+    Verlet,
+    WaveEquation,
+    propagator_series,
+)
+
+
+class NotFiniteError(RuntimeError):
+    """The integration produced values that are not finite.
+
+    Attributes:
+        time: end of the chunk in which it was found, s.
+    """
+
+    def __init__(self, at: float, plan: Plan) -> None:
+        self.time = at
+        remedy = (
+            "shorten [time] step or take solver 'chebyshev'"
+            if plan.schedule.solver == "verlet"
+            else "lower the sources' amplitude, or check the medium's parameters"
+        )
+        super().__init__(
+            f"the field is not finite at t = {at:.4g} s (solver {plan.schedule.solver!r}, step "
+            f"{plan.step:.4g} s): {remedy}"
+        )
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive frames of a run.
+
+    Attributes:
+        first: index of the first frame.
+        values: {field: (frames, N)}, SI.
+        energy: of these frames, J/m².
+        motion: scaled state at the last frame, to carry on from; but past it in the last chunk of a
+            run, of which a part may not be wanted.
+    """
+
+    first: int
+    values: dict[str, np.ndarray]
+    energy: Energy
+    motion: Motion
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return len(self.energy.work)
+
+
+def pack(motion: Motion) -> list[np.ndarray]:
+    """A state as plain arrays, to be stored."""
+    return [np.asarray(leaf) for leaf in jax.tree.leaves(motion)]
+
+
+def unpack(arrays: Sequence[np.ndarray], settled: Plan) -> Motion:
+    """Inverse of :func:`pack`, for a run of the same plan."""
+    structure = jax.tree.structure(_rest(settled))
+    return jax.tree.unflatten(structure, [jnp.asarray(array) for array in arrays])
+
+
+def _rest(settled: Plan) -> Motion:
+    operator = semi_discrete(settled.medium, settled.bar, settled.blocks)
+    return Motion(operator.zero(), operator.zero(), jnp.zeros(()))
+
+
+@dataclass
+class Timing:
+    """Seconds spent; filled in as a run goes."""
+
+    compile: float = 0.0
+    integrate: float = 0.0
+
+
+def _stepper(settled: Plan, equation: WaveEquation) -> diffrax.AbstractSolver:
+    if settled.schedule.solver == "verlet":
+        return Verlet()
+    steps = settled.schedule
+    pulses = pulse_tables(equation.operator, equation.forcing, steps)
+    if steps.solver == "chebyshev":
+        return Chebyshev(propagator_series(steps), steps.bound, pulses)
+    return Propagator(bar_kernels(settled.medium, settled.bar, settled.blocks, steps.step), pulses)
+
+
+def _advance(
+    equation: WaveEquation,
+    stepper: Any,
+    motion: Motion,
+    start: jax.Array,
+    step: float,
+    steps_per_frame: int,
+    frames: int,
+    adjoint: Any = None,
+) -> Any:
+    """Integrate some frames from a state; pure, so that jax transforms go through.
+
+    The stepper's own state is made anew from the motion: a run that is carried on from a stored
+    motion is the uninterrupted one to the last bit.
+    """
+
+    def observe(t: Any, y: Motion, args: Any) -> Any:
+        operator = equation.operator
+        return y.q, operator.kinetic(y.v), operator.potential(y.q), y.work
+
+    count = frames * steps_per_frame
+    times = (start + jnp.arange(count + 1)).astype(float) * step
+    solution = diffrax.diffeqsolve(
+        TERM,
+        stepper,
+        t0=times[0],
+        t1=times[-1],
+        dt0=None,
+        y0=motion,
+        args=equation,
+        saveat=diffrax.SaveAt(
+            subs=(
+                diffrax.SubSaveAt(steps=steps_per_frame, fn=observe),
+                diffrax.SubSaveAt(t1=True),
+            ),
+        ),
+        stepsize_controller=diffrax.StepTo(ts=times),
+        max_steps=count,
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
+    )
+    seen, last = solution.ys
+    return seen, jax.tree.map(lambda a: a[-1], last)
+
+
+# Compiled functions, by all that they depend on: a second run of one shape compiles nothing.
+_COMPILED: dict[Any, Any] = {}
+
+
+def _compiled(
+    equation: WaveEquation,
+    stepper: Any,
+    motion: Motion,
+    at: jax.Array,
+    step: float,
+    steps_per_frame: int,
+    frames: int,
+) -> Any:
+    """:func:`_advance` compiled for arguments of these shapes."""
+    arguments = (equation, stepper, motion, at)
+    leaves, structure = jax.tree.flatten(arguments)
+    shapes = tuple((np.shape(leaf), str(jnp.asarray(leaf).dtype)) for leaf in leaves)
+    key = (structure, shapes, step, steps_per_frame, frames)
+    if key not in _COMPILED:
+        advance = functools.partial(
+            _advance, step=step, steps_per_frame=steps_per_frame, frames=frames
+        )
+        _COMPILED[key] = jax.jit(advance).lower(*arguments).compile()
+    return _COMPILED[key]
+
+
+def stream(
+    settled: Plan, start: tuple[int, Motion] | None = None, timing: Timing | None = None
+) -> Iterator[Chunk]:
+    """Integrate a plan and give its frames chunk by chunk, the state of rest at t = 0 first.
+
+    Args:
+        settled: the plan.
+        start: (frame index, state) to carry on after; None begins at rest.
+        timing: where to note the seconds spent.
+
+    Yields:
+        Chunks, in order.
+
+    Raises:
+        NotFiniteError: the integration failed.
+    """
+    timing = timing or Timing()
+    begun = time.perf_counter()
+    operator = semi_discrete(settled.medium, settled.bar, settled.blocks)
+    force = forcing(settled.sources, settled.medium, settled.bar, settled.blocks, operator)
+    equation = WaveEquation(operator, force)
+    stepper = _stepper(settled, equation)
+    steps, size = settled.schedule, settled.chunk
+    frame, motion = start or (0, Motion(operator.zero(), operator.zero(), jnp.zeros(())))
+    at = jnp.asarray(frame * steps.steps_per_frame)
+    run = _compiled(equation, stepper, motion, at, steps.step, steps.steps_per_frame, size)
+    timing.compile += time.perf_counter() - begun
+    if start is None:
+        rest = (jax.tree.map(lambda a: a[None], motion.q), *(np.zeros(1) for _ in range(3)))
+        yield _chunk(settled, 0, rest, 1, motion)
+    while frame < steps.frames - 1:
+        begun = time.perf_counter()
+        at = jnp.asarray(frame * steps.steps_per_frame)
+        seen, motion = run(equation, stepper, motion, at)
+        seen = jax.tree.map(np.asarray, seen)
+        # The last chunk runs past the end, so that one compiled function serves all chunks.
+        wanted = min(size, steps.frames - 1 - frame)
+        chunk = _chunk(settled, frame + 1, seen, wanted, motion)
+        timing.integrate += time.perf_counter() - begun
+        known = [*chunk.values.values(), chunk.energy.total, chunk.energy.work]
+        if not all(np.isfinite(values).all() for values in known):
+            raise NotFiniteError((frame + wanted) * settled.duration / (steps.frames - 1), settled)
+        yield chunk
+        frame += wanted
+
+
+def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) -> Chunk:
+    q, kinetic, potential, work = seen
+    q = jax.tree.map(lambda a: np.asarray(a)[:wanted], q)
+    unit = float(scales(settled.medium).energy)
+    # A run that has become unstable is reported by its caller, not by warnings.
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = Energy(*(unit * np.asarray(part)[:wanted] for part in (kinetic, potential, work)))
+        values = to_fields(q, settled.blocks, settled.medium)
+    return Chunk(first, {name: values[name] for name in settled.fields}, energy, motion)
+
+
+def simulate(
+    medium: Medium,
+    bar: Bar,
+    sources: Sequence[Ricker],
+    duration: float,
+    samples: int | None = None,
+    solver: str = "auto",
+    step: float | None = None,
+    receivers: Mapping[str, float] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Field:
+    """Integrate the wave equations on a bar from rest and keep the field in memory.
+
+    Args:
+        medium: its parameters.
+        bar: the grid.
+        sources: pulses that drive it, at least one.
+        duration: s.
+        samples: number of frames, the start among them; None stores twice the sources' band.
+        solver: "auto", "chebyshev" or "verlet".
+        step: longest step allowed, s; None lets the stepper choose.
+        receivers: {name: position in m}.
+        progress: called with the part done, 0 to 1, after each chunk.
+
+    Returns:
+        The field; only the sectors that the sources set in motion are in it.
+
+    Raises:
+        ValueError: a value that can't be used; the message names it.
+        NotFiniteError: the integration failed.
+    """
+    settled = plan(medium, bar, sources, duration, samples, solver, step)
+    chunks = []
+    for chunk in stream(settled):
+        chunks.append(chunk)
+        if progress is not None:
+            progress((chunk.first + chunk.count) / settled.schedule.frames)
+    return Field(
+        t=settled.times,
+        values={
+            name: np.concatenate([chunk.values[name] for chunk in chunks])
+            for name in settled.fields
+        },
+        medium=medium,
+        bar=bar,
+        sources=settled.sources,
+        receivers=dict(receivers or {}),
+        energy=Energy(
+            *(
+                np.concatenate([getattr(chunk.energy, part) for chunk in chunks])
+                for part in ("kinetic", "potential", "work")
+            )
+        ),
+        stepper=settled.schedule.solver,
+        step=settled.step,
+    )
