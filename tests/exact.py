@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavesim.equations import CURVATURES, FIELDS, ROTATIONS, flux_form
-from wavesim.timedomain.stencils import modified_wavenumber
+from wavesim.stencils import modified_wavenumber
 
 
 def modal_field(medium, bar, sources, times, rate=False):

@@ -14,7 +14,7 @@ from wavesim.extraction.harmonic import invert
 from wavesim.extraction.timewise import in_time, power, series
 from wavesim.planewave import block_frequencies
 from wavesim.sectors import BLOCKS
-from wavesim.timedomain.stencils import modified_wavenumber
+from wavesim.stencils import modified_wavenumber
 
 
 def sinusoids(omega, decay, amplitude, count):

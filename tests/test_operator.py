@@ -18,6 +18,7 @@ from wavesim.medium import Medium
 from wavesim.planewave import block_frequencies
 from wavesim.sectors import BLOCKS, scales
 from wavesim.source import Ricker
+from wavesim.stencils import ORDERS, difference_weights, modified_wavenumber
 from wavesim.timedomain.integration import simulate
 from wavesim.timedomain.operator import (
     difference,
@@ -27,7 +28,6 @@ from wavesim.timedomain.operator import (
     semi_discrete,
     to_fields,
 )
-from wavesim.timedomain.stencils import ORDERS, difference_weights, modified_wavenumber
 from wavesim.timedomain.timestep import spectral_bound
 
 ratios = st.floats(0, 2)

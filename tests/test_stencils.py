@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from wavesim.timedomain.operator import difference
-from wavesim.timedomain.stencils import (
+from wavesim.stencils import (
     ORDERS,
     difference_weights,
     interpolation_weights,
     largest_modified_wavenumber,
     modified_wavenumber,
 )
+from wavesim.timedomain.operator import difference
 
 
 def slope(x, y) -> float:

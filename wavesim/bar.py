@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.timedomain.stencils import difference_weights, interpolation_weights
+from wavesim.stencils import difference_weights, interpolation_weights
 
 MINIMUM_CELLS = 16
 

@@ -18,7 +18,7 @@ from wavesim.casemessages import sentence
 from wavesim.equations import FIELDS
 from wavesim.medium import PARAMETERS, Closure, Medium, check_parameter
 from wavesim.source import Ricker
-from wavesim.timedomain.stencils import ORDERS
+from wavesim.stencils import ORDERS
 from wavesim.timedomain.timestep import Solver
 
 End = Literal["periodic"]

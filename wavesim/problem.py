@@ -18,7 +18,7 @@ from wavesim.medium import Medium
 from wavesim.plan import Plan, fastest, plan
 from wavesim.planewave import check_hyperbolic
 from wavesim.source import Ricker
-from wavesim.timedomain.stencils import modified_wavenumber
+from wavesim.stencils import modified_wavenumber
 from wavesim.timedomain.timestep import StepTooLongError
 
 Built = TypeVar("Built")

@@ -19,7 +19,7 @@ from wavesim.medium import Medium
 from wavesim.planewave import block_frequencies, wavenumber
 from wavesim.sectors import Block
 from wavesim.spectral.eigenproblem import solve, spectral_form
-from wavesim.timedomain.stencils import difference_weights
+from wavesim.stencils import difference_weights
 
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from wavesim.sectors import BlockForm
-from wavesim.timedomain.stencils import modified_wavenumber
+from wavesim.stencils import modified_wavenumber
 from wavesim.timedomain.timestep import (
     SHORTEST_RUN,
     chebyshev_series,

@@ -23,7 +23,7 @@ from wavesim.bar import Bar
 from wavesim.equations import ROTATIONS
 from wavesim.medium import PARAMETERS, Medium
 from wavesim.sectors import BLOCKS, Block, block_form, grouped, scales
-from wavesim.timedomain.stencils import difference_weights
+from wavesim.stencils import difference_weights
 
 # The scheme needs double precision: in single it would be worth 1e-3 over a long run.
 jax.config.update("jax_enable_x64", True)

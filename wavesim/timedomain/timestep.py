@@ -22,7 +22,7 @@ from scipy.fft import dct
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, block_form
-from wavesim.timedomain.stencils import largest_modified_wavenumber
+from wavesim.stencils import largest_modified_wavenumber
 
 Float = NDArray[np.float64]
 Solver = Literal["auto", "propagator", "chebyshev", "verlet"]

@@ -1,0 +1,192 @@
+"""The laboratory's side: counts that can fail, the commands, their figures and exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import known
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from wavesim.cli import main
+from wavesim.extraction import labwork
+from wavesim.extraction.comparison import match
+from wavesim.extraction.fieldrecord import references
+from wavesim.extraction.points import BranchPoints, joined
+from wavesim.extraction.records import Layout
+
+CASE = str(Path(__file__).parent.parent / known.CASES["printed"])
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def longitudinal():
+    field = known.simulated("printed")
+    block, record, points = known.recovered("printed")[0]
+    unit = known.unit(field.medium)
+
+    def judge(given):
+        judged = (0.02 * unit, 0.5 * unit)
+        return match(given, record, block.branches, *references(field, block), judged)
+
+    return points, judge
+
+
+def test_a_branch_left_out_is_missed():
+    points, judge = longitudinal()
+    whole = judge(points)
+    assert whole.missed.sum() == 0
+    without = judge(points.take(points.branch != 1))
+    assert without.missed[:, 1].sum() == whole.present[:, 1].sum() > 100
+    assert without.missed[:, [0, 2]].sum() == 0
+
+
+def test_a_branch_put_in_is_false():
+    points, judge = longitudinal()
+    own = points.take(points.branch == 0)
+    fake = BranchPoints(**(own.__dict__ | {"omega": 1.13 * own.omega}))
+    found = judge(joined([points, fake]))
+    assert len(found.false_k) == np.sum(own.k <= 0.5 * known.unit(known.MEDIUM) * (1 + 1e-9)) - 0
+    assert found.missed.sum() == 0
+
+
+def test_a_wrong_medium_fails_the_verdict(tmp_path):
+    made = tmp_path / "lab.npz"
+    arguments = ("synthesize", made, "--medium", CASE, "--receivers", 128, "--spacing", 5e-4,
+                 "--duration", 6e-5, "--samples", 700, "--peak-frequency", 9e5, "--source", 0.032,
+                 "--ring", "--noise", 0.01, "--seed", 3)  # fmt: skip
+    assert call(*arguments).exit_code == 0
+    right = call("dispersion", made, "--medium", CASE, "--k-max", 3000)
+    assert right.exit_code == 0, right.output
+    assert "pass  lab: points whose 95 % bar holds the theory" in right.output
+    other = tmp_path / "other.toml"
+    other.write_text(Path(CASE).read_text().replace("anisotropy = 0.25", "anisotropy = 0.4"))
+    wrong = call("dispersion", made, "--medium", other, "--k-max", 3000)
+    assert wrong.exit_code == 1, wrong.output
+    assert "FAIL" in wrong.output
+    fitted = call("dispersion", made, "--medium", other, "--k-max", 3000, "--json", "--fit",
+                  "anisotropy,stiffness_ratio")  # fmt: skip
+    answer = json.loads(fitted.output)["fit"]
+    for name, true in (("anisotropy", 0.25), ("stiffness_ratio", 0.5)):
+        assert abs(answer["values"][name] - true) < 3 * answer["standard_errors"][name]
+
+
+@pytest.fixture(scope="module")
+def csv_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("lab") / "lab.csv"
+    made = call("synthesize", path, "--medium", CASE, "--receivers", 24, "--spacing", 4e-4,
+                "--first", 2.2e-3, "--duration", 4e-5, "--samples", 600, "--peak-frequency", 8e5,
+                "--width", 2.5e-4, "--length", 0.5, "--noise", 0.01, "--bits", 12)  # fmt: skip
+    assert made.exit_code == 0, made.output
+    return path
+
+
+def test_attenuation_of_a_csv(csv_file, tmp_path):
+    done = call("attenuation", csv_file, "--medium", CASE, "--source", 0, "--band", 2e5, 1.5e6,
+                "--out", tmp_path, "--fit", "anisotropy,stiffness_ratio")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    answer = json.loads((tmp_path / "attenuation.json").read_text())
+    assert answer["passed"]
+    (entry,) = answer["records"]
+    assert sum(entry["points"]["valid"]) >= 20
+    # Dropped frequencies are shown, with the rule.
+    dropped = [r for r, v in zip(entry["points"]["reason"], entry["points"]["valid"], strict=True)
+               if not v]  # fmt: skip
+    assert all(dropped)
+    assert (
+        abs(answer["fit"]["values"]["anisotropy"] - 0.25)
+        < 3 * (answer["fit"]["standard_errors"]["anisotropy"])
+    )
+    rows = list(csv.DictReader((tmp_path / "attenuation_lab.csv").open()))
+    assert len(rows) == 40
+    assert {"omega_rad_per_s", "k_imag_rad_per_m", "k_error_rad_per_m", "reason"} <= set(rows[0])
+    for name in ("attenuation_lab.png", "attenuation_lab_residuals.png"):
+        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_stretch_by_the_plain_route(csv_file, tmp_path):
+    done = call("dispersion", csv_file, "--method", "fft", "--out", tmp_path)
+    assert done.exit_code == 0, done.output
+    assert "longer than the aperture" in done.output
+    assert (tmp_path / "dispersion_lab.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("dispersion", "none.csv"), "none.csv: no such file"),
+        (("dispersion", "FILE"), "waves reach the ends of the receivers"),
+        (("dispersion", "FILE", "--values", "q"), "has no array 'q'"),
+        (("dispersion", "FILE", "--method", "fft", "--fit", "anisotropy"), "needs --medium"),
+        (("attenuation", "FILE", "--medium", "none.toml"), "none.toml: no such file"),
+        (("attenuation", "FILE", "--band", 2e5, 1e5), "must ascend"),
+        (("attenuation", "FILE", "--source", 0.005, "--clear", 0.02), "stand on one side"),
+        (("attenuation", "FILE", "--medium", CASE, "--fit", "hue"), "parameters = hue: must be"),
+        (("synthesize", "OUT.npz", "--spacing", 1e-3, "--duration", 1, "--samples", 16,
+          "--peak-frequency", 1.0), "give either --medium"),
+        (("synthesize", "OUT.wav", "--medium", CASE, "--spacing", 1e-3, "--duration", 1e-5,
+          "--samples", 16, "--peak-frequency", 1e6), "must end in .npz"),
+        (("synthesize", "OUT.npz", "--medium", CASE, "--spacing", -1.0, "--duration", 1e-5,
+          "--samples", 16, "--peak-frequency", 1e6), "--spacing -1: must be greater than 0"),
+        (("synthesize", "OUT.npz", "--relation", "none.py:f", "--spacing", 1e-3, "--duration", 1,
+          "--samples", 16, "--peak-frequency", 1.0), "must be FILE.py:NAME"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_and_two(csv_file, tmp_path, arguments, message):
+    names = {"FILE": csv_file, "OUT.npz": tmp_path / "o.npz", "OUT.wav": tmp_path / "o.wav"}
+    done = call(*(names.get(a, a) for a in arguments))
+    assert done.exit_code == 2, done.output
+    assert message in done.output
+    assert done.output.count("\n") == 1
+    assert "Traceback" not in done.output
+
+
+def test_a_relation_of_ones_own_through_the_command(tmp_path):
+    # ω = 150 k and one at 400 + 2k: the shipped command alone finds both.
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\ndef waves(k):\n    return np.stack([150 * k, 4e3 + 20 * k], axis=1)\n"
+    )
+    made = call("synthesize", tmp_path / "own.npz", "--relation", f"{tmp_path}/own.py:waves",
+                "--receivers", 64, "--spacing", 0.02, "--ring", "--duration", 0.05, "--samples",
+                1500, "--peak-frequency", 900, "--source", 0.64)  # fmt: skip
+    assert made.exit_code == 0, made.output
+    done = call("dispersion", tmp_path / "own.npz", "--k-max", 100, "--json")
+    assert done.exit_code == 0, done.output
+    points = json.loads(done.output)["records"][0]["points"]
+    k, omega = np.array(points["k_rad_per_m"]), np.array(points["omega_rad_per_s"])
+    valid = np.array(points["valid"])
+    off = np.minimum(np.abs(omega / (150 * k) - 1), np.abs(omega / (4e3 + 20 * k) - 1))
+    assert valid.sum() >= 35
+    assert off[valid].max() < 1e-9
+
+
+def test_a_result_file_is_judged_against_both_references(tmp_path):
+    # A short longitudinal run of the simulator, through file and command.
+    case = tmp_path / "small.toml"
+    case.write_text(
+        '[bar]\ncells = 512\n[[sources]]\nfield = "phi1"\nposition = 0.032\n'
+        "peak_frequency = 8e5\n[time]\nduration = 4e-5\nsamples = 400\n"
+    )
+    from wavesim.problem import load
+    from wavesim.runner import run
+
+    run(load(case), tmp_path / "out")
+    done = call("dispersion", tmp_path / "out" / "result.h5", "--json", "--out", tmp_path / "lab")
+    assert done.exit_code == 0, done.output
+    names = [check["name"] for check in json.loads(done.output)["checks"]]
+    assert any("against the grid" in name for name in names)
+    assert any("against the continuum" in name for name in names)
+    figure = tmp_path / "lab" / "dispersion_longitudinal_residuals.png"
+    assert figure.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_every_name_of_a_block_makes_a_file_of_its_own():
+    names = [labwork.Source(b.name, None).label for b in known.simulated("printed").blocks]
+    assert len(set(names)) == 6
+    assert not set("".join(names)) & set("[]()")
+    assert Layout().sources == ()
