@@ -51,7 +51,8 @@ def test_slopes_against_differences(closure, block):
         step = h * np.eye(5)[i]
         rise = (model.residuals(at + step) - model.residuals(at - step)) / (2 * h)
         assert np.abs(slopes[:, i] - rise).max() < 1e-6 * np.abs(slopes).max()
-    assert np.abs(slopes).max(axis=0).min() > 0
+    # In-plane waves know nothing of the average stiffness; all others of every parameter.
+    assert (np.abs(slopes).max(axis=0) > 0).sum() == (4 if block.sector == "inplane" else 5)
 
 
 def test_slopes_of_complex_k_against_differences():

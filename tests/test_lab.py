@@ -51,7 +51,7 @@ def test_a_branch_put_in_is_false():
     own = points.take(points.branch == 0)
     fake = BranchPoints(**(own.__dict__ | {"omega": 1.13 * own.omega}))
     found = judge(joined([points, fake]))
-    assert len(found.false_k) == np.sum(own.k <= 0.5 * known.unit(known.MEDIUM) * (1 + 1e-9)) - 0
+    assert len(found.false_k) == len(found.k) > 100
     assert found.missed.sum() == 0
 
 
@@ -102,7 +102,7 @@ def test_attenuation_of_a_csv(csv_file, tmp_path):
         abs(answer["fit"]["values"]["anisotropy"] - 0.25)
         < 3 * (answer["fit"]["standard_errors"]["anisotropy"])
     )
-    rows = list(csv.DictReader((tmp_path / "attenuation_lab.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "attenuation_lab.csv").read_text().splitlines()))
     assert len(rows) == 40
     assert {"omega_rad_per_s", "k_imag_rad_per_m", "k_error_rad_per_m", "reason"} <= set(rows[0])
     for name in ("attenuation_lab.png", "attenuation_lab_residuals.png"):

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from scipy.optimize import least_squares
 from wavesim.extraction.points import BAR, BranchPoints
 from wavesim.extraction.relations import OfMedium
 from wavesim.medium import PARAMETERS, Medium
-from wavesim.sectors import Block, BlockForm, block_form
+from wavesim.sectors import BLOCKS, Block, BlockForm, block_form
 from wavesim.spectral.eigenproblem import stiffness, stiffness_slope
 
 Float = NDArray[Any]
@@ -249,23 +250,29 @@ def _mode(form: BlockForm, k: Any, square: Any) -> tuple[Any, Any]:
 
 
 def _tangents(
-    medium: Medium, block: Block, parameters: Sequence[str], reference: Medium
+    medium: Medium, block: Block, parameters: tuple[str, ...], start: Medium
 ) -> tuple[BlockForm, list[BlockForm]]:
-    """Scaled coefficients of a block, in the units of the reference, and their derivatives."""
+    """Scaled coefficients of a block, in the units of the start, and their derivatives."""
+    at = [float(getattr(medium, name)) for name in parameters]
+    form, slopes = _differentiated(start, block.name, parameters)(at)
+    tangents = [
+        BlockForm(*(np.asarray(slope[i]) for slope in slopes)) for i in range(len(parameters))
+    ]
+    return BlockForm(*(np.asarray(part) for part in form)), tangents
+
+
+@lru_cache(maxsize=64)
+def _differentiated(start: Medium, name: str, parameters: tuple[str, ...]) -> Any:
+    """Function from parameters to a block's coefficients and their derivatives, compiled once."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    (block,) = (b for b in BLOCKS if b.name == name)
     parts = tuple(BlockForm.__dataclass_fields__)
 
     def coefficients(values: Any) -> Any:
         given = dict(zip(parameters, values, strict=True))
-        form = block_form(replace(medium, **given), block, reference)
+        form = block_form(replace(start, **given), block, start)
         return tuple(jax.numpy.asarray(getattr(form, part), float) for part in parts)
 
-    at = [float(getattr(medium, name)) for name in parameters]
-    form = BlockForm(*(np.asarray(part) for part in coefficients(at)))
-    slopes = jax.jacfwd(coefficients)([jax.numpy.asarray(v, float) for v in at])
-    tangents = [
-        BlockForm(*(np.asarray(slope[i]) for slope in slopes)) for i in range(len(parameters))
-    ]
-    return form, tangents
+    return jax.jit(lambda values: (coefficients(values), jax.jacfwd(coefficients)(values)))
