@@ -107,8 +107,8 @@ def test_a_fit_that_cannot_be_made_says_why():
     observed = [Observed(BLOCKS[0], exact_points(known.MEDIUM, BLOCKS[0]))]
     with pytest.raises(FitError, match="parameters = colour: must be of anisotropy"):
         fit(observed, known.MEDIUM, ("colour",))
+    few = Observed(BLOCKS[0], observed[0].points.take(slice(0, 2)))
     with pytest.raises(FitError, match="2 valid points for 2 parameters"):
-        few = Observed(BLOCKS[0], observed[0].points.take(slice(0, 2)))
         fit([few], known.MEDIUM, ("anisotropy", "stiffness_ratio"))
     # Density and all stiffnesses scale ω together: no point tells them apart.
     with pytest.raises(FitError, match="do not tell density, G_n_a, G_n_r apart"):

@@ -29,6 +29,8 @@ _PADDING = 8
 # A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
 _LONGEST_BREAK = 3
 _SHORTEST_BRANCH = 5
+# The second point of a branch may lie this part of the way to the first one's nearest neighbour.
+_BEGINNING = 0.45
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,8 @@ def ridges(found: Spectrum) -> list[Ridge]:
 
     At each wavenumber the peaks are assigned to the branches so far with the least total distance
     from their straight continuation; a peak further off than two bins and the last slope begins a
-    branch of its own.
+    branch of its own. A branch of one point has no slope yet: it may go nearly half-way to the peak
+    next to it.
 
     Args:
         found: the spectrum.
@@ -147,6 +150,7 @@ def ridges(found: Spectrum) -> list[Ridge]:
         The branches, ascending in their median frequency.
     """
     tracks: list[list[tuple[int, float, float]]] = []
+    room: dict[int, float] = {}
     for index in range(1, len(found.k)):
         omega, power = peaks(found, index)
         live = [track for track in tracks if index - track[-1][0] - 1 <= _LONGEST_BREAK]
@@ -154,7 +158,8 @@ def ridges(found: Spectrum) -> list[Ridge]:
         if live and len(omega):
             guess = np.array([_continued(track, index) for track in live])
             distance = np.abs(guess[:, :1] - omega)
-            reach = 2 * found.bin + guess[:, 1:]
+            first = [room[id(track)] if len(track) == 1 else 0.0 for track in live]
+            reach = 2 * found.bin + guess[:, 1:] + np.array(first)[:, None]
             rows, columns = linear_sum_assignment(np.minimum(distance, 2 * reach))
             for row, column in zip(rows, columns, strict=True):
                 if distance[row, column] <= reach[row, 0]:
@@ -162,6 +167,8 @@ def ridges(found: Spectrum) -> list[Ridge]:
                     taken.add(column)
         for column in set(range(len(omega))) - taken:
             tracks.append([(index, omega[column], power[column])])
+            others = np.abs(np.delete(omega, column) - omega[column])
+            room[id(tracks[-1])] = _BEGINNING * min(omega[column], others.min(initial=np.inf))
     kept = [np.array(track) for track in tracks if len(track) >= _SHORTEST_BRANCH]
     branches = [Ridge(found.k[t[:, 0].astype(int)], t[:, 1], t[:, 2]) for t in kept]
     return sorted(branches, key=lambda branch: float(np.median(branch.omega)))

@@ -24,6 +24,8 @@ _STEPS = 80
 _GUESSES = 65
 # Receivers closer than this part of their spacing to even count as even.
 _EVEN = 1e-6
+# A later guess must leave less than this part of what an earlier one leaves.
+_BETTER = 0.98
 
 
 @dataclass(frozen=True)
@@ -109,9 +111,10 @@ def fit_line(U: Complex, x: Float, used: NDArray[np.bool_], pairs: int, both: bo
     best = np.full(len(U), np.inf)
     k = np.ones((len(U), pairs), complex)
     for guess in _guesses(data, x, used, pairs):
-        trial = _refined(data, x, used, guess, both)
+        trial = _folded(_refined(data, x, used, guess, both), x)
         left = np.sum(np.abs(_evaluate(data, x, used, trial, both).residual) ** 2, axis=1)
-        better = np.isfinite(left) & (left < best)
+        # As good a fit at a shorter wave is an alias: the guesses ascend in |Re k|.
+        better = np.isfinite(left) & (left < _BETTER * best)
         best[better], k[better] = left[better], trial[better]
     state = _evaluate(data, x, used, k, both)
     inverse = np.linalg.pinv(state.normal, hermitian=True)
@@ -148,6 +151,16 @@ def _refined(data: Complex, x: Float, used: Any, k: Complex, both: bool) -> Comp
     return np.asarray(k)
 
 
+def _folded(k: Complex, x: Float) -> Complex:
+    """k with Re k between ±π/d where all receivers stand on one grid of pitch d."""
+    gaps = np.diff(x)
+    d = float(gaps.min())
+    if np.abs(gaps / d - np.round(gaps / d)).max() > _EVEN * len(x):
+        return k
+    turn = 2 * np.pi / d
+    return np.asarray(k - turn * np.round(k.real / turn))
+
+
 def _guesses(U: Complex, x: Float, used: Any, pairs: int) -> list[Complex]:
     gaps = np.diff(x)
     d = float(gaps.mean())
@@ -165,6 +178,7 @@ def _guesses(U: Complex, x: Float, used: Any, pairs: int) -> list[Complex]:
     singles = [one]
     if not even:
         reals = np.linspace(-np.pi, np.pi, _GUESSES) / gaps.min()
+        reals = reals[np.argsort(np.abs(reals))]
         singles += [real + 1j * loss for real in reals]
     if pairs == 1:
         return [*found, *(s[:, None] for s in singles)]

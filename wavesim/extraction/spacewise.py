@@ -228,10 +228,9 @@ def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints
     points = points.refused(
         ~(points.error < _LARGEST_ERROR * np.abs(points.k)), "the error bar is as large as k"
     )
-    d = np.diff(x)
-    if len(d) and np.ptp(d) <= 1e-6 * d.mean():
+    if len(x):
         points = points.refused(
-            np.abs(points.k.real) > _NYQUIST * np.pi / d.mean(),
+            np.abs(points.k.real) > _NYQUIST * np.pi / np.diff(x).min(),
             "at the receivers' Nyquist wavenumber: space them closer",
         )
     if k_max is not None:
