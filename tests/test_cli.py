@@ -132,7 +132,8 @@ def test_run_whose_check_falls_short_gives_1(tiny, tmp_path):
 def test_note_says_what_the_record_is_too_short_for(tiny, tmp_path):
     result = call("run", tiny, "--out", tmp_path / "out", "--set", "time.duration=1e-6")
     assert result.exit_code == 0
-    assert "no branch was judged; lengthen [time] duration" in " ".join(result.stdout.split())
+    assert "no branch was judged: frequency bins of 1e+03 kHz" in " ".join(result.stdout.split())
+    assert "lengthen [time] duration for finer bins" in " ".join(result.stdout.split())
     assert "warning" in result.stderr
     assert "the B23 source acts until" in result.stderr
 
@@ -154,8 +155,8 @@ def test_unstable_stepper_gives_3_and_says_what_to_change(tiny, tmp_path, monkey
     from wavesim.timedomain import timestep
 
     limit = timestep.stability_limit
-    monkeypatch.setattr(timestep, "stability_limit", lambda bound: 2.4 * limit(bound))
-    # 0.5 of 2.4 times the limit; growth e^{1.2 per step} overflows within 600 steps.
+    monkeypatch.setattr(timestep, "stability_limit", lambda bound: 4.8 * limit(bound))
+    # 0.25 of 4.8 times the limit; growth e^{1.2 per step} overflows within 600 steps.
     result = call(
         "run", tiny, "--out", tmp_path / "out",
         "--set", "time.solver='verlet'", "--set", "time.duration=4e-5",
@@ -267,8 +268,10 @@ def test_exit_codes_are_the_contract():
 
 def test_interrupt_of_a_real_run(small_case, tmp_path):
     """SIGINT, as from the keyboard: a message, and no traceback."""
+    long = ["--set", "time.duration=4e-3", "--set", "time.samples=40000"]
+    run = ["-m", "wavesim.cli", "run", str(small_case), "--out", str(tmp_path / "o"), *long]
     process = subprocess.Popen(
-        [sys.executable, "-m", "wavesim.cli", "run", str(small_case), "--out", str(tmp_path / "o")],
+        [sys.executable, *run],
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"JAX_PLATFORMS": "cpu"},

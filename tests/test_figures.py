@@ -43,7 +43,7 @@ def spans(axes, upright):
     found = []
     for patch in axes.patches:
         box = patch.get_extents().transformed(axes.transData.inverted())
-        if patch.get_alpha() == figures.GAP["alpha"]:
+        if patch.get_zorder() == figures.GAP["zorder"]:
             found.append((box.x0, box.x1) if upright else (box.y0, box.y1))
     return sorted(found)
 

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.signal.windows import tukey
 
 from wavesim.equations import FIELDS, ROTATIONS
 from wavesim.field import Field
@@ -34,11 +35,12 @@ STYLE: Any = {
     "savefig.dpi": 160,
     "figure.constrained_layout.use": True,
 }
-MAP = matplotlib.colormaps["magma_r"].with_extremes(under="white")
+MAP = matplotlib.colormaps["magma_r"].with_extremes(under=(1.0, 1.0, 1.0, 0.0))
 FOUND = "#c8102e"
 _HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 THEORY = "#111111"
-GAP: dict[str, Any] = {"facecolor": "#7f8c99", "alpha": 0.22, "linewidth": 0}
+GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
+_LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 _DECIBELS = 60.0
 _LEVEL = 120.0
 _PIXELS = (900, 700)
@@ -87,12 +89,12 @@ def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool
         middle = (low + high) / 2
         if upright:
             axes.text(
-                middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7,
+                middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7, bbox=_LABEL,
                 transform=axes.get_xaxis_transform(), clip_on=True,
             )  # fmt: skip
         else:
             axes.text(
-                0.985, middle, gap.name, ha="right", va="center", fontsize=7,
+                0.985, middle, gap.name, ha="right", va="center", fontsize=7, bbox=_LABEL,
                 transform=axes.get_yaxis_transform(), clip_on=True,
             )  # fmt: skip
 
@@ -141,7 +143,10 @@ def spacetime(field: Field) -> Figure:
             (1e-6 / medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"),
         )
     figure.colorbar(
-        image, ax=list(panels[: len(sectors)]), label="amplitude (dB below peak)", shrink=0.8
+        image,
+        ax=list(panels[: len(sectors)]),
+        label="amplitude (dB, peak of the panel = 0)",
+        shrink=0.8,
     )
     return figure
 
@@ -268,8 +273,19 @@ def _power_of_ten(values: Any) -> tuple[float, str]:
     return 10.0**-power, f"10{str(power).translate(_RAISED)} " if power else ""
 
 
+def _end_taper(count: int) -> np.ndarray:
+    """1 over the record but for its last fifth, where it falls to 0 as a cosine.
+
+    It leaves early arrivals as they are, so that spectra at different distances compare.
+    """
+    return np.asarray(tukey(2 * count, 0.2)[count:])
+
+
 def receivers(field: Field) -> Figure:
-    """Rotations (or, without any, the first field) at every receiver, and their spectra."""
+    """Rotations (or, without any, the first field) at every receiver, and their spectra.
+
+    The last fifth of the record is tapered for the spectra.
+    """
     names = [n for n in field.names if n in ROTATIONS] or list(field.names[:1])
     figure = Figure(figsize=(7.4, 0.6 + 2.4 * len(names)))
     rows = figure.subplots(len(names), 2, squeeze=False)
@@ -283,9 +299,8 @@ def receivers(field: Field) -> Figure:
         for number, (label, u) in enumerate(zip(labels, signals, strict=True)):
             kind = {"color": shades[number], "ls": styles[number % 4], "lw": 0.9}
             signal.plot(field.t * 1e6, u * factor, label=label, **kind)
-            window = np.hanning(len(u) + 2)[1:-1]
             f = np.fft.rfftfreq(4 * len(u), field.interval) / 1e3
-            power = 2 * np.abs(np.fft.rfft(u * window, 4 * len(u))) / window.sum()
+            power = np.abs(np.fft.rfft(u * _end_taper(len(u)), 4 * len(u))) * field.interval * 1e6
             largest = max(largest, float(power.max()))
             spectrum.plot(f, power, **kind)
         highest = max(s.band for s in field.sources) / (2e3 * np.pi)
@@ -296,7 +311,7 @@ def receivers(field: Field) -> Figure:
         signal.set(
             ylabel=f"{SYMBOLS[name]} ({exponent}{field.unit(name)})", xlim=(0, field.t[-1] * 1e6)
         )
-        spectrum.set_ylabel(f"spectrum of {SYMBOLS[name]} ({field.unit(name)})")
+        spectrum.set_ylabel(f"|∫ {SYMBOLS[name]} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
     handles, labels = rows[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=max(1, min(5, len(labels))))
     rows[-1, 0].set_xlabel("t (µs)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,7 @@ _PHASE_ERROR = 0.01
 _JUDGED = (0.02, 0.5)
 # A field of more bytes than this is taken for a slip of the pen.
 _LARGEST = 1e12
+_MOST_STEPS = 10**8
 
 
 @dataclass(frozen=True)
@@ -154,16 +156,41 @@ def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Pl
             f"step = {step:g}: the Verlet stepper is stable up to {limit:.4g} s on this bar; "
             "take that or less, 'auto', or solver = 'chebyshev'"
         ) from None
-    frames = settled.schedule.frames
-    size = 8.0 * frames * bar.cells * len(settled.fields)
-    if size > _LARGEST:
-        given = f"duration = {time.duration:g}" if samples is None else f"samples = {samples}"
-        raise ValueError(
-            f"{given}: {frames:.6g} frames of {len(settled.fields)} fields on {bar.cells} cells "
-            f"are {size / 1e12:.3g} TB, more than {_LARGEST / 1e12:g} TB; lower it, or take fewer "
-            "cells"
-        )
+    _check_size(
+        settled, f"duration = {time.duration:g}" if samples is None else f"samples = {samples}"
+    )
     return settled
+
+
+def _check_size(settled: Plan, given: str) -> None:
+    """Refuse what no such machine can hold, before it is begun.
+
+    Raises:
+        ValueError: the frames are too many to store, the steps to take, or the run to hold in
+            memory; the message says what it would need.
+    """
+    frames, cells, fields = settled.schedule.frames, settled.bar.cells, len(settled.fields)
+    stored = 8.0 * frames * cells * fields
+    # A dozen states while stepping, a chunk twice, and in the analysis one block's components over
+    # the record with their transforms.
+    needed = 8.0 * cells * (12 * fields + 2 * fields * settled.chunk + 6 * frames)
+    asked = f"{given}: {frames:.6g} frames of {fields} fields on a bar of {cells:.6g} cells"
+    if stored > _LARGEST:
+        raise ValueError(
+            f"{asked} are {stored / 1e12:.3g} TB, more than {_LARGEST / 1e12:g} TB; lower it, or "
+            "take fewer cells"
+        )
+    if settled.schedule.steps > _MOST_STEPS:
+        raise ValueError(
+            f"duration = {settled.duration:g} takes {settled.schedule.steps:.3g} steps of "
+            f"{settled.step:.3g} s, more than {_MOST_STEPS:.0e}; shorten it, or lengthen step"
+        )
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > 0.8 * memory:
+        raise ValueError(
+            f"{asked} need about {needed / 1e9:.3g} GB of memory, this machine has "
+            f"{memory / 1e9:.3g} GB; lower it, or take fewer cells"
+        )
 
 
 def check_carried(source: Ricker, medium: Medium, bar: Bar) -> None:

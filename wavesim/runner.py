@@ -80,10 +80,13 @@ def run(
     except OSError as error:
         what = error.strerror or error
         raise RunError(f"{error.filename or folder}: can't be written: {what}", False) from error
-    except MemoryError as error:
+    except (MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "RESOURCE_EXHAUSTED" not in str(error):
+            raise
+        why = str(error).splitlines()[0]
         raise RunError(
-            f"the run does not fit into memory ({error}): lower [time] samples or duration, or "
-            "take fewer cells",
+            f"the run does not fit into memory ({why}): lower [time] samples or duration, or take "
+            "fewer cells",
             False,
         ) from error
 
@@ -191,10 +194,12 @@ def notes(problem: Problem, checks: list[Any]) -> list[str]:
     """What a reader should know beside the checks."""
     found = []
     if not any("waves present" in check.name for check in checks):
-        bin_width = 1 / problem.plan.duration
+        duration, frames = problem.plan.duration, problem.plan.schedule.frames
+        nyquist = (frames - 1) / (2 * duration)
         found.append(
-            "the record is too short to tell branches apart (frequency bin "
-            f"{bin_width / 1e3:.3g} kHz): no branch was judged; lengthen [time] duration"
+            f"no branch was judged: frequency bins of {1e-3 / duration:.3g} kHz up to "
+            f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
+            "duration for finer bins, raise [time] samples for a higher end"
         )
     if any(block.rotations for block in problem.plan.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks

@@ -197,7 +197,10 @@ def _branch_checks(h: Held) -> list[Check]:
 
 
 def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
-    """Edges of each gap as the recovered branches show them over the judged range."""
+    """Edges of each gap as the recovered branches show them over the judged k, to one bin.
+
+    Over a finite range a branch does not reach its asymptote, so these are not the gap's own edges.
+    """
     checks = []
     for sector in dict.fromkeys(h.measured.block.sector for h in held):
         blocks = [h for h in held if h.measured.block.sector == sector]
@@ -217,7 +220,7 @@ def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
             for side, branch, edge in (("lower", lower, np.max), ("upper", upper, np.min)):
                 j = branch.judged
                 found, exact = edge(branch.omega[j]), edge(branch.omega_exact[j])
-                name = f"{sector} {gap.name} {side} edge, one bin"
+                name = f"{sector} {gap.name} {side} edge, at judged k"
                 checks.append(
                     Check(name, float(found / 2 / np.pi), float(exact / 2 / np.pi), step, "Hz")
                 )

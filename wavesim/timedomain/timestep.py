@@ -32,7 +32,7 @@ SOLVERS: tuple[str, ...] = ("auto", "propagator", "chebyshev", "verlet")
 # Rounding of a value of size 1: a series is cut where its terms fall to a few of it.
 SERIES_TOLERANCE = 2e-16
 # Verlet by default takes this part of the longest stable step 2/√Λ.
-_VERLET_SAFETY = 0.5
+_VERLET_SAFETY = 0.25
 # A Chebyshev step longer than this many radians of the fastest mode only costs memory.
 _LONGEST_STEP = 200.0
 # The propagator takes at least this many cells in one run (``wavesim.timedomain.kernels``).
