@@ -27,6 +27,11 @@ _HOMES = {
     "hold": "wavesim.verdict",
     "judge": "wavesim.verdict",
     "load": "wavesim.problem",
+    "record": "wavesim.extraction.record",
+    "in_time": "wavesim.extraction.timewise",
+    "in_space": "wavesim.extraction.spacewise",
+    "synthesize": "wavesim.extraction.synthetic",
+    "fit": "wavesim.extraction.fit",
 }
 _MODULES = ("planewave",)
 

@@ -21,6 +21,16 @@ def _table(*headings: str, title: str = "") -> Table:
     return table
 
 
+def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
+    """Print checks as a table: name, measured, reference, tolerance, unit, pass or FAIL."""
+    table = _table("check", "measured", "reference", "tolerance", "unit", "")
+    for check in checks:
+        mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
+        numbers = [_number(check[key]) for key in ("measured", "reference", "tolerance")]
+        table.add_row(check["name"], *numbers, check["unit"], mark)
+    console.print(table)
+
+
 def verdict(console: Console, summary: dict[str, Any]) -> None:
     """Print the checks of a run, one line each, and how many passed.
 
@@ -29,12 +39,7 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
         summary: contents of summary.json.
     """
     checks = summary["checks"]
-    table = _table("check", "measured", "reference", "tolerance", "unit", "")
-    for check in checks:
-        mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
-        numbers = [_number(check[key]) for key in ("measured", "reference", "tolerance")]
-        table.add_row(check["name"], *numbers, check["unit"], mark)
-    console.print(table)
+    show_checks(console, checks)
     passed = sum(check["passed"] for check in checks)
     timing = summary["timing"]
     console.print(

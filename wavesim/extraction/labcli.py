@@ -105,6 +105,8 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
     from rich import box
     from rich.table import Table
 
+    from wavesim.report import show_checks
+
     shown = console()
     for one, entry in zip(results, answer["records"], strict=True):
         points = one.points
@@ -135,10 +137,8 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             shown.print(table)
         elif not entry.get("error_grid"):
             _show_branches(shown, points)
-    for check in answer["checks"]:
-        mark = "pass" if check["passed"] else "FAIL"
-        shown.print(f"{mark}  {check['name']}: {check['measured']:.3g} ± {check['tolerance']:.3g}"
-                    f" of {check['reference']:.3g}")  # fmt: skip
+    if answer["checks"]:
+        show_checks(shown, answer["checks"])
     if "fit" in answer:
         fit = answer["fit"]
         for name, value in fit["values"].items():
