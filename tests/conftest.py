@@ -61,12 +61,12 @@ def small_case(tmp_path_factory):
 @pytest.fixture(scope="session")
 def small_run(small_case, tmp_path_factory):
     """That case run whole: (problem, outcome, field)."""
-    from wavesim import runner, storage
+    from wavesim import resultfile, runner
     from wavesim.problem import load
 
     problem = load(small_case)
     outcome = runner.run(problem, tmp_path_factory.mktemp("small"))
-    return problem, outcome, storage.read(outcome.folder / "result.h5", problem)
+    return problem, outcome, resultfile.read(outcome.folder / "result.h5", problem)
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BarycentricInterpolator
 
-from wavesim import figures, runner, storage
+from wavesim import figures, resultfile, runner, storage
 from wavesim.equations import ROTATIONS
 from wavesim.field import Energy
 from wavesim.planewave import block_frequencies
@@ -155,7 +155,7 @@ def test_file_is_readable_in_the_middle_of_a_run(problem, tmp_path):
         assert data.dims[0][0] == file["t"]
         assert data.dims[1][0] == file["x_half"]
         assert data.attrs["units"] == "1/m"
-    stored = storage.describe(path)
+    stored = resultfile.describe(path)
     assert (stored.status, stored.frames, stored.case) == ("running", 22, problem.resolved)
 
 
@@ -251,7 +251,7 @@ def test_killed_run_resumes_bit_for_bit(small_case, small_run, tmp_path, monkeyp
     out = tmp_path / "out"
     # The run pauses after its second chunk, so that the kill comes in the middle of it.
     program = (
-        "import sys, time; from wavesim import storage; from wavesim.cli import main\n"
+        "import sys, time; from wavesim import resultfile, storage; from wavesim.cli import main\n"
         "append = storage.Results.append\n"
         "def slow(self, first, *rest):\n"
         "    append(self, first, *rest)\n"
@@ -319,8 +319,8 @@ def test_resume_of_a_failed_run_is_refused(problem, tmp_path):
     results.create()
     results.append(*frames(problem, 0, 2))
     results.finish("failed")
-    assert storage.describe(tmp_path / "result.h5").status == "failed"
-    with pytest.raises(storage.StorageError, match=r"failed, and would again; change the case"):
+    assert resultfile.describe(tmp_path / "result.h5").status == "failed"
+    with pytest.raises(resultfile.StorageError, match=r"failed, and would again; change the case"):
         storage.Results(tmp_path / "result.h5", problem).carry_on()
 
 
@@ -330,26 +330,26 @@ def test_resume_with_a_part_gone_is_refused(problem, tmp_path):
     results.append(*frames(problem, 0, 2))
     results.append(*frames(problem, 2, 2))
     next((tmp_path / "result.h5.parts").glob("*2.h5")).unlink()
-    with pytest.raises(storage.StorageError, match=r"2\.h5: is missing.*run without --resume"):
+    with pytest.raises(resultfile.StorageError, match=r"2\.h5: is missing.*run without --resume"):
         storage.Results(tmp_path / "result.h5", problem).carry_on()
 
 
 def test_what_is_not_a_result_is_told(problem, tmp_path):
     path = tmp_path / "other.h5"
-    with pytest.raises(storage.StorageError, match="no such file; run the case first"):
-        storage.describe(path)
+    with pytest.raises(resultfile.StorageError, match="no such file; run the case first"):
+        resultfile.describe(path)
     path.write_text("not HDF5")
-    with pytest.raises(storage.StorageError, match="is not a readable HDF5 file"):
-        storage.describe(path)
+    with pytest.raises(resultfile.StorageError, match="is not a readable HDF5 file"):
+        resultfile.describe(path)
     with h5py.File(path, "w") as file:
         file["t"] = [0.0]
-    with pytest.raises(storage.StorageError, match="is not a result of wavesim"):
-        storage.describe(path)
+    with pytest.raises(resultfile.StorageError, match="is not a result of wavesim"):
+        resultfile.describe(path)
     results = storage.Results(tmp_path / "result.h5", problem)
     results.create()
     results.append(*frames(problem, 0, 1))
-    with pytest.raises(storage.StorageError, match="holds 1 frames; at least 2 are needed"):
-        storage.read(tmp_path / "result.h5", problem)
+    with pytest.raises(resultfile.StorageError, match="holds 1 frames; at least 2 are needed"):
+        resultfile.read(tmp_path / "result.h5", problem)
 
 
 def test_disk_that_fills_is_told_and_what_was_written_stays(problem, tmp_path):
@@ -362,7 +362,7 @@ def test_disk_that_fills_is_told_and_what_was_written_stays(problem, tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size // 2, limits[1]))
     try:
-        with pytest.raises(storage.StorageError) as caught:
+        with pytest.raises(resultfile.StorageError) as caught:
             results.append(*frames(problem, 5, 4))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -383,7 +383,9 @@ def test_too_little_room_for_the_final_file_is_told_before_it_is_written(
     results.append(*frames(problem, 0, 5))
     usage = storage.shutil.disk_usage(tmp_path)._replace(free=1000)
     monkeypatch.setattr(storage.shutil, "disk_usage", lambda folder: usage)
-    with pytest.raises(storage.StorageError, match=r"disk has 0 MB left; make room and .*--resume"):
+    with pytest.raises(
+        resultfile.StorageError, match=r"disk has 0 MB left; make room and .*--resume"
+    ):
         results.finish("complete")
     assert whole_frames(path, problem) == 5
 

@@ -71,7 +71,7 @@ def run(
     begun = time.perf_counter()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
-    from wavesim.storage import StorageError
+    from wavesim.resultfile import StorageError
 
     try:
         return _run(problem, folder, resume, tell, begun)
@@ -115,7 +115,7 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
         timing[stage], clock = now - clock, now
 
     _keep_compiled()
-    from wavesim import storage
+    from wavesim import resultfile, storage
     from wavesim.extraction.analysis import extract
     from wavesim.figures import write_all
     from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
@@ -149,7 +149,7 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
     timing["integrate"] = spent.integrate
 
     tell("analyse", 0.0)
-    field = storage.read(results.path, problem)
+    field = resultfile.read(results.path, problem)
     table = problem.case.analysis
     measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
     held = [hold(field, m, problem.k_range) for m in measured]

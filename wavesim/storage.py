@@ -14,7 +14,6 @@ import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +21,10 @@ import h5py
 import numpy as np
 
 from wavesim.equations import ROTATIONS, UNITS
-from wavesim.field import Energy, Field
+from wavesim.field import Energy
 from wavesim.plan import Plan
 from wavesim.problem import Problem
+from wavesim.resultfile import StorageError, reading
 from wavesim.verdict import Held
 
 FORMAT_VERSION = 1
@@ -35,10 +35,6 @@ _CHUNK_POINTS = 16384
 _ENERGIES = ("kinetic", "potential", "work", "total")
 # Parts are gathered this many frames at a time.
 _GATHERED = 128
-
-
-class StorageError(RuntimeError):
-    """A file can't be written or is not what it should be; the message says which and why."""
 
 
 def versions() -> dict[str, str]:
@@ -118,7 +114,7 @@ class Results:
             return
         with self._writing():
             self._room()
-            with _reading(self.path) as before, _replaced(self.path) as file:
+            with reading(self.path) as before, _replaced(self.path) as file:
                 self._lay_out(file, status)
                 for name in self.problem.plan.fields:
                     self._gather(file, name, before[f"fields/{name}"])
@@ -137,7 +133,7 @@ class Results:
         Raises:
             StorageError: there is no such run, it failed, or it was another case.
         """
-        with _reading(self.path) as file:
+        with reading(self.path) as file:
             if file.attrs["case"] != self.problem.resolved:
                 raise StorageError(
                     f"{self.path}: was made by another case than this; run without --resume, or "
@@ -341,117 +337,3 @@ def _record_attenuation(file: h5py.File, held: Held) -> None:
     group["level"].attrs["units"] = "dB"
     group.attrs["sigma"] = curve.sigma
     group.attrs["meaning"] = "k at the complex frequency omega + i sigma (rad/s)"
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[h5py.File]:
-    if not path.is_file():
-        raise StorageError(f"{path}: no such file; run the case first")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
-    try:
-        if file.attrs.get("format") != "wavesim":
-            raise StorageError(f"{path}: is not a result of wavesim (attribute format)")
-        yield file
-    finally:
-        file.close()
-
-
-class _Lazy:
-    """A data set that is read when it is asked for."""
-
-    def __init__(self, path: Path, name: str) -> None:
-        self._path, self._name = path, name
-
-    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
-        with _reading(self._path) as file:
-            return np.asarray(file[self._name][()], dtype=dtype)
-
-
-@dataclass(frozen=True)
-class Stored:
-    """What a result file says of itself.
-
-    Attributes:
-        case: the resolved case, TOML.
-        status: running, complete or failed.
-        frames: number of frames in it.
-    """
-
-    case: str
-    status: str
-    frames: int
-
-
-def describe(path: Path) -> Stored:
-    """What a result file says of itself.
-
-    Raises:
-        StorageError: it is not a result of wavesim.
-    """
-    with _reading(path) as file:
-        return Stored(str(file.attrs["case"]), str(file.attrs["status"]), len(file["t"]))
-
-
-def read(path: Path, problem: Problem) -> Field:
-    """The field of a result file; its arrays are read when they are indexed.
-
-    Args:
-        path: of result.h5.
-        problem: of its case, as settled from :func:`describe`.
-
-    Raises:
-        StorageError: it is not a result of wavesim, or holds fewer than two frames.
-    """
-    settled = problem.plan
-    with _reading(path) as file:
-        t = file["t"][()]
-        if len(t) < 2:
-            raise StorageError(f"{path}: holds {len(t)} frames; at least 2 are needed")
-        energy = Energy(*(file[f"energy/{part}"][: len(t)] for part in _ENERGIES[:3]))
-        names = list(settled.fields)
-    return Field(
-        t=t,
-        values={name: _Lazy(path, f"fields/{name}") for name in names},
-        medium=settled.medium,
-        bar=settled.bar,
-        sources=settled.sources,
-        receivers=problem.receivers,
-        energy=energy,
-        stepper=settled.schedule.solver,
-        step=settled.step,
-    )
-
-
-def is_result(path: Path) -> bool:
-    """Whether a file is HDF5 that wavesim wrote."""
-    try:
-        with h5py.File(path, "r") as file:
-            return bool(file.attrs.get("format") == "wavesim")
-    except OSError:
-        return False
-
-
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Every array of numbers in any HDF5 file, by its path within, up to three axes.
-
-    Args:
-        path: of the file.
-
-    Raises:
-        StorageError: it can't be read as HDF5.
-    """
-    found: dict[str, np.ndarray] = {}
-
-    def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.ndim <= 3 and item.dtype.kind in "fiub":
-            found[name] = item[()]
-
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(keep)
-    except OSError as error:
-        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
-    return found

@@ -98,9 +98,9 @@ def sources(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
         RecordError: the file can't be used.
     """
     if path.suffix.lower() in HDF5 and path.is_file():
-        from wavesim import storage
+        from wavesim import resultfile
 
-        if storage.is_result(path):
+        if resultfile.is_result(path):
             return _of_result(path)
     record = read(path, layout)
     if medium is None:
@@ -115,19 +115,19 @@ def sources(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
 
 
 def _of_result(path: Path) -> list[Source]:
-    from wavesim import storage
+    from wavesim import resultfile
     from wavesim.case import CaseError, parse
     from wavesim.extraction.fieldrecord import block_record
     from wavesim.problem import settle
 
     try:
-        stored = storage.describe(path)
-        field = storage.read(path, settle(parse(stored.case, str(path)), str(path)))
+        stored = resultfile.describe(path)
+        field = resultfile.read(path, settle(parse(stored.case, str(path)), str(path)))
         return [
             Source(block.name, block_record(field, block), field.medium, block, field.bar)
             for block in field.blocks
         ]
-    except (storage.StorageError, CaseError) as error:
+    except (resultfile.StorageError, CaseError) as error:
         raise RecordError(str(error)) from None
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None

@@ -87,7 +87,7 @@ def _arrays(path: Path) -> dict[str, Float]:
     if kind in (".csv", ".txt", ".tsv", ".dat"):
         return _from_text(path)
     if kind in HDF5:
-        from wavesim.storage import StorageError, read_arrays
+        from wavesim.resultfile import StorageError, read_arrays
 
         try:
             return read_arrays(path)
