@@ -61,7 +61,8 @@ def _one(peer: Any, target: float, setting: float, exact: Any, quick: bool) -> d
         # Tables that the contestant makes anew in each run are its set-up; its first call, which
         # compiles, is a run as well.
         compiling -= whole
-        prepared = whole - statistics.median([peer.integration(setting) for _ in times])
+        integration = statistics.median([peer.integration(setting) for _ in times])
+        prepared = max(whole - integration, 0.0)
     return row | {
         "compile": max(compiling, 0.0),
         "prepare": prepared,

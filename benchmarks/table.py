@@ -28,7 +28,7 @@ def _rows(results: dict[str, Any]) -> list[str]:
             lines.append(f"| {contestant['name']} | {reason} |" + " |" * 9)
             continue
         for row in contestant["rows"]:
-            setup = contestant["setup"] + row.get("prepare", 0.0)
+            setup = contestant["setup"] + max(row.get("prepare", 0.0), 0.0)
             ratio = whole = None
             if base:
                 best = base["rows"][0]

@@ -11,6 +11,9 @@ import wavesim as ws
 from wavesim.plan import Plan, plan
 from wavesim.timedomain.integration import Timing, stream
 
+# A run of more steps than this is not made twice just to warm up.
+_WARM_STEPS = 50_000
+
 
 class Peer:
     """The default stepper, at its own step."""
@@ -66,6 +69,12 @@ class Verlet(Peer):
         super().__init__(problem)
         # Half the longest stable step is this stepper's own default.
         self.least_steps = self._plan(0).schedule.steps // 2 + 1
+
+    def warm_up(self, setting: float) -> None:
+        if setting <= _WARM_STEPS:
+            self.run(setting)
+        else:
+            self.part(setting, _WARM_STEPS // 10)
 
     def _step(self, setting: float) -> float | None:
         return self.problem.seconds / setting * (1 + 1e-9) if setting else None
