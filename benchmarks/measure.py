@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import resource
 import statistics
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,34 @@ _PILOT_STEPS = 2000
 _PART_SECONDS = 4.0
 _REPEATS = 7
 _ENOUGH_SECONDS = 3.0
+# A contestant beside which other programs took more than this of a core is marked.
+_OTHERS = 0.1
+
+
+class _Others:
+    """Processor time that other programs take, where the system tells it (Linux)."""
+
+    def __init__(self) -> None:
+        self.begun, self.busy, self.own = time.perf_counter(), self._busy(), self._own()
+
+    @staticmethod
+    def _busy() -> float:
+        stat = Path("/proc/stat")
+        if not stat.is_file():
+            return 0.0
+        user, nice, system, _idle, _wait, irq, soft = stat.read_text().split()[1:8]
+        ticks = sum(map(int, (user, nice, system, irq, soft)))
+        return ticks / os.sysconf("SC_CLK_TCK")
+
+    @staticmethod
+    def _own() -> float:
+        spent = os.times()
+        return spent.user + spent.system + spent.children_user + spent.children_system
+
+    def share(self) -> float:
+        """Cores that they took on average since this was made."""
+        others = (self._busy() - self.busy) - (self._own() - self.own)
+        return max(0.0, others / (time.perf_counter() - self.begun))
 
 
 def _timed(call: Any) -> tuple[float, Any]:
@@ -81,6 +111,7 @@ def main(arguments: list[str]) -> None:
     imported, peers = _timed(lambda: importlib.import_module(f"peers.{module}"))
     made = problem()
     base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    others = _Others()
     setup, peer = _timed(lambda: getattr(peers, cls)(made))
     rows = [_one(peer, target, setting, exact, quick) for target, setting in json.loads(wanted)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -90,6 +121,8 @@ def main(arguments: list[str]) -> None:
             {
                 "import": imported,
                 "setup": setup,
+                "others": (share := others.share()),
+                "disturbed": share > _OTHERS,
                 "peak_bytes": peak * unit,
                 "peak_above_imports_bytes": (peak - base) * unit,
                 "rows": rows,

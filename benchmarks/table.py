@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 WAVESIM = "wavesim, default, final frame"
+_DISTURBED = "\\*"
 _HEAD = (
     "| contestant | target | setting | error | run, s | set-up, s | compile, s | products "
     "| peak MiB | run ÷ wavesim | with set-up |\n"
@@ -36,7 +37,7 @@ def _rows(results: dict[str, Any]) -> list[str]:
                 whole = (row["run"] + setup) / (best["run"] + base["setup"] + best["prepare"])
             setting = f"{row['setting']:.3g}" if row["setting"] < 1 else f"{row['setting']:.0f}"
             lines.append(
-                f"| {contestant['name']} "
+                f"| {contestant['name']}{_DISTURBED if contestant.get('disturbed') else ''} "
                 f"| {'any' if contestant['exact'] else format(row['target'], '.0e')} "
                 f"| {'–' if contestant['exact'] else setting} "
                 f"| {'(order 2)' if row['error'] is None else format(row['error'], '.1e')} "
@@ -96,6 +97,11 @@ def markdown(results: dict[str, Any]) -> str:
         "of a leapfrog, tolerance (relative and absolute) of an adaptive solver. ~: time of some "
         "of the steps, in proportion. Ratios are to the default stepper, final frame.\n\n"
     )
+    if any(contestant.get("disturbed") for contestant in results["contestants"]):
+        text += (
+            "\\* Other programs took part of the machine while this was measured; the contestant "
+            "is faster than this by an unknown part, and its ratio is no claim.\n\n"
+        )
     text += _HEAD + "\n".join(_rows(results)) + "\n"
     if "scaling" in results:
         text += "\n## Scaling\n\n" + _scaling(results["scaling"])
