@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from contestant import Solution
+from leapfrog import least_steps
 from problem import Problem
 
 import wavesim as ws
@@ -67,8 +68,7 @@ class Verlet(Peer):
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        # Half the longest stable step is this stepper's own default.
-        self.least_steps = self._plan(0).schedule.steps // 2 + 1
+        self.least_steps = least_steps(problem)
 
     def warm_up(self, setting: float) -> None:
         if setting <= _WARM_STEPS:
