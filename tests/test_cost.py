@@ -44,8 +44,8 @@ def settled(solver="auto", frames=2):
 
 def test_products_per_unit_of_time():
     """Chebyshev: two series of degree h√Λ/2 at least, so √Λ = 18.3 products a unit; counted 23.8
-    at its longest step, bounded at 1.35 times the law. Verlet at a quarter of its limit: 2√Λ. The default
-    takes one banded product for 160 cells of reach: counted 0.07 a unit."""
+    at its longest step, bounded at 1.35 times the law. Verlet at a quarter of its limit: 2√Λ.
+    The default takes one banded product for 160 cells of reach: counted 0.07 a unit."""
     root = np.sqrt(settled().schedule.bound)
     chebyshev = settled("chebyshev").schedule.operator_products / UNITS
     assert root <= chebyshev <= 1.35 * root
