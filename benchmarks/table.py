@@ -103,6 +103,6 @@ def markdown(results: dict[str, Any]) -> str:
             "is faster than this by an unknown part, and its ratio is no claim.\n\n"
         )
     text += _HEAD + "\n".join(_rows(results)) + "\n"
-    if "scaling" in results:
+    if results.get("scaling"):
         text += "\n## Scaling\n\n" + _scaling(results["scaling"])
     return text

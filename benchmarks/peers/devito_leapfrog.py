@@ -87,8 +87,8 @@ class Peer:
         return made
 
     def warm_up(self, setting: float) -> None:
-        _, driven = forces(self.problem, int(setting))
-        self.part(setting, min(driven + 2, int(setting)))
+        self.driven.apply(time_m=0, time_M=1, dt=self.problem.duration / setting)
+        self.free.apply(time_m=2, time_M=3, dt=self.problem.duration / setting)
 
     def run(self, setting: float) -> Solution:
         q = self.part(setting, int(setting))
