@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 WAVESIM = "wavesim, default, final frame"
-_DISTURBED = "\\*"
 _HEAD = (
     "| contestant | target | setting | error | run, s | set-up, s | compile, s | products "
     "| peak MiB | run ÷ wavesim | with set-up |\n"
@@ -17,6 +16,11 @@ def _number(value: float | None, digits: int = 3) -> str:
     if value is None:
         return "–"
     return f"{value:.{digits}g}" if value < 1000 else f"{value:.0f}"
+
+
+def _mark(contestant: dict[str, Any]) -> str:
+    again = " †" if contestant.get("again") else ""
+    return again + (r" \*" if contestant.get("disturbed") else "")
 
 
 def _rows(results: dict[str, Any]) -> list[str]:
@@ -37,7 +41,7 @@ def _rows(results: dict[str, Any]) -> list[str]:
                 whole = (row["run"] + setup) / (best["run"] + base["setup"] + best["prepare"])
             setting = f"{row['setting']:.3g}" if row["setting"] < 1 else f"{row['setting']:.0f}"
             lines.append(
-                f"| {contestant['name']}{_DISTURBED if contestant.get('disturbed') else ''} "
+                f"| {contestant['name']}{_mark(contestant)} "
                 f"| {'any' if contestant['exact'] else format(row['target'], '.0e')} "
                 f"| {'–' if contestant['exact'] else setting} "
                 f"| {'(order 2)' if row['error'] is None else format(row['error'], '.1e')} "
@@ -101,6 +105,11 @@ def markdown(results: dict[str, Any]) -> str:
         text += (
             "\\* Other programs took part of the machine while this was measured; the contestant "
             "is faster than this by an unknown part, and its ratio is no claim.\n\n"
+        )
+    if any(contestant.get("again") for contestant in results["contestants"]):
+        text += (
+            "† Measured once more, after the one run that all others are from, in which other "
+            "programs disturbed it.\n\n"
         )
     text += _HEAD + "\n".join(_rows(results)) + "\n"
     if results.get("scaling"):
