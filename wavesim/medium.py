@@ -11,6 +11,8 @@ import numbers
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from wavesim.damping import UNDAMPED, Damping
+
 Closure = Literal["printed", "consistent"]
 SpectralClosure = Literal["printed", "consistent", "appendix_c"]
 
@@ -60,6 +62,7 @@ class Medium:
             solver alone: it has no wave equations.
         rotation_inertia: β, m²; None stands for the paper's 2R²/5.
         curvature_inertia: γ, m⁴; None stands for the paper's 12R⁴/35.
+        damping: its loss law; lossless by default.
 
     Raises:
         ValueError: a parameter is outside its admissible range; the message names it.
@@ -77,6 +80,7 @@ class Medium:
     closure: SpectralClosure = "printed"
     rotation_inertia: Any = None
     curvature_inertia: Any = None
+    damping: Damping = UNDAMPED
 
     def __post_init__(self) -> None:
         if self.closure not in SPECTRAL_CLOSURES:
@@ -112,7 +116,9 @@ class Medium:
         return (4 * math.pi * self.density * self.particle_radius**5 / (3 * self.G_n_a)) ** 0.5
 
 
-PARAMETERS: tuple[str, ...] = tuple(f.name for f in fields(Medium) if f.name != "closure")
+PARAMETERS: tuple[str, ...] = tuple(
+    f.name for f in fields(Medium) if f.name not in ("closure", "damping")
+)
 
 
 def check_parameter(name: str, value: float) -> None:
