@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.bar import Bar
 from wavesim.equations import ROTATIONS, UNITS
+from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, Block, scales
 from wavesim.source import Ricker
@@ -25,11 +26,20 @@ class Energy:
         kinetic: ½∫ ρβφ̇² + ργḂ² dx.
         potential: deformation energy, where the closure is symmetric.
         work: done by the sources since the start.
+        dissipated: what losses and absorbing ends have taken since the start; None where there
+            are none, or where the closure conserves no energy.
     """
 
     kinetic: Float
     potential: Float
     work: Float
+    dissipated: Float | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the series that are there."""
+        names = ("kinetic", "potential", "work", "dissipated")
+        return tuple(name for name in names if getattr(self, name) is not None)
 
     @property
     def total(self) -> Float:
@@ -45,10 +55,11 @@ class Field:
         t: times, even, shape (nt,), s.
         values: {field name: array-like (nt, nx)}, rad for rotations and 1/m for curvatures;
             arrays, or data sets of an open file that are read when indexed.
-        medium, bar, sources: what made it.
+        medium, bar, sources: what made it; of a bar of layers, the medium at its left end.
         receivers: {name: position in m}.
         energy: energy at each frame.
         stepper, step: name and time step (s) of the stepper that made it.
+        layers: what the bar is made of, where it is not one medium.
     """
 
     t: Float
@@ -60,6 +71,7 @@ class Field:
     energy: Energy | None = None
     stepper: str = ""
     step: float = 0.0
+    layers: Layers | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesim.bar import Bar
+from wavesim.closures import RADIUS
 from wavesim.equations import flux_form
+from wavesim.layers import Layers, as_layers
 from wavesim.medium import Medium
-from wavesim.planewave import check_hyperbolic
+from wavesim.planewave import check_hyperbolic, gradient_share
 from wavesim.sectors import Block, excited_blocks
 from wavesim.source import Ricker
-from wavesim.timedomain.timestep import Schedule, schedule, spectral_bound
+from wavesim.timedomain.timestep import Schedule, bar_schedule, schedule, spectral_bound
 
+# Positions at which a graded layer is looked at for its fastest wave.
+_GRADES = 9
+# A gradient term that takes less than this part in ω² at k̄ = 1 is left out of a real bar.
+NEGLIGIBLE_GRADIENT = 1e-9
 # Frames in one chunk: as many as fit into about this many bytes, within these limits.
 _CHUNK_BYTES = 24e6
 _CHUNK_FRAMES = (4, 128)
@@ -26,18 +33,43 @@ class Plan:
     """All that is settled before integrating.
 
     Attributes:
-        medium, bar, sources: the problem.
+        layers, bar, sources: the problem.
         blocks: those that the sources set in motion.
         schedule: stepper and step, scaled.
         duration: s.
     """
 
-    medium: Medium
+    layers: Layers
     bar: Bar
     sources: tuple[Ricker, ...]
     blocks: tuple[Block, ...]
     schedule: Schedule
     duration: float
+
+    @property
+    def medium(self) -> Medium:
+        """The medium at the left end, whose units are used."""
+        return self.layers.first
+
+    @property
+    def real(self) -> bool:
+        """Whether the bar has layers, ends or losses: not uniform, periodic and lossless."""
+        return self.schedule.shift is not None
+
+    @property
+    def with_gradient(self) -> bool:
+        """Whether the gradient term is kept."""
+        return not self.real or any(
+            gradient_share(medium) > NEGLIGIBLE_GRADIENT for medium in media(self.layers)
+        )
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the closure conserves energy in every layer, losses apart."""
+        return all(
+            medium.closure == "consistent" or medium.anisotropy == 0
+            for medium in media(self.layers)
+        )
 
     @property
     def step(self) -> float:
@@ -64,7 +96,7 @@ class Plan:
 
 
 def plan(
-    medium: Medium,
+    medium: Medium | Layers,
     bar: Bar,
     sources: Sequence[Ricker],
     duration: float,
@@ -75,7 +107,7 @@ def plan(
     """Settle stepper, step and frames of a run.
 
     Args:
-        medium: its parameters.
+        medium: what the bar is made of, a medium or layers.
         bar: the grid.
         sources: at least one.
         duration: s.
@@ -97,20 +129,96 @@ def plan(
     frames = samples or default_samples(sources, duration)
     if frames < 2:
         raise ValueError(f"samples = {frames}: must be at least 2")
-    check_hyperbolic(medium)
+    layers = as_layers(medium, bar.length)
+    if max(len(bar.stretches), 1) != len(layers.layers):
+        raise ValueError(
+            f"layers: {len(layers.layers)} given for a grid of {max(len(bar.stretches), 1)} "
+            "stretches; make the bar with layered_bar(layers, spacing)"
+        )
+    for one in media(layers):
+        check_hyperbolic(one)
     blocks = excited_blocks([source.field for source in sources])
-    bound = spectral_bound(medium, bar, blocks)
-    unit = float(medium.time_scale)
-    steps = schedule(
-        bound,
-        duration / unit,
-        frames,
-        solver,
-        step if step is None else step / unit,
-        fastest(medium) * unit / bar.spacing,
-        bar.cells,
+    reference = layers.first
+    unit = float(reference.time_scale)
+    longest = step if step is None else step / unit
+    if is_plain(layers, bar, sources):
+        bound = spectral_bound(reference, bar, blocks)
+        speed = fastest(reference) * unit / bar.spacing
+        steps = schedule(bound, duration / unit, frames, solver, longest, speed, bar.cells)
+    else:
+        radius = _radius(layers, bar, blocks)
+        band = max(source.band for source in sources) * unit
+        loss = fastest_loss(layers, bar, radius)
+        steps = bar_schedule(radius, loss, band, duration / unit, frames, solver, longest)
+    return Plan(layers, bar, tuple(sources), blocks, steps, duration)
+
+
+def is_plain(layers: Layers, bar: Bar, sources: Sequence[Ricker]) -> bool:
+    """Whether a bar is uniform, periodic and lossless, driven by body moments from rest."""
+    (layer, *others) = layers.layers
+    return (
+        bar.periodic
+        and not others
+        and layer.last is None
+        and not layer.medium.damping
+        and all(getattr(source, "drive", "body") == "body" for source in sources)
     )
-    return Plan(medium, bar, tuple(sources), blocks, steps, duration)
+
+
+def media(layers: Layers) -> list[Medium]:
+    """The media of a bar, a graded layer's at a few places."""
+    found = []
+    for layer in layers.layers:
+        places = np.linspace(layer.start, layer.end, 1 if layer.last is None else _GRADES)
+        found += [layer.at(float(place)) for place in places]
+    return found
+
+
+def _radius(layers: Layers, bar: Bar, blocks: Sequence[Block]) -> float:
+    """R ≥ every frequency of the bar, scaled: that of the fastest stretch with free ends.
+
+    Stretches are joined as finite elements are, so that no mode of the whole is faster than the
+    fastest of its parts (Rayleigh's quotient); closures at their ends add RADIUS.
+    """
+    reference = layers.first
+    squares = []
+    stretches = bar.stretches or ((bar.cells, bar.spacing),)
+    for layer, (_, spacing) in zip(layers.layers, stretches, strict=True):
+        unrelaxed = layer.medium.damping.unrelaxed
+        for medium in media(Layers((dataclasses.replace(layer, start=0.0, end=layer.thickness),))):
+            bound = spectral_bound(medium, bar, blocks, spacing=spacing)
+            ratio = (reference.time_scale / medium.time_scale) ** 2
+            squares.append(unrelaxed * ratio * bound)
+    return math.sqrt(max(squares)) * RADIUS[bar.order]
+
+
+def fastest_loss(layers: Layers, bar: Bar, radius: float) -> float:
+    """Largest rate at which anything on a bar is lost, scaled.
+
+    Args:
+        layers: what it is made of.
+        bar: its grid and ends.
+        radius: its highest frequency, scaled.
+    """
+    unit = float(layers.first.time_scale)
+    rates = [0.0]
+    for layer in layers.layers:
+        law = layer.medium.damping
+        rayleigh = law.mass * unit + law.stiffness / unit * radius**2
+        rates.append(rayleigh + max(law.rates, default=0.0) * unit)
+    return max(rates) + max(absorption(layers, bar, end) for end in ("left", "right")) * unit
+
+
+# Reflection of an absorbing layer at normal incidence, before the grid's own.
+_REFLECTION = 1e-8
+
+
+def absorption(layers: Layers, bar: Bar, end: str) -> float:
+    """Largest d of the absorbing layer at an end, 1/s: −4 c_∞ ln R/2W, R = 1e-8; 0 elsewhere."""
+    if getattr(bar, end) != "absorbing":
+        return 0.0
+    medium = layers.at(0.0 if end == "left" else layers.length)
+    return -4 * fastest(medium) * math.log(_REFLECTION) / (2 * bar.absorber)
 
 
 def default_samples(sources: Sequence[Ricker], duration: float) -> int:
@@ -122,4 +230,5 @@ def default_samples(sources: Sequence[Ricker], duration: float) -> int:
 def fastest(medium: Medium) -> float:
     """Speed of the fastest wave at short wavelengths, c_∞ = √(C_φφ/m_φ), m/s."""
     flux = flux_form(medium)
-    return float(np.sqrt(np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))
+    unrelaxed = medium.damping.unrelaxed
+    return float(np.sqrt(unrelaxed * np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))

@@ -197,3 +197,50 @@ def block_form(medium: Medium, block: Block, reference: Medium | None = None) ->
         c_bb=per_B * (curvature @ flux.C_B_B @ curvature.T),
         gamma=per_B / units.length**2 * (curvature @ flux.Gamma @ curvature.T),
     )
+
+
+@dataclass(frozen=True)
+class BlockCoefficients:
+    """Stiffness and inertia of one block apart, in the units of a reference medium.
+
+        i_phi φ̈ = ∂ₓ(c_pp φ′ − c_pb B) + f,    i_B B̈ = c_bp φ′ − c_bb B + γ ∂ₓ²B + g
+
+    Media of one bar so share their units, and c_bp = c_pbᵀ wherever the closure is symmetric.
+
+    Attributes:
+        c_pp, c_pb, c_bp, c_bb, gamma: shapes as of :class:`BlockForm`.
+        i_phi, i_B: inertias, scalars.
+    """
+
+    c_pp: Any
+    c_pb: Any
+    c_bp: Any
+    c_bb: Any
+    gamma: Any
+    i_phi: Any
+    i_B: Any
+
+
+def block_coefficients(medium: Medium, block: Block, units: Scales) -> BlockCoefficients:
+    """Coefficients of a block in a medium, in given units.
+
+    Args:
+        medium: the medium.
+        block: one of BLOCKS.
+        units: of the reference medium, from :func:`scales`.
+    """
+    flux = flux_form(medium)
+    stiffness = medium.branch_length**2 * medium.contact_density  # flux is divided by it
+    rotation, curvature = block.weights(ROTATIONS), block.weights(CURVATURES)
+    per_length = stiffness / (units.moment * units.length)
+    coupling = per_length * units.curvature
+    local = stiffness * units.curvature / units.double_moment
+    return BlockCoefficients(
+        c_pp=per_length / units.length * (rotation @ flux.C_phi_phi @ rotation.T),
+        c_pb=coupling * (rotation @ flux.C_phi_B @ curvature.T),
+        c_bp=coupling * (curvature @ flux.C_B_phi @ rotation.T),
+        c_bb=local * (curvature @ flux.C_B_B @ curvature.T),
+        gamma=local / units.length**2 * (curvature @ flux.Gamma @ curvature.T),
+        i_phi=medium.density * medium.beta / (units.moment * units.time**2),
+        i_B=medium.density * medium.gamma * units.curvature / (units.double_moment * units.time**2),
+    )

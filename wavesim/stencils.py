@@ -69,7 +69,7 @@ def largest_modified_wavenumber(spacing: float, order: int) -> float:
 
 
 def interpolation_weights(
-    position: float, first: float, spacing: float, width: int
+    position: float, first: float, spacing: float, width: int, shift: int = 0
 ) -> tuple[Float, NDArray[np.int64]]:
     """Lagrange weights that give the value at a position from the nearest grid points.
 
@@ -78,6 +78,7 @@ def interpolation_weights(
         first: position of grid point 0, length.
         spacing: h, length.
         width: number of points, even; the order of the interpolation.
+        shift: how many points further up to take them, where the grid ends.
 
     Returns:
         The weights and the indices of the points, not wrapped to the grid; a single point with
@@ -87,7 +88,7 @@ def interpolation_weights(
     nearest = round(exact)
     if abs(exact - nearest) < 1e-9:
         return np.ones(1), np.array([nearest])
-    indices = math.floor(exact) + np.arange(1 - width // 2, width // 2 + 1)
+    indices = math.floor(exact) + np.arange(1 - width // 2, width // 2 + 1) + shift
     weights = np.array(
         [np.prod([(exact - j) / (i - j) for j in indices if j != i]) for i in indices]
     )

@@ -15,14 +15,18 @@ import numpy as np
 
 from wavesim.bar import Bar
 from wavesim.field import Energy, Field
+from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
 from wavesim.source import Ricker
+from wavesim.timedomain.drives import drives, initial_state
+from wavesim.timedomain.expansion import BarEquation, Expansion, series
 from wavesim.timedomain.forcing import forcing
-from wavesim.timedomain.operator import semi_discrete, to_fields
+from wavesim.timedomain.generator import generator
+from wavesim.timedomain.operator import is_rotation, semi_discrete, to_fields
 from wavesim.timedomain.propagator import Propagator, bar_kernels
-from wavesim.timedomain.response import pulse_tables
+from wavesim.timedomain.response import BEYOND_BAND, pulse_tables
 from wavesim.timedomain.steppers import (
     TERM,
     Chebyshev,
@@ -68,7 +72,7 @@ class Chunk:
     first: int
     values: dict[str, np.ndarray]
     energy: Energy
-    motion: Motion
+    motion: Any
 
     @property
     def count(self) -> int:
@@ -81,15 +85,24 @@ def pack(motion: Motion) -> list[np.ndarray]:
     return [np.asarray(leaf) for leaf in jax.tree.leaves(motion)]
 
 
-def unpack(arrays: Sequence[np.ndarray], settled: Plan) -> Motion:
+def unpack(arrays: Sequence[np.ndarray], settled: Plan) -> Any:
     """Inverse of :func:`pack`, for a run of the same plan."""
-    structure = jax.tree.structure(_rest(settled))
+    structure = jax.tree.structure(_equation(settled)[1])
     return jax.tree.unflatten(structure, [jnp.asarray(array) for array in arrays])
 
 
-def _rest(settled: Plan) -> Motion:
-    operator = semi_discrete(settled.medium, settled.bar, settled.blocks)
-    return Motion(operator.zero(), operator.zero(), jnp.zeros(()))
+def _equation(settled: Plan) -> tuple[Any, Any]:
+    """The equation that a plan integrates, and its state at t = 0."""
+    medium, bar, blocks = settled.medium, settled.bar, settled.blocks
+    if settled.real:
+        A = generator(settled.layers, bar, blocks, medium, settled.with_gradient)
+        sources = drives(settled.sources, medium, bar, blocks, A)
+        start = initial_state(settled.sources, medium, bar, blocks, A)
+        equation = BarEquation(A, sources, settled.balanced)
+        return equation, equation.start(start)
+    operator = semi_discrete(medium, bar, blocks)
+    force = forcing(settled.sources, medium, bar, blocks, operator)
+    return WaveEquation(operator, force), Motion(operator.zero(), operator.zero(), jnp.zeros(()))
 
 
 @dataclass
@@ -100,7 +113,10 @@ class Timing:
     integrate: float = 0.0
 
 
-def _stepper(settled: Plan, equation: WaveEquation) -> diffrax.AbstractSolver:
+def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
+    if settled.schedule.shift is not None:
+        time = float(settled.medium.time_scale)
+        return Expansion(series(settled.schedule, signal_band(settled.sources) * time))
     if settled.schedule.solver == "verlet":
         return Verlet()
     steps = settled.schedule
@@ -111,9 +127,9 @@ def _stepper(settled: Plan, equation: WaveEquation) -> diffrax.AbstractSolver:
 
 
 def _advance(
-    equation: WaveEquation,
+    equation: Any,
     stepper: Any,
-    motion: Motion,
+    motion: Any,
     start: jax.Array,
     step: float,
     steps_per_frame: int,
@@ -126,9 +142,8 @@ def _advance(
     motion is the uninterrupted one to the last bit.
     """
 
-    def observe(t: Any, y: Motion, args: Any) -> Any:
-        operator = equation.operator
-        return y.q, operator.kinetic(y.v), operator.potential(y.q), y.work
+    def observe(t: Any, y: Any, args: Any) -> Any:
+        return equation.observe(y)
 
     count = frames * steps_per_frame
     times = (start + jnp.arange(count + 1)).astype(float) * step
@@ -159,9 +174,9 @@ _COMPILED: dict[Any, Any] = {}
 
 
 def _compiled(
-    equation: WaveEquation,
+    equation: Any,
     stepper: Any,
-    motion: Motion,
+    motion: Any,
     at: jax.Array,
     step: float,
     steps_per_frame: int,
@@ -181,7 +196,7 @@ def _compiled(
 
 
 def stream(
-    settled: Plan, start: tuple[int, Motion] | None = None, timing: Timing | None = None
+    settled: Plan, start: tuple[int, Any] | None = None, timing: Timing | None = None
 ) -> Iterator[Chunk]:
     """Integrate a plan and give its frames chunk by chunk, the state of rest at t = 0 first.
 
@@ -198,18 +213,16 @@ def stream(
     """
     timing = timing or Timing()
     begun = time.perf_counter()
-    operator = semi_discrete(settled.medium, settled.bar, settled.blocks)
-    force = forcing(settled.sources, settled.medium, settled.bar, settled.blocks, operator)
-    equation = WaveEquation(operator, force)
+    equation, rest = _equation(settled)
     stepper = _stepper(settled, equation)
     steps, size = settled.schedule, settled.chunk
-    frame, motion = start or (0, Motion(operator.zero(), operator.zero(), jnp.zeros(())))
+    frame, motion = start or (0, rest)
     at = jnp.asarray(frame * steps.steps_per_frame)
     run = _compiled(equation, stepper, motion, at, steps.step, steps.steps_per_frame, size)
     timing.compile += time.perf_counter() - begun
     if start is None:
-        rest = (jax.tree.map(lambda a: a[None], motion.q), *(np.zeros(1) for _ in range(3)))
-        yield _chunk(settled, 0, rest, 1, motion)
+        first = jax.tree.map(lambda a: np.asarray(a)[None], equation.observe(motion))
+        yield _chunk(settled, 0, first, 1, motion)
     while frame < steps.frames - 1:
         begun = time.perf_counter()
         at = jnp.asarray(frame * steps.steps_per_frame)
@@ -227,18 +240,25 @@ def stream(
 
 
 def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) -> Chunk:
-    q, kinetic, potential, work = seen
+    q, *energies = seen
     q = jax.tree.map(lambda a: np.asarray(a)[:wanted], q)
     unit = float(scales(settled.medium).energy)
     # A run that has become unstable is reported by its caller, not by warnings.
     with np.errstate(over="ignore", invalid="ignore"):
-        energy = Energy(*(unit * np.asarray(part)[:wanted] for part in (kinetic, potential, work)))
+        energy = Energy(*(unit * np.asarray(part)[:wanted] for part in energies))
         values = to_fields(q, settled.blocks, settled.medium)
-    return Chunk(first, {name: values[name] for name in settled.fields}, energy, motion)
+    halves = len(settled.bar.half_nodes)
+    kept = {n: values[n] if is_rotation(n) else values[n][:, :halves] for n in settled.fields}
+    return Chunk(first, kept, energy, motion)
+
+
+def signal_band(sources: Sequence[Any]) -> float:
+    """Angular frequency above which no signal has anything, to rounding, rad/s."""
+    return BEYOND_BAND * max(source.band for source in sources)
 
 
 def simulate(
-    medium: Medium,
+    medium: Medium | Layers,
     bar: Bar,
     sources: Sequence[Ricker],
     duration: float,
@@ -247,12 +267,13 @@ def simulate(
     step: float | None = None,
     receivers: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
+    timing: Timing | None = None,
 ) -> Field:
     """Integrate the wave equations on a bar from rest and keep the field in memory.
 
     Args:
-        medium: its parameters.
-        bar: the grid.
+        medium: what the bar is made of, a medium or layers.
+        bar: the grid; of layers, that of ``layered_bar``.
         sources: pulses that drive it, at least one.
         duration: s.
         samples: number of frames, the start among them; None stores twice the sources' band.
@@ -260,6 +281,7 @@ def simulate(
         step: longest step allowed, s; None lets the stepper choose.
         receivers: {name: position in m}.
         progress: called with the part done, 0 to 1, after each chunk.
+        timing: where to note the seconds spent.
 
     Returns:
         The field; only the sectors that the sources set in motion are in it.
@@ -270,7 +292,7 @@ def simulate(
     """
     settled = plan(medium, bar, sources, duration, samples, solver, step)
     chunks = []
-    for chunk in stream(settled):
+    for chunk in stream(settled, timing=timing):
         chunks.append(chunk)
         if progress is not None:
             progress((chunk.first + chunk.count) / settled.schedule.frames)
@@ -280,16 +302,17 @@ def simulate(
             name: np.concatenate([chunk.values[name] for chunk in chunks])
             for name in settled.fields
         },
-        medium=medium,
+        medium=settled.medium,
         bar=bar,
         sources=settled.sources,
         receivers=dict(receivers or {}),
         energy=Energy(
             *(
                 np.concatenate([getattr(chunk.energy, part) for chunk in chunks])
-                for part in ("kinetic", "potential", "work")
+                for part in chunks[0].energy.parts
             )
         ),
         stepper=settled.schedule.solver,
         step=settled.step,
+        layers=settled.layers,
     )

@@ -33,7 +33,7 @@ from wavesim.timedomain.timestep import Schedule, chebyshev_series, cosine, sine
 # Gauss nodes beyond half the phase of what they integrate or interpolate.
 _EXTRA_NODES = 14
 # A pulse has no spectrum, to rounding, above this many times the end of its band.
-_BEYOND_BAND = 2.4
+BEYOND_BAND = 2.4
 
 
 class _Window(eqx.Module):
@@ -112,12 +112,11 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
     """
     h, bound, degree = schedule.step, schedule.bound, schedule.degree
     fine = degree + _EXTRA_NODES
-    band = _BEYOND_BAND * max(pulse.band for pulse in forcing.pulses) * forcing.time_scale
-    unit_nodes, unit_weights, between = _interpolation(
+    band = BEYOND_BAND * max(pulse.band for pulse in forcing.pulses) * forcing.time_scale
+    (unit_nodes, unit_weights), (fine_nodes, fine_weights), between = interpolation(
         min(fine, math.ceil(h * band / 2) + _EXTRA_NODES), fine
     )
     nodes, weights = h * unit_nodes, h * unit_weights
-    fine_nodes, fine_weights = _gauss(fine)
     # (node, degree) coefficients of the functions of L named at the head of this file.
     rest, measure = h * (1 - fine_nodes), h * fine_weights[:, None]
     on_q = between.T @ (measure * chebyshev_series(lambda e: sine(rest, e), bound, degree))
@@ -189,16 +188,25 @@ def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     return (nodes + 1) / 2, weights / 2
 
 
-def _interpolation(count: int, fine: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss nodes and weights on [0, 1], and the matrix from values there to a finer set's nodes.
+def interpolation(
+    count: int, fine: int
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Two Gauss rules on [0, 1], coarse and fine, and the matrix from values at one to the other.
 
     Values become Legendre coefficients by the discrete transform, exact for degree < count.
+
+    Args:
+        count, fine: number of nodes of either.
+
+    Returns:
+        (nodes, weights) of each, and the matrix (fine, count).
     """
     nodes, weights = _gauss(count)
+    finer = _gauss(fine)
     legendre = np.polynomial.legendre.legvander
     coarse = legendre(2 * nodes - 1, count - 1)
     transform = (2 * np.arange(count) + 1)[:, None] * coarse.T * weights
-    return nodes, weights, legendre(2 * _gauss(fine)[0] - 1, count - 1) @ transform
+    return (nodes, weights), finer, legendre(2 * finer[0] - 1, count - 1) @ transform
 
 
 @functools.partial(jax.jit, static_argnums=2)

@@ -44,8 +44,12 @@ class WaveEquation(eqx.Module):
         acceleration = jax.tree.map(jnp.add, self.operator(y.q), force)
         return Motion(y.v, acceleration, inner(force, y.v) * self.operator.spacing)
 
+    def observe(self, y: Motion) -> tuple[State, jax.Array, jax.Array, jax.Array]:
+        """Fields, kinetic and deformation energy, and work, of a state."""
+        return y.q, self.operator.kinetic(y.v), self.operator.potential(y.q), y.work
 
-TERM = diffrax.ODETerm(lambda t, y, equation: equation(t, y))
+
+TERM = diffrax.ODETerm(lambda t, y, equation: equation(t, y))  # of any equation here
 
 
 class WaveSolver(diffrax.AbstractSolver):

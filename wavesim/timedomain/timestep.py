@@ -35,6 +35,9 @@ SERIES_TOLERANCE = 2e-16
 _VERLET_SAFETY = 0.25
 # A Chebyshev step longer than this many radians of the fastest mode only costs memory.
 _LONGEST_STEP = 200.0
+# On a real bar: radians of the sources' band in a step, and decay over it by e to this.
+_LONGEST_POWER = 1.6
+_MOST_LOSS = 4.0
 # The propagator takes at least this many cells in one run (``wavesim.timedomain.kernels``).
 SHORTEST_RUN = 64
 # A propagator reaching further than this many cells only costs memory.
@@ -42,7 +45,11 @@ _LONGEST_REACH = 160
 
 
 def spectral_bound(
-    medium: Medium, bar: Bar, blocks: Sequence[Block], reference: Medium | None = None
+    medium: Medium,
+    bar: Bar,
+    blocks: Sequence[Block],
+    reference: Medium | None = None,
+    spacing: float | None = None,
 ) -> float:
     """Λ ≥ every eigenvalue of −L: the squared frequency of the fastest mode, scaled.
 
@@ -54,12 +61,13 @@ def spectral_bound(
         bar: the grid.
         blocks: the blocks that are integrated.
         reference: the medium whose units to scale by.
+        spacing: cell size where it is not the bar's, m.
 
     Returns:
         Λ, in 1/time² of the scaled units.
     """
     length = (reference or medium).length_scale
-    k = largest_modified_wavenumber(bar.spacing / length, bar.order)
+    k = largest_modified_wavenumber((spacing or bar.spacing) / length, bar.order)
     bounds = []
     for block in blocks:
         form = block_form(medium, block, reference)
@@ -120,6 +128,37 @@ def series_degree(step: float, bound: float) -> int:
     return int(np.max(np.nonzero(size > noise)[0]))
 
 
+def expansion_coefficients(
+    times: Float, radius: float, shift: float, degree: int | None = None
+) -> Float:
+    """e^{−sτ} c_k(τ) of exp(τA) = e^{−sτ} Σ_k c_k(τ) φ_k((A + s)/R); c_0 = J_0(τR), c_k = 2J_k(τR).
+
+    Args:
+        times: τ, shape (n,), scaled.
+        radius: R, at least every |Im λ| of A.
+        shift: s; every Re λ of A is within −2s and 0.
+        degree: highest k; None stops where, over that rectangle, terms fall below rounding.
+
+    Returns:
+        Shape (n, degree + 1).
+    """
+    from scipy.special import jv
+
+    phase = radius * np.asarray(times)[:, None]
+    if degree is None:
+        # |φ_k| on the rectangle is at most g^k, g that of its corner.
+        corner = shift / radius
+        growth = corner + math.sqrt(1 + corner**2)
+        longest = float(phase.max())
+        most = math.ceil(1.2 * growth * longest + 12 * (1 + longest) ** (1 / 3)) + 40
+        k = np.arange(most + 1)
+        logs = np.log(np.abs(jv(k, longest)) + 1e-300) + k * math.log(growth)
+        degree = int(np.max(np.nonzero(logs - shift * float(np.max(times)) > math.log(1e-18))[0]))
+    coefficients = 2 * jv(np.arange(degree + 1), phase)
+    coefficients[:, 0] /= 2
+    return np.asarray(coefficients * np.exp(-shift * np.asarray(times))[:, None])
+
+
 @dataclass(frozen=True)
 class Schedule:
     """How a run is stepped; all times scaled.
@@ -132,6 +171,8 @@ class Schedule:
         bound: Λ, the spectral bound.
         degree: of the Chebyshev series; 1 for Verlet.
         reach: cells beyond which nothing is felt within a step, to rounding.
+        shift: half the fastest loss rate, of the series that steps a real bar; None where the
+            bar is uniform, periodic and lossless.
     """
 
     solver: str
@@ -141,6 +182,7 @@ class Schedule:
     bound: float
     degree: int
     reach: int
+    shift: float | None = None
 
     @property
     def steps(self) -> int:
@@ -152,9 +194,12 @@ class Schedule:
         """Products with a state that the run takes, sources apart.
 
         They are products of L for the Chebyshev stepper (two series, of q and of q̇) and for
-        Verlet, and of the banded propagator, one a step, for "propagator".
+        Verlet, and of the banded propagator, one a step, for "propagator". On a real bar they
+        are of A, each of which holds one of L.
         """
         per_step = 2 * self.degree if self.solver == "chebyshev" else 1
+        if self.shift is not None:
+            per_step = self.degree
         return self.steps * per_step
 
 
@@ -234,6 +279,50 @@ def schedule(
     degree = 1 if chosen == "verlet" else series_degree(h, bound)
     reach = reach_within(h, speed) if math.isfinite(speed) else cells
     return Schedule(chosen, h, per_frame, frames, bound, degree, reach)
+
+
+def bar_schedule(
+    radius: float,
+    loss: float,
+    band: float,
+    duration: float,
+    frames: int,
+    solver: str = "auto",
+    step: float | None = None,
+) -> Schedule:
+    """Step of a real bar: with layers, ends or losses.
+
+    Args:
+        radius: R, at least every frequency of the bar, scaled.
+        loss: fastest rate at which anything is lost, scaled.
+        band: angular frequency up to which the sources excite, scaled.
+        duration: of the run, scaled.
+        frames: stored frames, at least 2.
+        solver: "auto" or "chebyshev".
+        step: longest step allowed, scaled; None leaves the choice open.
+
+    Returns:
+        The schedule.
+
+    Raises:
+        ValueError: the solver is for uniform periodic bars only.
+    """
+    if solver not in ("auto", "chebyshev"):
+        raise ValueError(
+            f"solver = {solver!r}: is for uniform periodic bars without losses; a bar with layers, "
+            "ends or losses takes 'chebyshev' or 'auto'"
+        )
+    interval = duration / (frames - 1)
+    # Work and losses are integrals over a step, good to 1e-9 up to this.
+    longest = min(_LONGEST_POWER / band, _LONGEST_STEP / radius)
+    if loss > 0:
+        longest = min(longest, 2 * _MOST_LOSS / loss)
+    if step is not None:
+        longest = min(longest, step)
+    per_frame = max(1, math.ceil(interval / longest * (1 - 1e-12)))
+    h = interval / per_frame
+    degree = expansion_coefficients(np.array([h]), radius, loss / 2).shape[1] - 1
+    return Schedule("chebyshev", h, per_frame, frames, radius**2, degree, 0, loss / 2)
 
 
 def stability_limit(bound: float) -> float:

@@ -1,0 +1,260 @@
+"""What a bar of layers is made of, point by point: coefficients, inertias and losses on its grid.
+
+A stretch of the grid belongs to each layer, and a layer's medium stands at its own points only, so
+that nothing is averaged across an interface but the inertia of the one node there, to which each
+side adds its own. A graded layer is sampled at a few Chebyshev points of its grading variable w:
+coefficients are polynomials of degree 8 at most in w, which twelve samples give exactly.
+Scaled units throughout.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.bar import Bar
+from wavesim.closures import chain
+from wavesim.layers import Layer, Layers
+from wavesim.medium import Medium
+from wavesim.plan import absorption
+from wavesim.sectors import Block, BlockCoefficients, Scales, block_coefficients, scales
+
+_SAMPLES = 12
+_NAMES = tuple(field.name for field in dataclasses.fields(BlockCoefficients))
+_PROFILE = 3  # power of the depth by which absorption grows
+
+
+class Losses(eqx.Module):
+    """What is lost, point by point; shapes (half-nodes,) or (nodes,), scaled.
+
+    Attributes:
+        mass_node, mass_half: α.
+        stiffness: β_d/m_U at half-nodes.
+        rates, strengths: ω_l and Y_l at half-nodes, shape (mechanisms, half-nodes).
+        absorb_node, absorb_half: d of the absorbing ends.
+        damped, absorbing: whether any of the first, or of the last, is there.
+    """
+
+    mass_node: np.ndarray
+    mass_half: np.ndarray
+    stiffness: np.ndarray
+    rates: np.ndarray
+    strengths: np.ndarray
+    absorb_node: np.ndarray
+    absorb_half: np.ndarray
+    damped: bool = eqx.field(static=True)
+    absorbing: bool = eqx.field(static=True)
+
+    @property
+    def mechanisms(self) -> int:
+        """Number of relaxation mechanisms."""
+        return int(self.rates.shape[0])
+
+    @property
+    def fastest(self) -> float:
+        """Largest rate at which anything relaxes, stiffness damping apart, scaled."""
+        parts = (self.mass_node, self.mass_half, self.rates, self.absorb_node, self.absorb_half)
+        return max(float(np.max(part, initial=0.0)) for part in parts)
+
+
+class Profile(eqx.Module):
+    """Coefficients of one group of blocks over the grid.
+
+    Attributes:
+        c_pp, c_pb, c_bp, c_bb: at half-nodes, the unrelaxed modulus in them, shapes
+            (row, column, blocks, half-nodes).
+        gamma: Γ at nodes, 0 at the ends of a bar that is not periodic (the natural condition),
+            shape (row, column, blocks, nodes).
+        m_phi: inertia times length of each node, shape (blocks, nodes).
+        i_B: inertia at half-nodes, shape (blocks, half-nodes).
+    """
+
+    c_pp: jax.Array
+    c_pb: jax.Array
+    c_bp: jax.Array
+    c_bb: jax.Array
+    gamma: jax.Array
+    m_phi: jax.Array
+    i_B: jax.Array
+
+
+def _graded(layer: Layer, x: np.ndarray) -> np.ndarray:
+    """w at positions within a layer."""
+    s = np.clip((x - layer.start) / layer.thickness, 0.0, 1.0)
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2) if layer.grading == "smooth" else s)
+
+
+def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str, Any]:
+    """Coefficients of a block at positions within a layer, {name: (…, positions)}."""
+    if layer.last is None:
+        made = block_coefficients(layer.medium, block, units)
+        return {name: _spread(getattr(made, name), len(x)) for name in _NAMES}
+    nodes = (1 - np.cos(np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)) / 2
+    straight = dataclasses.replace(layer, grading="linear")
+    at = [straight.at(layer.start + w * layer.thickness) for w in nodes]
+    samples = [block_coefficients(medium, block, units) for medium in at]
+    w = _graded(layer, x)
+    basis = np.polynomial.chebyshev.chebvander(2 * w - 1, _SAMPLES - 1) @ np.linalg.inv(
+        np.polynomial.chebyshev.chebvander(2 * nodes - 1, _SAMPLES - 1)
+    )
+    found = {}
+    for name in _NAMES:
+        values = [getattr(sample, name) for sample in samples]
+        xp = jnp if any(isinstance(value, jax.Array) for value in values) else np
+        found[name] = xp.tensordot(xp.stack(values, axis=-1), xp.asarray(basis.T), 1)
+    return found
+
+
+def _spread(value: Any, count: int) -> Any:
+    xp = jnp if isinstance(value, jax.Array) else np
+    value = xp.asarray(value)
+    return xp.broadcast_to(value[..., None], (*value.shape, count))
+
+
+def profile(
+    layers: Layers, bar: Bar, blocks: Sequence[Block], reference: Medium, with_gradient: bool
+) -> Profile:
+    """Coefficients of blocks of one shape over a bar.
+
+    Args:
+        layers: what the bar is made of; parameters may be traced by jax.
+        bar: its grid, with a stretch for each layer.
+        blocks: as many rotations each.
+        reference: the medium whose units to scale by, of plain numbers.
+        with_gradient: whether Γ is wanted.
+
+    Returns:
+        The coefficients.
+    """
+    made = [_of_block(layers, bar, block, reference, with_gradient) for block in blocks]
+    stack = {name: jnp.stack([jnp.asarray(m[name]) for m in made], axis=-2) for name in made[0]}
+    return Profile(**stack)
+
+
+def _stretches(layers: Layers, bar: Bar) -> list[tuple[Layer, slice, np.ndarray, np.ndarray]]:
+    """Each layer with its cells, the norm of its nodes and their positions, all scaled in m."""
+    found, first = [], 0
+    stretches = bar.stretches or ((bar.cells, bar.spacing),)
+    for layer, (cells, spacing) in zip(layers.layers, stretches, strict=True):
+        if bar.uniform and bar.periodic:
+            norm = np.full(cells + 1, spacing)
+            norm[[0, -1]] /= 2
+        else:
+            norm = chain(bar.order, (cells,), (spacing,)).node_norm
+        x = layer.start + np.arange(cells + 1) * spacing
+        found.append((layer, slice(first, first + cells), norm, x))
+        first += cells
+    return found
+
+
+def _joined(bar: Bar, values: Any) -> Any:
+    """Values at N + 1 nodes, with the last added to the first where the bar is periodic."""
+    if not bar.periodic:
+        return values
+    if isinstance(values, jax.Array):
+        return values[..., :-1].at[..., 0].add(values[..., -1])
+    joined = values[..., :-1].copy()
+    joined[..., 0] += values[..., -1]
+    return joined
+
+
+def _of_block(
+    layers: Layers, bar: Bar, block: Block, reference: Medium, with_gradient: bool
+) -> dict[str, Any]:
+    units = scales(reference)
+    length = float(units.length)
+    halves: dict[str, list[Any]] = {name: [] for name in ("c_pp", "c_pb", "c_bp", "c_bb", "i_B")}
+    b = len(block.curvatures)
+    nodes = bar.cells + 1
+    mass, compliance = jnp.zeros(nodes), jnp.zeros((nodes, b, b))
+    for layer, cells, norm, x in _stretches(layers, bar):
+        unrelaxed = layer.medium.damping.unrelaxed
+        at_half = _along(layer, block, units, (x[1:] + x[:-1]) / 2)
+        for name, parts in halves.items():
+            parts.append(at_half[name] * (1.0 if name == "i_B" else unrelaxed))
+        at_node = _along(layer, block, units, x)
+        span = slice(cells.start, cells.stop + 1)
+        mass = mass.at[span].add(jnp.asarray(at_node["i_phi"]) * norm / length)
+        if with_gradient:
+            gamma = jnp.moveaxis(jnp.asarray(at_node["gamma"]), -1, 0) * unrelaxed
+            soft = jnp.linalg.pinv(gamma, hermitian=True) * (norm / length)[:, None, None]
+            compliance = compliance.at[span].add(soft)
+    gamma = jnp.zeros((b, b, nodes))
+    if with_gradient:
+        # Compliances add where stretches meet: Γ ∂ₓB is continuous there, as σ is.
+        share = jnp.asarray(_node_norm(bar) / length)[:, None, None]
+        gamma = jnp.moveaxis(share * jnp.linalg.pinv(compliance, hermitian=True), 0, -1)
+        if not bar.periodic:
+            gamma = gamma.at[..., np.array([0, -1])].set(0.0)
+    joined = {
+        name: (jnp if any(isinstance(p, jax.Array) for p in parts) else np).concatenate(
+            parts, axis=-1
+        )
+        for name, parts in halves.items()
+    }
+    trimmed = gamma[..., : bar.cells] if bar.periodic else gamma
+    return joined | {"gamma": trimmed, "m_phi": _joined(bar, mass)}
+
+
+def _node_norm(bar: Bar) -> np.ndarray:
+    """Lengths of N + 1 nodes; on a periodic bar the first and the last are one node."""
+    norm = bar.differences.node_norm
+    return np.append(norm, norm[0]) if bar.periodic else norm
+
+
+def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
+    """Loss laws and absorbers over a bar.
+
+    The absorbing layer stretches ∂ₓ to ∂ₓ/(1 + d/∂ₜ), d = d₀ (depth/W)³ with d₀ of
+    ``plan.absorption``.
+
+    Args:
+        layers: what the bar is made of, of plain numbers.
+        bar: its grid.
+        reference: the medium whose units to scale by.
+    """
+    time = float(scales(reference).time)
+    count = max(len(layer.medium.damping.rates) for layer in layers.layers)
+    nodes = bar.cells + 1
+    weighted, mass = np.zeros(nodes), np.zeros(nodes)
+    half = {name: np.zeros(bar.cells) for name in ("mass", "stiffness")}
+    rates, strengths = np.zeros((count, bar.cells)), np.zeros((count, bar.cells))
+    for layer, cells, norm, x in _stretches(layers, bar):
+        law = layer.medium.damping
+        half["mass"][cells] = law.mass * time
+        half["stiffness"][cells] = law.stiffness / time / law.unrelaxed
+        for number, (rate, strength) in enumerate(zip(law.rates, law.strengths, strict=True)):
+            rates[number, cells], strengths[number, cells] = rate * time, strength
+        inertia = (
+            norm
+            * np.array([_rotation_inertia(layer, position) for position in x[[0, -1]]])[
+                [0] * (len(x) - 1) + [1]
+            ]
+        )
+        span = slice(cells.start, cells.stop + 1)
+        weighted[span] += law.mass * time * inertia
+        mass[span] += inertia
+    node = _joined(bar, weighted) / _joined(bar, mass)
+    absorbers = [np.zeros(len(bar.nodes)), np.zeros(bar.cells)]
+    for end in ("left", "right"):
+        most = absorption(layers, bar, end) * time
+        if most:
+            for values, x in zip(absorbers, (bar.nodes, bar.half_nodes), strict=True):
+                inward = x if end == "left" else bar.length - x
+                values += most * np.clip(1 - inward / bar.absorber, 0, 1) ** _PROFILE
+    damped = any(layer.medium.damping for layer in layers.layers)
+    absorbing = "absorbing" in (bar.left, bar.right)
+    return Losses(
+        node, half["mass"], half["stiffness"], rates, strengths, *absorbers, damped, absorbing
+    )
+
+
+def _rotation_inertia(layer: Layer, position: float) -> float:
+    medium = layer.at(position)
+    return float(medium.density * medium.beta)
