@@ -1,0 +1,249 @@
+"""Staggered differences on a stretch with two ends, and on stretches joined end to end.
+
+Cells of size h, φ on the nodes x_i = i h (i = 0…N), σ on the half-nodes. D takes φ to φ′ at the
+half-nodes. With diagonal norms H_n (nodes), H_h (half-nodes) and Q = H_h D, all in units of h,
+
+    (Qᵀσ)_i = δ_iN σ(x_N) − δ_i0 σ(x_0) − H_n,i σ′(x_i)
+
+for polynomials σ, so that −H_n⁻¹QᵀCD is ∂ₓ C ∂ₓ with σ = Cφ′ = 0 at both ends, symmetric and
+negative semi-definite in H_n: energy is kept to the last bit, whatever C(x). No value of σ at an
+end is needed. Dropping an end node holds it fixed. Stretches that share a node (norms and Qᵀσ add
+there, as finite elements do) keep φ continuous exactly and σ as accurately as the rest.
+
+In the interior D is the stencil of order 2m and the norms are 1; next to an end a block of Q and
+the norms are free. All conditions are linear in them. Both norms must integrate polynomials of
+degree 2q−2, as summation by parts implies, and q > m cannot be had.
+
+O'Reilly, Lundquist, Dunham & Nordström, J. Comput. Phys. 336, 572 (2017); here without points of σ
+at the ends, and with free coefficients chosen for plane waves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from wavesim.stencils import difference_weights
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """D and the norms next to a left end, in units of h; a right end mirrors it, with −D.
+
+    Args:
+        degree: q, up to which D and its adjoint are exact on polynomials.
+        cells: the least number of cells of a stretch, so that its two closures keep apart.
+        weights: of D in the first r half-nodes over the first c nodes, (r, c), unit 1/h.
+        node_norm: H_n of the first c nodes, (c,), unit h; 1 beyond.
+        half_norm: H_h of the first r half-nodes, (r,), unit h; 1 beyond.
+    """
+
+    degree: int
+    cells: int
+    weights: Float
+    node_norm: Float
+    half_norm: Float
+
+
+@dataclass(frozen=True)
+class Chain:
+    """D and the norms of stretches joined end to end, n cells and n + 1 nodes in all.
+
+        (Dφ)_j = Σ_w diagonals[w, j] φ_{j + first + w},
+
+    where a diagonal is 0 wherever it leaves the nodes.
+
+    Args:
+        first: offset of the first diagonal, ≤ 0.
+        diagonals: (width, n), 1/m.
+        node_norm: H_n, (n + 1,), m; sums to the length.
+        half_norm: H_h, (n,), m; sums to the length.
+    """
+
+    first: int
+    diagonals: Float
+    node_norm: Float
+    half_norm: Float
+
+
+# Of each order: degree q; half-nodes r and nodes whose block of Q is free.
+_SHAPES = {2: (1, 1, 1), 4: (2, 4, 4), 6: (3, 7, 7), 8: (3, 8, 8), 10: (3, 8, 8), 12: (3, 8, 8)}
+
+# What the free coefficients are chosen by: plane waves up to kh, and a bias to the interior.
+_WAVES, _SQUARES, _POWER, _WEIGHTS, _NORMS = 0.8, 1.6, 2.5, 0.1, 0.1
+
+
+@cache
+def closure(order: int) -> Closure:
+    """The closure of the staggered difference of an order at an end.
+
+    Args:
+        order: 2m, one of stencils.ORDERS.
+
+    Raises:
+        ValueError: the order is not offered.
+    """
+    interior = difference_weights(order)
+    degree, rows, nodes = _SHAPES[order]
+    q, node_norm, half_norm = _solve(interior, degree, rows, nodes)
+    arrays = q / half_norm[:, None], node_norm, half_norm
+    for array in arrays:
+        array.setflags(write=False)
+    return Closure(degree, max(2 * rows, 2 * nodes - 1, q.shape[1] - 1), *arrays)
+
+
+def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
+    """Stretches joined end to end: D, H_n, H_h.
+
+    Args:
+        order: 2m, one of stencils.ORDERS.
+        cells: of each stretch.
+        spacings: h of each stretch, m.
+
+    Raises:
+        ValueError: the order is not offered, there is no stretch, a spacing is not positive, or a
+            stretch has too few cells.
+    """
+    end = closure(order)
+    interior = difference_weights(order)
+    if not cells or len(cells) != len(spacings):
+        raise ValueError(
+            f"spacings: {len(spacings)} given for {len(cells)} stretches; give one for each, at "
+            "least one"
+        )
+    rows, width = end.weights.shape
+    entries = [(int(j), int(i)) for j, i in zip(*np.nonzero(end.weights), strict=True)]
+    reach = max(len(interior), *(max(i - j, j - i + 1) for j, i in entries))
+    first = 1 - reach
+    total = sum(cells)
+    diagonals = np.zeros((2 * reach, total))
+    node_norm, half_norm = np.zeros(total + 1), np.empty(total)
+    start = 0
+    for number, (count, h) in enumerate(zip(cells, spacings, strict=True), start=1):
+        if not (math.isfinite(h) and h > 0):
+            raise ValueError(f"spacings = {h:g} (stretch {number}): must be greater than 0")
+        if count < end.cells:
+            raise ValueError(
+                f"cells = {count} (stretch {number}, {count * h:g} m thick): order {order} needs "
+                f"at least {end.cells}; take a spacing of {count * h / end.cells:.3g} m or less, "
+                "or a lower order"
+            )
+        own = slice(start, start + count)
+        for j, weight in enumerate(interior):
+            diagonals[j + 1 - first, own] = weight / h
+            diagonals[-j - first, own] = -weight / h
+        left, right = start + np.arange(rows), start + count - 1 - np.arange(rows)
+        diagonals[:, left] = diagonals[:, right] = 0.0
+        for j, i in entries:
+            diagonals[i - j - first, left[j]] = end.weights[j, i] / h
+            diagonals[j - i + 1 - first, right[j]] = -end.weights[j, i] / h
+        norm = np.ones(count + 1)
+        norm[:width] += end.node_norm - 1
+        norm[-width:] += end.node_norm[::-1] - 1
+        node_norm[start : start + count + 1] += h * norm
+        half_norm[own] = h
+        half_norm[start : start + rows] = h * end.half_norm
+        half_norm[start + count - rows : start + count] = h * end.half_norm[::-1]
+        start += count
+    for array in (diagonals, node_norm, half_norm):
+        array.setflags(write=False)
+    return Chain(first, diagonals, node_norm, half_norm)
+
+
+def _solve(
+    interior: Sequence[float], degree: int, rows: int, nodes: int
+) -> tuple[Float, Float, Float]:
+    """Q of the first rows, H_n and H_h: exact on polynomials, best on plane waves.
+
+    Unknowns are the block of Q, row by row, then H_n, then H_h. Polynomials are taken as Legendre's
+    over the closure, which keeps rounding at 1e-15; whatever they leave free is fixed by least
+    squares. The error of an eigenfrequency is, to first order, that of the norms as a quadrature of
+    σ² and φ², hence the third set: norms should integrate waves of twice the wavenumber.
+
+    Args:
+        interior: c_1…c_m.
+        degree: q.
+        rows, nodes: r half-nodes, whose rows of Q are free in their first nodes.
+
+    Returns:
+        Q (r, c), H_n (c,), H_h (r,) with c = r + m.
+    """
+    m = len(interior)
+    width = rows + m
+    x, half = np.arange(width + m + 1.0), np.arange(width + m) + 0.5
+    q = np.zeros((len(half), len(x)))
+    for j, weight in enumerate(interior):
+        q += weight * (np.eye(*q.shape, j + 1) - np.eye(*q.shape, -j))
+    block = q[:rows, :nodes].copy()
+    rest = q.copy()
+    rest[:rows, :nodes] = 0.0
+    own = np.eye(width, nodes)
+
+    def conditions(f: Any, df: Any) -> tuple[Any, Any]:
+        """Q f = H_h f′ in the first rows; Qᵀf = −δ_i0 f(0) − H_n f′ in the first columns."""
+        forward = np.hstack(
+            [
+                np.kron(np.eye(rows), f(x[:nodes])),
+                np.zeros((rows, nodes)),
+                -np.diag(df(half[:rows])),
+            ]
+        )
+        adjoint = np.hstack(
+            [np.kron(f(half[:rows]), own), df(x[:width])[:, None] * own, np.zeros((width, rows))]
+        )
+        known = -(rest.T @ f(half))[:width] - np.eye(width)[0] * f(x[:1])
+        known[nodes:] -= df(x[nodes:width])
+        return np.vstack([forward, adjoint]), np.concatenate([-(rest @ f(x))[:rows], known])
+
+    def polynomial(k: int) -> tuple[Any, Any]:
+        p = legendre.Legendre.basis(k, domain=[0.0, x[-1]])
+        return conditions(p, p.deriv())
+
+    def wave(k: float, largest: float) -> tuple[Any, Any]:
+        matrix, known = conditions(
+            lambda x: np.exp(1j * k * x), lambda x: 1j * k * np.exp(1j * k * x)
+        )
+        return matrix * (largest / k) ** _POWER / largest, known * (largest / k) ** _POWER / largest
+
+    def quadrature(k: float, largest: float) -> tuple[Any, Any]:
+        """Σ H exp(ikx) = ∫₀^∞ exp(ikx) dx = i/k, of both norms."""
+        weight = (largest / k) ** _POWER
+        matrix = np.zeros((2, rows * nodes + nodes + rows), dtype=complex)
+        matrix[0, rows * nodes : -rows] = np.exp(1j * k * x[:nodes])
+        matrix[1, -rows:] = np.exp(1j * k * half[:rows])
+        beyond = np.exp(1j * k * np.array([nodes, rows + 0.5])) / (1 - np.exp(1j * k))
+        return weight * matrix, weight * (1j / k - beyond)
+
+    exact, value = (
+        np.concatenate(a) for a in zip(*map(polynomial, range(degree + 1)), strict=True)
+    )
+    u, s, vt = np.linalg.svd(exact)
+    rank = int(np.sum(s > 1e-9 * s[0]))
+    inverse = (vt[:rank].T / s[:rank]) @ u[:, :rank].T
+    particular = inverse @ value
+    free = vt[rank:].T
+    points = (np.arange(8) + 0.5) / 8
+    wanted = [wave(k, _WAVES) for k in _WAVES * points]
+    wanted += [quadrature(k, _SQUARES) for k in _SQUARES * points]
+    matrix, known = (np.concatenate(a) / math.sqrt(len(points)) for a in zip(*wanted, strict=True))
+    bias = np.concatenate([np.full(rows * nodes, _WEIGHTS), np.full(nodes + rows, _NORMS)])
+    uniform = np.concatenate([block.ravel(), [0.5], np.ones(nodes + rows - 1)])
+    matrix = np.vstack([matrix.real, matrix.imag, np.diag(bias)])
+    known = np.concatenate([known.real, known.imag, bias * uniform])
+    chosen = np.linalg.lstsq(matrix @ free, known - matrix @ particular)[0]
+    solution = particular + free @ chosen
+    solution += inverse @ (value - exact @ solution)  # What rounding left.
+    found = q[:rows, :width].copy()
+    found[:, :nodes] = solution[: rows * nodes].reshape(rows, nodes)
+    node_norm = np.ones(width)
+    node_norm[:nodes] = solution[rows * nodes : -rows]
+    return found, node_norm, solution[-rows:].copy()
