@@ -75,11 +75,14 @@ class Chain:
     half_norm: Float
 
 
-# Of each order: degree q; half-nodes r and nodes whose block of Q is free.
-_SHAPES = {2: (1, 1, 1), 4: (2, 4, 4), 6: (3, 7, 7), 8: (3, 8, 8), 10: (3, 8, 8), 12: (3, 8, 8)}
+# Of each order: degree q; half-nodes r and nodes n whose r × n block of Q is free.
+_SHAPES = {2: (1, 1, 1), 4: (2, 4, 4), 6: (3, 6, 7), 8: (3, 8, 8), 10: (3, 8, 8), 12: (3, 8, 8)}
 
-# What the free coefficients are chosen by: plane waves up to kh, and a bias to the interior.
-_WAVES, _SQUARES, _POWER, _WEIGHTS, _NORMS = 0.8, 1.6, 2.5, 0.1, 0.1
+# What fixes the coefficients that polynomials leave free: waves up to kh = 0.7 (9 points to the
+# wavelength), squares of waves up to 0.25 by the norms, both weighted by k^−3 towards the finer
+# grids; a bias to the interior, far below either, makes the choice unique.
+_WAVES, _SQUARES, _POWER = 0.7, 0.5, 3
+_NORMS, _BIAS = 100.0, 1e-6
 
 
 @cache
@@ -216,7 +219,7 @@ def _solve(
 
     def quadrature(k: float, largest: float) -> tuple[Any, Any]:
         """Σ H exp(ikx) = ∫₀^∞ exp(ikx) dx = i/k, of both norms."""
-        weight = (largest / k) ** _POWER
+        weight = _NORMS * (largest / k) ** _POWER
         matrix = np.zeros((2, rows * nodes + nodes + rows), dtype=complex)
         matrix[0, rows * nodes : -rows] = np.exp(1j * k * x[:nodes])
         matrix[1, -rows:] = np.exp(1j * k * half[:rows])
@@ -235,10 +238,9 @@ def _solve(
     wanted = [wave(k, _WAVES) for k in _WAVES * points]
     wanted += [quadrature(k, _SQUARES) for k in _SQUARES * points]
     matrix, known = (np.concatenate(a) / math.sqrt(len(points)) for a in zip(*wanted, strict=True))
-    bias = np.concatenate([np.full(rows * nodes, _WEIGHTS), np.full(nodes + rows, _NORMS)])
     uniform = np.concatenate([block.ravel(), [0.5], np.ones(nodes + rows - 1)])
-    matrix = np.vstack([matrix.real, matrix.imag, np.diag(bias)])
-    known = np.concatenate([known.real, known.imag, bias * uniform])
+    matrix = np.vstack([matrix.real, matrix.imag, _BIAS * np.eye(len(uniform))])
+    known = np.concatenate([known.real, known.imag, _BIAS * uniform])
     chosen = np.linalg.lstsq(matrix @ free, known - matrix @ particular)[0]
     solution = particular + free @ chosen
     solution += inverse @ (value - exact @ solution)  # What rounding left.
