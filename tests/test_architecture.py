@@ -20,8 +20,8 @@ GRID_AND_TIME = {
 # Modules that must load without jax, so that a case is checked and bands are drawn at once.
 WITHOUT_JAX = {
     "medium", "tensors", "equations", "sectors", "eigenproblem", "planewave", "bar", "stencils",
-    "closures", "source", "field", "case", "casemessages", "problem", "plan", "timestep", "dispersion",
-    "transmission", "analysis", "verdict", "report", "bands", "storage",
+    "closures", "source", "field", "case", "casemessages", "problem", "plan", "timestep",
+    "dispersion", "transmission", "analysis", "verdict", "report", "bands", "storage",
 }  # fmt: skip
 
 

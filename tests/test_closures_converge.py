@@ -1,4 +1,4 @@
-"""How fast eigenfrequencies and modes converge on stretches with closures, and the table of them."""
+"""How fast eigenfrequencies and modes converge on stretches with closures; the table of that."""
 
 from __future__ import annotations
 
