@@ -6,18 +6,17 @@ half-nodes. With diagonal norms H_n (nodes), H_h (half-nodes) and Q = H_h D, all
     (Qᵀσ)_i = δ_iN σ(x_N) − δ_i0 σ(x_0) − H_n,i σ′(x_i)
 
 for polynomials σ, so that −H_n⁻¹QᵀCD is ∂ₓ C ∂ₓ with σ = Cφ′ = 0 at both ends, symmetric and
-negative semi-definite in H_n: energy is kept, whatever C(x). No value of σ at an
-end is needed. Dropping an end node holds it fixed. Stretches that share a node (norms and Qᵀσ add
-there, as finite elements do) keep φ continuous exactly and σ as accurately as the rest.
+negative semi-definite in H_n: energy is kept, whatever C(x). No value of σ at an end is needed.
+Dropping an end node holds it fixed. Stretches that share a node (norms and Qᵀσ add there, as finite
+elements do) keep φ continuous exactly and σ as accurately as the rest.
 
 In the interior D is the stencil of order 2m and the norms are 1; next to an end a block of Q and
 the norms are free. All conditions are linear in them. Both norms must integrate polynomials of
 degree 2q−2, as summation by parts implies; for q > m the conditions contradict each other (tried
 to m = 4).
 
-O'Reilly, Lundquist, Dunham & Nordström, J. Comput. Phys. 336, 572 (2017), have points of σ at the
-ends; here there are none. What polynomials leave free is fixed by least squares on plane waves
-(see _solve), solved on first use in a few milliseconds.
+Cf. O'Reilly, Lundquist, Dunham & Nordström, J. Comput. Phys. 336, 572 (2017). Here what polynomials
+leave free is fixed by least squares on plane waves (see _solve), on first use, in milliseconds.
 
     order  q  r   c  cells  radius   ω error at 8, 12, 16, 24 points to the wavelength
         2  1  1   2     2    1.00    2.6e-2   1.1e-2   6.4e-3   2.9e-3
