@@ -14,14 +14,14 @@ ROOMS = {"wavesim", *(f"wavesim.{room.parent.name}" for room in PACKAGE.glob("*/
 
 # What the spectral solver shares with the time domain ends here; it must never see a grid.
 GRID_AND_TIME = {
-    "bar", "stencils", "operator", "forcing", "response", "steppers", "propagator", "kernels",
-    "timestep", "plan", "integration", "field",
+    "bar", "stencils", "closures", "operator", "forcing", "response", "steppers", "propagator",
+    "kernels", "timestep", "plan", "integration", "field",
 }  # fmt: skip
 # Modules that must load without jax, so that a case is checked and bands are drawn at once.
 WITHOUT_JAX = {
     "medium", "tensors", "equations", "sectors", "eigenproblem", "planewave", "bar", "stencils",
-    "source", "field", "case", "casemessages", "problem", "plan", "timestep", "dispersion",
-    "transmission", "analysis", "verdict", "report", "bands", "storage",
+    "closures", "source", "field", "case", "casemessages", "problem", "plan", "timestep",
+    "dispersion", "transmission", "analysis", "verdict", "report", "bands", "storage",
 }  # fmt: skip
 
 
