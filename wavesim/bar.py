@@ -21,7 +21,7 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Differences:
-    """The difference D from nodes to half-nodes, by diagonals, and the lengths that points stand for.
+    """The difference D from nodes to half-nodes, by diagonals, and the norms of the points.
 
     Row j of D takes node j + first + w, modulo their number, with factor diagonals[w, j]. With the
     norms N (nodes) and H (half-nodes) −N⁻¹ Dᵀ H is the difference from half-nodes to nodes.
@@ -125,7 +125,8 @@ class Bar:
     @functools.cached_property
     def _all_nodes(self) -> Float:
         """N + 1 nodes, ends included."""
-        parts, start = [np.zeros(1)], 0.0
+        parts: list[Float] = [np.zeros(1)]
+        start = 0.0
         for cells, spacing in self._stretches:
             parts.append(start + np.arange(1, cells + 1) * spacing)
             start += cells * spacing

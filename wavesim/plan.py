@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesim.bar import Bar
-from wavesim.closures import RADIUS
 from wavesim.equations import flux_form
 from wavesim.layers import Layers, as_layers
 from wavesim.medium import Medium
@@ -19,6 +18,8 @@ from wavesim.sectors import Block, excited_blocks
 from wavesim.source import Ricker
 from wavesim.timedomain.timestep import Schedule, bar_schedule, schedule, spectral_bound
 
+# Highest frequency of a stretch with closures over that of an endless one, at most.
+_ENDS = 1.05
 # Positions at which a graded layer is looked at for its fastest wave.
 _GRADES = 9
 # A gradient term that takes less than this part in ω² at k̄ = 1 is left out of a real bar.
@@ -178,7 +179,7 @@ def _radius(layers: Layers, bar: Bar, blocks: Sequence[Block]) -> float:
     """R ≥ every frequency of the bar, scaled: that of the fastest stretch with free ends.
 
     Stretches are joined as finite elements are, so that no mode of the whole is faster than the
-    fastest of its parts (Rayleigh's quotient); closures at their ends add RADIUS.
+    fastest of its parts (Rayleigh's quotient); closures at their ends add up to 2 %.
     """
     reference = layers.first
     squares = []
@@ -189,7 +190,7 @@ def _radius(layers: Layers, bar: Bar, blocks: Sequence[Block]) -> float:
             bound = spectral_bound(medium, bar, blocks, spacing=spacing)
             ratio = (reference.time_scale / medium.time_scale) ** 2
             squares.append(unrelaxed * ratio * bound)
-    return math.sqrt(max(squares)) * RADIUS[bar.order]
+    return math.sqrt(max(squares)) * _ENDS
 
 
 def fastest_loss(layers: Layers, bar: Bar, radius: float) -> float:

@@ -88,20 +88,21 @@ def _points(sources: Sequence[Any], lines: Sequence[Any], stacked: Any, group: A
     """G of all sources on one group."""
     where: list[np.ndarray] = []
     weights = []
-    for number, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
+    for index, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
         for b, block in enumerate(stacked):
             for i, component in enumerate(block.rotations + block.curvatures):
                 weight = component.get(source.field, 0.0)
                 if weight:
                     at = np.full(len(nodes), group.size + i)
-                    where.append(np.stack([at * 0 + number, at, at * 0 + b, nodes]))
+                    where.append(np.stack([0 * at + index, at, 0 * at + b, nodes]))
                     held = _drive(source) == "rotation"
                     inertia = 1.0 if held else group.mass[i, b, nodes]
                     weights.append(jnp.asarray(weight * force) / inertia)
     if not where:
         none = np.zeros(0, int)
         return Points(none, none, none, none, jnp.zeros(0))
-    return Points(*np.concatenate(where, axis=1), jnp.concatenate(weights))
+    number, track, block, node = np.concatenate(where, axis=1)
+    return Points(number, track, block, node, jnp.concatenate(weights))
 
 
 def initial_state(

@@ -271,7 +271,8 @@ class Generator(eqx.Module):
     def energy(self, y: State) -> tuple[jax.Array, jax.Array]:
         """Kinetic and stored energy, scaled."""
         parts = [group.energy(part) for group, part in zip(self.groups, y, strict=True)]
-        return sum(k for k, _ in parts), sum(s for _, s in parts)
+        kinetic, stored = zip(*parts, strict=True)
+        return jnp.sum(jnp.stack(kinetic)), jnp.sum(jnp.stack(stored))
 
     def fields(self, y: State) -> Any:
         """The fields in a state, as components for ``operator.to_fields``."""

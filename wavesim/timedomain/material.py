@@ -41,13 +41,13 @@ class Losses(eqx.Module):
         damped, absorbing: whether any of the first, or of the last, is there.
     """
 
-    mass_node: np.ndarray
-    mass_half: np.ndarray
-    stiffness: np.ndarray
-    rates: np.ndarray
-    strengths: np.ndarray
-    absorb_node: np.ndarray
-    absorb_half: np.ndarray
+    mass_node: Any
+    mass_half: Any
+    stiffness: Any
+    rates: Any
+    strengths: Any
+    absorb_node: Any
+    absorb_half: Any
     damped: bool = eqx.field(static=True)
     absorbing: bool = eqx.field(static=True)
 
@@ -251,7 +251,15 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
     damped = any(layer.medium.damping for layer in layers.layers)
     absorbing = "absorbing" in (bar.left, bar.right)
     return Losses(
-        node, half["mass"], half["stiffness"], rates, strengths, *absorbers, damped, absorbing
+        mass_node=node,
+        mass_half=half["mass"],
+        stiffness=half["stiffness"],
+        rates=rates,
+        strengths=strengths,
+        absorb_node=absorbers[0],
+        absorb_half=absorbers[1],
+        damped=damped,
+        absorbing=absorbing,
     )
 
 
