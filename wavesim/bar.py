@@ -145,6 +145,11 @@ class Bar:
         return (self._all_nodes[1:] + self._all_nodes[:-1]) / 2
 
     @property
+    def cell_sizes(self) -> Float:
+        """Length of each cell, shape (N,), m."""
+        return np.concatenate([np.full(cells, size) for cells, size in self._stretches])
+
+    @property
     def wavenumbers(self) -> Float:
         """Wavenumbers that the uniform periodic bar holds exactly, 0 to Nyquist, rad/m."""
         return 2 * np.pi * np.arange(self.cells // 2 + 1) / self.length

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, grouped, scales
 from wavesim.timedomain.expansion import Drives, Points
-from wavesim.timedomain.generator import Generator, State
+from wavesim.timedomain.generator import Generator, Group, State
+from wavesim.timedomain.material import module
 
 
 def acting(sources: Sequence[Any]) -> list[Any]:
@@ -48,28 +47,7 @@ def drives(
         _points(kept, lines, stacked, group)
         for group, stacked in zip(generator.groups, grouped(blocks), strict=True)
     )
-    functions = [_signal(source, time) for source in kept]
-
-    def signals(t: jax.Array) -> jax.Array:
-        if not functions:
-            return jnp.zeros((0, *jnp.shape(t)))
-        return jnp.stack([function(t) for function in functions])
-
-    end = max((source.end for source in kept), default=0.0) / time
-    return Drives(points, signals, end, any(_drive(s) == "rotation" for s in kept))
-
-
-def _signal(source: Any, time: float) -> Callable[[jax.Array], jax.Array]:
-    def signal(t: jax.Array) -> jax.Array:
-        return jnp.asarray(source.signal(t * time))
-
-    if _drive(source) != "rotation":
-        return signal
-
-    def rate(t: jax.Array) -> jax.Array:
-        return jax.jvp(signal, (t,), (jnp.ones_like(t),))[1]
-
-    return lambda t: jax.jvp(rate, (t,), (jnp.ones_like(t),))[1]
+    return Drives(points, tuple(kept), time)
 
 
 def _line(source: Any, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
@@ -84,25 +62,26 @@ def _line(source: Any, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray
     return indices, density * norm[indices] / unit
 
 
-def _points(sources: Sequence[Any], lines: Sequence[Any], stacked: Any, group: Any) -> Points:
-    """G of all sources on one group."""
-    where: list[np.ndarray] = []
-    weights = []
-    for index, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
-        for b, block in enumerate(stacked):
-            for i, component in enumerate(block.rotations + block.curvatures):
-                weight = component.get(source.field, 0.0)
+def _points(
+    sources: Sequence[Any], lines: Sequence[Any], stacked: Sequence[Block], group: Group
+) -> tuple[Points, ...]:
+    """G of all sources on one group, for each of its rates."""
+    made = []
+    for i in range(group.size):
+        where: list[np.ndarray] = [np.zeros((3, 0), int)]
+        weights: list[Any] = [np.zeros(0)]
+        for index, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
+            for b, block in enumerate(stacked):
+                weight = (block.rotations + block.curvatures)[i].get(source.field, 0.0)
                 if weight:
-                    at = np.full(len(nodes), group.size + i)
-                    where.append(np.stack([0 * at + index, at, 0 * at + b, nodes]))
+                    zero = 0 * nodes
+                    where.append(np.stack([zero + index, zero + b, nodes]))
                     held = _drive(source) == "rotation"
                     inertia = 1.0 if held else group.mass[i, b, nodes]
-                    weights.append(jnp.asarray(weight * force) / inertia)
-    if not where:
-        none = np.zeros(0, int)
-        return Points(none, none, none, none, jnp.zeros(0))
-    number, track, block, node = np.concatenate(where, axis=1)
-    return Points(number, track, block, node, jnp.concatenate(weights))
+                    weights.append(weight * force / inertia)
+        number, block_, node = np.concatenate(where, axis=1)
+        made.append(Points(number, block_, node, module(*weights).concatenate(weights)))
+    return tuple(made)
 
 
 def initial_state(
@@ -110,7 +89,7 @@ def initial_state(
 ) -> State:
     """State at t = 0: the initial fields among the sources, and else rest."""
     units = scales(medium)
-    state = list(generator.zero())
+    state = [list(part) for part in generator.zero()]
     for source in sources:
         if _drive(source) != "initial":
             continue
@@ -126,6 +105,6 @@ def initial_state(
             for b, block in enumerate(stacked):
                 for i, component in enumerate(block.rotations + block.curvatures):
                     weight = component.get(source.field, 0.0)
-                    held = group.free[b] == 0 if i < group.rotations else False
-                    state[g] = state[g].at[i, b].add(jnp.where(held, 0.0, weight * line))
-    return tuple(state)
+                    free = group.free[b] != 0 if i < group.rotations else True
+                    state[g][i] = state[g][i].at[b].add(weight * line * free)
+    return tuple(tuple(part) for part in state)

@@ -54,46 +54,61 @@ class BarMotion(NamedTuple):
 
 
 class Points(eqx.Module):
-    """Where sources act on one group: accelerations at points of its state, one entry each.
+    """Where sources act on one rate of one group: accelerations at points, one entry each.
 
     Attributes:
         source: which signal, shape (entries,).
-        track, block, node: which point, shape (entries,).
+        block, node: which point, shape (entries,).
         weight: acceleration there for a signal of 1, shape (entries,).
     """
 
-    source: np.ndarray
-    track: np.ndarray
-    block: np.ndarray
-    node: np.ndarray
-    weight: jax.Array
-
-    def add(self, part: jax.Array, amounts: jax.Array) -> jax.Array:
-        """A state's array with forces of these amounts, (sources,), added."""
-        if not len(self.source):
-            return part
-        pushes = self.weight * amounts[self.source]
-        return part.at[self.track, self.block, self.node].add(pushes)
+    source: Any
+    block: Any
+    node: Any
+    weight: Any
 
 
 class Drives(eqx.Module):
     """The sources: Σ_j G_j s_j(t), as forces on the state.
 
     Attributes:
-        points: G_j, for each group.
-        signals: t ↦ (s_j(t)), scaled time, of any shape; result (sources, *shape).
-        end: scaled time from which on none acts.
-        prescribed: whether an end's rotation is among them.
+        points: G_j, for each group and each of its rates φ̇, Ḃ.
+        sources: whose signals are s_j; none of an initial field.
+        time: s in one scaled unit of time.
     """
 
-    points: tuple[Points, ...]
-    signals: Callable[[jax.Array], jax.Array] = eqx.field(static=True)
-    end: float = eqx.field(static=True)
-    prescribed: bool = eqx.field(static=True)
+    points: tuple[tuple[Points, ...], ...]
+    sources: tuple[Any, ...] = eqx.field(static=True)
+    time: float = eqx.field(static=True)
+
+    @property
+    def end(self) -> float:
+        """Scaled time from which on none acts."""
+        return max((source.end for source in self.sources), default=0.0) / self.time
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether an end's rotation is among them."""
+        return any(_drive(source) == "rotation" for source in self.sources)
+
+    def signals(self, t: jax.Array) -> jax.Array:
+        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
+        if not self.sources:
+            return jnp.zeros((0, *jnp.shape(t)))
+        made = []
+        for source in self.sources:
+
+            def signal(t: jax.Array, source: Any = source) -> jax.Array:
+                return jnp.asarray(source.signal(t * self.time))
+
+            held = _drive(source) == "rotation"
+            made.append((_derivative(_derivative(signal)) if held else signal)(t))
+        return jnp.stack(made)
 
     def derivatives(self, t: jax.Array) -> jax.Array:
         """s_j and its first derivatives at a time, shape (orders, sources)."""
-        made, function = [self.signals(t)], self.signals
+        function: Callable[[jax.Array], jax.Array] = self.signals
+        made = [function(t)]
         for _ in range(_ORDERS - 1):
             function = _derivative(function)
             made.append(function(t))
@@ -101,8 +116,19 @@ class Drives(eqx.Module):
 
     def add(self, y: State, amounts: jax.Array) -> State:
         """y + Σ_j G_j amounts_j."""
-        pairs = zip(self.points, y, strict=True)
-        return tuple(points.add(part, amounts) for points, part in pairs)
+        made = []
+        for points, parts in zip(self.points, y, strict=True):
+            new = list(parts)
+            for track, p in enumerate(points, start=len(points)):
+                if len(p.source):
+                    push = p.weight * amounts[p.source]
+                    new[track] = new[track].at[p.block, p.node].add(push)
+            made.append(tuple(new))
+        return tuple(made)
+
+
+def _drive(source: Any) -> str:
+    return str(getattr(source, "drive", "body"))
 
 
 def _derivative(function: Callable[[jax.Array], jax.Array]) -> Callable[[jax.Array], jax.Array]:
@@ -135,10 +161,15 @@ class BarEquation(eqx.Module):
         """Whether losses are accounted for."""
         return self.balanced and self.generator.lossy
 
+    def rest(self, y: State) -> BarMotion:
+        """The motion of a bar at rest in this state."""
+        still = jnp.zeros(())
+        return BarMotion(y, still, still, jnp.zeros((2, _ORDERS)))
+
     def start(self, y: State) -> BarMotion:
         """The motion that begins with a state, before any signal."""
-        still = jnp.zeros(())
-        return BarMotion(y, still, still, self.powers(still, y, jnp.asarray(False)))
+        powers = self.powers(jnp.zeros(()), y, jnp.asarray(False))
+        return self.rest(y)._replace(powers=powers)
 
     def powers(self, t: jax.Array, y: State, acting: jax.Array) -> jax.Array:
         """Derivatives of the sources' power and of the power lost, shape (2, orders)."""
@@ -164,22 +195,19 @@ class BarEquation(eqx.Module):
         for group, points, strain in zip(
             self.generator.groups, self.drives.points, seen, strict=True
         ):
-            f, p = group.size, group.rotations
-            if len(points.source):
-                field = points.track - f
-                inertia = group.mass[field, points.block, points.node]
-                rates = strain.v[:, field, points.block, points.node]
-                total = total + jnp.einsum(
-                    "iq,q,jq->ij", rates, points.weight * inertia, amounts[:, points.source]
-                )
+            for v, m, p in zip(strain.v, group.mass, points, strict=True):
+                if len(p.source):
+                    pushes = p.weight * m[p.block, p.node] * amounts[:, p.source]
+                    total = total + v[:, p.block, p.node] @ pushes.T
             if self.drives.prescribed:
-                held = jnp.where(group.free == 0, jax.vmap(group.QT)(strain.sigma), 0.0)
-                total = total + jnp.einsum("ipbn,jpbn->ij", strain.v[:, :p], held)
+                for v, sigma in zip(strain.v, strain.sigma, strict=False):
+                    held = jnp.where(group.free == 0, group.QT(sigma), 0.0)
+                    total = total + jnp.einsum("ibn,jbn->ij", v, held)
         return total
 
     def _lost(self, seen: tuple[Strain, ...]) -> jax.Array:
         """Power lost as a bilinear form, of derivatives i and j of the state."""
-        total = jnp.zeros(2 * seen[0].v.shape[:1])
+        total = jnp.zeros(2 * seen[0].v[0].shape[:1])
         if self.accounted:
             for group, strain in zip(self.generator.groups, seen, strict=True):
                 total = total + group.lost(strain)

@@ -8,15 +8,16 @@
 D with its closures and norms N, H from the bar; ψ, χ of the absorbing ends; ζ_l of the standard
 linear solids. Energy is kept exactly where the closure is symmetric, as only Q and Qᵀ occur.
 
-The state holds an array for each group of blocks of one shape: (tracks, blocks, nodes), its tracks
-φ, B, φ̇, Ḃ and, where they are needed, ψ, χ and the ζ_l. Values at half-nodes stand at the node to
-their left; on a bar with ends the last of them is 0.
+The state holds, for each group of blocks of one shape, components of shape (blocks, nodes): φ, B,
+φ̇, Ḃ and, where they are needed, ψ, χ and the ζ_l. Values at half-nodes stand at the node to their
+left; on a bar with ends the last of them is 0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,52 +28,92 @@ from wavesim.bar import Bar
 from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.sectors import Block, grouped, scales
+from wavesim.stencils import difference_weights
 from wavesim.timedomain.material import Losses, Profile, losses, profile
+from wavesim.timedomain.operator import difference
 
-Tracks = jax.Array
+Parts = tuple[jax.Array, ...]  # components of one kind, each of shape (blocks, nodes)
 
 
 class Banded(eqx.Module):
-    """A banded matrix on a grid, by diagonals: row j takes column j + first + w, modulo n."""
+    """A difference on a grid: one antisymmetric stencil, but for some rows near ends.
 
-    diagonals: jax.Array
-    first: int = eqx.field(static=True)
+    Row j takes the stencil of the points about it, times scale[j]; the rows named in ``rows`` take
+    the columns and weights given for them instead.
+
+    Attributes:
+        weights: c_1 … c_m.
+        forward: True where row j lies between columns j and j + 1, False: between j − 1 and j.
+        scale: shape (n,), or one number.
+        rows: shape (r,); columns, factors: shape (r, c).
+    """
+
+    weights: tuple[float, ...] = eqx.field(static=True)
+    forward: bool = eqx.field(static=True)
+    scale: Any
+    rows: Any
+    columns: Any
+    factors: Any
 
     def __call__(self, u: jax.Array) -> jax.Array:
         """The product with u along its last axis, shape (…, n)."""
-        width, n = self.diagonals.shape
-        left, right = max(0, -self.first), max(0, self.first + width - 1)
-        padded = jnp.concatenate([u[..., n - left :], u, u[..., :right]], axis=-1)
-        at = left + self.first
-        terms = (self.diagonals[w] * padded[..., at + w : at + w + n] for w in range(width))
-        return sum(terms, start=jnp.zeros_like(u))
-
-    def transposed(self, weights: np.ndarray) -> Banded:
-        """Of diag(weights) times this matrix, the transpose."""
-        width = self.diagonals.shape[0]
-        offsets = self.first + np.arange(width)
-        rows = [np.roll(np.asarray(self.diagonals[w]) * weights, o) for w, o in enumerate(offsets)]
-        return Banded(jnp.asarray(np.stack(rows[::-1])), -int(offsets[-1]))
+        made = difference(u, self.weights, self.forward) * self.scale
+        if not len(self.rows):
+            return made
+        special = jnp.einsum("rc,...rc->...r", self.factors, u[..., self.columns])
+        return made.at[..., self.rows].set(special)
 
 
-class Strain(eqx.Module):
+def banded(
+    first: int,
+    diagonals: np.ndarray,
+    weights: tuple[float, ...],
+    scale: np.ndarray,
+    forward: bool,
+) -> Banded:
+    """A matrix given by diagonals, as stencil and exceptions.
+
+    Args:
+        first: column of the first diagonal in row 0; columns count modulo n.
+        diagonals: shape (width, n).
+        weights: of the stencil.
+        scale: factor of the stencil in each row, shape (n,).
+        forward: see :class:`Banded`.
+    """
+    width, n = diagonals.shape
+    m = len(weights)
+    plain = np.zeros_like(diagonals)
+    for j, weight in enumerate(weights):
+        plain[(j + 1 if forward else j) - first] = weight * scale
+        plain[(-j if forward else -j - 1) - first] = -weight * scale
+    assert 2 * m <= width
+    away = np.abs(diagonals - plain).max(axis=0) > 1e-13 * np.abs(diagonals).max()
+    rows = np.flatnonzero(away)
+    columns = (rows[:, None] + first + np.arange(width)) % n
+    even = np.ptp(scale) == 0
+    return Banded(
+        weights, forward, float(scale[0]) if even else scale, rows, columns, diagonals[:, rows].T
+    )
+
+
+class Strain(NamedTuple):
     """What the rates, the energy and the losses of a state are made of; see the head of this file.
 
     Attributes:
-        e, e_rate, e_hat: (κ, B), its rate, and with the memory in it, (fields, blocks, nodes).
-        lag: e − ζ_l, (mechanisms, fields, blocks, nodes).
+        e, e_rate, e_hat: (κ, B), its rate, and with the memory in it.
+        lag: e − ζ_l for each mechanism.
         v: (φ̇, Ḃ).
-        sigma: σ; psi_rate, chi: of the absorbing ends, (rotations, blocks, nodes).
+        sigma: σ; psi_rate, chi: of the absorbing ends, one for each rotation.
     """
 
-    e: jax.Array
-    e_rate: jax.Array
-    e_hat: jax.Array
-    lag: jax.Array
-    v: jax.Array
-    sigma: jax.Array
-    psi_rate: jax.Array
-    chi: jax.Array
+    e: Parts
+    e_rate: Parts
+    e_hat: Parts
+    lag: tuple[Parts, ...]
+    v: Parts
+    sigma: Parts
+    psi_rate: Parts
+    chi: Parts
 
 
 class Group(eqx.Module):
@@ -88,10 +129,10 @@ class Group(eqx.Module):
 
     D: Banded
     QT: Banded
-    norm: jax.Array
-    node_norm: jax.Array
+    norm: Any
+    node_norm: Any
     c: Profile
-    free: jax.Array
+    free: Any
     losses: Losses
     with_gradient: bool = eqx.field(static=True)
 
@@ -107,97 +148,95 @@ class Group(eqx.Module):
 
     @property
     def tracks(self) -> int:
-        """Length of the state's first axis."""
+        """Number of components of a state."""
         absorbing = 2 * self.rotations if self.losses.absorbing else 0
         return self.size * (2 + self.losses.mechanisms) + absorbing
 
-    def zero(self) -> Tracks:
+    def zero(self) -> Parts:
         """The state of rest."""
-        return jnp.zeros((self.tracks, *self.free.shape))
+        return tuple(jnp.zeros(self.free.shape) for _ in range(self.tracks))
 
-    def observe(self, y: Tracks) -> Strain:
+    def observe(self, y: Parts) -> Strain:
         """Strains, rates and stress of a state."""
         p, f, law = self.rotations, self.size, self.losses
         q, v = y[:f], y[f : 2 * f]
         at = 2 * f + (2 * p if law.absorbing else 0)
-        memory, zeta = y[2 * f : at], y[at:].reshape(law.mechanisms, f, *y.shape[1:])
-        kappa, kappa_rate = self.D(q[:p]), self.D(v[:p])
-        psi_rate = chi = jnp.zeros_like(kappa)
+        memory = y[2 * f : at]
+        zeta = [y[at + f * n : at + f * (n + 1)] for n in range(law.mechanisms)]
+        kappa, kappa_rate = _each(self.D, q[:p]), _each(self.D, v[:p])
+        psi_rate = chi = _each(jnp.zeros_like, kappa)
         if law.absorbing:
-            kappa = kappa - memory[:p]
-            psi_rate, chi = law.absorb_half * kappa, memory[p:]
-            kappa_rate = kappa_rate - psi_rate
-        e = jnp.concatenate([kappa, q[p:]])
-        e_rate = jnp.concatenate([kappa_rate, v[p:]])
-        e_hat = e + law.stiffness * e_rate if law.damped else e
-        lag = e[None] - zeta
-        if law.mechanisms:
-            e_hat = e_hat - jnp.einsum("ln,lfbn->fbn", law.strengths, zeta)
-        return Strain(e, e_rate, e_hat, lag, v, self._stress(e_hat), psi_rate, chi)
+            kappa = _minus(kappa, memory[:p])
+            psi_rate, chi = _times(law.absorb_half, kappa), memory[p:]
+            kappa_rate = _minus(kappa_rate, psi_rate)
+        e, e_rate = kappa + q[p:], kappa_rate + v[p:]
+        e_hat = e
+        if law.damped:
+            e_hat = tuple(a + law.stiffness * b for a, b in zip(e, e_rate, strict=True))
+        for part, strength in zip(zeta, law.strengths, strict=True):
+            e_hat = _minus(e_hat, _times(strength, part))
+        lag = tuple(_minus(e, part) for part in zeta)
+        return Strain(e, e_rate, e_hat, lag, v, self.stress(e_hat), psi_rate, chi)
 
-    def _stress(self, e: jax.Array) -> jax.Array:
+    def stress(self, e: Parts) -> Parts:
+        """σ of strains (κ, B)."""
         p = self.rotations
-        return _product(self.c.c_pp, e[:p]) - _product(self.c.c_pb, e[p:])
+        return _minus(_product(self.c.c_pp, e[:p]), _product(self.c.c_pb, e[p:]))
 
-    def _force(self, e: jax.Array) -> jax.Array:
-        """What strains do to B, over H."""
+    def force(self, e: Parts) -> Parts:
+        """What strains (κ, B) do to B, over H."""
         p = self.rotations
-        force = _product(self.c.c_bp, e[:p]) - _product(self.c.c_bb, e[p:])
+        force = _product(self.c.c_bb, e[p:])
+        force = _minus(_product(self.c.c_bp, e[:p]), force) if p else _times(-1.0, force)
         if self.with_gradient:
-            force = force + self.D(_product(self.c.gamma, self.slope(e[p:])))
+            bent = _product(self.c.gamma, _each(self.slope, e[p:]))
+            force = tuple(f + self.D(b) for f, b in zip(force, bent, strict=True))
         return force
 
     def slope(self, B: jax.Array) -> jax.Array:
         """∂ₓB at nodes, −N⁻¹ Qᵀ B; at the ends of a bar it is not used."""
         return -self.QT(B) / self.node_norm
 
-    def rate(self, y: Tracks) -> Tracks:
+    def rate(self, y: Parts) -> Parts:
         """A y."""
         p, law = self.rotations, self.losses
         s = self.observe(y)
-        pull = -self.free * self.QT(s.sigma)
-        acceleration = jnp.concatenate([pull - s.chi, self._force(s.e_hat) / self.c.i_B])
+        pull = tuple(-self.free * self.QT(sigma) for sigma in s.sigma)
+        B_rate = tuple(force / self.c.i_B for force in self.force(s.e_hat))
+        phi_rate = _minus(pull, s.chi) if law.absorbing else pull
+        memory = s.psi_rate + _times(law.absorb_node, phi_rate) if law.absorbing else ()
         if law.damped:
-            acceleration = acceleration - jnp.concatenate(
-                [law.mass_node * s.v[:p], law.mass_half * s.v[p:]]
-            )
-        parts = [s.v, acceleration]
-        if law.absorbing:
-            parts += [s.psi_rate, law.absorb_node * (pull - s.chi)]
-        if law.mechanisms:
-            relaxing = law.rates[:, None, None, :] * s.lag
-            parts.append(relaxing.reshape(-1, *y.shape[1:]))
-        return jnp.concatenate(parts)
-
-    def form(self, one: jax.Array, other: jax.Array) -> jax.Array:
-        """Elastic form ⟨e₁, C e₂⟩ of two strains (κ, B), over the bar."""
-        p = self.rotations
-        total = jnp.sum(self.norm * one[:p] * self._stress(other))
-        # The gradient term of the force is −H⁻¹ gᵀ N Γ g: in the sum with H it is that of energy.
-        return total - jnp.sum(self.norm * one[p:] * self._force(other))
-
-    def inertia(self, one: jax.Array, other: jax.Array) -> jax.Array:
-        """⟨v₁, m v₂⟩ of two rates (φ̇, Ḃ), over the bar."""
-        p = self.rotations
-        total = jnp.sum(self.c.m_phi * one[:p] * other[:p])
-        return total + jnp.sum(self.norm * self.c.i_B * one[p:] * other[p:])
-
-    def energy(self, y: Tracks) -> tuple[jax.Array, jax.Array]:
-        """Kinetic energy, and what is stored in the strains and in the solids' springs."""
-        s, law = self.observe(y), self.losses
-        relaxed = 1 - jnp.sum(law.strengths, axis=0)
-        stored = self.form(s.e, relaxed * s.e)
-        for lag, strength in zip(s.lag, law.strengths, strict=True):
-            stored = stored + self.form(lag, strength * lag)
-        return self.inertia(s.v, s.v) / 2, stored / 2
+            phi_rate = _minus(phi_rate, _times(law.mass_node, s.v[:p]))
+            B_rate = _minus(B_rate, _times(law.mass_half, s.v[p:]))
+        relaxing: Parts = ()
+        for lag, rates in zip(s.lag, law.rates, strict=True):
+            relaxing += _times(rates, lag)
+        return s.v + phi_rate + B_rate + memory + relaxing
 
     @property
-    def mass(self) -> jax.Array:
+    def mass(self) -> Any:
         """Inertia times length of each point of the fields, shape (fields, blocks, nodes)."""
-        half = self.norm * self.c.i_B
         b = self.size - self.rotations
-        parts = [self.c.m_phi[None]] * self.rotations + [half[None]] * b
-        return jnp.concatenate(parts)
+        xp = jnp if isinstance(self.c.m_phi, jax.Array) else np
+        return xp.stack([self.c.m_phi] * self.rotations + [self.norm * self.c.i_B] * b)
+
+    def form(self, one: Parts, other: Parts) -> jax.Array:
+        """Elastic form ⟨e₁, C e₂⟩ of two strains (κ, B), over the bar."""
+        # The gradient term of the force is −H⁻¹ gᵀ N Γ g: in the sum with H it is that of energy.
+        dual = self.stress(other) + _times(-1.0, self.force(other))
+        return sum(
+            (jnp.sum(self.norm * a * b) for a, b in zip(one, dual, strict=True)),
+            start=jnp.zeros(()),
+        )
+
+    def energy(self, y: Parts) -> tuple[jax.Array, jax.Array]:
+        """Kinetic energy, and what is stored in the strains and in the solids' springs."""
+        s, law = self.observe(y), self.losses
+        kinetic = jnp.sum(self.mass * jnp.stack(s.v) ** 2)
+        stored = self.form(s.e, _times(1 - np.sum(law.strengths, axis=0), s.e))
+        for lag, strength in zip(s.lag, law.strengths, strict=True):
+            stored = stored + self.form(lag, _times(strength, lag))
+        return kinetic / 2, stored / 2
 
     def lost(self, seen: Strain) -> jax.Array:
         """Symmetric form whose diagonal is the power that states lose, (states, states).
@@ -206,43 +245,58 @@ class Group(eqx.Module):
             seen: of several states, along a first axis.
         """
         p, law = self.rotations, self.losses
-        count = seen.v.shape[0]
+        count = seen.v[0].shape[0]
         total = jnp.zeros((count, count))
 
-        def paired(one: jax.Array, other: jax.Array) -> jax.Array:
-            return one.reshape(count, -1) @ other.reshape(count, -1).T
+        def paired(one: Parts, other: Parts) -> jax.Array:
+            return sum(
+                (
+                    a.reshape(count, -1) @ b.reshape(count, -1).T
+                    for a, b in zip(one, other, strict=True)
+                ),
+                start=jnp.zeros((count, count)),
+            )
 
-        def elastic(one: jax.Array, other: jax.Array) -> jax.Array:
+        def elastic(one: Parts, other: Parts) -> jax.Array:
             """⟨e₁, C e₂⟩ over the bar, as :meth:`form`."""
-            force = jax.vmap(self._force)(other)
-            dual = jnp.concatenate([jax.vmap(self._stress)(other), -force], axis=1)
-            return paired(one, self.norm * dual)
+            dual = jax.vmap(self.stress)(other) + _times(-1.0, jax.vmap(self.force)(other))
+            return paired(one, _times(self.norm, dual))
 
         if law.damped:
-            damped = jnp.concatenate(
-                [law.mass_node * seen.v[:, :p], law.mass_half * seen.v[:, p:]], axis=1
-            )
-            total = total + paired(seen.v, self.mass * damped)
-            total = total + elastic(seen.e_rate, law.stiffness * seen.e_rate)
-            for number in range(law.mechanisms):
-                lag = seen.lag[:, number]
-                total = total + elastic(lag, law.rates[number] * law.strengths[number] * lag)
+            damped = _times(law.mass_node, seen.v[:p]) + _times(law.mass_half, seen.v[p:])
+            inert = tuple(m * d for m, d in zip(self.mass, damped, strict=True))
+            total = total + paired(seen.v, inert)
+            total = total + elastic(seen.e_rate, _times(law.stiffness, seen.e_rate))
+            for lag, rate, strength in zip(seen.lag, law.rates, law.strengths, strict=True):
+                total = total + elastic(lag, _times(rate * strength, lag))
         if law.absorbing:
-            taken = paired(self.c.m_phi * seen.v[:, :p], seen.chi)
-            taken = taken + paired(self.norm * seen.sigma, seen.psi_rate)
+            taken = paired(_times(self.c.m_phi, seen.v[:p]), seen.chi)
+            taken = taken + paired(_times(self.norm, seen.sigma), seen.psi_rate)
             total = total + (taken + taken.T) / 2
         return total
 
 
-def _product(matrix: jax.Array, parts: jax.Array) -> jax.Array:
-    """Σ_j matrix[i, j] parts[j], points one by one; shapes (i, j, blocks, n) and (j, blocks, n)."""
-    rows, columns = matrix.shape[:2]
-    if not rows or not columns:
-        return jnp.zeros((rows, *parts.shape[1:]))
-    return jnp.stack([sum(matrix[i, j] * parts[j] for j in range(columns)) for i in range(rows)])
+def _each(function: Callable[[jax.Array], jax.Array], parts: Parts) -> Parts:
+    return tuple(function(part) for part in parts)
 
 
-State = tuple[Tracks, ...]
+def _times(factor: Any, parts: Parts) -> Parts:
+    return tuple(factor * part for part in parts)
+
+
+def _minus(one: Parts, other: Parts) -> Parts:
+    return tuple(a - b for a, b in zip(one, other, strict=True))
+
+
+def _product(matrix: jax.Array, parts: Parts) -> Parts:
+    """Σ_j matrix[i, j] parts[j], point by point; shape of the matrix (i, j, blocks, nodes)."""
+    return tuple(
+        functools.reduce(jnp.add, (row[j] * part for j, part in enumerate(parts)))
+        for row in (matrix[i] for i in range(matrix.shape[0]))
+    )
+
+
+State = tuple[Parts, ...]
 
 
 class Generator(eqx.Module):
@@ -276,10 +330,7 @@ class Generator(eqx.Module):
 
     def fields(self, y: State) -> Any:
         """The fields in a state, as components for ``operator.to_fields``."""
-        return tuple(
-            tuple(part[i] for i in range(group.size))
-            for group, part in zip(self.groups, y, strict=True)
-        )
+        return tuple(tuple(part[: group.size]) for group, part in zip(self.groups, y, strict=True))
 
 
 def generator(
@@ -317,7 +368,14 @@ def generator(
         law.absorbing,
     )
     norm = _padded(made.half_norm / length, spare)
-    D = Banded(jnp.asarray(_padded(made.diagonals * length, spare)), made.first)
+    weights = difference_weights(bar.order)
+    diagonals = _padded(made.diagonals * length, spare)
+    cell = _padded(bar.cell_sizes / length, spare, np.inf)
+    D = banded(made.first, diagonals, weights, 1 / cell, True)
+    # Row j of D is column j of Dᵀ: its diagonals are these, moved along and in reverse order.
+    offsets = made.first + np.arange(len(diagonals))
+    moved = [np.roll(row * norm, offset) for row, offset in zip(diagonals, offsets, strict=True)]
+    adjoint = banded(-int(offsets[-1]), np.stack(moved[::-1]), weights, -np.ones(count), False)
     fixed = np.zeros(count, bool)
     fixed[0] = bar.left in ("fixed", "absorbing")
     fixed[-1] = fixed[-1] or bar.right in ("fixed", "absorbing")
@@ -329,11 +387,11 @@ def generator(
         groups.append(
             Group(
                 D,
-                D.transposed(norm),
-                jnp.asarray(norm),
-                jnp.asarray(made.node_norm / length),
+                adjoint,
+                norm,
+                made.node_norm / length,
                 c,
-                jnp.where(fixed, 0.0, 1 / c.m_phi),
+                np.where(fixed, 0.0, 1.0) / c.m_phi,
                 law,
                 with_gradient,
             )

@@ -75,13 +75,13 @@ class Profile(eqx.Module):
         i_B: inertia at half-nodes, shape (blocks, half-nodes).
     """
 
-    c_pp: jax.Array
-    c_pb: jax.Array
-    c_bp: jax.Array
-    c_bb: jax.Array
-    gamma: jax.Array
-    m_phi: jax.Array
-    i_B: jax.Array
+    c_pp: Any
+    c_pb: Any
+    c_bp: Any
+    c_bb: Any
+    gamma: Any
+    m_phi: Any
+    i_B: Any
 
 
 def _graded(layer: Layer, x: np.ndarray) -> np.ndarray:
@@ -106,13 +106,13 @@ def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str
     found = {}
     for name in _NAMES:
         values = [getattr(sample, name) for sample in samples]
-        xp = jnp if any(isinstance(value, jax.Array) for value in values) else np
+        xp = module(*values)
         found[name] = xp.tensordot(xp.stack(values, axis=-1), xp.asarray(basis.T), 1)
     return found
 
 
 def _spread(value: Any, count: int) -> Any:
-    xp = jnp if isinstance(value, jax.Array) else np
+    xp = module(value)
     value = xp.asarray(value)
     return xp.broadcast_to(value[..., None], (*value.shape, count))
 
@@ -133,8 +133,12 @@ def profile(
         The coefficients.
     """
     made = [_of_block(layers, bar, block, reference, with_gradient) for block in blocks]
-    stack = {name: jnp.stack([jnp.asarray(m[name]) for m in made], axis=-2) for name in made[0]}
-    return Profile(**stack)
+    return Profile(
+        **{
+            name: module(*(m[name] for m in made)).stack([m[name] for m in made], axis=-2)
+            for name in made[0]
+        }
+    )
 
 
 def _stretches(layers: Layers, bar: Bar) -> list[tuple[Layer, slice, np.ndarray, np.ndarray]]:
@@ -157,11 +161,7 @@ def _joined(bar: Bar, values: Any) -> Any:
     """Values at N + 1 nodes, with the last added to the first where the bar is periodic."""
     if not bar.periodic:
         return values
-    if isinstance(values, jax.Array):
-        return values[..., :-1].at[..., 0].add(values[..., -1])
-    joined = values[..., :-1].copy()
-    joined[..., 0] += values[..., -1]
-    return joined
+    return values[..., :-1] + values[..., -1:] * np.eye(1, bar.cells)[0]
 
 
 def _of_block(
@@ -170,36 +170,45 @@ def _of_block(
     units = scales(reference)
     length = float(units.length)
     halves: dict[str, list[Any]] = {name: [] for name in ("c_pp", "c_pb", "c_bp", "c_bb", "i_B")}
-    b = len(block.curvatures)
-    nodes = bar.cells + 1
-    mass, compliance = jnp.zeros(nodes), jnp.zeros((nodes, b, b))
+    b, nodes = len(block.curvatures), bar.cells + 1
+    mass: Any = np.zeros(nodes)
+    compliance: Any = np.zeros((b, b, nodes))
     for layer, cells, norm, x in _stretches(layers, bar):
         unrelaxed = layer.medium.damping.unrelaxed
         at_half = _along(layer, block, units, (x[1:] + x[:-1]) / 2)
         for name, parts in halves.items():
             parts.append(at_half[name] * (1.0 if name == "i_B" else unrelaxed))
         at_node = _along(layer, block, units, x)
-        span = slice(cells.start, cells.stop + 1)
-        mass = mass.at[span].add(jnp.asarray(at_node["i_phi"]) * norm / length)
+        around = (cells.start, nodes - cells.stop - 1)
+        mass = mass + _placed(at_node["i_phi"] * (norm / length), around)
         if with_gradient:
-            gamma = jnp.moveaxis(jnp.asarray(at_node["gamma"]), -1, 0) * unrelaxed
-            soft = jnp.linalg.pinv(gamma, hermitian=True) * (norm / length)[:, None, None]
-            compliance = compliance.at[span].add(soft)
-    gamma = jnp.zeros((b, b, nodes))
+            soft = _inverse(at_node["gamma"] * unrelaxed) * (norm / length)
+            compliance = compliance + _placed(soft, around)
+    gamma: Any = np.zeros((b, b, nodes))
     if with_gradient:
         # Compliances add where stretches meet: Γ ∂ₓB is continuous there, as σ is.
-        share = jnp.asarray(_node_norm(bar) / length)[:, None, None]
-        gamma = jnp.moveaxis(share * jnp.linalg.pinv(compliance, hermitian=True), 0, -1)
+        gamma = _inverse(compliance) * (_node_norm(bar) / length)
         if not bar.periodic:
-            gamma = gamma.at[..., np.array([0, -1])].set(0.0)
-    joined = {
-        name: (jnp if any(isinstance(p, jax.Array) for p in parts) else np).concatenate(
-            parts, axis=-1
-        )
-        for name, parts in halves.items()
-    }
+            gamma = gamma * np.concatenate([[0.0], np.ones(nodes - 2), [0.0]])
+    joined = {name: module(*parts).concatenate(parts, axis=-1) for name, parts in halves.items()}
     trimmed = gamma[..., : bar.cells] if bar.periodic else gamma
     return joined | {"gamma": trimmed, "m_phi": _joined(bar, mass)}
+
+
+def module(*values: Any) -> Any:
+    """jax.numpy where jax traces or holds a value, numpy else: plain media cost no compilation."""
+    return jnp if any(isinstance(value, jax.Array) for value in values) else np
+
+
+def _placed(values: Any, around: tuple[int, int]) -> Any:
+    """Values with zeros before and after along the last axis."""
+    return module(values).pad(values, [(0, 0)] * (values.ndim - 1) + [around])
+
+
+def _inverse(matrices: Any) -> Any:
+    """Pseudo-inverses of symmetric matrices (b, b, n), point by point."""
+    xp = module(matrices)
+    return xp.moveaxis(xp.linalg.pinv(xp.moveaxis(matrices, -1, 0), hermitian=True), 0, -1)
 
 
 def _node_norm(bar: Bar) -> np.ndarray:
