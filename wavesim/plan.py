@@ -11,9 +11,9 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.equations import flux_form
 from wavesim.medium import Medium
-from wavesim.planewave import check_hyperbolic
+from wavesim.planewave import block_frequencies, check_hyperbolic
 from wavesim.sectors import Block, excited_blocks
-from wavesim.source import Ricker
+from wavesim.source import InitialField, Source
 from wavesim.timedomain.timestep import Schedule, schedule, spectral_bound
 
 # Frames in one chunk: as many as fit into about this many bytes, within these limits.
@@ -34,7 +34,7 @@ class Plan:
 
     medium: Medium
     bar: Bar
-    sources: tuple[Ricker, ...]
+    sources: tuple[Source, ...]
     blocks: tuple[Block, ...]
     schedule: Schedule
     duration: float
@@ -66,7 +66,7 @@ class Plan:
 def plan(
     medium: Medium,
     bar: Bar,
-    sources: Sequence[Ricker],
+    sources: Sequence[Source],
     duration: float,
     samples: int | None = None,
     solver: str = "auto",
@@ -94,7 +94,7 @@ def plan(
         raise ValueError("sources = []: at least one source is needed")
     if not duration > 0:
         raise ValueError(f"duration = {duration:g} s: must be greater than 0")
-    frames = samples or default_samples(sources, duration)
+    frames = samples or default_samples(sources, medium, duration)
     if frames < 2:
         raise ValueError(f"samples = {frames}: must be at least 2")
     check_hyperbolic(medium)
@@ -113,9 +113,26 @@ def plan(
     return Plan(medium, bar, tuple(sources), blocks, steps, duration)
 
 
-def default_samples(sources: Sequence[Ricker], duration: float) -> int:
+def highest_band(sources: Sequence[Source], medium: Medium) -> float:
+    """End of the sources' band, rad/s.
+
+    An initial field has none; in a medium it is the highest frequency of its waves at the end of
+    its band of wavenumbers.
+    """
+    return max(
+        max(
+            float(block_frequencies(medium, block, [source.highest_wavenumber]).max())
+            for block in excited_blocks([source.field])
+        )
+        if isinstance(source, InitialField)
+        else source.band
+        for source in sources
+    )
+
+
+def default_samples(sources: Sequence[Source], medium: Medium, duration: float) -> int:
     """Frames that hold twice the band of the highest source."""
-    highest = max(source.band for source in sources)
+    highest = highest_band(sources, medium)
     return max(2, math.ceil(2 * duration * highest / math.pi) + 1)
 
 

@@ -18,7 +18,7 @@ from wavesim.casemessages import place
 from wavesim.medium import Medium
 from wavesim.plan import Plan, fastest, plan
 from wavesim.planewave import check_hyperbolic
-from wavesim.source import Ricker
+from wavesim.source import Source
 from wavesim.stencils import modified_wavenumber
 from wavesim.timedomain.timestep import StepTooLongError
 
@@ -143,7 +143,7 @@ def _judged(case: Case, medium: Medium, bar: Bar) -> tuple[float, float]:
     return low, high
 
 
-def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Plan:
+def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Source]) -> Plan:
     time = case.time
     step = None if time.step == "auto" else time.step
     samples = None if time.samples == "auto" else time.samples
@@ -193,7 +193,7 @@ def _check_size(settled: Plan, given: str) -> None:
         )
 
 
-def check_carried(source: Ricker, medium: Medium, bar: Bar) -> None:
+def check_carried(source: Source, medium: Medium, bar: Bar) -> None:
     """Hold a source's peak frequency to what the grid can carry.
 
     Raises:

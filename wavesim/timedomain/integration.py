@@ -18,7 +18,7 @@ from wavesim.field import Energy, Field
 from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
-from wavesim.source import Ricker
+from wavesim.source import Source
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.operator import semi_discrete, to_fields
 from wavesim.timedomain.propagator import Propagator, bar_kernels
@@ -240,7 +240,7 @@ def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) ->
 def simulate(
     medium: Medium,
     bar: Bar,
-    sources: Sequence[Ricker],
+    sources: Sequence[Source],
     duration: float,
     samples: int | None = None,
     solver: str = "auto",
