@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from wavesim.parts import highest_frequency
 from wavesim.plan import highest_band
-from wavesim.problem import Problem, highest_frequency
+from wavesim.problem import Problem
 from wavesim.source import GaussianDerivative, Recorded, Ricker, Source
 
 
