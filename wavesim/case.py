@@ -11,63 +11,29 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from wavesim.bar import Bar
+from wavesim.casemedia import LayerTable, MediumTable
 from wavesim.casemessages import sentence
-from wavesim.equations import FIELDS
-from wavesim.medium import PARAMETERS, Closure, Medium, check_parameter
-from wavesim.source import Ricker
+from wavesim.casesources import SourceTable
+from wavesim.casetable import NotNegative, Positive, Table
+from wavesim.layers import End
+from wavesim.medium import Medium
 from wavesim.stencils import ORDERS
 from wavesim.timedomain.timestep import Solver
-
-End = Literal["periodic"]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class CaseError(ValueError):
     """A case can't be used; the message names file, key, value and remedy."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+class BarTable(Table):
+    """[bar]: length (m) or cells is required; spacing (m) is an eighth of the branch length.
 
-
-class MediumTable(_Table):
-    """[medium]: the parameters of Table 1; see :class:`wavesim.medium.Medium`."""
-
-    closure: Closure = "printed"
-    anisotropy: float = 0.0
-    stiffness_ratio: float = 0.5
-    branch_length: float = 1e-3
-    particle_radius: float = 5e-4
-    contact_density: float = 1e9
-    density: float = 1570.0
-    G_n_a: float = 5.0
-    G_n_r: float = 5.0
-    G_n_g: float = 1.25e-11
-    rotation_inertia: float | None = None
-    curvature_inertia: float | None = None
-
-    @field_validator(*PARAMETERS)
-    @classmethod
-    def _admissible(cls, value: float | None, info: Any) -> float | None:
-        if value is not None:
-            try:
-                check_parameter(info.field_name, value)
-            except ValueError as error:
-                raise ValueError(str(error).split(": ", 1)[1]) from None
-        return value
-
-    def build(self) -> Medium:
-        """The medium."""
-        return Medium(**self.model_dump())
-
-
-class BarTable(_Table):
-    """[bar]: length (m) or cells is required; spacing (m) is an eighth of the branch length."""
+    absorber is the length (m) of the absorbing layer at each absorbing end, inside the bar; None
+    stands for 8 branch lengths.
+    """
 
     length: Positive | None = None
     cells: Annotated[int, Field(gt=0)] | None = None
@@ -75,6 +41,7 @@ class BarTable(_Table):
     order: int = 8
     left: End = "periodic"
     right: End = "periodic"
+    absorber: Positive | None = None
 
     @field_validator("order")
     @classmethod
@@ -88,6 +55,22 @@ class BarTable(_Table):
         if (self.length is None) == (self.cells is None):
             both = "both are given" if self.cells is not None else "neither is given"
             raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
+        return self
+
+    @model_validator(mode="after")
+    def _ends_match(self) -> BarTable:
+        ends = {"left": self.left, "right": self.right}
+        if (self.left == "periodic") != (self.right == "periodic"):
+            side, other = ("right", "left") if self.left == "periodic" else ("left", "right")
+            raise ValueError(
+                f'{side} = "{ends[side]}": {other} is "periodic", and a bar is periodic at both '
+                f"ends or at neither; give {other} too"
+            )
+        if self.absorber is not None and "absorbing" not in ends.values():
+            raise ValueError(
+                f'absorber = {self.absorber:g}: neither end is "absorbing"; set left or right to '
+                "it, or leave absorber out"
+            )
         return self
 
     def build(self, medium: Medium) -> Bar:
@@ -105,37 +88,7 @@ class BarTable(_Table):
         return Bar(cells, spacing, self.order)
 
 
-class SourceTable(_Table):
-    """[[sources]]: see :class:`wavesim.source.Ricker`."""
-
-    kind: Literal["ricker"] = "ricker"
-    field: str
-    position: NotNegative
-    peak_frequency: Positive
-    amplitude: Finite = 1.0
-    width: NotNegative = 0.0
-    delay: Finite | None = None
-
-    @field_validator("field")
-    @classmethod
-    def _known(cls, value: str) -> str:
-        if value not in FIELDS:
-            raise ValueError(f"must be one of {', '.join(FIELDS)}")
-        return value
-
-    @field_validator("amplitude")
-    @classmethod
-    def _moves(cls, value: float) -> float:
-        if value == 0:
-            raise ValueError("must not be 0, or nothing moves")
-        return value
-
-    def build(self) -> Ricker:
-        """The source."""
-        return Ricker(**self.model_dump(exclude={"kind"}))
-
-
-class ReceiverTable(_Table):
+class ReceiverTable(Table):
     """[[receivers]]: a name and a position (m)."""
 
     name: str
@@ -149,7 +102,7 @@ class ReceiverTable(_Table):
         return value
 
 
-class TimeTable(_Table):
+class TimeTable(Table):
     """[time]: duration (s) is required."""
 
     duration: Positive
@@ -158,7 +111,7 @@ class TimeTable(_Table):
     samples: Annotated[int, Field(ge=2)] | Literal["auto"] = "auto"
 
 
-class AnalysisTable(_Table):
+class AnalysisTable(Table):
     """[analysis]: what is read from the field.
 
     k_min, k_max (rad/m) bound the branches that are judged, k̄ = 0.02 and 0.5 by default;
@@ -178,14 +131,15 @@ class AnalysisTable(_Table):
         return self
 
 
-class Case(_Table):
+class Case(Table):
     """A whole case file."""
 
     title: str = ""
     medium: MediumTable = MediumTable()
     bar: BarTable
+    layers: list[LayerTable] = Field(default_factory=list)
     sources: Annotated[list[SourceTable], Field(min_length=1)]
-    receivers: list[ReceiverTable] = []
+    receivers: list[ReceiverTable] = Field(default_factory=list)
     time: TimeTable
     analysis: AnalysisTable = AnalysisTable()
 
@@ -222,11 +176,18 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> Case:
         raise CaseError(f"{name}: can't be read: {error.strerror}; name a case file") from None
     except UnicodeDecodeError as error:
         raise CaseError(f"{name}: not a text file in UTF-8: {error.reason}") from None
-    return parse(text, name, overrides)
+    return parse(text, name, overrides, Path(path).parent)
 
 
-def parse(text: str, name: str, overrides: Sequence[str] = ()) -> Case:
-    """As :func:`read`, from the text of a case file."""
+def parse(text: str, name: str, overrides: Sequence[str] = (), folder: str | Path = ".") -> Case:
+    """As :func:`read`, from the text of a case file.
+
+    Args:
+        text: of the file.
+        name: of the file, for messages.
+        overrides: as :func:`read`.
+        folder: that the paths of recorded signals are taken from.
+    """
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -234,7 +195,7 @@ def parse(text: str, name: str, overrides: Sequence[str] = ()) -> Case:
     for override in overrides:
         _override(tables, override)
     try:
-        return Case.model_validate(tables)
+        return Case.model_validate(tables, context={"folder": Path(folder)})
     except ValidationError as error:
         raise CaseError(f"{name}: {sentence(Case, error)}") from None
 

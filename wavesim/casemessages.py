@@ -43,31 +43,48 @@ def sentence(schema: type[BaseModel], error: ValidationError) -> str:
     first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
     # Where a value may be a number or a word, validation tells of each; one line says both.
     words = [e for e in errors if e["type"] == "literal_error" and e is not first]
-    path = _keys(first)
-    also = next((e["ctx"]["expected"] for e in words if _keys(e) == path), None)
+    path = _keys(schema, first)
+    also = next((e["ctx"]["expected"] for e in words if _keys(schema, e) == path), None)
     text = _told(schema, first, path)
     return text if also is None else f"{text}, or {_quoted(also)}"
 
 
-def _keys(error: Any) -> list[Any]:
+def _keys(schema: type[BaseModel], error: Any) -> list[Any]:
     """The path to a key, without the names that validation gives to members of a union."""
+    loc = error["loc"]
+    # In an array of tables of several kinds the kind follows the number.
+    field = schema.model_fields.get(str(loc[0]))
+    table = _table(field.annotation) if field else None
+    kinds = table if isinstance(table, dict) else ()
+
+    def named(part: Any, before: Any) -> bool:
+        return isinstance(part, str) and (
+            "[" in part
+            or part.startswith("constrained-")
+            or (isinstance(before, int) and part in kinds)
+        )
+
     return [
-        part
-        for part in error["loc"]
-        if not (isinstance(part, str) and ("[" in part or part.startswith("constrained-")))
+        part for part, before in zip(loc, (None, *loc), strict=False) if not named(part, before)
     ]
 
 
 def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
     kind, value = error["type"], error["input"]
-    key = str(parts[-1])
-    where = place(parts[:-1]) + " " if len(parts) > 1 else ""
+    key, table = str(parts[-1]), parts[:-1]
+    if isinstance(parts[-1], int) and len(parts) > 2:
+        # An entry of an array of numbers.
+        key, table = f"{parts[-2]}[{key}]", parts[:-2]
+    where = place(table) + " " if table else ""
     given = f"{where}{key} = {shown(value)}"
     if kind == "extra_forbidden":
-        allowed = list(_model(schema, parts[:-1]).model_fields)
+        fields = _model(schema, error["loc"][:-1]).model_fields
+        allowed = [field.alias or name for name, field in fields.items()]
         near = difflib.get_close_matches(key, allowed, 1)
         hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(allowed)}"
-        return f"{given}: unknown key; {hint}"
+        tag = next((part for part in error["loc"] if part not in parts), None)
+        of = f' of kind "{tag}"' if tag else ""
+        return f"{given}: unknown key{of}; {hint}"
     if kind == "missing":
         what = _heading(schema, key) if len(parts) == 1 else key
         return f"{where}{what}: required, but not given; add it"
@@ -79,11 +96,16 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         text = str(error["ctx"]["error"])
         if isinstance(value, dict):
             return f"{place(parts)} {text}"
-        if isinstance(value, list):
+        if isinstance(value, list) and len(parts) == 1:
             return f"[[{key}]] {text}"
         return f"{given}: {text}"
     if kind == "too_short":
         return f"{given}: at least one is needed; add {_heading(schema, key)}"
+    if kind == "union_tag_invalid":
+        kinds = _quoted(error["ctx"]["expected_tags"])
+        return f"{place(parts)} kind = {shown(value['kind'])}: must be one of {kinds}"
+    if kind == "list_type" and len(parts) > 1:
+        return f"{given}: must be an array of numbers, […]"
     if kind == "literal_error":
         return f"{given}: must be {_quoted(error['ctx']['expected'])}"
     context = error.get("ctx", {})
@@ -100,14 +122,25 @@ def _heading(schema: type[BaseModel], key: str) -> str:
     return f"[[{key}]]" if several else f"[{key}]"
 
 
-def _model(schema: type[BaseModel], parts: Sequence[Any]) -> type[BaseModel]:
-    """The model of the table at a path."""
+def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
+    """The model of the table at a path, in which the kind, if any, follows a number."""
     model: Any = schema
-    for part in parts:
-        if isinstance(part, str):
-            annotation = model.model_fields[part].annotation
-            model = (*typing.get_args(annotation), annotation)[0]
+    for part in loc:
+        if isinstance(model, dict):
+            model = model.get(part, model)
+        elif isinstance(part, str):
+            model = _table(model.model_fields[part].annotation)
+    assert isinstance(model, type)
     return model
+
+
+def _table(annotation: Any) -> Any:
+    """The model of a table, or of the tables of an array; {kind: model} where there are several."""
+    inner = typing.get_args(annotation)[0] if typing.get_origin(annotation) is list else annotation
+    members = typing.get_args(typing.get_args(inner)[0]) if typing.get_args(inner) else ()
+    if not members:
+        return inner
+    return {member.__metadata__[0].tag: typing.get_args(member)[0] for member in members}
 
 
 def shown(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -13,7 +14,7 @@ from wavesim.equations import ROTATIONS, UNITS
 from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, Block, scales
-from wavesim.source import Ricker
+from wavesim.source import Source
 
 Float = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ class Field:
     values: Mapping[str, ArrayLike]
     medium: Medium
     bar: Bar
-    sources: tuple[Ricker, ...]
+    sources: tuple[Source, ...]
     receivers: Mapping[str, float] = field(default_factory=dict)
     energy: Energy | None = None
     stepper: str = ""
@@ -87,6 +88,12 @@ class Field:
     def quiet_from(self) -> float:
         """Time from which on no source acts, s."""
         return max((source.end for source in self.sources), default=0.0)
+
+    @property
+    def band(self) -> float:
+        """End of the sources' band, rad/s; that of the frames where a source has none."""
+        band = max(source.band for source in self.sources)
+        return band if math.isfinite(band) else math.pi / self.interval
 
     @property
     def blocks(self) -> tuple[Block, ...]:

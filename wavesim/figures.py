@@ -303,7 +303,7 @@ def receivers(field: Field) -> Figure:
             power = np.abs(np.fft.rfft(u * _end_taper(len(u)), 4 * len(u))) * field.interval * 1e6
             largest = max(largest, float(power.max()))
             spectrum.plot(f, power, **kind)
-        highest = max(s.band for s in field.sources) / (2e3 * np.pi)
+        highest = field.band / (2e3 * np.pi)
         spectrum.set(xlim=(0, highest), ylim=(1e-5 * (largest or 1), 2 * (largest or 1)))
         spectrum.set_yscale("log")
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):

@@ -13,9 +13,9 @@ from wavesim.bar import Bar
 from wavesim.equations import flux_form
 from wavesim.layers import Layers, as_layers
 from wavesim.medium import Medium
-from wavesim.planewave import check_hyperbolic, gradient_share
+from wavesim.planewave import block_frequencies, check_hyperbolic, gradient_share
 from wavesim.sectors import Block, excited_blocks
-from wavesim.source import Ricker
+from wavesim.source import InitialField, Source
 from wavesim.timedomain.timestep import Schedule, bar_schedule, schedule, spectral_bound
 
 # Highest frequency of a stretch with closures over that of an endless one, at most.
@@ -42,7 +42,7 @@ class Plan:
 
     layers: Layers
     bar: Bar
-    sources: tuple[Ricker, ...]
+    sources: tuple[Source, ...]
     blocks: tuple[Block, ...]
     schedule: Schedule
     duration: float
@@ -99,7 +99,7 @@ class Plan:
 def plan(
     medium: Medium | Layers,
     bar: Bar,
-    sources: Sequence[Ricker],
+    sources: Sequence[Source],
     duration: float,
     samples: int | None = None,
     solver: str = "auto",
@@ -127,10 +127,11 @@ def plan(
         raise ValueError("sources = []: at least one source is needed")
     if not duration > 0:
         raise ValueError(f"duration = {duration:g} s: must be greater than 0")
-    frames = samples or default_samples(sources, duration)
+    layers = as_layers(medium, bar.length)
+    reference = layers.first
+    frames = samples or default_samples(sources, reference, duration)
     if frames < 2:
         raise ValueError(f"samples = {frames}: must be at least 2")
-    layers = as_layers(medium, bar.length)
     if max(len(bar.stretches), 1) != len(layers.layers):
         raise ValueError(
             f"layers: {len(layers.layers)} given for a grid of {max(len(bar.stretches), 1)} "
@@ -139,7 +140,6 @@ def plan(
     for one in media(layers):
         check_hyperbolic(one)
     blocks = excited_blocks([source.field for source in sources])
-    reference = layers.first
     unit = float(reference.time_scale)
     longest = step if step is None else step / unit
     if is_plain(layers, bar, sources):
@@ -148,13 +148,13 @@ def plan(
         steps = schedule(bound, duration / unit, frames, solver, longest, speed, bar.cells)
     else:
         radius = _radius(layers, bar, blocks)
-        band = max(source.band for source in sources) * unit
+        band = highest_band(sources, reference) * unit
         loss = fastest_loss(layers, bar, radius)
         steps = bar_schedule(radius, loss, band, duration / unit, frames, solver, longest)
     return Plan(layers, bar, tuple(sources), blocks, steps, duration)
 
 
-def is_plain(layers: Layers, bar: Bar, sources: Sequence[Ricker]) -> bool:
+def is_plain(layers: Layers, bar: Bar, sources: Sequence[Source]) -> bool:
     """Whether a bar is uniform, periodic and lossless, driven by body moments from rest."""
     (layer, *others) = layers.layers
     return (
@@ -162,7 +162,7 @@ def is_plain(layers: Layers, bar: Bar, sources: Sequence[Ricker]) -> bool:
         and not others
         and layer.last is None
         and not layer.medium.damping
-        and all(getattr(source, "drive", "body") == "body" for source in sources)
+        and all(source.drive == "body" for source in sources)
     )
 
 
@@ -222,9 +222,26 @@ def absorption(layers: Layers, bar: Bar, end: str) -> float:
     return -4 * fastest(medium) * math.log(_REFLECTION) / (2 * bar.absorber)
 
 
-def default_samples(sources: Sequence[Ricker], duration: float) -> int:
+def highest_band(sources: Sequence[Source], medium: Medium) -> float:
+    """End of the sources' band, rad/s.
+
+    An initial field has none; in a medium it is the highest frequency of its waves at the end of
+    its band of wavenumbers.
+    """
+    return max(
+        max(
+            float(block_frequencies(medium, block, [source.highest_wavenumber]).max())
+            for block in excited_blocks([source.field])
+        )
+        if isinstance(source, InitialField)
+        else source.band
+        for source in sources
+    )
+
+
+def default_samples(sources: Sequence[Source], medium: Medium, duration: float) -> int:
     """Frames that hold twice the band of the highest source."""
-    highest = max(source.band for source in sources)
+    highest = highest_band(sources, medium)
     return max(2, math.ceil(2 * duration * highest / math.pi) + 1)
 
 

@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
-import numpy as np
 import tomli_w
 
+from wavesim import parts
 from wavesim.bar import Bar
 from wavesim.case import Case, CaseError, read
-from wavesim.casemessages import place
 from wavesim.medium import Medium
-from wavesim.plan import Plan, fastest, plan
-from wavesim.planewave import check_hyperbolic
-from wavesim.source import Ricker
-from wavesim.stencils import modified_wavenumber
+from wavesim.parts import Parts
+from wavesim.plan import Plan, plan
+from wavesim.source import Source
 from wavesim.timedomain.timestep import StepTooLongError
 
-Built = TypeVar("Built")
-
-# A grid carries what it slows down by no more than this.
-_PHASE_ERROR = 0.01
 # Branches are judged between these k̄ where the case does not say otherwise.
 _JUDGED = (0.02, 0.5)
 # A field of more bytes than this is taken for a slip of the pen.
@@ -42,23 +35,20 @@ class Problem:
         plan: medium, bar, sources, stepper, step and frames.
         receivers: {name: position in m}.
         k_range: wavenumbers between which branches are judged, rad/m.
+        parts: the tables as objects.
     """
 
     case: Case
     plan: Plan
     receivers: dict[str, float]
     k_range: tuple[float, float]
+    parts: Parts
 
     @property
     def resolved(self) -> str:
         """The case as TOML, every default filled in; a run of it repeats this one."""
-        tables = self.case.model_dump()
-        medium, bar, schedule = self.plan.medium, self.plan.bar, self.plan.schedule
-        tables["medium"] |= {"rotation_inertia": medium.beta, "curvature_inertia": medium.gamma}
-        del tables["bar"]["length"]
-        tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
-        for table, source in zip(tables["sources"], self.plan.sources, strict=True):
-            table["delay"] = source.peak_time
+        schedule = self.plan.schedule
+        tables = parts.resolved(self.case, self.parts)
         tables["time"] |= {
             "solver": schedule.solver,
             "step": self.plan.step,
@@ -92,31 +82,41 @@ def settle(case: Case, name: str) -> Problem:
         CaseError: as :func:`load`.
     """
 
-    def build(where: tuple[str, ...], make: Callable[[], Built]) -> Built:
-        try:
-            return make()
-        except ValueError as error:
-            raise CaseError(f"{name}: {place(where)} {error}") from None
-
-    medium = build(("medium",), case.medium.build)
-    build(("medium",), lambda: check_hyperbolic(medium))
-    bar = build(("bar",), lambda: case.bar.build(medium))
-    sources = []
-    for number, table in enumerate(case.sources):
-        where = ("sources", str(number))
-        source = build(where, table.build)
-        build(where, lambda s=source: bar.spread(s.position, s.width, s.staggered))  # type: ignore[misc]
-        build(where, lambda s=source: check_carried(s, medium, bar))  # type: ignore[misc]
-        sources.append(source)
-    for number, receiver in enumerate(case.receivers):
-        where = ("receivers", str(number))
-        build(where, lambda r=receiver: bar.sampling(r.position, False))  # type: ignore[misc]
+    made = parts.assemble(case, name)
+    _check_available(case, made, name)
+    build = parts.builder(name)
+    medium, bar = made.medium, made.bar
     return Problem(
         case,
-        build(("time",), lambda: _plan(case, medium, bar, sources)),
-        {receiver.name: receiver.position for receiver in case.receivers},
+        build(("time",), lambda: _plan(case, medium, bar, made.sources)),
+        made.receivers,
         build(("analysis",), lambda: _judged(case, medium, bar)),
+        made,
     )
+
+
+def _check_available(case: Case, made: Parts, name: str) -> None:
+    """Refuse what a case may say and the time domain can't do.
+
+    Raises:
+        CaseError: layers, ends, losses or drives that are not available yet.
+    """
+    found = []
+    if made.layers is not None:
+        found.append("[[layers]] number 1: a bar of layers is not available yet; take one [medium]")
+    if made.ends != ("periodic", "periodic"):
+        found.append(f'[bar] left = "{made.ends[0]}": not available yet; take "periodic"')
+    if made.medium.damping:
+        found.append("[medium]: losses are not available yet; leave out damping and quality keys")
+    for number, source in enumerate(made.sources, start=1):
+        if source.drive != "body":
+            what = "kind" if source.drive == "initial" else "drive"
+            found.append(
+                f'[[sources]] number {number}: {what} = "{source.drive}": not available yet; take '
+                'drive = "body"'
+            )
+    if found:
+        raise CaseError(f"{name}: {found[0]}")
 
 
 def _judged(case: Case, medium: Medium, bar: Bar) -> tuple[float, float]:
@@ -143,7 +143,7 @@ def _judged(case: Case, medium: Medium, bar: Bar) -> tuple[float, float]:
     return low, high
 
 
-def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Ricker]) -> Plan:
+def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Source]) -> Plan:
     time = case.time
     step = None if time.step == "auto" else time.step
     samples = None if time.samples == "auto" else time.samples
@@ -191,30 +191,3 @@ def _check_size(settled: Plan, given: str) -> None:
             f"{asked} need about {needed / 1e9:.3g} GB of memory, this machine has "
             f"{memory / 1e9:.3g} GB; lower it, or take fewer cells"
         )
-
-
-def check_carried(source: Ricker, medium: Medium, bar: Bar) -> None:
-    """Hold a source's peak frequency to what the grid can carry.
-
-    Raises:
-        ValueError: the frequency is above :func:`highest_frequency`.
-    """
-    highest = highest_frequency(medium, bar)
-    if source.peak_frequency > highest:
-        spacing = bar.spacing * highest / source.peak_frequency
-        raise ValueError(
-            f"peak_frequency = {source.peak_frequency:g}: the grid carries at most "
-            f"{highest:.4g} Hz (order {bar.order}; there the fastest wave's phase is off by 1 %); "
-            f"lower it, or take [bar] spacing ≤ {spacing:.3g}"
-        )
-
-
-def highest_frequency(medium: Medium, bar: Bar) -> float:
-    """Frequency at which the grid's phase error on the fastest wave reaches 1 %, Hz.
-
-    The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
-    """
-    phase = np.linspace(1e-3, math.pi, 20001)
-    slowing = 1 - modified_wavenumber(phase, 1.0, bar.order) / phase
-    limit = float(np.interp(_PHASE_ERROR, slowing, phase))
-    return fastest(medium) * limit / bar.spacing / (2 * math.pi)

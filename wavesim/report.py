@@ -11,7 +11,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wavesim.problem import Problem, highest_frequency
+from wavesim.parts import highest_frequency
+from wavesim.plan import highest_band
+from wavesim.problem import Problem
+from wavesim.source import GaussianDerivative, Recorded, Ricker, Source
 
 
 def _table(*headings: str, title: str = "") -> Table:
@@ -73,8 +76,7 @@ def survey(console: Console, problem: Problem) -> None:
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
         ("grid carries", f"peak frequencies to {highest_frequency(medium, bar) / 1e3:.5g} kHz"),
-        ("sources", ", ".join(f"{s.field} at {s.position:g} m, {s.peak_frequency / 1e3:.5g} kHz"
-                              for s in settled.sources)),
+        ("sources", ", ".join(map(_source, settled.sources))),
         ("integrated", ", ".join(settled.fields)),
         ("time", f"{settled.duration:.6g} s, {steps.frames} frames of {frame:.4g} s (Nyquist "
                  f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / settled.duration:.4g} kHz"),
@@ -94,7 +96,7 @@ def warnings(problem: Problem) -> list[str]:
     """What will make a run of a case less than it could be; each with its remedy."""
     settled = problem.plan
     frame = settled.duration / (settled.schedule.frames - 1)
-    band = max(source.band for source in settled.sources)
+    band = highest_band(settled.sources, settled.medium)
     found = []
     if math.pi / frame < band:
         needed = math.ceil(settled.duration * band / math.pi) + 1
@@ -108,13 +110,36 @@ def warnings(problem: Problem) -> list[str]:
             f"[time] duration = {settled.duration:g}: the {late[0].field} source acts until "
             f"{late[0].end:.4g} s; lengthen the run"
         )
-    early = [s for s in settled.sources if s.peak_time * s.peak_frequency < 1.5]
-    if early:
-        found.append(
-            f"[[sources]] delay = {early[0].peak_time:g}: the pulse begins with a jump; take at "
-            f"least {1.5 / early[0].peak_frequency:.3g} s"
-        )
+    for source in settled.sources:
+        found += _begins_with_a_jump(source)
     return found
+
+
+def _source(source: Source) -> str:
+    pitch = source.peak_frequency
+    at = f", {pitch / 1e3:.5g} kHz" if math.isfinite(pitch) else ""
+    kind = "" if source.kind == "ricker" else f"{source.kind} on "
+    return f"{kind}{source.field} at {source.position:g} m{at}"
+
+
+def _begins_with_a_jump(source: Source) -> list[str]:
+    if isinstance(source, Ricker | GaussianDerivative):
+        # From three quarters of the way to its onset on, a pulse is below 1e-8 of its peak.
+        least = 0.75 * (source.peak_time - source.onset)
+        if source.peak_time < least * (1 - 1e-9):
+            return [
+                f"[[sources]] delay = {source.peak_time:g}: the pulse begins with a jump; take at "
+                f"least {least:.3g} s"
+            ]
+    if isinstance(source, Recorded) and source.onset < 0:
+        jump = abs(source.signal(0.0)) / abs(source.signal(source.peak_time))
+        if jump > 1e-8:
+            return [
+                f"[[sources]] start = {source.first:g}: the recorded signal begins with a jump of "
+                f"{jump:.1e} of its peak at t = 0; taper it, or take at least "
+                f"{2 * source.interval:.3g} s"
+            ]
+    return []
 
 
 def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[Any]) -> None:

@@ -25,6 +25,7 @@ from wavesim.field import Energy
 from wavesim.plan import Plan
 from wavesim.problem import Problem
 from wavesim.resultfile import StorageError, reading
+from wavesim.source import parameters
 from wavesim.verdict import Held
 
 FORMAT_VERSION = 1
@@ -252,17 +253,12 @@ class Results:
         t = settled.times
         for number, source in enumerate(settled.sources):
             entry = group.create_group(str(number))
-            entry.attrs.update(
-                {
-                    "kind": "ricker",
-                    "field": source.field,
-                    "position": source.position,
-                    "peak_frequency": source.peak_frequency,
-                    "amplitude": source.amplitude,
-                    "width": source.width,
-                    "delay": source.peak_time,
-                }
-            )
+            entry.attrs["kind"] = source.kind
+            for name, value in parameters(source).items():
+                if isinstance(value, tuple):  # longer than an attribute may be
+                    entry[name] = value
+                else:
+                    entry.attrs[name] = value
             entry["t"], entry["signal"] = t, source.signal(t)
 
 

@@ -114,7 +114,7 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held
     clear = _clear(exact, LOBE_BINS * found.bin)
     sources = [s for s in field.sources if s.field in block.fields]
     inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
-    covered = (excitation(sources, exact) >= EXCITED) & (exact <= found.omega[-1])
+    covered = (excitation(sources, exact, found.k[:, None]) >= EXCITED) & (exact <= found.omega[-1])
     judged = clear & covered & inside[:, None]
     branches, strays = [], []
     owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
@@ -261,7 +261,7 @@ def _energy_checks(field: Field) -> list[Check]:
     balance = float(np.abs(energy.total - energy.work).max()) / scale
     after = energy.total[field.t >= field.quiet_from]
     # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
-    band = max(source.band for source in field.sources)
+    band = field.band
     drift = (band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
     checks = [Check("energy − work over energy", balance, 0.0, max(drift, ENERGY_TOLERANCE))]
     if len(after) > 1:

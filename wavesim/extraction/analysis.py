@@ -63,7 +63,9 @@ def extract(
         travelling = None
         if block.rotations:
             peak = 2 * np.pi * max(s.peak_frequency for s in field.sources)
-            omega = np.linspace(low, min(high, _ABOVE_PEAK * peak), frequencies)
+            # From the first bin on, where a signal has a mean value.
+            lowest = low or 2 * np.pi / (field.t[-1] - field.t[0])
+            omega = np.linspace(lowest, min(high, _ABOVE_PEAK * peak), frequencies)
             curve = attenuation(field, block, omega, damping)
             travelling = curve if len(curve.distance) >= FEWEST_POINTS else None
         found.append(Measured(block, shown, ridges(shown), travelling))

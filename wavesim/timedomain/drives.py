@@ -10,22 +10,23 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, grouped, scales
+from wavesim.source import InitialField, Source
 from wavesim.timedomain.expansion import Drives, Points
 from wavesim.timedomain.generator import Generator, Group, State
 from wavesim.timedomain.material import module
 
 
-def acting(sources: Sequence[Any]) -> list[Any]:
+def acting(sources: Sequence[Source]) -> list[Source]:
     """The sources that have a signal: all but initial fields."""
-    return [source for source in sources if _drive(source) != "initial"]
-
-
-def _drive(source: Any) -> str:
-    return str(getattr(source, "drive", "body"))
+    return [source for source in sources if source.drive != "initial"]
 
 
 def drives(
-    sources: Sequence[Any], medium: Medium, bar: Bar, blocks: Sequence[Block], generator: Generator
+    sources: Sequence[Source],
+    medium: Medium,
+    bar: Bar,
+    blocks: Sequence[Block],
+    generator: Generator,
 ) -> Drives:
     """Lay sources on the grid of a bar.
 
@@ -50,9 +51,9 @@ def drives(
     return Drives(points, tuple(kept), time)
 
 
-def _line(source: Any, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
+def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
     """Nodes or half-nodes that a source acts on, and its scaled force there."""
-    if _drive(source) == "rotation":
+    if source.drive == "rotation":
         return np.array([0 if source.position < bar.length / 2 else bar.cells]), np.ones(1)
     units = scales(medium)
     density, indices = bar.spread(source.position, source.width, source.staggered)
@@ -63,7 +64,7 @@ def _line(source: Any, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray
 
 
 def _points(
-    sources: Sequence[Any], lines: Sequence[Any], stacked: Sequence[Block], group: Group
+    sources: Sequence[Source], lines: Sequence[Any], stacked: Sequence[Block], group: Group
 ) -> tuple[Points, ...]:
     """G of all sources on one group, for each of its rates."""
     made = []
@@ -76,7 +77,7 @@ def _points(
                 if weight:
                     zero = 0 * nodes
                     where.append(np.stack([zero + index, zero + b, nodes]))
-                    held = _drive(source) == "rotation"
+                    held = source.drive == "rotation"
                     inertia = 1.0 if held else group.mass[i, b, nodes]
                     weights.append(weight * force / inertia)
         number, block_, node = np.concatenate(where, axis=1)
@@ -85,13 +86,17 @@ def _points(
 
 
 def initial_state(
-    sources: Sequence[Any], medium: Medium, bar: Bar, blocks: Sequence[Block], generator: Generator
+    sources: Sequence[Source],
+    medium: Medium,
+    bar: Bar,
+    blocks: Sequence[Block],
+    generator: Generator,
 ) -> State:
     """State at t = 0: the initial fields among the sources, and else rest."""
     units = scales(medium)
     state = [list(part) for part in generator.zero()]
     for source in sources:
-        if _drive(source) != "initial":
+        if not isinstance(source, InitialField):
             continue
         staggered = source.staggered
         x = bar.half_nodes if staggered else bar.nodes

@@ -26,6 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from wavesim.source import Source
 from wavesim.timedomain.generator import Generator, State, Strain
 from wavesim.timedomain.response import interpolation
 from wavesim.timedomain.steppers import WaveSolver
@@ -78,7 +79,7 @@ class Drives(eqx.Module):
     """
 
     points: tuple[tuple[Points, ...], ...]
-    sources: tuple[Any, ...] = eqx.field(static=True)
+    sources: tuple[Source, ...] = eqx.field(static=True)
     time: float = eqx.field(static=True)
 
     @property
@@ -89,7 +90,7 @@ class Drives(eqx.Module):
     @property
     def prescribed(self) -> bool:
         """Whether an end's rotation is among them."""
-        return any(_drive(source) == "rotation" for source in self.sources)
+        return any(source.drive == "rotation" for source in self.sources)
 
     def signals(self, t: jax.Array) -> jax.Array:
         """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
@@ -98,10 +99,10 @@ class Drives(eqx.Module):
         made = []
         for source in self.sources:
 
-            def signal(t: jax.Array, source: Any = source) -> jax.Array:
+            def signal(t: jax.Array, source: Source = source) -> jax.Array:
                 return jnp.asarray(source.signal(t * self.time))
 
-            held = _drive(source) == "rotation"
+            held = source.drive == "rotation"
             made.append((_derivative(_derivative(signal)) if held else signal)(t))
         return jnp.stack(made)
 
@@ -125,10 +126,6 @@ class Drives(eqx.Module):
                     new[track] = new[track].at[p.block, p.node].add(push)
             made.append(tuple(new))
         return tuple(made)
-
-
-def _drive(source: Any) -> str:
-    return str(getattr(source, "drive", "body"))
 
 
 def _derivative(function: Callable[[jax.Array], jax.Array]) -> Callable[[jax.Array], jax.Array]:
@@ -247,14 +244,14 @@ def series(schedule: Schedule, band: float) -> Series:
 
     Args:
         schedule: of a real bar.
-        band: angular frequency above which no signal has anything, scaled.
+        band: angular frequency above which no signal has anything, scaled; may be infinite.
     """
     assert schedule.shift is not None
     step, radius, shift = schedule.step, math.sqrt(schedule.bound), schedule.shift
     state = expansion_coefficients(np.array([step]), radius, shift)[0]
     degree = len(state) - 1
     fine = degree + _EXTRA_NODES
-    count = min(fine, math.ceil(step * band / 2) + _EXTRA_NODES)
+    count = math.ceil(min(fine, step * band / 2 + _EXTRA_NODES))
     (nodes, _), (fine_nodes, fine_weights), between = interpolation(count, fine)
     at_nodes = expansion_coefficients(step * (1 - fine_nodes), radius, shift, degree)
     pulses = (between.T @ (step * fine_weights[:, None] * at_nodes)).T

@@ -17,7 +17,7 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, grouped, scales
-from wavesim.source import Ricker
+from wavesim.source import Source
 from wavesim.timedomain.operator import Operator, State
 
 
@@ -31,7 +31,7 @@ class Forcing(eqx.Module):
     """
 
     profiles: tuple[State, ...]
-    pulses: tuple[Ricker, ...] = eqx.field(static=True)
+    pulses: tuple[Source, ...] = eqx.field(static=True)
     time_scale: float = eqx.field(static=True)
 
     def signals(self, t: jax.Array) -> jax.Array:
@@ -49,7 +49,7 @@ class Forcing(eqx.Module):
 
 
 def forcing(
-    pulses: Sequence[Ricker],
+    pulses: Sequence[Source],
     medium: Medium,
     bar: Bar,
     blocks: Sequence[Block],

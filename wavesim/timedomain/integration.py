@@ -19,14 +19,14 @@ from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
-from wavesim.source import Ricker
-from wavesim.timedomain.drives import drives, initial_state
+from wavesim.source import Source
+from wavesim.timedomain.drives import acting, drives, initial_state
 from wavesim.timedomain.expansion import BarEquation, Expansion, series
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
 from wavesim.timedomain.operator import is_rotation, semi_discrete, to_fields
 from wavesim.timedomain.propagator import Propagator, bar_kernels
-from wavesim.timedomain.response import BEYOND_BAND, pulse_tables
+from wavesim.timedomain.response import pulse_tables
 from wavesim.timedomain.steppers import (
     TERM,
     Chebyshev,
@@ -99,7 +99,7 @@ def _equation(settled: Plan) -> tuple[Any, Any]:
         sources = drives(settled.sources, medium, bar, blocks, A)
         start = initial_state(settled.sources, medium, bar, blocks, A)
         equation = BarEquation(A, sources, settled.balanced)
-        begun = any(getattr(s, "drive", "body") == "initial" for s in settled.sources)
+        begun = any(source.drive == "initial" for source in settled.sources)
         return equation, jax.jit(equation.start)(start) if begun else equation.rest(start)
     operator = semi_discrete(medium, bar, blocks)
     force = forcing(settled.sources, medium, bar, blocks, operator)
@@ -116,8 +116,9 @@ class Timing:
 
 def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     if settled.schedule.shift is not None:
-        time = float(settled.medium.time_scale)
-        return Expansion(series(settled.schedule, signal_band(settled.sources) * time))
+        ends = [source.spectral_end for source in acting(settled.sources)]
+        band = max(ends, default=0.0) * float(settled.medium.time_scale)
+        return Expansion(series(settled.schedule, band))
     if settled.schedule.solver == "verlet":
         return Verlet()
     steps = settled.schedule
@@ -253,15 +254,10 @@ def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) ->
     return Chunk(first, kept, energy, motion)
 
 
-def signal_band(sources: Sequence[Any]) -> float:
-    """Angular frequency above which no signal has anything, to rounding, rad/s."""
-    return BEYOND_BAND * max(source.band for source in sources)
-
-
 def simulate(
     medium: Medium | Layers,
     bar: Bar,
-    sources: Sequence[Ricker],
+    sources: Sequence[Source],
     duration: float,
     samples: int | None = None,
     solver: str = "auto",

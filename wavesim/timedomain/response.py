@@ -32,8 +32,6 @@ from wavesim.timedomain.timestep import Schedule, chebyshev_series, cosine, sine
 
 # Gauss nodes beyond half the phase of what they integrate or interpolate.
 _EXTRA_NODES = 14
-# A pulse has no spectrum, to rounding, above this many times the end of its band.
-BEYOND_BAND = 2.4
 
 
 class _Window(eqx.Module):
@@ -112,9 +110,10 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
     """
     h, bound, degree = schedule.step, schedule.bound, schedule.degree
     fine = degree + _EXTRA_NODES
-    band = BEYOND_BAND * max(pulse.band for pulse in forcing.pulses) * forcing.time_scale
+    # Infinite where a signal has kinks: it is then sampled at all the fine nodes.
+    band = max(pulse.spectral_end for pulse in forcing.pulses) * forcing.time_scale
     (unit_nodes, unit_weights), (fine_nodes, fine_weights), between = interpolation(
-        min(fine, math.ceil(h * band / 2) + _EXTRA_NODES), fine
+        math.ceil(min(fine, h * band / 2 + _EXTRA_NODES)), fine
     )
     nodes, weights = h * unit_nodes, h * unit_weights
     # (node, degree) coefficients of the functions of L named at the head of this file.

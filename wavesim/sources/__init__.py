@@ -1,0 +1,1 @@
+"""What drives a bar, one kind a file."""
