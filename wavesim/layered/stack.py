@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.layered import gaussian
-from wavesim.layered.magnus import graded
+from wavesim.layered.collocation import graded
 from wavesim.layered.section import (
     Section,
     Units,
