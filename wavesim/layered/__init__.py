@@ -1,0 +1,1 @@
+"""Layered, graded, damped, finite bars in the frequency domain: exact, without a grid or jax."""

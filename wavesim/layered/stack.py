@@ -1,0 +1,246 @@
+"""A layered bar cut into pieces at some frequencies, with its sources in them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from wavesim.layered import gaussian
+from wavesim.layered.collocation import graded
+from wavesim.layered.section import (
+    Section,
+    Units,
+    generator,
+    limit,
+    section,
+    units_of,
+    with_impedance,
+)
+from wavesim.layered.slab import Waves, uniform, waves
+from wavesim.layered.star import Piece, jump, nothing, star
+from wavesim.layers import Layer, Layers
+from wavesim.sectors import Block
+from wavesim.spectral.bandedges import gradient_share
+
+# Above this share of Γ in ω² (planewave.gradient_share) a medium needs it kept.
+NEGLIGIBLE = 1e-9
+
+
+def keeps_gradient(layers: Layers) -> bool:
+    """Whether Γ matters in some layer: planewave.gradient_share above 1e-9."""
+    media = [layer.medium for layer in layers.layers]
+    media += [layer.last for layer in layers.layers if layer.last is not None]
+    return any(gradient_share(medium) > NEGLIGIBLE for medium in media)
+
+
+@dataclass(frozen=True)
+class Load:
+    """A source on one component of a block, scaled.
+
+    Attributes:
+        component: 0 for the rotation if there is one, then the micro-curvatures.
+        position, width: of its Gaussian; width 0 is a point.
+        strength: its integral over x, shape (N,).
+        inertial: whether the local inertia ι I multiplies it, as for an initial value.
+    """
+
+    component: int
+    position: float
+    width: float
+    strength: Any
+    inertial: bool = False
+
+    def on(self, one: Section, omega: Any) -> Any:
+        """Strength with the local inertia, shape (N,)."""
+        if not self.inertial:
+            return self.strength
+        own = one.inertia_p if self.component < one.rotations else one.inertia_b
+        return self.strength * own * one.losses(omega)[1]
+
+
+def driven(one: Section, omega: Any, component: int) -> Any:
+    """s of y′ = A y + s for a unit body moment on a component, shape (N, 2n); see section.py."""
+    n, p = one.size, one.rotations
+    s = np.zeros((len(omega), 2 * n), dtype=complex)
+    if component < p or one.kept:
+        s[:, n + component] = 1 / np.sqrt(one.impedance[component])
+    else:
+        local = limit(one, omega)
+        s[:, 0] = -1j * omega * np.sqrt(one.impedance[0]) * local.pX[:, component - p] / local.D
+    return s
+
+
+@dataclass(frozen=True)
+class Stack:
+    """A layered bar at some frequencies.
+
+    Args:
+        layers: the bar.
+        block: one of wavesim.sectors.BLOCKS.
+        omega: ω in SI, shape (N,), real or complex, not 0, rad/s.
+        kept: whether Γ is kept.
+
+    Raises:
+        ValueError: an ω is 0, or Γ is singular where it is kept.
+    """
+
+    layers: Layers
+    block: Block
+    omega: Any
+    kept: bool
+
+    def __post_init__(self) -> None:
+        if (np.asarray(self.omega) == 0).any():
+            raise ValueError("omega = 0: must not be 0; take a small ω for the static limit")
+        for layer in self.layers.layers if self.kept else ():
+            gamma = self.bare(layer, layer.start).gamma
+            if np.linalg.cond(gamma) > 1e12:
+                raise ValueError(
+                    f"G_n_g = {layer.medium.G_n_g:g}, stiffness_ratio = "
+                    f"{layer.medium.stiffness_ratio:g}: Γ is singular; take gradient = False"
+                )
+
+    @cached_property
+    def units(self) -> Units:
+        """Units of the medium at the left end."""
+        return units_of(self.layers.first)
+
+    @cached_property
+    def scaled(self) -> Any:
+        """ω τ, complex, shape (N,)."""
+        return np.atleast_1d(np.asarray(self.omega, dtype=complex)) * self.units.time
+
+    def bare(self, layer: Layer, position: float) -> Section:
+        """The section at a position (m) of a layer, without impedance."""
+        return section(layer.at(position), self.block, self.units, self.kept)
+
+    @cached_property
+    def impedance(self) -> Any:
+        """z, shape (n,): the geometric mean of the layers' own."""
+        logs = [
+            np.log(self.bare(layer, (layer.start + layer.end) / 2).natural_impedance)
+            for layer in self.layers.layers
+        ]
+        return np.exp(np.mean(logs, axis=0))
+
+    def section(self, layer: Layer, position: float) -> Section:
+        """The section at a position (m) of a layer."""
+        return with_impedance(self.bare(layer, position), self.impedance)
+
+    @cached_property
+    def _waves(self) -> dict[int, Waves]:
+        return {}
+
+    def waves(self, layer: Layer) -> Waves:
+        """Waves of a uniform layer."""
+        if id(layer) not in self._waves:
+            self._waves[id(layer)] = waves(self.section(layer, layer.start), self.scaled)
+        return self._waves[id(layer)]
+
+    def end_waves(self, right: bool) -> Waves:
+        """Waves of the medium at an end."""
+        layer = self.layers.layers[-1 if right else 0]
+        return waves(self.section(layer, layer.end if right else layer.start), self.scaled)
+
+    def piece(self, layer: Layer, start: float, end: float, loads: Sequence[Load] = ()) -> Piece:
+        """The stretch from start to end (m) of one layer, with the Gaussian sources in it."""
+        x0, x1 = start / self.units.length, end / self.units.length
+        reach = gaussian.CUT
+        near = [
+            load
+            for load in loads
+            if load.width > 0
+            and load.position - reach * load.width < x1
+            and load.position + reach * load.width > x0
+        ]
+        if layer.last is not None:
+            return self._graded(layer, x0, x1, near)
+        own = self.waves(layer)
+        return uniform(own, x1 - x0, self._made(layer, own, x0, x1, near) if near else None)
+
+    def _made(self, layer: Layer, own: Waves, x0: float, x1: float, loads: Sequence[Load]) -> Any:
+        here = self.section(layer, layer.start)
+        basis = np.concatenate(
+            [
+                np.concatenate([own.v, own.mirror_v], axis=2),
+                np.concatenate([own.f, own.mirror_f], axis=2),
+            ],
+            axis=1,
+        )
+        right, left = np.zeros_like(own.k), np.zeros_like(own.k)
+        n = here.size
+        for load in loads:
+            s = driven(here, self.scaled, load.component) * load.on(here, self.scaled)[:, None]
+            share = np.linalg.solve(basis, s[..., None])[..., 0]
+            x, w = load.position, load.width
+            right += share[:, :n] * gaussian.sent(own.k, x0, x1, x, w)
+            left -= share[:, n:] * gaussian.sent(own.k, -x1, -x0, -x, w)
+        return right, left
+
+    def _graded(self, layer: Layer, x0: float, x1: float, loads: Sequence[Load]) -> Piece:
+        length, full = self.units.length, self.scaled
+
+        def system(x: float, chosen: Any) -> tuple[Any, Any]:
+            here, omega = self.section(layer, x * length), full[chosen]
+            s = np.zeros((len(omega), 2 * here.size), dtype=complex)
+            for load in loads:
+                amount = load.on(here, full)[chosen]
+                g = gaussian.density(x, load.position, load.width)
+                s += g * amount[:, None] * driven(here, omega, load.component)
+            return generator(here, omega), s
+
+        strength = None
+        if loads:
+            middle = self.section(layer, (x0 + x1) / 2 * length)
+            strength = sum(
+                np.abs(load.on(middle, full)) * np.abs(driven(middle, full, load.component)).max(1)
+                for load in loads
+            )
+            strength = np.maximum(strength, 1e-12 * strength.max()) + 1e-300
+        return graded(system, x0, x1, len(full), strength)
+
+    def pieces(
+        self, cuts: Sequence[float] = (), loads: Sequence[Load] = ()
+    ) -> tuple[list[float], list[Piece]]:
+        """The bar cut at its interfaces, its point sources, and at given positions (m).
+
+        Returns:
+            Positions x_0 … x_M (m) and the M pieces between them; a point source belongs to the
+            piece on its right, or at the right end to the last one.
+        """
+        length = self.layers.length
+        points = [load for load in loads if load.width == 0]
+        marks = {0.0, length, *self.layers.interfaces, *cuts}
+        marks |= {min(max(load.position * self.units.length, 0.0), length) for load in points}
+        for load in loads:
+            for u in (-8.5, -4.0, -2.0, 0.0, 2.0, 4.0, 8.5) if load.width > 0 else ():
+                x = (load.position + u * load.width) * self.units.length
+                if 0 < x < length and self.layers.layer_at(x).last is not None:
+                    marks.add(x)
+        nodes = sorted(marks)
+        found = []
+        for start, end in itertools.pairwise(nodes):
+            layer = self.layers.layer_at((start + end) / 2)
+            one = self.piece(layer, start, end, loads)
+            for load in points:
+                x = min(max(load.position * self.units.length, 0.0), length)
+                if x == start or (x == end == length):
+                    here = self.section(layer, x)
+                    s = driven(here, self.scaled, load.component)
+                    s = s * load.on(here, self.scaled)[:, None]
+                    kick = jump(s[:, : here.size], s[:, here.size :])
+                    one = star(kick, one) if x == start else star(one, kick)
+            found.append(one)
+        return nodes, found
+
+    def whole(self) -> Piece:
+        """The bar in one."""
+        total = None
+        for one in self.pieces()[1]:
+            total = one if total is None else star(total, one)
+        return total if total is not None else nothing(len(self.scaled), len(self.impedance))
