@@ -1,0 +1,183 @@
+"""Re k(ω) up to what the phases of receivers leave open: the 2π ambiguity, and how it is resolved.
+
+Two receivers d apart tell k only up to a multiple of 2π/d. Here the nearest neighbours decide it,
+and receivers ever further apart then refine k, each phase taken at the multiple of 2π nearest to
+what the nearer ones foretell. At the nearest neighbours the multiple is, in this order,
+
+1. none, where the caller knows that |Re k| ≤ k_max ≤ π/d: the phase itself is the answer;
+2. one for each stretch of frequencies without a break, along which the phase is unwrapped: that at
+   which a velocity foreseen by the caller at one frequency is met best;
+3. without either, for the lowest stretch alone: the multiple by which the phase, continued as a
+   line through its lowest part, comes nearest to 0 at ω = 0, which an acoustic branch does. It
+   must come within a quarter turn.
+
+Other stretches stay open, with the reason. Sachse & Pao, J. Appl. Phys. 49, 4320 (1978).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.pulse.velocity import weighted_line
+from wavesim.pulse.windows import Spectra
+
+Float = NDArray[Any]
+
+# The fine frequencies, along which phase is unwrapped, are this part of 1/T apart, T the record's
+# length; a break of up to so many of them is bridged.
+FINE = 0.25
+_BRIDGED = 4
+# The line to ω = 0 goes through the stretch's part below this many times its lowest frequency.
+_LOWEST_PART = 3.0
+_QUARTER_TURN = 0.25
+# A stretch shorter than this is chance.
+_FEWEST = 8
+
+OPEN = "2π ambiguity: name k_max ≤ π/spacing or an expected velocity, or place receivers closer"
+HIDDEN = "fewer than two receivers stand above the noise or truncation"
+UNDRIVEN = "the source's spectrum is under 1 % of its peak"
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Re k at the frequencies of spectra.
+
+    Attributes:
+        k: shape (n,), rad/m; NaN where it is open.
+        pair: the nearest neighbours, that decided it.
+        intercept: phase of the pair at ω = 0 by rule 3, in turns, multiples taken out; NaN where
+            it was not used.
+        reason: why k is open, n of them; "" where it is not.
+    """
+
+    k: Float
+    pair: tuple[int, int]
+    intercept: float
+    reason: tuple[str, ...]
+
+
+def nearest_pair(x: Float) -> tuple[int, int]:
+    """The neighbours closest to each other; of several the first."""
+    gaps = np.diff(x)
+    first = int(np.flatnonzero(gaps <= gaps.min() * (1 + 1e-9))[0])
+    return first, first + 1
+
+
+def resolve(
+    seen: Spectra,
+    fine: Spectra,
+    k_max: float | None = None,
+    expected: tuple[float, float] | None = None,
+) -> Guess:
+    """Re k of a wave that runs towards larger x.
+
+    Args:
+        seen: spectra where k is wanted.
+        fine: the same at frequencies at most 1/4T apart, from the lowest on.
+        k_max: largest |Re k| that can be, rad/m; of use where it is below π/spacing.
+        expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s.
+
+    Returns:
+        The guess.
+    """
+    a, b = nearest_pair(seen.x)
+    d = float(seen.x[b] - seen.x[a])
+    both = seen.above[:, a] & seen.above[:, b] & seen.driven
+    phase = np.angle(seen.values[:, b] * np.conj(seen.values[:, a]))
+    intercept = np.nan
+    if k_max is not None and k_max * d <= np.pi:
+        k = np.where(both, phase / d, np.nan)
+    else:
+        smooth, intercept = _unwrapped(fine, (a, b), d, expected)
+        # Only the multiple comes from the fine frequencies.
+        foretold = np.interp(seen.omega, fine.omega, smooth)
+        k = np.where(both, _nearest(phase, foretold) / d, np.nan)
+    refined = _refined(seen, k, (a, b))
+    hidden = seen.above.sum(axis=1) < 2
+    reason = np.where(np.isfinite(refined), "", np.where(both, OPEN, HIDDEN))
+    reason = np.where(~hidden & ~both, "the nearest neighbours stand below the noise", reason)
+    reason = np.where(seen.driven, reason, UNDRIVEN)
+    return Guess(refined, (a, b), intercept, tuple(reason.tolist()))
+
+
+def _nearest(phase: Any, foretold: Any) -> Any:
+    turn = 2 * np.pi
+    return phase + turn * np.round((foretold - phase) / turn)
+
+
+def _unwrapped(
+    fine: Spectra, pair: tuple[int, int], d: float, expected: tuple[float, float] | None
+) -> tuple[Float, float]:
+    """Phase of a pair over fine frequencies, NaN where it is open, and its intercept in turns."""
+    a, b = pair
+    cross = fine.values[:, b] * np.conj(fine.values[:, a])
+    used = fine.above[:, a] & fine.above[:, b] & fine.driven
+    result, intercept = np.full(len(cross), np.nan), np.nan
+    for number, run in enumerate(_stretches(used)):
+        steps = np.angle(cross[run][1:] * np.conj(cross[run][:-1]))
+        size = np.abs(cross[run])
+        # Where a pulse comes late the phase turns fast: its mean turn is taken out first.
+        turn = np.angle(np.sum(cross[run][1:] * np.conj(cross[run][:-1])))
+        steps = turn + np.angle(np.exp(1j * (steps - turn)))
+        psi = np.angle(cross[run.start]) + np.concatenate([[0], np.cumsum(steps)])
+        omega = fine.omega[run]
+        if expected is not None:
+            at, want = 2 * np.pi * expected[0], 2 * np.pi * expected[0] * d / expected[1]
+            if omega[0] <= at <= omega[-1]:
+                off = np.round((want - np.interp(at, omega, psi)) / (2 * np.pi))
+                result[run] = psi + 2 * np.pi * off
+        elif number == 0:
+            low = omega <= _LOWEST_PART * omega[0]
+            low[: _FEWEST // 2] = True
+            noise = np.nan_to_num(fine.noise[run][:, list(pair)])
+            relative = noise / np.maximum(np.abs(fine.values[run][:, list(pair)]), 1e-290)
+            variance = (relative**2).sum(axis=1) / 2
+            weight = 1 / np.maximum(variance, 1e-6) if variance.any() else size / size.max()
+            at_zero = float(weighted_line(omega[low], psi[low], weight[low])[1]) / (2 * np.pi)
+            intercept = at_zero - round(at_zero)
+            if abs(intercept) <= _QUARTER_TURN:
+                result[run] = psi - 2 * np.pi * round(at_zero)
+    return result, intercept
+
+
+def _stretches(used: NDArray[np.bool_]) -> list[slice]:
+    """Runs of frequencies that count, short breaks bridged."""
+    at = np.flatnonzero(used)
+    if not len(at):
+        return []
+    cuts = np.flatnonzero(np.diff(at) > _BRIDGED + 1)
+    starts = at[np.concatenate([[0], cuts + 1])]
+    ends = at[np.concatenate([cuts, [len(at) - 1]])]
+    return [
+        slice(int(s), int(e) + 1)
+        for s, e in zip(starts, ends, strict=True)
+        if e - s + 1 >= _FEWEST
+    ]
+
+
+def _refined(seen: Spectra, k: Float, pair: tuple[int, int]) -> Float:
+    """k by the phases of ever more receivers, nearest to the pair first."""
+    x, U = seen.x, seen.values
+    middle = (x[pair[0]] + x[pair[1]]) / 2
+    order = np.argsort(np.abs(x - middle), kind="stable")
+    phase = np.zeros(U.shape)
+    weight = np.zeros(U.shape)
+    taken = list(pair)
+    for j in pair:
+        turned = np.angle(U[:, j] * np.conj(U[:, pair[0]]))
+        phase[:, j] = _nearest(turned, k * (x[j] - x[pair[0]]))
+        weight[:, j] = np.abs(U[:, j]) ** 2
+    for j in order:
+        if j in pair:
+            continue
+        turned = np.angle(U[:, j] * np.conj(U[:, pair[0]]))
+        phase[:, j] = _nearest(turned, k * (x[j] - x[pair[0]]))
+        weight[:, j] = np.abs(U[:, j]) ** 2 * seen.above[:, j]
+        taken.append(int(j))
+        k = weighted_line(np.broadcast_to(x[taken], U[:, taken].shape), phase[:, taken],
+                          weight[:, taken])[0]  # fmt: skip
+    return np.asarray(k)
