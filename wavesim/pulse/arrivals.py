@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.signal import correlate
 
 from wavesim.pulse.bandlimited import between, slope, top
@@ -72,15 +73,11 @@ def threshold(values: Float, fraction: float, noise: float) -> Pick:
     if after == 0:
         return np.nan, np.nan, "the threshold is passed when the record begins: begin it earlier"
     sign = np.sign(values[after])
-    low, high = after - 1.0, float(after)
-    for _ in range(50):
-        middle = (low + high) / 2
-        if sign * between(values, middle) >= level:
-            high = middle
-        else:
-            low = middle
-    steep = abs(slope(values, high))
-    return high, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
+    place = float(
+        brentq(lambda at: float(sign * between(values, at)) - level, after - 1, after, xtol=1e-9)
+    )
+    steep = abs(slope(values, place))
+    return place, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
 
 
 def envelope_peak(values: Float, noise: float) -> Pick:

@@ -134,7 +134,7 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     error = np.full(len(k), np.nan)
     if not len(rows):
         return k, error
-    used, U = seen.above[rows], seen.values[rows]
+    used, U = guess.used[rows], seen.values[rows]
     size = np.log(np.maximum(np.abs(U), 1e-290))
     decay = -weighted_line(np.broadcast_to(seen.x, U.shape), size, used * np.abs(U) ** 2)[0]
     fit = fit_line(U, seen.x, used, 1, False, (guess.k[rows] + 1j * decay)[:, None])

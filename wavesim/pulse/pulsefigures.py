@@ -27,8 +27,8 @@ _MARKS = {
 _LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 _POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mec": FOUND, "mew": 0.8}
 _MOST_POINTS = 90
-# A part of the values at either end is left out of an axis' range, so that a few wild ones near
-# the edges of a gap don't flatten all others.
+# Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
+# near the edges of a gap don't flatten all others.
 _WILD = 2.0
 
 
@@ -56,15 +56,14 @@ def record_section(
         axes.plot(record.t[shown] * 1e6, x[j] + room * u[shown], color="#55606b", lw=0.8)
         if len(x) <= 12:
             axes.text(
-                0.995, x[j] + 0.12 * room, name, ha="right", va="bottom", fontsize=7, bbox=_LABEL,
+                0.008, x[j] + 0.15 * room, name, ha="left", va="bottom", fontsize=7, bbox=_LABEL,
                 transform=axes.get_yaxis_transform(),
             )  # fmt: skip
     if np.isfinite(speed.velocity):
         ends = np.array([x[0] - 1.5 * room, x[-1] + 1.5 * room])
-        error = f" ± {speed.error:.2g}" if np.isfinite(speed.error) else ""
         axes.plot(
             (speed.intercept + ends * 1e-3 / speed.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
-            label=f"{line}: {speed.velocity:.5g}{error} m/s",
+            label=f"{line}: {_with_error(speed.velocity, speed.error)} m/s",
         )  # fmt: skip
     for convention in conventions:
         mark, face, edge = _MARKS[convention]
@@ -78,7 +77,7 @@ def record_section(
         xlim=(low * 1e6, high * 1e6), ylim=(x[0] - 2.2 * room, x[-1] + 2.2 * room),
         xlabel="t (µs)", ylabel="position (mm)",
     )  # fmt: skip
-    figure.legend(loc="outside upper center", ncols=len(conventions) + 1)
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
@@ -139,21 +138,21 @@ def velocities_and_losses(
     figure = Figure(figsize=(6.2, 7.4))
     speed, loss, factor = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1, 1))
     every = max(1, -(-len(frequency) // _MOST_POINTS))
-    parts: tuple[tuple[Axes, str, str, float, str, str], ...] = (
-        (speed, "phase_velocity", "phase_error", 1.0, "phase velocity", "o"),
-        (speed, "group_velocity", "group_error", 1.0, "group velocity", "^"),
-        (loss, "attenuation", "attenuation_error", 1.0, "attenuation", "o"),
-        (factor, "quality", "quality_error", 1.0, "Q = ω/2αv_g", "o"),
+    parts: tuple[tuple[Axes, str, str, str, str], ...] = (
+        (speed, "phase_velocity", "phase_error", "phase velocity", "o"),
+        (speed, "group_velocity", "group_error", "group velocity", "^"),
+        (loss, "attenuation", "attenuation_error", "attenuation", "o"),
+        (factor, "quality", "quality_error", "Q = ω/2α$v_g$", "o"),
     )
     labels = {speed: "velocity (m/s)", loss: "attenuation (Np/m)", factor: "Q"}
     for axes, label in labels.items():
         _shade(axes, gaps, named=axes is speed)
         axes.set_ylabel(label)
     seen: dict[Axes, list[Any]] = {speed: [], loss: [], factor: []}
-    for axes, name, error_name, _, label, mark in parts:
+    for axes, name, error_name, label, mark in parts:
         value, error = getattr(found, name), getattr(found, error_name)
-        # Where an error exceeds its value nothing is told.
-        counts = np.isfinite(value) & ~(error > np.abs(value)) | (name == "attenuation")
+        # A ratio known to no better than half tells nothing; attenuation may well be 0.
+        counts = ~(error > 0.5 * np.abs(value)) | (name == "attenuation")
         if axes is not loss:
             for _, low, high in gaps:
                 counts &= (frequency < low / 1e3) | (frequency > high / 1e3)
@@ -173,11 +172,18 @@ def velocities_and_losses(
     speed.legend(loc="best", ncols=2)
     second = loss.secondary_yaxis("right", functions=_decibels())
     second.set_ylabel("dB/m")
-    if loss.get_legend_handles_labels()[0]:
-        loss.legend(loc="best")
-        factor.legend(loc="best")
+    loss.legend(loc="best")
+    factor.legend(loc="best")
     factor.set(xlim=(frequency[0], frequency[-1]), xlabel="ω/2π (kHz)")
     return figure
+
+
+def _with_error(value: float, error: float) -> str:
+    """A value to two digits of its error."""
+    if not (np.isfinite(error) and error > 0):
+        return f"{value:.6g}"
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{min(digits, 6)}f} ± {error:.{min(digits, 6)}f}"
 
 
 def _decibels() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:

@@ -23,22 +23,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.pulse.velocity import weighted_line
-from wavesim.pulse.windows import Spectra
+from wavesim.pulse.windows import ABOVE_NOISE, Spectra
 
 Float = NDArray[Any]
 
 # The fine frequencies, along which phase is unwrapped, are this part of 1/T apart, T the record's
 # length; a break of up to so many of them is bridged.
 FINE = 0.25
-_BRIDGED = 4
+_BRIDGED = 8
+# From one to the next the phase may leave its mean turn by so much, rad: more were a delay of 0.6 T
+# between neighbours, and is no wave but what the window cut off.
+_LARGEST_STEP = 1.0
 # The line to ω = 0 goes through the stretch's part below this many times its lowest frequency.
 _LOWEST_PART = 3.0
 _QUARTER_TURN = 0.25
 # A stretch shorter than this is chance.
 _FEWEST = 8
 
+# Phases along which to unwrap must stand out more clearly than others, by this factor.
+_CLEARLY = 2.0
+# The lowest stretch that counts holds this part of all the energy.
+_ENERGY = 0.01
+# A further receiver serves where so many errors of the phase foretold for it make no half turn.
+_SURE = 4.0
+
+NOISY = "the phase is too noisy here to be unwrapped: name k_max ≤ π/spacing, or average more"
 OPEN = "2π ambiguity: name k_max ≤ π/spacing or an expected velocity, or place receivers closer"
-HIDDEN = "fewer than two receivers stand above the noise or truncation"
+HIDDEN = "one of the nearest neighbours stands below the noise or truncation"
 UNDRIVEN = "the source's spectrum is under 1 % of its peak"
 
 
@@ -48,6 +59,7 @@ class Guess:
 
     Attributes:
         k: shape (n,), rad/m; NaN where it is open.
+        used: receivers whose phase is known for certain, shape (n, m).
         pair: the nearest neighbours, that decided it.
         intercept: phase of the pair at ω = 0 by rule 3, in turns, multiples taken out; NaN where
             it was not used.
@@ -55,6 +67,7 @@ class Guess:
     """
 
     k: Float
+    used: NDArray[np.bool_]
     pair: tuple[int, int]
     intercept: float
     reason: tuple[str, ...]
@@ -88,20 +101,20 @@ def resolve(
     d = float(seen.x[b] - seen.x[a])
     both = seen.above[:, a] & seen.above[:, b] & seen.driven
     phase = np.angle(seen.values[:, b] * np.conj(seen.values[:, a]))
-    intercept = np.nan
-    if k_max is not None and k_max * d <= np.pi:
+    intercept, unwrapped = np.nan, np.ones(len(both), bool)
+    if k_max is not None and k_max * d <= np.pi * (1 + 1e-6):
         k = np.where(both, phase / d, np.nan)
     else:
-        smooth, intercept = _unwrapped(fine, (a, b), d, expected)
+        smooth, inside, intercept = _unwrapped(fine, (a, b), d, expected)
+        unwrapped = np.interp(seen.omega, fine.omega, inside) == 1
         # Only the multiple comes from the fine frequencies.
         foretold = np.interp(seen.omega, fine.omega, smooth)
         k = np.where(both, _nearest(phase, foretold) / d, np.nan)
-    refined = _refined(seen, k, (a, b))
-    hidden = seen.above.sum(axis=1) < 2
-    reason = np.where(np.isfinite(refined), "", np.where(both, OPEN, HIDDEN))
-    reason = np.where(~hidden & ~both, "the nearest neighbours stand below the noise", reason)
+    refined, used = _refined(seen, k, (a, b))
+    reason = np.where(np.isfinite(refined), "", np.where(unwrapped, OPEN, NOISY))
+    reason = np.where(both, reason, HIDDEN)
     reason = np.where(seen.driven, reason, UNDRIVEN)
-    return Guess(refined, (a, b), intercept, tuple(reason.tolist()))
+    return Guess(refined, used, (a, b), intercept, tuple(reason.tolist()))
 
 
 def _nearest(phase: Any, foretold: Any) -> Any:
@@ -111,19 +124,28 @@ def _nearest(phase: Any, foretold: Any) -> Any:
 
 def _unwrapped(
     fine: Spectra, pair: tuple[int, int], d: float, expected: tuple[float, float] | None
-) -> tuple[Float, float]:
-    """Phase of a pair over fine frequencies, NaN where it is open, and its intercept in turns."""
+) -> tuple[Float, NDArray[np.bool_], float]:
+    """Phase of a pair over fine frequencies, NaN where open; where unwrapped; intercept, turns."""
     a, b = pair
     cross = fine.values[:, b] * np.conj(fine.values[:, a])
-    used = fine.above[:, a] & fine.above[:, b] & fine.driven
+    noise = np.nan_to_num(fine.noise[:, [a, b]])
+    size = np.abs(fine.values[:, [a, b]])
+    used = fine.driven & (fine.above[:, [a, b]] & (size > _CLEARLY * ABOVE_NOISE * noise)).all(axis=1)
+    variance = ((noise / np.maximum(size, 1e-290)) ** 2).sum(axis=1) / 2
+    energy = np.abs(cross) * used
+    # Where a pulse comes late the phase turns fast: its mean turn is taken out first.
+    product = cross[1:] * np.conj(cross[:-1])
+    turn = np.angle(np.sum(product * (used[1:] & used[:-1])))
+    steps = turn + np.angle(product * np.exp(-1j * turn))
+    rough = np.abs(steps - turn) > _LARGEST_STEP
     result, intercept = np.full(len(cross), np.nan), np.nan
-    for number, run in enumerate(_stretches(used)):
-        steps = np.angle(cross[run][1:] * np.conj(cross[run][:-1]))
-        size = np.abs(cross[run])
-        # Where a pulse comes late the phase turns fast: its mean turn is taken out first.
-        turn = np.angle(np.sum(cross[run][1:] * np.conj(cross[run][:-1])))
-        steps = turn + np.angle(np.exp(1j * (steps - turn)))
-        psi = np.angle(cross[run.start]) + np.concatenate([[0], np.cumsum(steps)])
+    inside = np.zeros(len(cross), bool)
+    runs = _stretches(used, rough)
+    runs = [run for run in runs if energy[run].sum() >= _ENERGY * energy.sum()]
+    for number, run in enumerate(runs):
+        inside[run] = True
+        own = steps[run.start : run.stop - 1]
+        psi = np.angle(cross[run.start]) + np.concatenate([[0], np.cumsum(own)])
         omega = fine.omega[run]
         if expected is not None:
             at, want = 2 * np.pi * expected[0], 2 * np.pi * expected[0] * d / expected[1]
@@ -133,23 +155,22 @@ def _unwrapped(
         elif number == 0:
             low = omega <= _LOWEST_PART * omega[0]
             low[: _FEWEST // 2] = True
-            noise = np.nan_to_num(fine.noise[run][:, list(pair)])
-            relative = noise / np.maximum(np.abs(fine.values[run][:, list(pair)]), 1e-290)
-            variance = (relative**2).sum(axis=1) / 2
-            weight = 1 / np.maximum(variance, 1e-6) if variance.any() else size / size.max()
+            weight = 1 / np.maximum(variance[run], 1e-6)
             at_zero = float(weighted_line(omega[low], psi[low], weight[low])[1]) / (2 * np.pi)
             intercept = at_zero - round(at_zero)
             if abs(intercept) <= _QUARTER_TURN:
                 result[run] = psi - 2 * np.pi * round(at_zero)
-    return result, intercept
+    return result, inside, intercept
 
 
-def _stretches(used: NDArray[np.bool_]) -> list[slice]:
-    """Runs of frequencies that count, short breaks bridged."""
+def _stretches(used: NDArray[np.bool_], rough: NDArray[np.bool_]) -> list[slice]:
+    """Runs of frequencies that count, short breaks bridged; no step within one is rough."""
     at = np.flatnonzero(used)
     if not len(at):
         return []
-    cuts = np.flatnonzero(np.diff(at) > _BRIDGED + 1)
+    roughness = np.concatenate([[0], np.cumsum(rough)])
+    cut = (np.diff(at) > _BRIDGED + 1) | (np.diff(roughness[at]) > 0)
+    cuts = np.flatnonzero(cut)
     starts = at[np.concatenate([[0], cuts + 1])]
     ends = at[np.concatenate([cuts, [len(at) - 1]])]
     return [
@@ -159,25 +180,24 @@ def _stretches(used: NDArray[np.bool_]) -> list[slice]:
     ]
 
 
-def _refined(seen: Spectra, k: Float, pair: tuple[int, int]) -> Float:
-    """k by the phases of ever more receivers, nearest to the pair first."""
+def _refined(
+    seen: Spectra, k: Float, pair: tuple[int, int]
+) -> tuple[Float, NDArray[np.bool_]]:
+    """k by the phases of ever more receivers, nearest to the pair first, and which served."""
     x, U = seen.x, seen.values
-    middle = (x[pair[0]] + x[pair[1]]) / 2
-    order = np.argsort(np.abs(x - middle), kind="stable")
-    phase = np.zeros(U.shape)
-    weight = np.zeros(U.shape)
-    taken = list(pair)
-    for j in pair:
-        turned = np.angle(U[:, j] * np.conj(U[:, pair[0]]))
-        phase[:, j] = _nearest(turned, k * (x[j] - x[pair[0]]))
-        weight[:, j] = np.abs(U[:, j]) ** 2
-    for j in order:
-        if j in pair:
-            continue
-        turned = np.angle(U[:, j] * np.conj(U[:, pair[0]]))
-        phase[:, j] = _nearest(turned, k * (x[j] - x[pair[0]]))
-        weight[:, j] = np.abs(U[:, j]) ** 2 * seen.above[:, j]
-        taken.append(int(j))
-        k = weighted_line(np.broadcast_to(x[taken], U[:, taken].shape), phase[:, taken],
-                          weight[:, taken])[0]  # fmt: skip
-    return np.asarray(k)
+    size = np.abs(U)
+    known = bool(np.isfinite(seen.noise).all() and (seen.noise > 0).all())
+    weight = 2 * (size / seen.noise) ** 2 if known else size**2
+    turned = np.angle(U * np.conj(U[:, pair[:1]]))
+    phase, used = np.zeros(U.shape), np.zeros(U.shape, bool)
+    order = np.argsort(np.abs(x - (x[pair[0]] + x[pair[1]]) / 2), kind="stable")
+    error = np.zeros(len(k))
+    for number, j in enumerate([*pair, *(int(j) for j in order if j not in pair)]):
+        away = x[j] - x[pair[0]]
+        phase[:, j] = _nearest(turned[:, j], k * away)
+        used[:, j] = seen.above[:, j] & (_SURE * error * abs(away) < np.pi)
+        if number:
+            served = np.where(used, weight, 0)
+            k, _, variance = weighted_line(np.broadcast_to(x, U.shape), phase, served)
+            error = np.sqrt(variance) if known else error
+    return np.asarray(k), used & np.isfinite(k)[:, None]
