@@ -1,4 +1,4 @@
-"""Pulses of known truth along a line: closed forms, and synthesis by an inverse FFT along ω + iσ."""
+"""Pulses of known truth along a line: in closed form, or by an inverse FFT along ω + iσ."""
 
 import numpy as np
 

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.signal import correlate
 
 from wavesim.pulse.bandlimited import between, slope, top
-from wavesim.pulse.onset import DETECTED, AT_THE_END, WEAK, envelope, onset
+from wavesim.pulse.onset import AT_THE_END, DETECTED, WEAK, envelope, onset
 from wavesim.pulse.pulserecord import PulseError, PulseRecord
 
 Float = NDArray[Any]
@@ -135,7 +135,8 @@ def correlation(values: Float, reference: Float, noise: float, reference_noise: 
     """
     c = correlate(values, reference, mode="full", method="fft")
     at = int(np.argmax(c))
-    energy = float(np.sum(reference**2)) - len(reference) * float(np.nan_to_num(reference_noise)) ** 2
+    own = float(np.nan_to_num(reference_noise))
+    energy = float(np.sum(reference**2)) - len(reference) * own**2
     if not (energy > 0 and c[at] > 0):
         return np.nan, np.nan, "nothing in common with the reference"
     # White noise in both: c has the deviation s √(Σ r²) where nothing is in common.
@@ -146,8 +147,7 @@ def correlation(values: Float, reference: Float, noise: float, reference_noise: 
     a = float(between(c, lag)) / energy
     if not bend > 0:
         return np.nan, np.nan, AT_THE_END
-    both = np.nan_to_num(reference_noise) * noise
-    variance = noise**2 * bend / a + len(values) * both**2 * np.pi**2 / 3
+    variance = noise**2 * bend / a + len(values) * (noise * own * np.pi) ** 2 / 3
     return lag - (len(reference) - 1), float(np.sqrt(variance)) / bend, _unless_known(noise)
 
 
@@ -183,7 +183,8 @@ def arrivals(
         raise PulseError(f"fraction = {fraction:g}: must lie between 0 and 1")
     if reference is not None and np.shape(reference) != record.t.shape:
         raise PulseError(
-            f"reference: shape {np.shape(reference)}; must be sampled as the signals, {len(record.t)}"
+            f"reference: shape {np.shape(reference)}; must be sampled as the signals, "
+            f"{len(record.t)}"
         )
     zero = 0.0
     own = record.values[:, 0] if reference is None else np.asarray(reference, float)

@@ -77,7 +77,8 @@ class PulseResult:
         ]  # fmt: skip
         q = self.constant_quality
         ratio = {"quality": q.quality, "error": q.error, "inverse": q.inverse,
-                 "inverse_error": q.inverse_error, "amplitudes": q.used, "reason": q.reason}  # fmt: skip
+                 "inverse_error": q.inverse_error, "amplitudes": q.used,
+                 "reason": q.reason}  # fmt: skip
         columns: dict[str, Any] = {
             "frequency_Hz": found.omega / (2 * np.pi),
             "sigma_rad_s": np.full(len(found.omega), found.sigma),
@@ -164,7 +165,8 @@ def measure(
     if window is None:
         length = float(record.t[-1] - record.t[0])
         # The opening flank lies before the record: a pulse may come early in it.
-        window = Gate(float(record.t[0]) - length * _TAPER / (1 - _TAPER), float(record.t[-1]), _TAPER)
+        start = float(record.t[0]) - length * _TAPER / (1 - _TAPER)
+        window = Gate(start, float(record.t[-1]), _TAPER)
     known = None if source is None else np.asarray(source, float)
     picks = {name: arrivals(record, name, fraction, known) for name in CONVENTIONS}
     speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}
@@ -172,7 +174,8 @@ def measure(
     seen = spectra(record, window, grid, known)
     alpha, alpha_error = attenuation_of_amplitudes(seen)
     speed = next(
-        (speeds[n].velocity for n in _FOR_TRAVEL_TIME if math.isfinite(speeds[n].velocity)), math.nan
+        (speeds[n].velocity for n in _FOR_TRAVEL_TIME if math.isfinite(speeds[n].velocity)),
+        math.nan,
     )
     if seen.sigma:
         nothing = "the spectral ratio over frequency needs a gate"

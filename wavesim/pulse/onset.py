@@ -66,7 +66,7 @@ def onset(values: Float) -> tuple[float, float, str]:
     criterion = n * np.log(before) + (last - n - 1) * np.log(after)
     best = int(np.argmin(criterion))
     undivided = last * np.log(np.var(u) + _LEAST_NOISE**2)
-    if 1 < DETECTED * np.sqrt(before[best]) or undivided - criterion[best] < _LEAST_GAIN:
+    if DETECTED * np.sqrt(before[best]) > 1 or undivided - criterion[best] < _LEAST_GAIN:
         return np.nan, np.nan, WEAK
     weight = np.exp(-(criterion - criterion[best]) / 2)
     weight /= weight.sum()

@@ -34,7 +34,6 @@ from wavesim.pulse.unwrapping import FINE, HIDDEN, Guess, resolve
 from wavesim.pulse.velocity import weighted_line
 from wavesim.pulse.windows import Spectra, Window, spectra
 
-
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 

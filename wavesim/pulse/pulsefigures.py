@@ -98,11 +98,12 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
     if exact is not None:
         axes.plot(exact[0] / 1e3, exact[1], "-", color=THEORY, lw=1.0, label="exact")
     if np.isfinite(loss.floor).any():
-        axes.plot(frequency, loss.floor, ":", color="#55606b", lw=1.1, label="floor: noise, record's end")
+        name = "floor: noise, record's end"
+        axes.plot(frequency, loss.floor, ":", color="#55606b", lw=1.1, label=name)
         levels.append(loss.floor[np.isfinite(loss.floor) & loss.valid])
     axes.errorbar(
-        frequency[loss.valid], loss.level[loss.valid], np.nan_to_num(loss.error[loss.valid]), fmt="o",
-        ecolor=FOUND, elinewidth=0.8, label="measured", **_POINT,
+        frequency[loss.valid], loss.level[loss.valid], np.nan_to_num(loss.error[loss.valid]),
+        fmt="o", ecolor=FOUND, elinewidth=0.8, label="measured", **_POINT,
     )  # fmt: skip
     refused = frequency[~loss.valid]
     if len(refused):

@@ -6,12 +6,14 @@ what the nearer ones foretell. At the nearest neighbours the multiple is, in thi
 
 1. none, where the caller knows that |Re k| ≤ k_max ≤ π/d: the phase itself is the answer;
 2. one for each stretch of frequencies without a break, along which the phase is unwrapped: that at
-   which a velocity foreseen by the caller at one frequency is met best;
+   which a velocity foreseen by the caller at one frequency is met best, for the stretch it lies in;
 3. without either, for the lowest stretch alone: the multiple by which the phase, continued as a
    line through its lowest part, comes nearest to 0 at ω = 0, which an acoustic branch does. It
    must come within a quarter turn.
 
-Other stretches stay open, with the reason. Sachse & Pao, J. Appl. Phys. 49, 4320 (1978).
+Other stretches stay open, with the reason. Frequencies closer than 1/T are needed for 2 and 3, and
+a refined spectrum is taken for them. A further receiver is left out at a frequency where five
+errors of the phase foretold for it make half a turn. Sachse & Pao, J. Appl. Phys. 49, 4320 (1978).
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ _CLEARLY = 2.0
 # The lowest stretch that counts holds this part of all the energy.
 _ENERGY = 0.01
 # A further receiver serves where so many errors of the phase foretold for it make no half turn.
-_SURE = 4.0
+_SURE = 5.0
 
 NOISY = "the phase is too noisy here to be unwrapped: name k_max ≤ π/spacing, or average more"
 OPEN = "2π ambiguity: name k_max ≤ π/spacing or an expected velocity, or place receivers closer"
@@ -130,7 +132,8 @@ def _unwrapped(
     cross = fine.values[:, b] * np.conj(fine.values[:, a])
     noise = np.nan_to_num(fine.noise[:, [a, b]])
     size = np.abs(fine.values[:, [a, b]])
-    used = fine.driven & (fine.above[:, [a, b]] & (size > _CLEARLY * ABOVE_NOISE * noise)).all(axis=1)
+    clear = fine.above[:, [a, b]] & (size > _CLEARLY * ABOVE_NOISE * noise)
+    used = fine.driven & clear.all(axis=1)
     variance = ((noise / np.maximum(size, 1e-290)) ** 2).sum(axis=1) / 2
     energy = np.abs(cross) * used
     # Where a pulse comes late the phase turns fast: its mean turn is taken out first.
@@ -174,15 +177,11 @@ def _stretches(used: NDArray[np.bool_], rough: NDArray[np.bool_]) -> list[slice]
     starts = at[np.concatenate([[0], cuts + 1])]
     ends = at[np.concatenate([cuts, [len(at) - 1]])]
     return [
-        slice(int(s), int(e) + 1)
-        for s, e in zip(starts, ends, strict=True)
-        if e - s + 1 >= _FEWEST
+        slice(int(s), int(e) + 1) for s, e in zip(starts, ends, strict=True) if e - s + 1 >= _FEWEST
     ]
 
 
-def _refined(
-    seen: Spectra, k: Float, pair: tuple[int, int]
-) -> tuple[Float, NDArray[np.bool_]]:
+def _refined(seen: Spectra, k: Float, pair: tuple[int, int]) -> tuple[Float, NDArray[np.bool_]]:
     """k by the phases of ever more receivers, nearest to the pair first, and which served."""
     x, U = seen.x, seen.values
     size = np.abs(U)
