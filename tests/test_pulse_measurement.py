@@ -138,6 +138,35 @@ def test_exponential_window_has_no_spectral_ratio(clean):
     assert (whole.loss.first, whole.loss.last) == ("r1", "r2")
 
 
+@pytest.mark.parametrize("what", ["dead", "noise", "all dead", "one frequency"])
+def test_bad_records_give_reasons_and_figures(clean, what, rng):
+    """A receiver that hears nothing is passed over, and k between the others is exact all the same,
+    1e-9; where there is no signal nothing is measured, nothing warns, and figures are drawn."""
+    values, omega = clean.copy(), 2 * np.pi * np.linspace(2e5, 8e5, 20)
+    if what == "dead":
+        values[:, 1] = 0
+    elif what == "all dead":
+        values *= 0
+    elif what == "noise":
+        values = rng.standard_normal(clean.shape)
+    else:
+        omega = omega[:1]
+    one = measure(T, *named(values, X), WHOLE, omega)
+    json.dumps(one.rows(), allow_nan=False)
+    if what in ("dead", "one frequency"):
+        assert np.abs(one.dispersion.k / lossy(omega) - 1).max() <= 1e-9
+    else:
+        assert not one.dispersion.valid.any()
+        assert all(np.isnan(speed.velocity) for speed in one.velocities.values())
+        assert all(picks.reason[0] for picks in one.arrivals.values())
+    for figure in (
+        pulsefigures.record_section(one),
+        pulsefigures.transmission(one),
+        pulsefigures.velocities_and_losses(one),
+    ):
+        drawn(figure)
+
+
 @pytest.fixture(scope="module")
 def gapped():
     t = STEP * np.arange(3000)

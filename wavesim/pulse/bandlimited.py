@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
+from scipy.special import i0
 
 Float = NDArray[Any]
 
@@ -34,7 +35,7 @@ def between(values: Float, position: ArrayLike) -> Float:
     first = np.floor(s).astype(int)
     n = first[..., None] + np.arange(1 - _HALF, _HALF + 1)
     y = s[..., None] - n
-    window = np.i0(_SHAPE * np.sqrt(np.maximum(1 - (y / _HALF) ** 2, 0))) / np.i0(_SHAPE)
+    window = i0(_SHAPE * np.sqrt(np.maximum(1 - (y / _HALF) ** 2, 0))) / i0(_SHAPE)
     inside = (n >= 0) & (n < len(values))
     samples = np.where(inside, values[np.clip(n, 0, len(values) - 1)], 0)
     return np.asarray(np.sum(samples * np.sinc(y) * window, axis=-1))

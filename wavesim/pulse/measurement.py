@@ -136,8 +136,8 @@ def measure(
 
     Args:
         t: times, even, shape (nt,), s; may start anywhere.
-        signals: of each receiver, shape (nt,) each, one unit; 2 to about 20 receivers, all on one
-            side of the source, ascending away from it.
+        signals: of each receiver, shape (nt,) each, one unit, without an offset; 2 to about 20
+            receivers, all on one side of the source, ascending away from it.
         positions: x of each, m.
         window: for spectra; where None a gate over the whole record, of which the last 5 %
             fade.
@@ -203,8 +203,9 @@ def _band(record: PulseRecord, window: Window, source: Float | None) -> Float:
     trial = np.linspace(0, 0.98 * nyquist, 513)[1:]
     coarse = spectra(record, window, trial, source)
     counts = coarse.driven if source is not None else coarse.driven & coarse.above[:, 0]
+    counts = counts if counts.any() else coarse.driven
     lost = np.flatnonzero(~counts)
-    peak = int(np.argmax(coarse.source))
+    peak = int(np.argmax(np.where(counts, coarse.source, -1)))
     place = int(np.searchsorted(lost, peak))
     first = int(lost[place - 1]) + 1 if place else 0
     last = int(lost[place]) - 1 if place < len(lost) else len(trial) - 1

@@ -56,7 +56,7 @@ def record_section(
         axes.plot(record.t[shown] * 1e6, x[j] + room * u[shown], color="#55606b", lw=0.8)
         if len(x) <= 12:
             axes.text(
-                0.008, x[j] + 0.15 * room, name, ha="left", va="bottom", fontsize=7, bbox=_LABEL,
+                1.01, x[j], name, ha="left", va="center", fontsize=7,
                 transform=axes.get_yaxis_transform(),
             )  # fmt: skip
     if np.isfinite(speed.velocity):
@@ -116,7 +116,7 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
         low, high = float(together.min()), float(together.max())
         axes.set_ylim(low - 0.16 * max(high - low, 1), high + 0.12 * max(high - low, 1))
     axes.set(
-        xlim=(frequency[0], frequency[-1]), xlabel="ω/2π (kHz)",
+        xlim=_ends(frequency), xlabel="ω/2π (kHz)",
         ylabel=f"|U({loss.last})/U({loss.first})| (dB)",
     )  # fmt: skip
     figure.legend(loc="outside upper center", ncols=4)
@@ -142,10 +142,10 @@ def velocities_and_losses(
     parts: tuple[tuple[Axes, str, str, str, str], ...] = (
         (speed, "phase_velocity", "phase_error", "phase velocity", "o"),
         (speed, "group_velocity", "group_error", "group velocity", "^"),
-        (loss, "attenuation", "attenuation_error", "attenuation", "o"),
-        (factor, "quality", "quality_error", "Q = ω/2α$v_g$", "o"),
+        (loss, "attenuation", "attenuation_error", "", "o"),
+        (factor, "quality", "quality_error", "", "o"),
     )
-    labels = {speed: "velocity (m/s)", loss: "attenuation (Np/m)", factor: "Q"}
+    labels = {speed: "velocity (m/s)", loss: "attenuation (Np/m)", factor: "Q = ω/2α$v_g$"}
     for axes, label in labels.items():
         _shade(axes, gaps, named=axes is speed)
         axes.set_ylabel(label)
@@ -161,21 +161,30 @@ def velocities_and_losses(
         shade = FOUND if mark == "o" else "#0b3954"
         axes.errorbar(
             frequency[own], value[own], np.nan_to_num(error[own]), fmt=mark, ecolor=shade,
-            elinewidth=0.8, label=label, **{**_POINT, "mec": shade},
+            elinewidth=0.8, label=label or None, **{**_POINT, "mec": shade},
         )  # fmt: skip
         seen[axes].append(value[own])
         if name in exact:
             at, curve = exact[name]
             style = "-" if mark == "o" else "--"
-            axes.plot(at / 1e3, curve, style, color=THEORY, lw=0.9, label=f"{label}, exact")
+            axes.plot(
+                at / 1e3,
+                curve,
+                style,
+                color=THEORY,
+                lw=0.9,
+                label="exact" if mark == "o" else "group velocity, exact",
+            )
     for axes, values in seen.items():
         _limit(axes, np.concatenate(values))
-    speed.legend(loc="best", ncols=2)
+    entries: dict[str, Any] = {}
+    for axes in seen:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(name, handle)
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=4)
     second = loss.secondary_yaxis("right", functions=_decibels())
     second.set_ylabel("dB/m")
-    loss.legend(loc="best")
-    factor.legend(loc="best")
-    factor.set(xlim=(frequency[0], frequency[-1]), xlabel="ω/2π (kHz)")
+    factor.set(xlim=_ends(frequency), xlabel="ω/2π (kHz)")
     return figure
 
 
@@ -187,6 +196,12 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.{min(digits, 6)}f} ± {error:.{min(digits, 6)}f}"
 
 
+def _ends(frequency: NDArray[Any]) -> tuple[float, float]:
+    """Limits of the axis of frequency; a single one stands in the middle."""
+    low, high = float(frequency[0]), float(frequency[-1])
+    return (low, high) if high > low else (0.9 * low, 1.1 * low)
+
+
 def _decibels() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
     per = 20 / np.log(10)
     return (lambda v: v * per), (lambda v: v / per)
@@ -195,6 +210,7 @@ def _decibels() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
 def _limit(axes: Axes, values: NDArray[Any]) -> None:
     if not len(values):
         axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes)
+        axes.set_yticks([])
         return
     low, high = np.percentile(values, [_WILD, 100 - _WILD])
     room = 0.15 * max(high - low, 0.05 * abs(high), 1e-300)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import welch
 
-from wavesim.pulse.onset import onset
+from wavesim.pulse.onset import WEAK, onset
 
 Float = NDArray[Any]
 
@@ -37,7 +37,8 @@ class PulseRecord:
         names: of the receivers, m of them.
         x: their positions, ascending, shape (m,), m.
         values: signals u, shape (nt, m), any one unit.
-        quiet: time up to which each is nothing but noise, shape (m,), s; t₀ where none is known.
+        quiet: time up to which each is nothing but noise, shape (m,), s; t₀ where none is known,
+            infinite where no arrival stands out at all.
     """
 
     t: Float
@@ -114,7 +115,7 @@ def pulse_record(
             of the time to each receiver's own first break.
 
     Returns:
-        The record; a constant offset is not taken out.
+        The record. A constant offset stays: take it out beforehand.
 
     Raises:
         PulseError: fewer than two receivers, or what is given doesn't fit together.
@@ -146,8 +147,11 @@ def pulse_record(
             )
     values = np.stack([np.asarray(signals[name], float) for name in names], axis=1)
     if quiet_until is None:
-        breaks = np.array([onset(values[:, j])[0] for j in range(len(names))])
-        quiet = time[0] + QUIET_PART * step * np.nan_to_num(breaks)
+        picks = [onset(values[:, j]) for j in range(len(names))]
+        breaks = np.array([0.0 if np.isnan(place) else place for place, _, _ in picks])
+        quiet = time[0] + QUIET_PART * step * breaks
+        # What nothing stands out of is noise from end to end.
+        quiet[[reason == WEAK for _, _, reason in picks]] = np.inf
     else:
         quiet = np.full(len(names), float(quiet_until))
     return PulseRecord(time, names, x, values, quiet)

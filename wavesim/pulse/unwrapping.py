@@ -51,7 +51,7 @@ _SURE = 5.0
 
 NOISY = "the phase is too noisy here to be unwrapped: name k_max ≤ π/spacing, or average more"
 OPEN = "2π ambiguity: name k_max ≤ π/spacing or an expected velocity, or place receivers closer"
-HIDDEN = "one of the nearest neighbours stands below the noise or truncation"
+HIDDEN = "one of the two nearest neighbours stands below the noise or truncation"
 UNDRIVEN = "the source's spectrum is under 1 % of its peak"
 
 
@@ -75,11 +75,15 @@ class Guess:
     reason: tuple[str, ...]
 
 
-def nearest_pair(x: Float) -> tuple[int, int]:
-    """The neighbours closest to each other; of several the first."""
-    gaps = np.diff(x)
+def nearest_pair(x: Float, heard: NDArray[np.bool_]) -> tuple[int, int]:
+    """The neighbours closest to each other, of those heard at all; of several the first.
+
+    Without two of them it is the first two.
+    """
+    own = np.flatnonzero(heard) if heard.sum() >= 2 else np.arange(2)
+    gaps = np.diff(x[own])
     first = int(np.flatnonzero(gaps <= gaps.min() * (1 + 1e-9))[0])
-    return first, first + 1
+    return int(own[first]), int(own[first + 1])
 
 
 def resolve(
@@ -99,7 +103,7 @@ def resolve(
     Returns:
         The guess.
     """
-    a, b = nearest_pair(seen.x)
+    a, b = nearest_pair(seen.x, np.any(seen.above & seen.driven[:, None], axis=0))
     d = float(seen.x[b] - seen.x[a])
     both = seen.above[:, a] & seen.above[:, b] & seen.driven
     phase = np.angle(seen.values[:, b] * np.conj(seen.values[:, a]))
