@@ -92,7 +92,14 @@ def _evaluate(U: Complex, x: Float, used: Any, k: Complex, both: bool) -> _State
     return _State(basis, coefficients, residual, normal, step / diagonal)
 
 
-def fit_line(U: Complex, x: Float, used: NDArray[np.bool_], pairs: int, both: bool) -> LineFit:
+def fit_line(
+    U: Complex,
+    x: Float,
+    used: NDArray[np.bool_],
+    pairs: int,
+    both: bool,
+    start: Complex | None = None,
+) -> LineFit:
     """Fit wavenumbers to amplitudes along a line without sources.
 
     Args:
@@ -101,6 +108,9 @@ def fit_line(U: Complex, x: Float, used: NDArray[np.bool_], pairs: int, both: bo
         used: receivers that count, shape (n, nx).
         pairs: P, 1 or 2, –.
         both: whether waves run both ways.
+        start: k that the fit begins at, shape (n, P), rad/m, where it is known so well that
+            e^{ikx} is right to less than half a turn; k is then neither sought nor folded, and
+            keeps its sign.
 
     Returns:
         The fit.
@@ -110,8 +120,9 @@ def fit_line(U: Complex, x: Float, used: NDArray[np.bool_], pairs: int, both: bo
     data = np.where(used, U, 0) / np.maximum(scale, 1e-290)[:, None]
     best = np.full(len(U), np.inf)
     k = np.ones((len(U), pairs), complex)
-    for guess in _guesses(data, x, used, pairs):
-        trial = _folded(_refined(data, x, used, guess, both), x)
+    for guess in _guesses(data, x, used, pairs) if start is None else [start]:
+        trial = _refined(data, x, used, guess, both)
+        trial = _folded(trial, x) if start is None else trial
         left = np.sum(np.abs(_evaluate(data, x, used, trial, both).residual) ** 2, axis=1)
         # As good a fit at a shorter wave is an alias: the guesses ascend in |Re k|.
         better = np.isfinite(left) & (left < _BETTER * best)
@@ -125,7 +136,7 @@ def fit_line(U: Complex, x: Float, used: NDArray[np.bool_], pairs: int, both: bo
     size *= scale[:, None]
     ahead = size[:, :pairs]
     back = size[:, pairs:] if both else np.zeros_like(ahead)
-    flip = k.imag < 0
+    flip = (k.imag < 0) & (start is None)
     spare = np.maximum(count - unknowns(pairs, both), 1)
     return LineFit(
         np.where(enough[:, None], np.where(flip, -k, k), np.nan),

@@ -1,0 +1,248 @@
+"""Complex k(ω) and what follows from it, on media whose k(ω) is known in closed form."""
+
+import numpy as np
+import pytest
+from pulses import lorentz, named, ricker, through
+
+from wavesim.damping import constant_quality, quality
+from wavesim.pulse.phasevelocity import dispersion
+from wavesim.pulse.pulserecord import PulseError, pulse_record
+from wavesim.pulse.spectralratio import attenuation_of_amplitudes, constant_quality_of_amplitudes
+from wavesim.pulse.unwrapping import OPEN, UNDRIVEN
+from wavesim.pulse.windows import Exponential, Gate, spectra
+
+C, F = 2000.0, 5e5
+STEP = 1e-7
+T = -1e-5 + STEP * np.arange(1200)
+WHOLE = Gate(-2e-5, T[-1], 0.05)
+LOSSY = constant_quality(40, (4e4, 3e6), F)
+
+
+def lossy(omega):
+    return LOSSY.lossless(omega) / C
+
+
+def hz(low, high, count):
+    return 2 * np.pi * np.linspace(low, high, count)
+
+
+def straight(x, noise=0.0, rng=None):
+    values = ricker(T[:, None] - x / C, F, 4e-6)
+    if noise:
+        values = values + noise * rng.standard_normal(values.shape)
+    return pulse_record(T, *named(values, x))
+
+
+@pytest.mark.parametrize(
+    ("x", "window"),
+    [
+        (np.array([0.01, 0.04]), WHOLE),
+        (np.array([0.01, 0.013, 0.04, 0.09]), WHOLE),
+        (np.array([0.01, 0.013, 0.04, 0.09]), Exponential(12)),
+        (np.array([0.01, 0.04]), Gate(5e-6, 1.3e-5, 0.1, velocity=C)),
+    ],
+    ids=["two, 7 wavelengths apart", "four", "exponential", "moving gate"],
+)
+def test_pulse_without_dispersion(x, window):
+    """k = (ω + iσ)/c whatever the distance, up to 30 wavelengths at 750 kHz: the 2π ambiguity is
+    resolved by the phase at ω = 0. The gate that moves along sees the same everywhere. Exact to
+    rounding over the smallest amplitude, 1 %, and over the smallest phase, 1: bar 1e-12, for the
+    group velocity 100 times that; measured 3e-15 and 1e-14."""
+    found = dispersion(straight(x), window, hz(1e5, 1e6, 46))
+    assert found.valid.all()
+    bar = 1e-12
+    assert np.abs(found.damped * C / (found.omega + 1j * found.sigma) - 1).max() <= bar
+    assert np.abs(found.phase_velocity / C - 1).max() <= bar
+    assert np.abs(found.group_velocity / C - 1).max() <= 100 * bar
+    assert abs(found.intercept) <= 1e-4
+
+
+def test_lorentz_medium_in_bands_and_gap():
+    """Law: k² = ω²/c² (ω_L² − ω²)/(ω_T² − ω²), at ω + iσ, in bands and in the gap, where decay is
+    up to 33 dB/mm. A receiver counts where its amplitude is ten times what may be cut off, so
+    |Δk| ≤ 0.1/L over the aperture L = 1 mm, 100 rad/m (measured 5, of 3800 next to the edge); 10σ
+    from the edges by far less, bar 1e-4 of k (1.4e-5). What is stated for real ω holds the truth
+    within its error where the series to second order serves, 10σ from the edges: bar 2 errors
+    (measured 0.8 for k, 1.4 for the group velocity); c to 1e-2 (8e-4), v_g in the median to 3e-3
+    (2e-3)."""
+    t = STEP * np.arange(4000)
+    x = 4e-3 + 2.5e-4 * np.arange(5)
+    edges = 2 * np.pi * np.array([6e5, 8e5])
+    k = lorentz(C, *edges)
+    source = ricker(t, 6e5, 4e-6)
+    record = pulse_record(t, *named(through(k, t, source, x), x))
+    omega = hz(1.005e5, 1.3995e6, 131)
+    found = dispersion(record, Exponential(18), omega, k_max=np.pi / 2.5e-4, source=source)
+    exact = k(omega + 1j * found.sigma)
+    ok = found.valid
+    assert ok.mean() > 0.9
+    assert np.abs(found.damped - exact)[ok].max() <= 0.1 / (x[-1] - x[0])
+    gap = (omega > edges[0]) & (omega < edges[1]) & ok
+    assert gap.sum() >= 10
+    assert exact.imag[gap].max() * 20 / np.log(10) > 3e4
+    clear = np.abs(omega[:, None] - edges).min(axis=1) > 10 * found.sigma
+    assert (gap & clear).sum() >= 4
+    assert np.abs(found.damped / exact - 1)[ok & clear].max() <= 1e-4
+    truth = k(omega)
+    band = clear & ok & (truth.imag == 0) & np.isfinite(found.k)
+    assert band.sum() > 60
+    assert (np.abs(found.k - truth)[band] <= 2 * found.k_error[band]).all()
+    assert np.abs(found.phase_velocity * truth.real / omega - 1)[band].max() <= 1e-2
+    step = 2 * np.pi * 10
+    group = 2 * step / (k(omega + step) - k(omega - step)).real[band]
+    assert (np.abs(found.group_velocity[band] - group) <= 2 * found.group_error[band]).all()
+    assert np.median(np.abs(found.group_velocity[band] / group - 1)) <= 3e-3
+
+
+def test_above_a_gap_the_ambiguity_stays_open():
+    """Same medium, nothing known beforehand: the lower band is measured, the upper one refused; a
+    velocity foreseen within it, 30 % off, lets it be measured."""
+    t = STEP * np.arange(4000)
+    x = 4e-3 + 5e-4 * np.arange(5)
+    k = lorentz(C, 2 * np.pi * 6e5, 2 * np.pi * 8e5)
+    source = ricker(t, 6e5, 4e-6)
+    record = pulse_record(t, *named(through(k, t, source, x), x))
+    omega = hz(1.005e5, 1.3995e6, 131)
+    found = dispersion(record, Exponential(18), omega, source=source)
+    low, high = omega < 2 * np.pi * 5.5e5, omega > 2 * np.pi * 8.5e5
+    assert found.valid[low].all()
+    assert set(np.array(found.reason)[high]) == {OPEN}
+    speed = 1.3 * 2 * np.pi * 1e6 / k(2 * np.pi * 1e6).real
+    found = dispersion(record, Exponential(18), omega, expected=(1e6, float(speed)), source=source)
+    assert np.abs(found.damped / k(omega + 1j * found.sigma) - 1)[high].max() <= 1e-6
+    assert not found.valid[low].any()
+
+
+def test_constant_quality_medium():
+    """Law: k = ω √(ι/m)/c, Q = −Re m/Im m from the loss law itself. k to rounding over the
+    smallest amplitude, bar 1e-10 (measured 4e-13); Q_M with it, its error being 2Q times that:
+    bar 1e-8 (3e-11); Q_E = ω/2αv_g differs by the velocity dispersion, 1/πQ = 0.8 %: bar 1 %
+    (0.8 %). α by amplitudes alone: bar 1e-8 (4e-11)."""
+    x = np.array([0.0, 0.004, 0.011, 0.02])
+    record = pulse_record(T, *named(through(lossy, T, ricker(T, F, 4e-6), x), x))
+    omega = hz(1.5e5, 1e6, 86)
+    found = dispersion(record, WHOLE, omega)
+    exact = lossy(omega)
+    truth = quality(LOSSY, omega)
+    assert np.abs(found.k / exact - 1).max() <= 1e-10
+    assert np.abs(found.modulus_quality / truth - 1).max() <= 1e-8
+    assert np.abs(found.quality / truth - 1).max() <= 1e-2
+    assert np.abs(found.decibels * np.log(10) / 20 - exact.imag).max() <= 1e-8 * exact.imag.max()
+    alpha, _ = attenuation_of_amplitudes(spectra(record, WHOLE, omega))
+    assert np.abs(alpha / exact.imag - 1).max() <= 1e-8
+
+
+def test_quality_in_a_medium_that_disperses_by_structure():
+    """Law: k(ω) = k₀(ω √(ι/m)) with a Lorentz k₀, so Q_E = ω/2αv_g is the loss law's Q but for the
+    law's own dispersion, 1/πQ = 0.8 %, and a part of the order of 1/Q where the parabola leans at
+    the ends: bar 1 % within and 2.5 % at the ends (measured 0.9 % and 1.8 %). Q_M = Re k²/Im k² is
+    not: it is less by k₀′ω/k₀, 1.82 at 450 kHz, to 2 % (measured 0.55 of Q)."""
+    k = lorentz(C, 2 * np.pi * 6e5, 2 * np.pi * 8e5)
+    x = np.array([0.0, 5e-4, 1.5e-3, 3e-3])
+    t = STEP * np.arange(4000)
+    values = through(lambda w: k(LOSSY.lossless(w)), t, ricker(t, 4e5, 6e-6), x)
+    omega = hz(1.5e5, 4.5e5, 61)
+    found = dispersion(pulse_record(t, *named(values, x)), Gate(-3e-5, t[-1], 0.05), omega)
+    truth = quality(LOSSY, omega)
+    assert found.valid.all()
+    assert np.abs(found.quality / truth - 1)[3:-3].max() <= 1e-2
+    assert np.abs(found.quality / truth - 1).max() <= 2.5e-2
+    step = 2 * np.pi * 10
+    steepness = omega * (k(omega + step) - k(omega - step)).real / (2 * step) / k(omega).real
+    assert steepness[-1] > 1.8
+    assert np.abs(found.modulus_quality * steepness / truth - 1).max() <= 2e-2
+
+
+@pytest.mark.parametrize("gains", [(1.0, 1.0, 1.0), (1.0, 0.3, 2.0)])
+def test_spectral_ratio(gains):
+    """Law: ln(A₂/A₁) = g − πfτ/Q, to 1/πQ = 0.8 % as the velocity changes with frequency; unequal
+    gains don't matter. Bar 1 %, measured 0.6 %. Two receivers, another route: numpy's straight
+    line through the logarithm of one ratio, 1e-6."""
+    x = np.array([0.0, 0.011, 0.02])
+    values = through(lossy, T, ricker(T, F, 4e-6), x) * np.array(gains)
+    record = pulse_record(T, *named(values, x))
+    seen = spectra(record, WHOLE, hz(1.5e5, 1e6, 86))
+    found = constant_quality_of_amplitudes(seen, x / C)
+    assert found.quality == pytest.approx(40, rel=1e-2)
+    two = spectra(pulse_record(T, *named(values[:, :2], x[:2])), WHOLE, seen.omega)
+    ratio = np.log(np.abs(two.values[:, 1] / two.values[:, 0]))
+    weight = 1 / np.hypot(*(two.noise / np.abs(two.values)).T)
+    slope = np.polyfit(seen.omega / 2 / np.pi, ratio, 1, w=weight)[0]
+    pair = constant_quality_of_amplitudes(two, x[:2] / C)
+    assert pair.quality == pytest.approx(-np.pi * x[1] / C / slope, rel=1e-6)
+
+
+def test_errors_hold_the_truth_at_the_stated_rate(rng):
+    """Law: (found − true)/error of Re k, Im k, group velocity and 1/Q has a variance of 1, less
+    where the error counts the larger of two estimates. 60 records of four receivers, noise of 1 %,
+    at ten frequencies: rms 0.85 to 1.1 (1/Q, one number to a record, ± 0.09: 0.75 to 1.25);
+    measured 0.98, 0.98, 0.99, 1.12."""
+    x = np.array([0.0, 0.004, 0.011, 0.02])
+    clean = through(lossy, T, ricker(T, F, 4e-6), x)
+    omega = hz(3e5, 8e5, 41)
+    exact = lossy(omega)
+    step = 2 * np.pi * 10
+    slowness = ((lossy(omega + step) - lossy(omega - step)) / (2 * step)).real
+    best = constant_quality_of_amplitudes(
+        spectra(pulse_record(T, *named(clean, x)), WHOLE, omega), x / C
+    ).inverse
+    scores = {"re": [], "im": [], "group": [], "q": []}
+    for _ in range(60):
+        record = pulse_record(T, *named(clean + 0.01 * rng.standard_normal(clean.shape), x))
+        found = dispersion(record, WHOLE, omega)
+        away = (found.k - exact) / found.k_error
+        scores["re"].extend(away.real[::4])
+        scores["im"].extend(away.imag[::4])
+        scores["group"].extend(((1 / slowness - found.group_velocity) / found.group_error)[::4])
+        ratio = constant_quality_of_amplitudes(spectra(record, WHOLE, omega), x / C)
+        scores["q"].append((ratio.inverse - best) / ratio.inverse_error)
+    rms = {name: float(np.sqrt(np.mean(np.square(one)))) for name, one in scores.items()}
+    for name in ("re", "im", "group"):
+        assert 0.85 <= rms[name] <= 1.1, rms
+    assert 0.75 <= rms["q"] <= 1.25, rms
+
+
+def test_noise_makes_far_phases_no_more_ambiguous(rng):
+    """Two receivers 20 wavelengths apart and one near the first, noise 1 %: the near pair tells the
+    multiple of 2π; the far one makes k precise where the near ones foretell its phase surely, and
+    is left out elsewhere. 20 records: error over its estimate of rms 0.85 to 1.15 (measured 1.0),
+    and none above 6 (3.8): a wrong multiple, 79 rad/m, is above 100. In the middle of the band k
+    is known to 1e-3 and better (8e-5); by the near pair alone it were to 3e-3."""
+    scores = []
+    for _ in range(20):
+        record = straight(np.array([0.01, 0.013, 0.09]), 0.01, rng)
+        found = dispersion(record, Gate(5e-6, 1.3e-5, 0.2, velocity=C), hz(2e5, 8e5, 31))
+        assert found.valid.all()
+        assert np.median(found.k_error * C / found.omega) <= 1e-3
+        scores.append((found.k - found.omega / C) / found.k_error)
+    scores = np.concatenate(scores)
+    assert np.abs(scores).max() <= 6
+    assert 0.85 <= np.sqrt(np.mean(np.abs(scores) ** 2) / 2) <= 1.15
+
+
+def test_what_is_not_driven_or_not_given_is_told():
+    record = straight(np.array([0.01, 0.04]))
+    found = dispersion(record, WHOLE, hz(1e5, 3e6, 30))
+    reasons = np.array(found.reason)
+    assert set(reasons[found.omega > 2 * np.pi * 1.6e6]) == {UNDRIVEN}
+    assert np.isnan(found.k[reasons != ""]).all()
+    with pytest.raises(PulseError, match="below the Nyquist frequency"):
+        dispersion(record, WHOLE, hz(1e5, 6e6, 30))
+    with pytest.raises(PulseError, match="leaves nothing of a record"):
+        spectra(record, Gate(1.0, 2.0), hz(1e5, 1e6, 5))
+    with pytest.raises(PulseError, match="needs a gate"):
+        constant_quality_of_amplitudes(spectra(record, Exponential(9), hz(1e5, 1e6, 5)), [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Gate(1.0, 1.0), "must end after its start"),
+        (lambda: Gate(0.0, 1.0, 0.6), "taper = 0.6"),
+        (lambda: Gate(0.0, 1.0, 0.1, 0.0), "velocity = 0 m/s"),
+        (lambda: Exponential(0.0), "damping = 0: must be greater than 0"),
+    ],
+)
+def test_windows_that_make_no_sense_are_refused(make, message):
+    with pytest.raises(PulseError, match=message):
+        make()

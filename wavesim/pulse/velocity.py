@@ -1,0 +1,91 @@
+"""A line through arrivals at several distances: t = t₀ + x/c, by weighted least squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """Velocity of arrivals.
+
+    Attributes:
+        velocity: c, m/s; NaN where it can't be given.
+        error: its standard error, m/s; NaN where neither the arrivals' errors nor a third
+            receiver tell one.
+        intercept: t₀, arrival at x = 0, s.
+        scatter: √ of the mean square of the arrivals' distances from the line, over the degrees
+            of freedom, s; NaN for two.
+        used: receivers that count.
+        reason: why there is none, or "".
+    """
+
+    velocity: float
+    error: float
+    intercept: float
+    scatter: float
+    used: int
+    reason: str = ""
+
+
+def weighted_line(x: Float, y: Float, weight: Float) -> tuple[Any, Any, Any]:
+    """Slope and intercept of y = a + bx by least squares along the last axis, and b's variance.
+
+    Args:
+        x, y, weight: shape (…, m); weights are 1/variance, 0 where a point doesn't count.
+
+    Returns:
+        (b, a, variance of b for these variances), each of shape (…). NaN where fewer than two
+        distinct points count.
+    """
+    total = weight.sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean_x = (weight * x).sum(axis=-1) / total
+        mean_y = (weight * y).sum(axis=-1) / total
+        away = x - mean_x[..., None]
+        spread = (weight * away**2).sum(axis=-1)
+        spread = np.where((weight > 0).sum(axis=-1) >= 2, spread, np.nan)
+        b = (weight * away * y).sum(axis=-1) / spread
+        return b, mean_y - b * mean_x, 1 / spread
+
+
+def arrival_velocity(x: Float, time: Float, error: Float) -> Velocity:
+    """Velocity from arrival times.
+
+    The standard error of the slope follows from the arrivals' errors, enlarged by √(χ²/ν) where
+    that exceeds 1: the line then fits worse than they allow. Where an arrival has no error, or 0,
+    all weigh the same and the scatter alone tells the error.
+
+    Args:
+        x: positions, shape (m,), m.
+        time: arrivals, shape (m,), s; NaN where there is none.
+        error: their standard errors, shape (m,), s.
+
+    Returns:
+        The velocity.
+    """
+    own = np.isfinite(time)
+    count = int(own.sum())
+    if count < 2:
+        return Velocity(np.nan, np.nan, np.nan, np.nan, count, "fewer than two arrivals")
+    x, time, error = x[own], time[own], error[own]
+    known = bool((np.isfinite(error) & (error > 0)).all())
+    weight = 1 / error**2 if known else np.ones(count)
+    b, a, variance = (float(part) for part in weighted_line(x, time, weight))
+    left = time - a - b * x
+    spare = count - 2
+    scatter = float(np.sqrt(np.sum(left**2) / spare)) if spare else np.nan
+    excess = float(np.sum(weight * left**2) / spare) if spare else np.nan
+    if known:
+        variance *= max(1.0, excess) if spare else 1.0
+    else:
+        variance *= excess
+    if b == 0:
+        return Velocity(np.nan, np.nan, a, scatter, count, "all arrive at once")
+    return Velocity(1 / b, float(np.sqrt(variance)) / b**2, a, scatter, count)
