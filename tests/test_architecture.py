@@ -75,7 +75,7 @@ def test_no_module_leans_on_itself(name):
 
 
 def test_only_storage_knows_hdf5():
-    """Two modules write result.h5, its contents and its chunks. The reader of any file is another."""
+    """Two modules write result.h5, contents and chunks. The reader of any file is another."""
     assert importers("h5py") == {"storage", "gathering", "resultfile"}
     assert "storage" in importers("h5py")
 
