@@ -18,6 +18,8 @@ from wavesim.source import Ricker
 Float = NDArray[np.float64]
 
 WHOLE = slice(None)
+# A long bar holds more wavenumbers than anyone looks at: spectra are taken at no more than these.
+MOST_WAVENUMBERS = 2048
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -30,7 +31,10 @@ class FigureProcess:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-c", _PROGRAM],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,  # an interrupt from the keyboard is the run's to deal with
         )
         self._send(sys.path)
 
@@ -68,9 +72,9 @@ class FigureProcess:
         try:
             answer = pickle.load(self._process.stdout)
         except EOFError:
-            raise MemoryError(
-                f"the process that draws ended with code {self._process.wait()}"
-            ) from None
+            code = self._process.wait()
+            kind = MemoryError if code == -signal.SIGKILL else RuntimeError
+            raise kind(f"the process that draws figures ended with code {code}") from None
         if isinstance(answer, Exception):
             raise answer
         return list(answer)
@@ -86,8 +90,6 @@ class FigureProcess:
 
 def serve() -> None:
     """What the process does: load, draw, answer with the files or with what went wrong."""
-    # An interrupt from the keyboard reaches both; the run ends this process when it ends itself.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     receive, answer = sys.stdin.buffer, sys.stdout.buffer
     sys.stdout = sys.stderr
     try:
@@ -95,6 +97,7 @@ def serve() -> None:
     except EOFError:
         return  # the run ended before
     except Exception as error:
+        error.add_note(traceback.format_exc())
         found = error
     pickle.dump(found, answer)
     answer.flush()

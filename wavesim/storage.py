@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import datetime
 import importlib.metadata
+import io
 import os
 import shutil
 from collections.abc import Iterator, Sequence
@@ -283,11 +284,10 @@ def _written(path: Path) -> Iterator[h5py.File]:
     """
     temporary = path.with_name(path.name + ".tmp")
     try:
-        with h5py.File(temporary, "w", driver="core", backing_store=False) as file:
+        image = io.BytesIO()
+        with h5py.File(image, "w") as file:
             yield file
-            file.flush()
-            image = file.id.get_file_image()
-        temporary.write_bytes(image)
+        temporary.write_bytes(image.getbuffer())
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

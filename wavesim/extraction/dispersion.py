@@ -15,7 +15,7 @@ from scipy.fft import fft, next_fast_len, rfft
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import find_peaks, get_window
 
-from wavesim.field import Field
+from wavesim.field import MOST_WAVENUMBERS, Field
 from wavesim.sectors import Block
 
 Float = NDArray[Any]
@@ -26,8 +26,6 @@ WINDOW = "blackmanharris"
 LOBE_BINS = 4
 _FLOOR = 1e-8
 _PADDING = 8
-# A long bar holds more wavenumbers than anyone looks at: at most about this many are taken, evenly.
-_MOST_WAVENUMBERS = 2048
 # Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
 _AT_ONCE = 64e6
 # A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
@@ -108,7 +106,7 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
     kept = len(omega)
     if omega_max is not None:
         kept = min(kept, int(np.searchsorted(omega, omega_max, side="right")) + 1)
-    taken = slice(0, count, -(-count // _MOST_WAVENUMBERS))
+    taken = slice(0, count, -(-count // MOST_WAVENUMBERS))
     k = k[taken]
     power = np.zeros((len(k), kept))
     width = max(1, int(_AT_ONCE / (32 * padded)))

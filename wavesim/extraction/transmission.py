@@ -25,8 +25,9 @@ Complex = NDArray[np.complex128]
 _FROM = 2.0
 _PART = 0.125
 _ABOVE_FLOOR = 30.0
-# So many columns of the record are read at a time that they fit into these bytes.
-_AT_ONCE = 128e6
+# So many columns of the record are read at a time that they and their transform fit into these
+# bytes.
+_AT_ONCE = 64e6
 FEWEST_POINTS = 6
 
 
@@ -122,7 +123,7 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
     sigma = damping / float(field.t[-1])
     columns = (origin + steps) % field.bar.cells
     seen, largest = np.empty((len(omega), len(columns)), complex), np.zeros(len(omega))
-    width = max(1024, int(_AT_ONCE / (8 * len(field.t))) // 1024 * 1024)
+    width = max(1024, int(_AT_ONCE / (8 * len(field.t) + 40 * len(omega))) // 1024 * 1024)
     for low in range(0, field.bar.cells, width):
         values = field.part(name, points=slice(low, low + width))
         transform = damped_transform(values, field.t, omega, sigma)
@@ -134,8 +135,13 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
     k = np.array(
         [wavenumber_of_decay(u, distance, f) for u, f in zip(seen, floor, strict=True)], complex
     )
-    size = np.maximum(np.abs(seen), 1e-300)
-    level = 20 * np.log10(size / size[:, :1]) if len(steps) else size
+    level = np.abs(seen)
+    del seen  # of a long bar it is large
+    if len(steps):
+        np.maximum(level, 1e-300, out=level)
+        level /= level[:, :1].copy()
+        np.log10(level, out=level)
+        level *= 20
     return Attenuation(omega, sigma, k, distance, level)
 
 
