@@ -21,8 +21,7 @@ from wavesim.field import Field
 from wavesim.verdict import Held
 
 _PROGRAM = (
-    "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
-    "from wavesim.figureprocess import serve; serve()"
+    "import sys; sys.path[:] = sys.argv[1:]; from wavesim.figureprocess import serve; serve()"
 )
 
 
@@ -31,12 +30,11 @@ class FigureProcess:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM],
+            [sys.executable, "-c", _PROGRAM, *sys.path],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # an interrupt from the keyboard is the run's to deal with
         )
-        self._send(sys.path)
 
     def __enter__(self) -> FigureProcess:
         return self

@@ -172,8 +172,8 @@ def _check_size(settled: Plan, given: str) -> None:
     """
     frames, cells, fields = settled.schedule.frames, settled.bar.cells, len(settled.fields)
     stored = 8.0 * frames * cells * fields
-    # What is loaded and compiled; a dozen states while stepping, and eight times a chunk: in jax, on
-    # its way to the disk, and the next one; and the spectra of all blocks, at wavenumbers capped.
+    # What is loaded and compiled; a dozen states while stepping; a chunk eight times over: in jax,
+    # on its way to the disk, and the next one; the spectra of all blocks, at wavenumbers capped.
     waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
     needed = 0.5e9 + 8.0 * cells * fields * (12 + 8 * settled.chunk)
     needed += 8.0 * frames * waves * (6 + 8 * len(settled.blocks))
