@@ -173,14 +173,14 @@ def _run(
     tell("analyse", 0.0)
     field = resultfile.read(results.path, problem)
     drawing[0].draw(folder / "figures", field)
+    table = problem.case.analysis
+    measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
+    held = [hold(field, m, problem.k_range) for m in measured]
+    checks = judge(field, held)
+    lap("analyse")
+    tell("figures", 0.0)
+    drawing[1].draw(folder / "figures", field, held)
     with results.gathering():
-        table = problem.case.analysis
-        measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
-        held = [hold(field, m, problem.k_range) for m in measured]
-        checks = judge(field, held)
-        lap("analyse")
-        tell("figures", 0.0)
-        drawing[1].draw(folder / "figures", field, held)
         # The file is read until all is drawn; only then may another take its place.
         for process in drawing:
             process.wait()

@@ -4,7 +4,7 @@ The only importer of h5py. No file that a reader may see is ever changed in plac
 run go to parts beside result.h5, written once each, and result.h5 itself, which presents them as
 one array, is written anew after each chunk and moved into place. A run that is killed, at whatever
 instant, so leaves a whole file of whole chunks. At the end the parts are gathered into result.h5,
-by threads, while the run goes on to measure and to draw.
+by threads, while figures are drawn.
 """
 
 from __future__ import annotations
