@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from wavesim.bar import Bar
+from wavesim.extraction import dispersion
 from wavesim.extraction.dispersion import LOBE_BINS, peaks, ridges, spectrum
 from wavesim.field import Field
 from wavesim.medium import Medium
@@ -256,3 +257,27 @@ def test_samples_with_a_source_are_left_out():
         frames = FRAMES - first
         found = spectrum(field, BLOCK, 1e5)
         assert found.bin == pytest.approx(2 * np.pi / (frames * field.interval), rel=1e-12)
+
+
+@pytest.mark.parametrize("most", [7, 20, 40])
+def test_of_many_wavenumbers_an_even_part_is_taken(most, monkeypatch):
+    """Law: each wavenumber's spectrum depends on no other, so every n-th row is that of the whole,
+    to rounding; there are no more rows than allowed, and k = 0 is among them."""
+    field = field_of(optical, falling)
+    whole = spectrum(field, BLOCK, BAR.wavenumbers[40])
+    monkeypatch.setattr(dispersion, "MOST_WAVENUMBERS", most)
+    part = spectrum(field, BLOCK, BAR.wavenumbers[40])
+    every = -(-41 // most)
+    assert len(part.k) <= most
+    np.testing.assert_array_equal(part.k, whole.k[::every])
+    shown = whole.power[::every]
+    np.testing.assert_allclose(part.power, shown / shown.max(), rtol=1e-9, atol=1e-20)
+
+
+def test_record_read_in_parts_is_the_record(monkeypatch):
+    """A few frames and wavenumbers at a time, or all at once: the same to rounding."""
+    field = field_of(optical, falling)
+    whole = spectrum(field, BLOCK, 4e3)
+    monkeypatch.setattr(dispersion, "_AT_ONCE", 7 * 48 * BAR.cells)
+    part = spectrum(field, BLOCK, 4e3)
+    np.testing.assert_allclose(part.power, whole.power, rtol=1e-9, atol=1e-20)

@@ -1,5 +1,8 @@
 """Figures: all are written, the two scales of each axis agree, and gaps stand where they should."""
 
+import dataclasses
+import os
+import signal
 import struct
 
 import matplotlib
@@ -10,6 +13,7 @@ from matplotlib.figure import Figure
 
 from wavesim import figures, planewave
 from wavesim.field import Field
+from wavesim.figureprocess import FigureProcess
 from wavesim.source import Ricker
 
 TO_KHZ = 1 / (2e3 * np.pi)
@@ -240,3 +244,55 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
             figures.receivers(made),
         ):
             figure.draw_without_rendering()
+
+
+def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
+    """The largest in each tile, √Σq² over the sector's components, to the last bit however much
+    is read at a time, and by the plain formula over the whole record to rounding."""
+    field = small_run[2]
+    monkeypatch.setattr(figures, "_PIXELS", (37, 41))
+    whole = figures._amplitude(field, "inplane")
+    monkeypatch.setattr(figures, "_AT_ONCE", 1e6)
+    np.testing.assert_array_equal(figures._amplitude(field, "inplane"), whole)
+    blocks = [b for b in field.blocks if b.sector == "inplane"]
+    parts = [values for b in blocks for values, _ in field.components(b)]
+    plain = figures._thin(np.sqrt(np.sum(np.square(parts), axis=0)), (37, 41))
+    np.testing.assert_allclose(whole, plain, rtol=1e-14)
+
+
+def process(folder, field, held=None):
+    with FigureProcess() as drawing:
+        drawing.draw(folder, field, held)
+        return drawing.wait()
+
+
+def test_process_draws_what_this_one_would(small_run, tmp_path):
+    """The same files, to the byte."""
+    _, _, field = small_run
+    here = figures.write(figures.of_field(field), tmp_path / "here")
+    there = process(tmp_path / "there", field)
+    assert [p.name for p in there] == [p.name for p in here]
+    for a, b in zip(here, there, strict=True):
+        assert a.read_bytes() == b.read_bytes()
+
+
+def test_what_goes_wrong_in_the_process_is_raised_here(small_run, tmp_path):
+    _, _, field = small_run
+    (tmp_path / "figures").write_text("in the way")
+    with pytest.raises(FileExistsError):
+        process(tmp_path / "figures", field)
+    gone = dataclasses.replace(field, values={})
+    with pytest.raises(KeyError, match="phi1"):
+        process(tmp_path / "other", gone)
+
+
+def test_process_that_is_killed_is_told_and_leaves_no_zombie(small_run, tmp_path):
+    with FigureProcess() as drawing:
+        os.kill(drawing._process.pid, signal.SIGKILL)
+        drawing._process.wait()
+        drawing.draw(tmp_path, small_run[2])
+        with pytest.raises(MemoryError, match="ended with code -9"):
+            drawing.wait()
+    with FigureProcess() as idle:
+        pass
+    assert idle._process.returncode == -signal.SIGKILL

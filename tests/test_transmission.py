@@ -6,6 +6,7 @@ import pytest
 
 from wavesim import planewave
 from wavesim.bar import Bar
+from wavesim.extraction import transmission
 from wavesim.extraction.analysis import extract
 from wavesim.extraction.transmission import (
     FEWEST_POINTS,
@@ -232,3 +233,24 @@ def test_plain_fourier_ratio_is_wrong_in_a_gap(small_run):
     exact = planewave.wavenumber(problem.plan.medium, "longitudinal", omega)
     assert np.median(np.abs(k / exact - 1)) > 0.5
     assert np.isnan(curve.k).all()
+
+
+def test_record_read_in_parts_is_the_record(small_run, monkeypatch):
+    """1024 columns at a time are as few as are read; the field of 1024 is doubled, so that there
+    are two parts. k, the floor and the level are those of one part, to rounding: 1e-12."""
+    _, _, field = small_run
+    bar = Bar(2048, field.bar.spacing)
+    doubled = Field(
+        field.t,
+        {"phi1": np.hstack([field["phi1"], 0.5 * field["phi1"][:, ::-1]])},
+        field.medium,
+        bar,
+        (at(0.12),),
+    )
+    omega = 2 * np.pi * np.linspace(2e5, 1.5e6, 9)
+    whole = attenuation(doubled, LONGITUDINAL, omega, 18.0)
+    monkeypatch.setattr(transmission, "_AT_ONCE", 1.0)
+    part = attenuation(doubled, LONGITUDINAL, omega, 18.0)
+    np.testing.assert_allclose(part.k, whole.k, rtol=1e-12)
+    np.testing.assert_allclose(part.level, whole.level, atol=1e-9)
+    assert np.isfinite(whole.k).any()

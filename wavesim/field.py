@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from wavesim.bar import Bar
 from wavesim.equations import ROTATIONS, UNITS
@@ -17,6 +18,10 @@ from wavesim.sectors import BLOCKS, Block, scales
 from wavesim.source import Source
 
 Float = NDArray[np.float64]
+
+WHOLE = slice(None)
+# A long bar holds more wavenumbers than anyone looks at: spectra are taken at no more than these.
+MOST_WAVENUMBERS = 2048
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class Field:
     Attributes:
         t: times, even, shape (nt,), s.
         values: {field name: array-like (nt, nx)}, rad for rotations and 1/m for curvatures;
-            arrays, or data sets of an open file that are read when indexed.
+            arrays, or data sets that are read when indexed.
         medium, bar, sources: what made it; of a bar of layers, the medium at its left end.
         receivers: {name: position in m}.
         energy: energy at each frame.
@@ -64,7 +69,7 @@ class Field:
     """
 
     t: Float
-    values: Mapping[str, ArrayLike]
+    values: Mapping[str, Any]
     medium: Medium
     bar: Bar
     sources: tuple[Source, ...]
@@ -103,27 +108,36 @@ class Field:
 
     def __getitem__(self, name: str) -> Float:
         """One field, shape (nt, nx)."""
-        return np.asarray(self.values[name])
+        return self.part(name)
+
+    def part(self, name: str, frames: slice = WHOLE, points: slice = WHOLE) -> Float:
+        """Some frames of one field at some points, shape (frames, points); no more is read."""
+        return np.asarray(self.values[name][frames, points])
 
     def positions(self, name: str) -> Float:
         """Grid positions of one field, shape (nx,), m."""
         return self.bar.nodes if name in ROTATIONS else self.bar.half_nodes
 
-    def components(self, block: Block) -> list[tuple[Float, bool]]:
+    def components(
+        self, block: Block, frames: slice = WHOLE, points: slice = WHOLE
+    ) -> list[tuple[Float, bool]]:
         """A block's components, scaled so that ½Σ q̇² is the kinetic energy.
 
         Args:
             block: one of ``field.blocks``.
+            frames, points: which are wanted; no others are read.
 
         Returns:
-            For each component its values (nt, nx) and whether it lives on the half-nodes.
+            For each component its values (frames, points) and whether it lives on the half-nodes.
         """
         units = scales(self.medium)
         found = []
         for component in block.rotations + block.curvatures:
-            parts = [weight / units.unit(f) * self[f] for f, weight in component.items()]
-            staggered = next(iter(component)) not in ROTATIONS
-            found.append((np.sum(parts, axis=0), staggered))
+            (first, weight), *others = component.items()
+            total = weight / units.unit(first) * self.part(first, frames, points)
+            for name, weight in others:
+                total += weight / units.unit(name) * self.part(name, frames, points)
+            found.append((total, first not in ROTATIONS))
         return found
 
     def at(self, position: float, name: str) -> Float:
@@ -140,7 +154,10 @@ class Field:
             ValueError: the position is outside the bar.
         """
         weights, indices = self.bar.sampling(position, staggered=name not in ROTATIONS)
-        return self[name][:, indices] @ weights
+        # On a ring the points may be at both its ends.
+        runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
+        near = [self.part(name, points=slice(int(r[0]), int(r[-1]) + 1)) for r in runs]
+        return np.concatenate(near, axis=1) @ weights
 
     @staticmethod
     def unit(name: str) -> str:

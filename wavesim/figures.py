@@ -14,6 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.signal.windows import tukey
 
@@ -32,6 +33,7 @@ STYLE: Any = {
     "ytick.major.width": 0.6,
     "legend.fontsize": 8,
     "legend.frameon": False,
+    "figure.dpi": 160,
     "savefig.dpi": 160,
     "figure.constrained_layout.use": True,
 }
@@ -44,6 +46,8 @@ _LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "
 _DECIBELS = 60.0
 _LEVEL = 120.0
 _PIXELS = (900, 700)
+# Frames are read so many at a time that they fit into these bytes.
+_AT_ONCE = 64e6
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("123", "₁₂₃")
 SYMBOLS = {
@@ -102,10 +106,33 @@ def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool
 def _thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
     """Largest value in each of so many tiles, for a picture of a large array."""
     for axis, most in enumerate(pixels):
-        step = -(-values.shape[axis] // most)
-        if step > 1:
-            values = np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)
+        values = _tiles(values, axis, -(-values.shape[axis] // most))
     return values
+
+
+def _tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
+    """Largest value in each tile of so many along an axis."""
+    if step <= 1:
+        return values
+    return np.asarray(
+        np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)
+    )
+
+
+def _amplitude(field: Field, sector: str) -> np.ndarray:
+    """Largest amplitude of a sector in each tile of the record, (times, positions)."""
+    blocks = [block for block in field.blocks if block.sector == sector]
+    high, wide = (-(-n // p) for n, p in zip((len(field.t), field.bar.cells), _PIXELS, strict=True))
+    rows = high * max(1, int(_AT_ONCE / (32 * field.bar.cells * high)))
+    found = []
+    for low in range(0, len(field.t), rows):
+        square: Any = 0.0
+        for block in blocks:
+            for values, _ in field.components(block, slice(low, low + rows)):
+                values *= values
+                square = square + values
+        found.append(_tiles(_tiles(square, 0, high), 1, wide))
+    return np.sqrt(np.concatenate(found))
 
 
 def spacetime(field: Field) -> Figure:
@@ -119,8 +146,7 @@ def spacetime(field: Field) -> Figure:
     for axes in panels[len(sectors) :]:
         axes.remove()
     for axes, sector in zip(panels, sectors, strict=False):
-        parts = [c for b in field.blocks if b.sector == sector for c, _ in field.components(b)]
-        amplitude = _thin(np.sqrt(np.sum([p**2 for p in parts], axis=0)), _PIXELS)
+        amplitude = _amplitude(field, sector)
         image = axes.imshow(
             decibels(amplitude, float(amplitude.max()) or 1.0),
             origin="lower",
@@ -341,34 +367,47 @@ def energy(field: Field) -> Figure:
     return figure
 
 
-def write_all(field: Field, held: Sequence[Held], folder: Path) -> list[Path]:
-    """Write every figure of a run.
+Drawings = dict[str, Callable[[], Figure]]
+
+
+def of_field(field: Field) -> Drawings:
+    """Figures that show a field alone, by name, not drawn yet."""
+    drawings: Drawings = {"spacetime": lambda: spacetime(field)}
+    if field.receivers:
+        drawings["receivers"] = lambda: receivers(field)
+    if field.energy is not None:
+        drawings["energy"] = lambda: energy(field)
+    return drawings
+
+
+def of_measurement(field: Field, held: Sequence[Held]) -> Drawings:
+    """Figures that show what was measured of a field, beside the theory, not drawn yet."""
+    drawings: Drawings = {}
+    for sector in dict.fromkeys(h.measured.block.sector for h in held):
+        drawings[f"dispersion_{sector}"] = lambda s=sector: dispersion(field, held, s)  # type: ignore[misc]
+    for h in held:
+        if h.k_exact is not None:
+            name = f"attenuation_{h.measured.block.sector}"
+            drawings[name] = lambda h=h: attenuation(field, h)  # type: ignore[misc]
+    return drawings
+
+
+def write(drawings: Drawings, folder: Path) -> list[Path]:
+    """Draw figures and write them.
 
     Args:
-        field: the field.
-        held: what was measured, beside the theory.
+        drawings: of :func:`of_field` or :func:`of_measurement`.
         folder: where to; made if need be.
 
     Returns:
         The files written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    sectors = dict.fromkeys(h.measured.block.sector for h in held)
-    drawings: dict[str, Callable[[], Figure]] = {"spacetime": lambda: spacetime(field)}
-    for sector in sectors:
-        drawings[f"dispersion_{sector}"] = lambda s=sector: dispersion(field, held, s)  # type: ignore[misc]
-    for h in held:
-        if h.k_exact is not None:
-            name = f"attenuation_{h.measured.block.sector}"
-            drawings[name] = lambda h=h: attenuation(field, h)  # type: ignore[misc]
-    if field.receivers:
-        drawings["receivers"] = lambda: receivers(field)
-    if field.energy is not None:
-        drawings["energy"] = lambda: energy(field)
     written = []
     with matplotlib.rc_context(STYLE):
         for name, draw in drawings.items():
             path = folder / f"{name}.png"
-            draw().savefig(path)
+            # What savefig does, without its drawing every figure once more to settle the layout.
+            FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
             written.append(path)
     return written

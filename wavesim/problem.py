@@ -13,6 +13,7 @@ import tomli_w
 from wavesim import parts
 from wavesim.bar import Bar
 from wavesim.case import Case, CaseError, read
+from wavesim.field import MOST_WAVENUMBERS
 from wavesim.medium import Medium
 from wavesim.parts import Parts
 from wavesim.plan import Plan, plan
@@ -171,9 +172,11 @@ def _check_size(settled: Plan, given: str) -> None:
     """
     frames, cells, fields = settled.schedule.frames, settled.bar.cells, len(settled.fields)
     stored = 8.0 * frames * cells * fields
-    # A dozen states while stepping, a chunk twice, and in the analysis one block's components over
-    # the record with their transforms.
-    needed = 8.0 * cells * (12 * fields + 2 * fields * settled.chunk + 6 * frames)
+    # What is loaded and compiled; a dozen states while stepping; a chunk eight times over: in jax,
+    # on its way to the disk, and the next one; the spectra of all blocks, at wavenumbers capped.
+    waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
+    needed = 0.5e9 + 8.0 * cells * fields * (12 + 8 * settled.chunk)
+    needed += 8.0 * frames * waves * (6 + 8 * len(settled.blocks))
     asked = f"{given}: {frames:.6g} frames of {fields} fields on a bar of {cells:.6g} cells"
     if stored > _LARGEST:
         raise ValueError(

@@ -36,14 +36,17 @@ def reading(path: Path) -> Iterator[h5py.File]:
 
 
 class _Lazy:
-    """A data set that is read when it is asked for."""
+    """A data set of which is read what is asked for."""
 
     def __init__(self, path: Path, name: str) -> None:
         self._path, self._name = path, name
 
-    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+    def __getitem__(self, key: Any) -> np.ndarray:
         with reading(self._path) as file:
-            return np.asarray(file[self._name][()], dtype=dtype)
+            return np.asarray(file[self._name][key])
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return np.asarray(self[()], dtype=dtype)
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,8 @@ def read(path: Path, problem: Problem) -> Field:
         t = file["t"][()]
         if len(t) < 2:
             raise StorageError(f"{path}: holds {len(t)} frames; at least 2 are needed")
-        energy = Energy(*(file[f"energy/{part.name}"][: len(t)] for part in fields(Energy)))
+        series = [part.name for part in fields(Energy) if part.name in file["energy"]]
+        energy = Energy(**{name: file[f"energy/{name}"][: len(t)] for name in series})
         names = list(settled.fields)
     return Field(
         t=t,

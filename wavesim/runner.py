@@ -9,6 +9,8 @@ import resource
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -74,7 +76,8 @@ def run(
     from wavesim.resultfile import StorageError
 
     try:
-        return _run(problem, folder, resume, tell, begun)
+        with ExitStack() as until_the_end:
+            return _run(problem, folder, resume, tell, begun, until_the_end)
     except StorageError as error:
         raise RunError(str(error), False) from error
     except OSError as error:
@@ -106,7 +109,14 @@ def _keep_compiled() -> None:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
-def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: float) -> Outcome:
+def _run(
+    problem: Problem,
+    folder: Path,
+    resume: bool,
+    tell: Progress,
+    clock: float,
+    until_the_end: ExitStack,
+) -> Outcome:
     timing: dict[str, float] = {}
 
     def lap(stage: str) -> None:
@@ -117,7 +127,7 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
     _keep_compiled()
     from wavesim import resultfile, storage
     from wavesim.extraction.analysis import extract
-    from wavesim.figures import write_all
+    from wavesim.figureprocess import FigureProcess
     from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
     from wavesim.verdict import hold, judge
 
@@ -136,10 +146,22 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
     (folder / "summary.json").unlink(missing_ok=True)
     (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
     tell("compile", 0.0)
+    # They load what they need while this process compiles, which keeps one core busy.
+    drawing = [until_the_end.enter_context(FigureProcess()) for _ in range(2)]
     try:
-        for chunk in stream(settled, start, spent):
-            results.append(chunk.first, chunk.values, chunk.energy, pack(chunk.motion))
-            tell("integrate", (chunk.first + chunk.count) / frames)
+        # A chunk is written while the next one is integrated.
+        with ThreadPoolExecutor(1) as writer:
+            writing: Future[None] | None = None
+            for chunk in stream(settled, start, spent):
+                if writing is not None:
+                    writing.result()
+                state = pack(chunk.motion)
+                writing = writer.submit(
+                    results.append, chunk.first, chunk.values, chunk.energy, state
+                )
+                tell("integrate", (chunk.first + chunk.count) / frames)
+        if writing is not None:
+            writing.result()
     except NotFiniteError as error:
         results.finish("failed")
         raise RunError(str(error), True) from None
@@ -150,16 +172,21 @@ def _run(problem: Problem, folder: Path, resume: bool, tell: Progress, clock: fl
 
     tell("analyse", 0.0)
     field = resultfile.read(results.path, problem)
+    drawing[0].draw(folder / "figures", field)
     table = problem.case.analysis
     measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
     held = [hold(field, m, problem.k_range) for m in measured]
     checks = judge(field, held)
     lap("analyse")
     tell("figures", 0.0)
-    write_all(field, held, folder / "figures")
-    lap("figures")
-    tell("store", 0.0)
-    results.finish("complete", held)
+    drawing[1].draw(folder / "figures", field, held)
+    with results.gathering():
+        # The file is read until all is drawn; only then may another take its place.
+        for process in drawing:
+            process.wait()
+        lap("figures")
+        tell("store", 0.0)
+        results.finish("complete", held)
     timing["store"] += time.perf_counter() - clock
     summary = {
         "title": problem.case.title,
@@ -212,8 +239,9 @@ def notes(problem: Problem, checks: list[Any]) -> list[str]:
 
 
 def peak_memory() -> int:
-    """Largest memory of this process so far, bytes."""
-    size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    """Largest memory of this process so far and of the largest it has waited for, bytes."""
+    whom = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+    size = sum(resource.getrusage(who).ru_maxrss for who in whom)
     return size if sys.platform == "darwin" else size * 1024
 
 

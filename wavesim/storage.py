@@ -3,25 +3,29 @@
 The only importer of h5py. No file that a reader may see is ever changed in place: the frames of a
 run go to parts beside result.h5, written once each, and result.h5 itself, which presents them as
 one array, is written anew after each chunk and moved into place. A run that is killed, at whatever
-instant, so leaves a whole file of whole chunks. At the end the parts are gathered into result.h5.
+instant, so leaves a whole file of whole chunks. At the end the parts are gathered into result.h5,
+by threads, while figures are drawn.
 """
 
 from __future__ import annotations
 
 import datetime
 import importlib.metadata
+import io
 import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from wavesim.equations import ROTATIONS, UNITS
+from wavesim.equations import CURVATURES, ROTATIONS, UNITS
 from wavesim.field import Energy
+from wavesim.gathering import COMPRESSED, Gathering
 from wavesim.plan import Plan
 from wavesim.problem import Problem
 from wavesim.resultfile import StorageError, reading
@@ -31,11 +35,6 @@ from wavesim.verdict import Held
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
 _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
-_COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-_CHUNK_POINTS = 16384
-_ENERGIES = ("kinetic", "potential", "work", "total")
-# Parts are gathered this many frames at a time.
-_GATHERED = 128
 
 
 def versions() -> dict[str, str]:
@@ -60,6 +59,7 @@ class Results:
         self._ends: list[int] = []
         self._series: dict[str, np.ndarray] = {}
         self._state: Sequence[np.ndarray] = ()
+        self._gathering: Gathering | None = None
 
     @property
     def _frames(self) -> int:
@@ -83,7 +83,8 @@ class Results:
             state: arrays to carry on from after the last of them.
         """
         end = first + len(energy.work)
-        series = {f"energy/{part}": getattr(energy, part) for part in _ENERGIES}
+        names = [part.name for part in fields(energy) if getattr(energy, part.name) is not None]
+        series = {f"energy/{name}": getattr(energy, name) for name in (*names, "total")}
         bar = self.problem.plan.bar
         for name, data in values.items():
             for receiver, position in self.problem.receivers.items():
@@ -104,8 +105,24 @@ class Results:
                 for name in values:
                     self._present(file, name)
 
+    @contextmanager
+    def gathering(self) -> Iterator[None]:
+        """While this lasts, gather all parts into the file to come; :meth:`finish` makes it so.
+
+        What was gathered is thrown away where it ends without that.
+        """
+        with self._writing():
+            self._room()
+        with reading(self.path) as before:
+            self._gathering = Gathering(self.path, before, self.problem.plan.fields)
+            try:
+                yield
+            finally:
+                self._gathering.abandon()
+                self._gathering = None
+
     def finish(self, status: str, held: Sequence[Held] = ()) -> None:
-        """Gather all parts into the file, with what was measured beside the theory.
+        """Put the file of gathered parts in place, with what was measured beside the theory.
 
         Args:
             status: complete or failed.
@@ -113,12 +130,15 @@ class Results:
         """
         if not self._frames:
             return
+        if self._gathering is None:
+            with self.gathering():
+                self.finish(status, held)
+            return
         with self._writing():
-            self._room()
-            with reading(self.path) as before, _replaced(self.path) as file:
+            with self._gathering.file() as file:
                 self._lay_out(file, status)
                 for name in self.problem.plan.fields:
-                    self._gather(file, name, before[f"fields/{name}"])
+                    self._label(file, name, file[f"fields/{name}"])
                 for h in held:
                     _record_dispersion(file, h)
                     if h.k_exact is not None:
@@ -153,7 +173,7 @@ class Results:
                     f"{self._part(missing[0])}: is missing, so that the run can't be resumed; run "
                     "without --resume"
                 )
-            names = [f"energy/{part}" for part in _ENERGIES]
+            names = [f"energy/{name}" for name in file["energy"] if name != "t"]
             for receiver in self.problem.receivers:
                 names += [f"receivers/{receiver}/{name}" for name in self.problem.plan.fields]
             self._series = {name: file[name][()] for name in names}
@@ -182,7 +202,7 @@ class Results:
     def _room(self) -> None:
         """Hold the file to come to the room on the disk; the HDF5 library dies of a full one."""
         settled = self.problem.plan
-        needed = 8 * self._frames * settled.bar.cells * len(settled.fields)
+        needed = 8 * self._frames * sum(len(self._axis(name)[1]) for name in settled.fields)
         free = shutil.disk_usage(self.path.parent).free
         if needed > free:
             raise StorageError(
@@ -192,7 +212,8 @@ class Results:
 
     def _lay_out(self, file: h5py.File, status: str) -> None:
         """Everything but the fields and what was measured."""
-        settled = self.problem.plan
+        settled, axes = self.problem.plan, {"t": self.problem.plan.times[: self._frames]}
+        axes |= dict(self._axis(name) for name in (ROTATIONS[0], CURVATURES[0]))
         file.attrs.update(
             {
                 "format": "wavesim",
@@ -205,13 +226,8 @@ class Results:
             }
             | versions()
         )
-        axes = {
-            "t": (settled.times[: self._frames], "s"),
-            "x": (settled.bar.nodes, "m"),
-            "x_half": (settled.bar.half_nodes, "m"),
-        }
-        for name, (values, unit) in axes.items():
-            _put(file, name, values, unit)
+        for name, values in axes.items():
+            _put(file, name, values, "s" if name == "t" else "m")
             file[name].make_scale(name)
         for name, values in self._series.items():
             _put(file, name, values, UNITS.get(name.rpartition("/")[2], "J/m²"))
@@ -226,28 +242,22 @@ class Results:
 
     def _present(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
-        cells = self.problem.plan.bar.cells
-        layout = h5py.VirtualLayout((self._frames, cells), float)
+        points = len(self._axis(name)[1])
+        layout = h5py.VirtualLayout((self._frames, points), float)
         for first, end in zip([0, *self._ends], self._ends, strict=False):
             where = self._part(end).relative_to(self.path.parent)
-            layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, cells))
+            layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, points))
         self._label(file, name, file.create_virtual_dataset(f"fields/{name}", layout, np.nan))
 
-    def _gather(self, file: h5py.File, name: str, frames: h5py.Dataset) -> None:
-        """A field as one compressed array, copied from the parts."""
-        width = min(self.problem.plan.bar.cells, 1024)
-        rows = max(1, min(64, _CHUNK_POINTS // width, len(frames)))
-        data = file.create_dataset(
-            f"fields/{name}", frames.shape, float, chunks=(rows, width), **_COMPRESSED
-        )
-        for first in range(0, len(frames), _GATHERED):
-            data[first : first + _GATHERED] = frames[first : first + _GATHERED]
-        self._label(file, name, data)
+    def _axis(self, name: str) -> tuple[str, np.ndarray]:
+        """Where a field lives: name of the scale, and positions in m."""
+        bar = self.problem.plan.bar
+        return ("x", bar.nodes) if name in ROTATIONS else ("x_half", bar.half_nodes)
 
     def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
         data.attrs["units"] = UNITS[name]
         data.dims[0].attach_scale(file["t"])
-        data.dims[1].attach_scale(file["x" if name in ROTATIONS else "x_half"])
+        data.dims[1].attach_scale(file[self._axis(name)[0]])
 
     def _sources(self, group: h5py.Group, settled: Plan) -> None:
         t = settled.times
@@ -263,27 +273,17 @@ class Results:
 
 
 @contextmanager
-def _replaced(path: Path) -> Iterator[h5py.File]:
-    """A new file, which takes the place of an old one once it is whole."""
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        with h5py.File(temporary, "w") as file:
-            yield file
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-@contextmanager
 def _written(path: Path) -> Iterator[h5py.File]:
-    """As :func:`_replaced`, made in memory: no failure to write can upset the HDF5 library."""
+    """A new file, which takes the place of an old one once it is whole.
+
+    It is made in memory: no failure to write can upset the HDF5 library.
+    """
     temporary = path.with_name(path.name + ".tmp")
     try:
-        with h5py.File(temporary, "w", driver="core", backing_store=False) as file:
+        image = io.BytesIO()
+        with h5py.File(image, "w") as file:
             yield file
-            file.flush()
-            image = file.id.get_file_image()
-        temporary.write_bytes(image)
+        temporary.write_bytes(image.getbuffer())
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -304,7 +304,7 @@ def _record_dispersion(file: h5py.File, held: Held) -> None:
     else:
         _put(group, "k", found.k, "rad/m")
         _put(group, "omega", found.omega, "rad/s")
-        group.create_dataset("power", data=found.power, **_COMPRESSED)
+        group.create_dataset("power", data=found.power, **COMPRESSED)
         group["power"].attrs["units"] = "relative to the strongest of its block"
         for axis, name in enumerate(("k", "omega")):
             group[name].make_scale(name)
@@ -329,7 +329,7 @@ def _record_attenuation(file: h5py.File, held: Held) -> None:
     _put(group, "k", curve.k, "rad/m")
     _put(group, "k_exact", held.k_exact, "rad/m")
     _put(group, "distance", curve.distance, "m")
-    group.create_dataset("level", data=curve.level, **_COMPRESSED)
+    group.create_dataset("level", data=curve.level, **COMPRESSED)
     group["level"].attrs["units"] = "dB"
     group.attrs["sigma"] = curve.sigma
     group.attrs["meaning"] = "k at the complex frequency omega + i sigma (rad/s)"

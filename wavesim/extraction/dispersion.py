@@ -15,7 +15,7 @@ from scipy.fft import fft, next_fast_len, rfft
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import find_peaks, get_window
 
-from wavesim.field import Field
+from wavesim.field import MOST_WAVENUMBERS, Field
 from wavesim.sectors import Block
 
 Float = NDArray[Any]
@@ -26,6 +26,8 @@ WINDOW = "blackmanharris"
 LOBE_BINS = 4
 _FLOOR = 1e-8
 _PADDING = 8
+# Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
+_AT_ONCE = 64e6
 # A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
 _LONGEST_BREAK = 3
 _SHORTEST_BRANCH = 5
@@ -83,7 +85,8 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         omega_max: highest frequency wanted, rad/s; the Nyquist frequency of the frames where None.
 
     Returns:
-        The spectrum, at the wavenumbers that the bar holds, padded eightfold in time.
+        The spectrum, at the wavenumbers that the bar holds (of more than 2048 up to k_max at every
+        second, third, …), padded eightfold in time.
 
     Raises:
         ValueError: the bar holds fewer than three wavenumbers up to k_max.
@@ -97,22 +100,44 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         )
     first = analysed_from(field)
     frames = len(field.t) - first
-    window = get_window(WINDOW, frames, fftbins=False)[:, None]
+    window = get_window(WINDOW, frames, fftbins=False)
     padded = next_fast_len(_PADDING * frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     kept = len(omega)
     if omega_max is not None:
         kept = min(kept, int(np.searchsorted(omega, omega_max, side="right")) + 1)
-    power = np.zeros((kept, count))
-    for values, _ in field.components(block):
-        in_space = rfft(values[first:], axis=1)[:, :count] * window
-        in_time = np.abs(fft(in_space, padded, axis=0)) ** 2
-        power += in_time[:kept]
-        power[1:kept] += in_time[: padded - kept : -1]
-    duration = frames * field.interval
-    return Spectrum(
-        k[:count], omega[:kept], power.T / max(power.max(), 1e-300), 2 * np.pi / duration
-    )
+    taken = slice(0, count, -(-count // MOST_WAVENUMBERS))
+    k = k[taken]
+    power = np.zeros((len(k), kept))
+    width = max(1, int(_AT_ONCE / (32 * padded)))
+    for in_space in _in_space(field, block, first, taken):
+        in_space *= window
+        for low in range(0, len(k), width):
+            in_time = np.abs(fft(in_space[low : low + width], padded)) ** 2
+            power[low : low + width] += in_time[:, :kept]
+            power[low : low + width, 1:] += in_time[:, : padded - kept : -1]
+    power /= max(power.max(), 1e-300)
+    return Spectrum(k, omega[:kept], power, 2 * np.pi / (frames * field.interval))
+
+
+def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[np.complex128]:
+    """Fourier coefficients over x of a block's components, shape (components, wavenumbers, frames).
+
+    Args:
+        field: the field.
+        block: one of its blocks.
+        first: frame to begin with.
+        taken: which of the bar's wavenumbers.
+    """
+    count, frames = len(field.bar.wavenumbers[taken]), len(field.t)
+    components = len(block.rotations + block.curvatures)
+    found = np.empty((components, count, frames - first), complex)
+    rows = max(1, int(_AT_ONCE / (16 * components * field.bar.cells)))
+    for low in range(first, frames, rows):
+        some = slice(low, min(low + rows, frames))
+        for at, (values, _) in enumerate(field.components(block, some)):
+            found[at, :, low - first : some.stop - first] = rfft(values, axis=1)[:, taken].T
+    return found
 
 
 def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:

@@ -25,6 +25,9 @@ Complex = NDArray[np.complex128]
 _FROM = 2.0
 _PART = 0.125
 _ABOVE_FLOOR = 30.0
+# So many columns of the record are read at a time that they and their transform fit into these
+# bytes.
+_AT_ONCE = 64e6
 FEWEST_POINTS = 6
 
 
@@ -63,7 +66,9 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
     weight[[0, -1]] /= 2
     kernel = np.exp(1j * np.multiply.outer(omega + 1j * sigma, t)) * weight
     flat = np.asarray(values).reshape(len(t), -1)
-    return (kernel @ flat).reshape(len(omega), *np.shape(values)[1:])
+    found = np.empty((len(omega), flat.shape[1]), complex)
+    found.real, found.imag = kernel.real @ flat, kernel.imag @ flat
+    return found.reshape(len(omega), *np.shape(values)[1:])
 
 
 def wavenumber_of_decay(amplitude: Complex, distance: Float, floor: float) -> complex:
@@ -116,15 +121,27 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
     steps = np.arange(int(np.ceil(first / spacing)), int(last / spacing) + 1)
     origin = int(np.ceil(start / spacing - 1e-9))
     sigma = damping / float(field.t[-1])
-    transform = damped_transform(field[name], field.t, omega, sigma)
-    seen = transform[:, (origin + steps) % field.bar.cells]
+    columns = (origin + steps) % field.bar.cells
+    seen, largest = np.empty((len(omega), len(columns)), complex), np.zeros(len(omega))
+    width = max(1024, int(_AT_ONCE / (8 * len(field.t) + 40 * len(omega))) // 1024 * 1024)
+    for low in range(0, field.bar.cells, width):
+        values = field.part(name, points=slice(low, low + width))
+        transform = damped_transform(values, field.t, omega, sigma)
+        largest = np.maximum(largest, np.abs(transform).max(axis=1))
+        here = (low <= columns) & (columns < low + width)
+        seen[:, here] = transform[:, columns[here] - low]
     distance = (origin + steps) * spacing - start
-    floor = np.abs(transform).max(axis=1) * np.exp(-damping) * _ABOVE_FLOOR
+    floor = largest * np.exp(-damping) * _ABOVE_FLOOR
     k = np.array(
         [wavenumber_of_decay(u, distance, f) for u, f in zip(seen, floor, strict=True)], complex
     )
-    size = np.maximum(np.abs(seen), 1e-300)
-    level = 20 * np.log10(size / size[:, :1]) if len(steps) else size
+    level = np.abs(seen)
+    del seen  # of a long bar it is large
+    if len(steps):
+        np.maximum(level, 1e-300, out=level)
+        level /= level[:, :1].copy()
+        np.log10(level, out=level)
+        level *= 20
     return Attenuation(omega, sigma, k, distance, level)
 
 

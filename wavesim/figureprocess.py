@@ -1,0 +1,109 @@
+"""Figures drawn by a process of their own, while the run stores and measures.
+
+Drawing takes as long as all else after the integration, and holds Python's lock throughout, so a
+thread would not do. The process is a fresh one, as jax's threads do not survive a fork, and begins
+at once, so that it has loaded what it needs when there is something to draw.
+"""
+
+from __future__ import annotations
+
+import pickle
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from wavesim.field import Field
+from wavesim.verdict import Held
+
+_PROGRAM = (
+    "import sys; sys.path[:] = sys.argv[1:]; from wavesim.figureprocess import serve; serve()"
+)
+
+
+class FigureProcess:
+    """A process that draws figures once; it ends where the ``with`` block does."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _PROGRAM, *sys.path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,  # an interrupt from the keyboard is the run's to deal with
+        )
+
+    def __enter__(self) -> FigureProcess:
+        return self
+
+    def __exit__(
+        self, kind: type | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def draw(self, folder: Path, field: Field, held: Sequence[Held] | None = None) -> None:
+        """Have drawn what shows the field, or else what shows the measurement.
+
+        Args:
+            folder: where to; made if need be.
+            field: one whose arrays are read from a file when they are asked for.
+            held: what was measured, beside the theory; None for the field's own figures.
+        """
+        self._send((folder, field, held))
+
+    def wait(self) -> list[Path]:
+        """Wait until all is written.
+
+        Returns:
+            The files.
+
+        Raises:
+            OSError: a file can't be written.
+            MemoryError: the system ended the process.
+            Exception: whatever else went wrong in the drawing.
+        """
+        assert self._process.stdout is not None
+        try:
+            answer = pickle.load(self._process.stdout)
+        except EOFError:
+            code = self._process.wait()
+            kind = MemoryError if code == -signal.SIGKILL else RuntimeError
+            raise kind(f"the process that draws figures ended with code {code}") from None
+        if isinstance(answer, Exception):
+            raise answer
+        return list(answer)
+
+    def _send(self, message: Any) -> None:
+        assert self._process.stdin is not None
+        try:
+            pickle.dump(message, self._process.stdin, pickle.HIGHEST_PROTOCOL)
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            pass  # why it ended is told when its answer is read
+
+
+def serve() -> None:
+    """What the process does: load, draw, answer with the files or with what went wrong."""
+    receive, answer = sys.stdin.buffer, sys.stdout.buffer
+    sys.stdout = sys.stderr
+    try:
+        found: Any = _drawn(receive)
+    except EOFError:
+        return  # the run ended before
+    except Exception as error:
+        error.add_note(traceback.format_exc())
+        found = error
+    pickle.dump(found, answer)
+    answer.flush()
+
+
+def _drawn(receive: IO[bytes]) -> list[Path]:
+    from wavesim import figures
+
+    folder, field, held = pickle.load(receive)
+    drawings = figures.of_field(field) if held is None else figures.of_measurement(field, held)
+    return figures.write(drawings, folder)
