@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import IO, Any
 
 from wavesim.field import Field
+from wavesim.finite.reading import Reading
 from wavesim.verdict import Held
 
 _PROGRAM = (
@@ -45,13 +46,16 @@ class FigureProcess:
         self._process.kill()
         self._process.communicate()
 
-    def draw(self, folder: Path, field: Field, held: Sequence[Held] | None = None) -> None:
+    def draw(
+        self, folder: Path, field: Field, held: Sequence[Held] | Reading | None = None
+    ) -> None:
         """Have drawn what shows the field, or else what shows the measurement.
 
         Args:
             folder: where to; made if need be.
             field: one whose arrays are read from a file when they are asked for.
-            held: what was measured, beside the theory; None for the field's own figures.
+            held: what was measured, beside the theory, of an endless bar or of one with layers or
+                ends; None for the field's own figures.
         """
         self._send((folder, field, held))
 
@@ -105,5 +109,9 @@ def _drawn(receive: IO[bytes]) -> list[Path]:
     from wavesim import figures
 
     folder, field, held = pickle.load(receive)
+    if isinstance(held, Reading):
+        from wavesim.finite.barfigures import of_reading
+
+        return figures.write(of_reading(field, held), folder)
     drawings = figures.of_field(field) if held is None else figures.of_measurement(field, held)
     return figures.write(drawings, folder)

@@ -130,9 +130,15 @@ def _amplitude(field: Field, sector: str) -> np.ndarray:
         for block in blocks:
             for values, _ in field.components(block, slice(low, low + rows)):
                 values *= values
-                square = square + values
+                square = square + values[:, : field.bar.cells]
         found.append(_tiles(_tiles(square, 0, high), 1, wide))
-    return np.sqrt(np.concatenate(found))
+    amplitude = np.sqrt(np.concatenate(found))
+    if not field.bar.uniform:
+        # A picture has even columns: each shows the tile that its place lies in.
+        x = field.bar.half_nodes[::wide]
+        even = (np.arange(len(x)) + 0.5) * field.bar.length / len(x)
+        amplitude = amplitude[:, np.clip(np.searchsorted(x, even) - 1, 0, len(x) - 1)]
+    return amplitude
 
 
 def spacetime(field: Field) -> Figure:
@@ -157,6 +163,8 @@ def spacetime(field: Field) -> Figure:
             vmax=0,
             interpolation="nearest",
         )
+        for edge in field.layers.interfaces if field.layers is not None else ():
+            axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
         for source in field.sources:
             if any(source.field in b.fields for b in field.blocks if b.sector == sector):
                 axes.plot(
@@ -332,8 +340,10 @@ def receivers(field: Field) -> Figure:
         highest = field.band / (2e3 * np.pi)
         spectrum.set(xlim=(0, highest), ylim=(1e-5 * (largest or 1), 2 * (largest or 1)))
         spectrum.set_yscale("log")
+        one_medium = field.layers is None or len(field.layers.layers) == 1
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
-            shade_gaps(spectrum, field, sector, upright=True)
+            if one_medium:
+                shade_gaps(spectrum, field, sector, upright=True)
         signal.set(
             ylabel=f"{SYMBOLS[name]} ({exponent}{field.unit(name)})", xlim=(0, field.t[-1] * 1e6)
         )
@@ -348,12 +358,14 @@ def receivers(field: Field) -> Figure:
 
 
 def energy(field: Field) -> Figure:
-    """Kinetic and potential energy and the work of the sources."""
+    """Kinetic and potential energy, the work of the sources, and what is lost."""
     assert field.energy is not None
     figure = Figure(figsize=(5.2, 3.2))
     axes = figure.subplots()
     factor, exponent = _power_of_ten(field.energy.total)
+    dissipated = field.energy.dissipated is not None
     for name, style, colour, width in (
+        *([("dissipated", "-.", "#2f6f9f", 0.9)] if dissipated else []),
         ("potential", "-", "#b9c4cf", 0.6),
         ("kinetic", "--", "#5f7183", 0.6),
         ("total", "-", THEORY, 1.2),

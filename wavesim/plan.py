@@ -58,6 +58,12 @@ class Plan:
         return self.schedule.shift is not None
 
     @property
+    def endless(self) -> bool:
+        """Whether it stands for an endless bar of one medium: joined ends, one uniform layer."""
+        (layer, *others) = self.layers.layers
+        return self.bar.periodic and not others and layer.last is None
+
+    @property
     def with_gradient(self) -> bool:
         """Whether the gradient term is kept."""
         return not self.real or any(

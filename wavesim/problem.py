@@ -14,6 +14,7 @@ from wavesim import parts
 from wavesim.bar import Bar
 from wavesim.case import Case, CaseError, read
 from wavesim.field import MOST_WAVENUMBERS
+from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.parts import Parts
 from wavesim.plan import Plan, plan
@@ -35,7 +36,7 @@ class Problem:
         case: the tables, as given.
         plan: medium, bar, sources, stepper, step and frames.
         receivers: {name: position in m}.
-        k_range: wavenumbers between which branches are judged, rad/m.
+        k_range: wavenumbers between which branches of an endless bar are judged, rad/m.
         parts: the tables as objects.
     """
 
@@ -55,7 +56,9 @@ class Problem:
             "step": self.plan.step,
             "samples": schedule.frames,
         }
-        tables["analysis"] |= {"k_min": self.k_range[0], "k_max": self.k_range[1]}
+        if self.plan.endless:
+            tables["analysis"] |= {"k_min": self.k_range[0], "k_max": self.k_range[1]}
+        tables["analysis"] = {k: v for k, v in tables["analysis"].items() if v is not None}
         return tomli_w.dumps(tables)
 
 
@@ -84,40 +87,13 @@ def settle(case: Case, name: str) -> Problem:
     """
 
     made = parts.assemble(case, name)
-    _check_available(case, made, name)
     build = parts.builder(name)
-    medium, bar = made.medium, made.bar
-    return Problem(
-        case,
-        build(("time",), lambda: _plan(case, medium, bar, made.sources)),
-        made.receivers,
-        build(("analysis",), lambda: _judged(case, medium, bar)),
-        made,
-    )
-
-
-def _check_available(case: Case, made: Parts, name: str) -> None:
-    """Refuse what a case may say and the time domain can't do.
-
-    Raises:
-        CaseError: layers, ends, losses or drives that are not available yet.
-    """
-    found = []
-    if made.layers is not None:
-        found.append("[[layers]] number 1: a bar of layers is not available yet; take one [medium]")
-    if made.ends != ("periodic", "periodic"):
-        found.append(f'[bar] left = "{made.ends[0]}": not available yet; take "periodic"')
-    if made.medium.damping:
-        found.append("[medium]: losses are not available yet; leave out damping and quality keys")
-    for number, source in enumerate(made.sources, start=1):
-        if source.drive != "body":
-            what = "kind" if source.drive == "initial" else "drive"
-            found.append(
-                f'[[sources]] number {number}: {what} = "{source.drive}": not available yet; take '
-                'drive = "body"'
-            )
-    if found:
-        raise CaseError(f"{name}: {found[0]}")
+    bar = made.bar
+    settled = build(("time",), lambda: _plan(case, made.layers or made.medium, bar, made.sources))
+    judged = (0.0, 0.0)
+    if settled.endless:
+        judged = build(("analysis",), lambda: _judged(case, made.medium, bar))
+    return Problem(case, settled, made.receivers, judged, made)
 
 
 def _judged(case: Case, medium: Medium, bar: Bar) -> tuple[float, float]:
@@ -144,7 +120,7 @@ def _judged(case: Case, medium: Medium, bar: Bar) -> tuple[float, float]:
     return low, high
 
 
-def _plan(case: Case, medium: Medium, bar: Bar, sources: Sequence[Source]) -> Plan:
+def _plan(case: Case, medium: Medium | Layers, bar: Bar, sources: Sequence[Source]) -> Plan:
     time = case.time
     step = None if time.step == "auto" else time.step
     samples = None if time.samples == "auto" else time.samples

@@ -96,6 +96,7 @@ def read(path: Path, problem: Problem) -> Field:
         t=t,
         values={name: _Lazy(path, f"fields/{name}") for name in names},
         medium=settled.medium,
+        layers=settled.layers,
         bar=settled.bar,
         sources=settled.sources,
         receivers=problem.receivers,

@@ -126,10 +126,8 @@ def _run(
 
     _keep_compiled()
     from wavesim import resultfile, storage
-    from wavesim.extraction.analysis import extract
     from wavesim.figureprocess import FigureProcess
     from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
-    from wavesim.verdict import hold, judge
 
     lap("import")
     results = storage.Results(folder / "result.h5", problem)
@@ -173,25 +171,22 @@ def _run(
     tell("analyse", 0.0)
     field = resultfile.read(results.path, problem)
     drawing[0].draw(folder / "figures", field)
-    table = problem.case.analysis
-    measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
-    held = [hold(field, m, problem.k_range) for m in measured]
-    checks = judge(field, held)
+    found = measure(problem, field)
     lap("analyse")
     tell("figures", 0.0)
-    drawing[1].draw(folder / "figures", field, held)
+    drawing[1].draw(folder / "figures", field, found.shown)
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for process in drawing:
             process.wait()
         lap("figures")
         tell("store", 0.0)
-        results.finish("complete", held)
+        results.finish("complete", found.held, found.tables)
     timing["store"] += time.perf_counter() - clock
     summary = {
         "title": problem.case.title,
-        "checks": [asdict(check) | {"passed": check.passed} for check in checks],
-        "passed": all(check.passed for check in checks),
+        "checks": [asdict(check) | {"passed": check.passed} for check in found.checks],
+        "passed": all(check.passed for check in found.checks),
         "timing": timing,
         "stepper": settled.schedule.solver,
         "step": settled.step,
@@ -201,11 +196,61 @@ def _run(
         "fields": list(settled.fields),
         "peak_memory_bytes": peak_memory(),
         "versions": storage.versions(),
-    }
+    } | found.summary
     (folder / "summary.json").write_text(
         json.dumps(_plain(summary), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
     )
-    return Outcome(summary, folder, notes(problem, checks))
+    return Outcome(summary, folder, found.notes)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was measured of a field.
+
+    Attributes:
+        checks: the verdict.
+        shown: what its figures are drawn from.
+        held: what is stored of an endless bar.
+        tables: what is stored of one with layers or ends.
+        summary: what summary.json gets besides.
+        notes: as of :class:`Outcome`.
+    """
+
+    checks: list[Any]
+    shown: Any
+    held: list[Any]
+    tables: dict[str, Any]
+    summary: dict[str, Any]
+    notes: list[str]
+
+
+def measure(problem: Problem, field: Any) -> Found:
+    """Measure a field and hold it against theory.
+
+    An endless bar is measured by its waves, ω(k) and k(ω), one with layers or ends by what its
+    receivers record.
+
+    Args:
+        problem: the settled case.
+        field: the field of its run.
+    """
+    table = problem.case.analysis
+    if problem.plan.endless:
+        from wavesim.extraction.analysis import extract
+        from wavesim.verdict import hold, judge
+
+        measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
+        held = [hold(field, m, problem.k_range) for m in measured]
+        checks = judge(field, held)
+        return Found(checks, held, held, {}, {}, notes(problem, checks))
+    from wavesim.finite.barverdict import bar_notes, judge_bar
+    from wavesim.finite.pulsetest import rows
+    from wavesim.finite.reading import read_bar
+
+    reading = read_bar(field, table.frequencies, table.damping)
+    summary = {"pulse_tests": [rows(test) for test in reading.pulses]}
+    checks = judge_bar(field, reading)
+    return Found(checks, reading, [], reading.tables(), summary, bar_notes(reading, field))
 
 
 def _begin(folder: Path) -> None:

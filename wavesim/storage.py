@@ -14,7 +14,7 @@ import importlib.metadata
 import io
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -121,18 +121,24 @@ class Results:
                 self._gathering.abandon()
                 self._gathering = None
 
-    def finish(self, status: str, held: Sequence[Held] = ()) -> None:
+    def finish(
+        self,
+        status: str,
+        held: Sequence[Held] = (),
+        tables: Mapping[str, tuple[np.ndarray, str]] | None = None,
+    ) -> None:
         """Put the file of gathered parts in place, with what was measured beside the theory.
 
         Args:
             status: complete or failed.
             held: every block that was measured.
+            tables: other arrays with their units, by path.
         """
         if not self._frames:
             return
         if self._gathering is None:
             with self.gathering():
-                self.finish(status, held)
+                self.finish(status, held, tables)
             return
         with self._writing():
             with self._gathering.file() as file:
@@ -143,6 +149,8 @@ class Results:
                     _record_dispersion(file, h)
                     if h.k_exact is not None:
                         _record_attenuation(file, h)
+                for path, (values, unit) in (tables or {}).items():
+                    _put(file, path, values, unit)
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def carry_on(self) -> tuple[int, list[np.ndarray]]:

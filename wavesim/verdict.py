@@ -22,6 +22,8 @@ MAXIMUM_TOLERANCE = 1e-2
 WAVENUMBER_TOLERANCE = 1e-3
 ENERGY_TOLERANCE = 1e-9
 ENERGY_AFTER_TOLERANCE = 1e-10
+# Where something is lost its power is integrated over the steps, to order 12.
+LOSSY_TOLERANCE = 1e-8
 # A wave is present where its branch was found at this part of the wavenumbers it is judged at.
 _PRESENT = 0.9
 
@@ -181,7 +183,7 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
     checks += _gap_edge_checks(field, held)
     for h in held:
         checks += _wavenumber_checks(field, h)
-    return checks + _energy_checks(field)
+    return checks + energy_checks(field)
 
 
 def _branch_checks(h: Held) -> list[Check]:
@@ -250,20 +252,26 @@ def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
     return checks
 
 
-def _energy_checks(field: Field) -> list[Check]:
-    """Energy balance, where the closure conserves energy."""
-    medium, energy = field.medium, field.energy
-    if energy is None or not (medium.closure == "consistent" or medium.anisotropy == 0):
+def energy_checks(field: Field) -> list[Check]:
+    """Energy balance, where the closure conserves energy in every layer."""
+    energy = field.energy
+    layers = field.layers.layers if field.layers else ()
+    media = [medium for layer in layers for medium in (layer.medium, layer.last) if medium]
+    conserved = all(m.closure == "consistent" or m.anisotropy == 0 for m in media or [field.medium])
+    if energy is None or not conserved:
         return []
     scale = float(energy.total.max())
     if scale == 0:
         return []
-    balance = float(np.abs(energy.total - energy.work).max()) / scale
-    after = energy.total[field.t >= field.quiet_from]
+    lost = 0.0 if energy.dissipated is None else energy.dissipated
+    difference = energy.total + lost - energy.work - energy.total[0]
+    balance = float(np.abs(difference).max()) / scale
     # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
-    band = field.band
-    drift = (band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
+    drift = (field.band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
+    if energy.dissipated is not None:
+        return [Check("energy + dissipated − work over energy", balance, 0.0, LOSSY_TOLERANCE)]
     checks = [Check("energy − work over energy", balance, 0.0, max(drift, ENERGY_TOLERANCE))]
+    after = energy.total[field.t >= field.quiet_from]
     if len(after) > 1:
         change = float(np.ptp(after)) / scale
         checks.append(

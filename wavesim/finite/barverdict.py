@@ -1,0 +1,152 @@
+"""The verdict on a bar with layers or ends: its reading against the exact frequency domain."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wavesim.field import Field
+from wavesim.finite.cells import Cells
+from wavesim.finite.pulsetest import PulseTest
+from wavesim.finite.reading import Reading
+from wavesim.finite.ringing import Ringing
+from wavesim.finite.twowaves import Scattered
+from wavesim.verdict import WAVENUMBER_TOLERANCE, Check, energy_checks
+
+SIGNAL_TOLERANCE = 1e-4
+AMPLITUDE_TOLERANCE = 1e-3
+DECIBEL_TOLERANCE = 1.0
+RESONANCE_TOLERANCE = 1e-6
+BLOCH_TOLERANCE = 1e-3
+# Arrivals agree to this part of a period of the source's peak frequency.
+ARRIVAL_TOLERANCE = 1e-3
+# Transmission is held to decibels down to here.
+_DEEPEST = 1e-3
+
+
+def judge_bar(field: Field, reading: Reading) -> list[Check]:
+    """All checks of a run.
+
+    Args:
+        field: the field.
+        reading: what was measured of it, beside the exact solver.
+
+    Returns:
+        The checks; none about what the record is too short, or the bar too simple, to tell.
+    """
+    checks = []
+    for receiver, errors in reading.error.items():
+        worst = max(errors, key=lambda name: errors[name])
+        label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
+        checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE))
+    for scattered in reading.scattered:
+        checks += _scattered_checks(scattered)
+    for cells in reading.cells:
+        checks += _cell_checks(cells)
+    for ringing in reading.ringing:
+        checks += _ringing_checks(ringing)
+    for pulse in reading.pulses:
+        checks += _pulse_checks(field, pulse)
+    return checks + energy_checks(field)
+
+
+def _scattered_checks(found: Scattered) -> list[Check]:
+    judged = found.judged
+    count = int(judged.sum())
+    if not count:
+        return []
+    checks = []
+    for name, measured, exact in (
+        ("T", found.T, found.T_exact),
+        ("R", found.R, found.R_exact),
+    ):
+        worst = float(np.abs(measured - exact)[judged].max())
+        label = f"{found.sector} {name}: |Δ{name}| of the incident wave, {count} frequencies"
+        checks.append(Check(label, worst, 0.0, AMPLITUDE_TOLERANCE))
+    deep = judged & (np.abs(found.T_exact) >= _DEEPEST)
+    if deep.any():
+        worst = float(np.abs(20 * np.log10(np.abs(found.T / found.T_exact)))[deep].max())
+        label = f"{found.sector} T down to −60 dB: difference, {deep.sum()} frequencies"
+        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB"))
+    return checks
+
+
+def _cell_checks(found: Cells) -> list[Check]:
+    judged = found.judged
+    if not judged.any():
+        return []
+    # cos(qL) grows as e^{Im qL}: an error counts against it where it is large.
+    size = np.maximum(np.abs(found.cosine_exact), 1.0)
+    worst = float((np.abs(found.cosine - found.cosine_exact) / size)[judged].max())
+    label = f"{found.sector} Bloch wave: |Δcos qL|, {judged.sum()} frequencies"
+    return [Check(label, worst, 0.0, BLOCH_TOLERANCE)]
+
+
+def _ringing_checks(found: Ringing) -> list[Check]:
+    heard = np.isfinite(found.found)
+    label = f"{found.sector} eigenfrequencies"
+    checks = [Check(f"{label} heard", int(heard.sum()), len(heard), 0.0, "modes")]
+    if heard.any():
+        error = np.abs(found.found / found.exact - 1)[heard]
+        checks.append(Check(f"{label}: |Δω|/ω, median", float(np.median(error)), 0.0, 1e-6))
+        checks.append(
+            Check(f"{label}: |Δω|/ω, maximum", float(error.max()), 0.0, RESONANCE_TOLERANCE)
+        )
+    return checks
+
+
+def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
+    checks = []
+    own = [s for s in field.sources if s.field == pulse.name] or list(field.sources)
+    allowed = ARRIVAL_TOLERANCE / own[0].peak_frequency
+    for convention in ("threshold", "envelope"):
+        found, known = (r.arrivals[convention].time for r in (pulse.result, pulse.exact))
+        both = np.isfinite(found) & np.isfinite(known)
+        if both.any():
+            worst = float(np.abs(found - known)[both].max())
+            label = f"{pulse.name} arrival, {convention}: |Δt|, {both.sum()} receivers"
+            checks.append(Check(label, worst, 0.0, allowed, "s"))
+    if pulse.k_exact is not None:
+        k = pulse.result.dispersion.damped
+        known = np.isfinite(k)
+        if known.any():
+            worst = float(np.abs(k / pulse.k_exact - 1)[known].max())
+            label = f"{pulse.name} k between receivers: |Δk|/|k|, {known.sum()} frequencies"
+            checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE))
+    return checks
+
+
+def bar_notes(reading: Reading, field: Field) -> list[str]:
+    """What a reader should know beside the checks."""
+    found = []
+    if not field.receivers:
+        found.append(
+            "no receiver: nothing was held against the exact solver; add [[receivers]] to compare "
+            "signals"
+        )
+    hidden = [name for name in field.receivers if name not in reading.exact]
+    if hidden:
+        found.append(
+            f"receiver {hidden[0]} stands in an absorbing layer and was not compared; move it into "
+            f"{field.bar.clear[0]:.4g} to {field.bar.clear[1]:.4g} m"
+        )
+    for scattered in reading.scattered:
+        edge = _near_asymptote(scattered)
+        if edge:
+            found.append(edge)
+    return found
+
+
+def _near_asymptote(found: Scattered) -> str | None:
+    """Where the transmission is least certain, with the remedy, if it fell short there."""
+    error = np.where(found.judged, np.abs(found.T - found.T_exact), 0.0)
+    worst = int(np.argmax(error))
+    if error[worst] <= AMPLITUDE_TOLERANCE:
+        return None
+    frequency = found.omega[worst] / 2 / math.pi / 1e3
+    return (
+        f"{found.sector} transmission is furthest off at {frequency:.4g} kHz: close below an "
+        "asymptote waves are short, and close to a band edge an absorber reflects; take a finer "
+        "[bar] spacing, or a longer absorber"
+    )

@@ -1,0 +1,134 @@
+"""The pulse test in a run: what an experimenter reads from the receivers, beside the exact route.
+
+The same reading is made of the exact signals, so that what differs is the field and not the
+convention. Where one wave alone passes the receivers, as in a uniform bar whose far end absorbs,
+its wavenumber is held against the medium's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.field import Field
+from wavesim.medium import Medium
+from wavesim.plan import fastest
+from wavesim.planewave import Gap, gaps, wavenumber
+from wavesim.pulse.measurement import PulseResult, measure
+from wavesim.pulse.windows import Exponential, Gate
+from wavesim.sectors import Block
+
+_MOST_RECEIVERS = 20
+_TAPER = 0.15
+
+
+@dataclass(frozen=True)
+class PulseTest:
+    """A pulse test on one rotation.
+
+    Attributes:
+        name: of the rotation, phi1 … phi3.
+        sector: its sector.
+        result: read from the run.
+        exact: the same read from the exact signals.
+        k_exact: where one wave alone passes, the medium's k at ω + iσ of the result, rad/m.
+        medium: where the receivers stand, if all stand in one uniform layer.
+        gaps: its gaps in the sector; none where there is no such medium.
+    """
+
+    name: str
+    sector: str
+    result: PulseResult
+    exact: PulseResult
+    k_exact: NDArray[np.complex128] | None
+    medium: Medium | None
+    gaps: tuple[Gap, ...]
+
+
+def pulse_test(
+    field: Field, block: Block, exact: Mapping[str, Mapping[str, Any]], damping: float
+) -> PulseTest | None:
+    """Read the receivers of a run.
+
+    Args:
+        field: with receivers, those to the right of the sources are read.
+        block: one with a rotation.
+        exact: {receiver: {field: signal}} of the exact solver.
+        damping: σT of the exponential window, where the record has one.
+
+    Returns:
+        What was read; None where fewer than two receivers stand to the right of the sources.
+    """
+    (name,) = block.rotations[0]
+    own = [s for s in field.sources if s.field in block.fields]
+    layers, bar = field.layers, field.bar
+    if layers is None or not own or any(source.drive == "initial" for source in own):
+        return None
+    last = max(source.position + 8.5 * source.width for source in own)
+    high = bar.clear[1]
+    places = sorted((x, n) for n, x in field.receivers.items() if last < x <= high)
+    places = [p for i, p in enumerate(places) if i == 0 or p[0] > places[i - 1][0]]
+    if not 2 <= len(places) <= _MOST_RECEIVERS:
+        return None
+    positions = {n: x for x, n in places}
+    held = {id(layers.layer_at(x)) for x in positions.values()}
+    layer = layers.layer_at(places[0][0])
+    medium = layer.medium if len(held) == 1 and layer.last is None else None
+    one_way = medium is not None and bar.right == "absorbing" and layer is layers.layers[-1]
+    if one_way:
+        window: Exponential | Gate = Exponential(damping)
+    else:
+        # Up to when an echo of the far end can be back at the last receiver.
+        speed = max(fastest(one.medium) for one in layers.layers)
+        echo = (2 * bar.length - places[-1][0] - last) / speed
+        end = min(float(field.t[-1]), max(echo, 2 * own[0].peak_time))
+        window = Gate(-_TAPER * end, end, _TAPER)
+    options: dict[str, Any] = {"window": window, "k_max": np.pi / bar.spacing}
+    if len(own) == 1:
+        options["source"] = np.asarray(own[0].signal(field.t))
+    signals = {n: field.at(x, name) for n, x in positions.items()}
+    result = measure(field.t, signals, positions, **options)
+    known = measure(
+        field.t,
+        {n: exact[n][name] for n in positions},
+        positions,
+        omega=result.dispersion.omega,
+        **options,
+    )
+    k = None
+    if one_way and medium is not None:
+        found = result.dispersion
+        k = wavenumber(medium, block.sector, found.omega + 1j * found.sigma)
+    shown = tuple(gaps(medium, block.sector)) if medium is not None else ()
+    return PulseTest(name, block.sector, result, known, k, medium, shown)
+
+
+def rows(test: PulseTest) -> dict[str, Any]:
+    """Tables of what was read, for summary.json; frequencies are in result.h5."""
+    tables = test.result.rows()
+    del tables["frequencies"]
+    return {"field": test.name, "sector": test.sector} | tables
+
+
+def spectra(test: PulseTest) -> dict[str, NDArray[Any]]:
+    """Columns against frequency, for result.h5."""
+    found, loss = test.result.dispersion, test.result.loss
+    columns = {
+        name: getattr(found, name)
+        for name in (
+            "omega",
+            "damped",
+            "phase_velocity",
+            "group_velocity",
+            "attenuation",
+            "quality",
+        )
+    }
+    columns["loss"] = loss.level
+    if test.k_exact is not None:
+        columns["k_exact"] = test.k_exact
+    return {key: np.asarray(value) for key, value in columns.items()}
