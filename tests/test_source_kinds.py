@@ -205,8 +205,9 @@ def test_sweep_goes_from_low_to_high():
 
 
 def test_recorded_curve_goes_through_its_samples_and_is_smooth():
-    """Values at the samples, to the rounding of (t − t₀)/Δ (160 · 2e-16 · ωΔ); first and second derivative agree from both sides of every
-    sample (the second to h s‴/ω² = 1e-4 of ω² s); zero outside."""
+    """Values at the samples, to the rounding of (t − t₀)/Δ, 160 · 2e-16 · ωΔ = 1.4e-14; first and
+    second derivative agree from both sides of every sample (the second to h s‴/ω² = 1e-4 of ω² s);
+    zero outside."""
     source = Recorded("phi1", 0.0, TIMES, VALUES)
     np.testing.assert_allclose(source.signal(TIMES), VALUES, rtol=0, atol=1.4e-14)
     omega, h = 2 * np.pi * F, 3e-5 / (2 * np.pi * F)
