@@ -12,7 +12,7 @@ import tomli_w
 
 from wavesim import parts
 from wavesim.bar import Bar
-from wavesim.case import Case, CaseError, read
+from wavesim.case import Case, read
 from wavesim.field import MOST_WAVENUMBERS
 from wavesim.layers import Layers
 from wavesim.medium import Medium

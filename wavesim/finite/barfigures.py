@@ -112,12 +112,16 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     f = found.omega * _KHZ
     last = float(found.exact[-1] * _KHZ)
     shown = f <= 1.08 * last
-    upper.plot(f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6)
+    upper.plot(
+        f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6
+    )
     for number, omega in enumerate(found.exact):
         upper.axvline(omega * _KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
                       label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
     heights = np.interp(found.found, found.omega, found.level)
-    upper.plot(found.found * _KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT)
+    upper.plot(
+        found.found * _KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT
+    )
     lower.plot(found.exact * _KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
     lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":")
     lower.set_yscale("log")
@@ -174,14 +178,13 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
     for axes, sector in zip(rows, sectors, strict=True):
         for number in range(len(known[media[0]][sector])):
             edges = np.array(
-                [
-                    (known[m][sector][number].lower, known[m][sector][number].upper)
-                    for m in media
-                ]
+                [(known[m][sector][number].lower, known[m][sector][number].upper) for m in media]
             )
             name = known[media[0]][sector][number].name
             axes.fill_between(x * 1e3, *(edges.T * _KHZ), color="#aeb8c2", lw=0, step="mid")
-            axes.text(x[8] * 1e3, edges[8].mean() * _KHZ, name, fontsize=7, va="center", bbox=_LABEL)
+            axes.text(
+                x[8] * 1e3, edges[8].mean() * _KHZ, name, fontsize=7, va="center", bbox=_LABEL
+            )
             top = max(top, 1.05 * edges.max() * _KHZ)
         for end in (0, 1):
             low, high = ((0, bar.clear[0]), (bar.clear[1], layers.length))[end]
@@ -202,7 +205,9 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
 
 def _pulse_drawings(test: PulseTest) -> Drawings:
     result = test.result
-    shaded = [(g.name, g.lower / 2 / np.pi, g.upper / 2 / np.pi) for g in test.gaps if g.upper > g.lower]
+    shaded = [
+        (g.name, g.lower / 2 / np.pi, g.upper / 2 / np.pi) for g in test.gaps if g.upper > g.lower
+    ]
     known = test.exact.loss
     exact = known.omega / 2 / np.pi, np.where(known.valid, known.level, np.nan)
     curves = {}

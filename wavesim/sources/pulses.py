@@ -19,7 +19,7 @@ _BEYOND_BAND = 2.4
 
 # The same three of the first derivative of a Gaussian; the last in units of f_p.
 _FIRST_HALF_DURATION = 1.4
-_FIRST_BAND = 3.23
+_FIRST_BAND = 3.22
 _FIRST_SPECTRAL_END = 8.3
 
 

@@ -24,8 +24,9 @@ class Recorded(Source):
 
     M₄ is the cubic B-spline; the coefficients c_j solve (c_{j−1} + 4c_j + c_{j+1})/6 = v_j. The
     curve has two continuous derivatives everywhere, and is zero from two samples before the first
-    and after the last. Its third derivative jumps at the samples: what a stepper makes of it is off
-    by some (ωΔ)⁴/1000 of the signal.
+    and after the last. Between samples it is off a band-limited signal by (ωΔ)⁴/720. Its third
+    derivative jumps at the samples: an exact stepper, which takes a signal for smooth within a
+    step, is off by about 1e-9 of the field (measured, four samples to a step and more).
 
     Args:
         field: the field it drives, phi1 … B33.
