@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 from wavesim.medium import Medium
 from wavesim.sectors import Block, BlockForm, blocks_of
 from wavesim.spectral.bandedges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
-from wavesim.spectral.eigenproblem import Eigenmodes, Float, slope, solve, spectral_form
+from wavesim.spectral.damped import damped
+from wavesim.spectral.eigenproblem import (
+    Complex,
+    Eigenmodes,
+    Float,
+    slope,
+    solve,
+    spectral_form,
+)
 from wavesim.spectral.evanescent import ComplexWaves, complex_waves, wavenumber
 from wavesim.spectral.hyperbolicity import NotHyperbolicError, check_hyperbolic, real_frequencies
 
@@ -28,6 +36,7 @@ __all__ = [
     "check_hyperbolic",
     "complex_waves",
     "cutoffs",
+    "damped_frequencies",
     "frequencies",
     "full_gaps",
     "gaps",
@@ -78,6 +87,25 @@ def frequencies(medium: Medium, sector: str, k: ArrayLike) -> Float:
     """
     parts = [block_frequencies(medium, block, k) for block in blocks_of(sector)]
     return np.sort(np.concatenate(parts, axis=1), axis=1)
+
+
+def damped_frequencies(medium: Medium, sector: str, k: ArrayLike) -> Complex:
+    """ω(k) of one sector with the medium's losses: Ω(ω) = ω₀(k), ω₀ of :func:`frequencies`.
+
+    Args:
+        medium: the medium; without a loss law ω is ω₀.
+        sector: longitudinal, transverse2, transverse3 or inplane.
+        k: wavenumbers, shape (n,), rad/m.
+
+    Returns:
+        Complex angular frequencies in the order of ω₀, shape (n, 3), rad/s; waves fall as
+        exp(Im ω t), Im ω ≤ 0.
+
+    Raises:
+        NotHyperbolicError: an ω₀(k) is not real.
+        ValueError: no sector has that name.
+    """
+    return damped(medium.damping, frequencies(medium, sector, k))
 
 
 def scaled_group_velocity(form: BlockForm, k: Float, modes: Eigenmodes) -> Float:

@@ -9,6 +9,8 @@ enters: with b = k c it becomes the linear problem det(s P − Q) = 0 in s = k²
 of degree 1 + rank γ for one rotation: the pair ±k of the closed form below and, for each rank of γ,
 a pair whose wavelength or decay length is of the size √(Γ/C_BB), which with Table 1 is 1e-6 of a
 particle. With Γ → 0 there is one pair, k² = ω²/D(ω²), D = c_pp − c_pb (c_bb − ω²)⁻¹ c_bp.
+
+Where the medium has a loss law every ω stands for Ω(ω) = ω √(ι/m) (spectral/damped.py).
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from wavesim.medium import Medium
 from wavesim.sectors import Block, BlockForm, blocks_of
+from wavesim.spectral.damped import seen
 from wavesim.spectral.eigenproblem import Complex, Float, spectral_form
 
 
@@ -84,7 +87,7 @@ def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
     (block, *others) = blocks_of(sector)
     if others or not block.rotations:
         raise ValueError(f"sector {sector!r} has no propagating wave: k(ω) is not defined")
-    scaled = np.atleast_1d(np.asarray(omega)) * medium.time_scale
+    scaled = seen(medium, np.atleast_1d(np.asarray(omega))) * medium.time_scale
     return _closed_form(spectral_form(medium, block), scaled) / medium.length_scale
 
 
@@ -178,7 +181,8 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
     if (given == 0).any():
         raise ValueError("omega = 0: must not be 0; take a small ω for the static limit")
     form = spectral_form(medium, block)
-    scaled = given.astype(complex if np.iscomplexobj(given) else float) * medium.time_scale
+    felt = seen(medium, given)
+    scaled = felt.astype(complex if np.iscomplexobj(felt) else float) * medium.time_scale
     values, rates = (x[:, : _degree(form) + 1] for x in _polynomial(form, scaled**2))
     roots = _polynomial_roots(values)
     rises = -_evaluate(rates, roots) / _evaluate(_derivative(values), roots)
