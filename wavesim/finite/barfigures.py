@@ -219,11 +219,18 @@ def _pulse_drawings(test: PulseTest) -> Drawings:
             for name in ("phase_velocity", "group_velocity", "attenuation")
         }
     name = test.name
-    return {
-        f"arrivals_{name}": lambda: pulsefigures.record_section(result),
+    record = result.record
+    arrived = np.concatenate([picks.time for picks in result.arrivals.values()])
+    span = float(record.t[0]), min(float(record.t[-1]), 3 * float(np.nanmax(arrived, initial=0.0)))
+    drawings: Drawings = {
+        f"arrivals_{name}": lambda: pulsefigures.record_section(result, span=span),
         f"loss_{name}": lambda: pulsefigures.transmission(result, shaded, exact),
-        f"velocities_{name}": lambda: pulsefigures.velocities_and_losses(result, shaded, curves),
     }
+    if test.medium is not None:
+        drawings[f"velocities_{name}"] = lambda: pulsefigures.velocities_and_losses(
+            result, shaded, curves
+        )
+    return drawings
 
 
 def of_reading(field: Field, reading: Reading) -> Drawings:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from wavesim.damping import quality
 from wavesim.field import Field
 from wavesim.finite.cells import Cells
 from wavesim.finite.pulsetest import PulseTest
@@ -21,6 +22,8 @@ RESONANCE_TOLERANCE = 1e-6
 BLOCH_TOLERANCE = 1e-3
 # Arrivals agree to this part of a period of the source's peak frequency.
 ARRIVAL_TOLERANCE = 1e-3
+# ω/2αv_g is the law's Q to the first order in 1/Q.
+QUALITY_TOLERANCE = 0.02
 # Transmission is held to decibels down to here.
 _DEEPEST = 1e-3
 
@@ -107,6 +110,14 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             worst = float(np.abs(found - known)[both].max())
             label = f"{pulse.name} arrival, {convention}: |Δt|, {both.sum()} receivers"
             checks.append(Check(label, worst, 0.0, allowed, "s"))
+    loss, exact = pulse.result.loss, pulse.exact.loss
+    both = loss.valid & exact.valid
+    if both.any():
+        worst = float(np.abs(loss.level - exact.level)[both].max())
+        label = (
+            f"{pulse.name} loss, {loss.first} to {loss.last}: difference, {both.sum()} frequencies"
+        )
+        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB"))
     if pulse.k_exact is not None:
         k = pulse.result.dispersion.damped
         known = np.isfinite(k)
@@ -114,7 +125,24 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             worst = float(np.abs(k / pulse.k_exact - 1)[known].max())
             label = f"{pulse.name} k between receivers: |Δk|/|k|, {known.sum()} frequencies"
             checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE))
+        checks += _quality_checks(pulse)
     return checks
+
+
+def _quality_checks(pulse: PulseTest) -> list[Check]:
+    """Q as an experimenter reads it, beside that of the loss law over the bands."""
+    found = pulse.result.dispersion
+    if pulse.medium is None or not pulse.medium.damping:
+        return []
+    law = quality(pulse.medium.damping, found.omega)
+    passes = np.isfinite(found.quality) & (found.quality > 0)
+    for gap in pulse.gaps:
+        passes &= (found.omega < 0.9 * gap.lower) | (found.omega > 1.1 * gap.upper)
+    if not passes.any():
+        return []
+    ratio = float(np.median((found.quality / law)[passes]))
+    label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
+    return [Check(label, ratio, 1.0, QUALITY_TOLERANCE)]
 
 
 def bar_notes(reading: Reading, field: Field) -> list[str]:

@@ -7,7 +7,7 @@ its wavenumber is held against the medium's own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,9 +21,12 @@ from wavesim.planewave import Gap, gaps, wavenumber
 from wavesim.pulse.measurement import PulseResult, measure
 from wavesim.pulse.windows import Exponential, Gate
 from wavesim.sectors import Block
+from wavesim.source import Source
 
 _MOST_RECEIVERS = 20
 _TAPER = 0.15
+_FREQUENCIES = 80
+_JUDGED = 0.01
 
 
 @dataclass(frozen=True)
@@ -78,8 +81,9 @@ def pulse_test(
     held = {id(layers.layer_at(x)) for x in positions.values()}
     layer = layers.layer_at(places[0][0])
     medium = layer.medium if len(held) == 1 and layer.last is None else None
-    one_way = medium is not None and bar.right == "absorbing" and layer is layers.layers[-1]
-    if one_way:
+    same = medium is not None and layers.layer_at(last) is layer and layer is layers.layers[-1]
+    one_way = same and bar.right == "absorbing"
+    if bar.right == "absorbing":
         window: Exponential | Gate = Exponential(damping)
     else:
         # Up to when an echo of the far end can be back at the last receiver.
@@ -88,10 +92,11 @@ def pulse_test(
         end = min(float(field.t[-1]), max(echo, 2 * own[0].peak_time))
         window = Gate(-_TAPER * end, end, _TAPER)
     options: dict[str, Any] = {"window": window, "k_max": np.pi / bar.spacing}
+    omega = _driven(own, field) if isinstance(window, Exponential) else None
     if len(own) == 1:
         options["source"] = np.asarray(own[0].signal(field.t))
     signals = {n: field.at(x, name) for n, x in positions.items()}
-    result = measure(field.t, signals, positions, **options)
+    result = measure(field.t, signals, positions, omega=omega, **options)
     known = measure(
         field.t,
         {n: exact[n][name] for n in positions},
@@ -105,6 +110,15 @@ def pulse_test(
         k = wavenumber(medium, block.sector, found.omega + 1j * found.sigma)
     shown = tuple(gaps(medium, block.sector)) if medium is not None else ()
     return PulseTest(name, block.sector, result, known, k, medium, shown)
+
+
+def _driven(sources: Sequence[Source], field: Field) -> NDArray[Any]:
+    """Frequencies at which a source has 1 % of its peak spectrum, rad/s."""
+    top = min(max(source.excited[1] for source in sources), 0.9 * np.pi / field.interval)
+    omega = np.linspace(0, top, 20 * _FREQUENCIES)[1:]
+    size = np.max([np.abs(s.spectrum(omega)) / s.strongest for s in sources], axis=0)
+    heard = np.flatnonzero(size >= _JUDGED)
+    return np.linspace(omega[heard[0]], omega[heard[-1]], _FREQUENCIES)
 
 
 def rows(test: PulseTest) -> dict[str, Any]:
