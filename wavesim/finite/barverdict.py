@@ -24,6 +24,7 @@ BLOCH_TOLERANCE = 1e-3
 ARRIVAL_TOLERANCE = 1e-3
 # ω/2αv_g is the law's Q to the first order in 1/Q.
 QUALITY_TOLERANCE = 0.02
+_FAR = 10.0
 # Transmission is held to decibels down to here.
 _DEEPEST = 1e-3
 
@@ -136,8 +137,11 @@ def _quality_checks(pulse: PulseTest) -> list[Check]:
         return []
     law = quality(pulse.medium.damping, found.omega)
     passes = np.isfinite(found.quality) & (found.quality > 0)
+    # What is read at ω + iσ tells of real ω only away from where k(ω) branches.
+    away = _FAR * found.sigma
+    passes &= found.omega > away
     for gap in pulse.gaps:
-        passes &= (found.omega < 0.9 * gap.lower) | (found.omega > 1.1 * gap.upper)
+        passes &= (found.omega < gap.lower - away) | (found.omega > gap.upper + away)
     if not passes.any():
         return []
     ratio = float(np.median((found.quality / law)[passes]))
