@@ -23,14 +23,14 @@ def coefficients(medium, phi, curvatures):
     return [scale * part for part in parts]
 
 
-def fields(layers, left, right, source, omega, at, kept, points=40):
+def fields(layers, left, right, source, omega, at, kept):
     """φ and its micro-curvatures at positions for a source with a width, {name: (len(at),)}.
 
     Longitudinal: φ1, B11, B22, B33. Ends: fixed, free, or a complex number Z with f = ±Zv for an
     outgoing wave, f = −σ, v = −iωφ (without Γ).
     """
     names = ["phi1", "B11", "B22", "B33"]
-    b = 3
+    b, points = 3, 40 if kept else 50
     kinds = 2 + b + (b if kept else 0)  # φ, B, σ, V
     nodes = np.cos(np.pi * np.arange(points) / (points - 1))[::-1]
     values = chebyshev.chebvander(nodes, points - 1)

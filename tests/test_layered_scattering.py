@@ -48,7 +48,7 @@ def stacks(medium):
 def test_what_comes_in_goes_out_without_gradient(layers, sector):
     """R + T = 1 from either side, and the same T both ways, over random stacks of either closure.
 
-    Tolerance 1e-10, rounding near asymptotes. Measured FLUX and SAME.
+    Tolerance 1e-10, rounding near asymptotes. Measured 4e-14 and 3e-15.
     """
     tau = layers.first.time_scale
     found = layeredwave.transmission(layers, sector, OMEGA * BAR / tau, gradient=False)
@@ -61,7 +61,7 @@ def test_what_comes_in_goes_out_without_gradient(layers, sector):
 @settings(deadline=None, derandomize=True, max_examples=30)
 @given(stacks(media(eta=(0.05, 1.0), G_n_g=st.just(0.5))))
 def test_what_comes_in_goes_out_with_gradient(layers):
-    """R + T = 1, all three modes together. Tolerance 1e-8, rounding. Measured FULL."""
+    """R + T = 1, all three modes together. Tolerance 1e-8, rounding. Measured 2e-13."""
     tau = layers.first.time_scale
     found = layeredwave.transmission(layers, "longitudinal", OMEGA * BAR / tau)
     total = found.power_T + found.power_R
@@ -72,7 +72,7 @@ def test_one_interface_has_fresnels_formulas():
     """R = (Z₁ − Z₂)/(Z₁ + Z₂), T = 2Z₁/(Z₁ + Z₂) for φ, Z = ρβω/k, also in gaps.
 
     Two layers of the half-spaces' own media: phases alone. Tolerance 1e-12, rounding; measured
-    INTERFACE.
+    2e-14.
     """
     a, b = 1.3e-3, 0.7e-3
     found = layeredwave.transmission(stacked((a, ONE), (b, TWO)), "longitudinal", OMEGA)
@@ -87,7 +87,7 @@ def test_one_interface_has_fresnels_formulas():
 def test_a_gap_of_any_thickness_lets_through_what_decay_leaves():
     """|T| = 4|Z₁Z₂|/|Z₁ + Z₂|² e^{−κd} for a gap with κd of 500, where T's matrix overflows.
 
-    Tolerance 1e-11 of T, κd times rounding; measured THICK.
+    Tolerance 1e-11 of T, κd times rounding; measured 1.6e-12.
     """
     gap = dataclasses.replace(ONE, G_n_a=4.0, G_n_r=1.5)
     low, high = (
@@ -109,7 +109,7 @@ def test_a_gap_of_any_thickness_lets_through_what_decay_leaves():
 def test_a_damped_layer_decays_as_its_wavenumber():
     """T through a uniform damped stretch = exp(ikL), k of planewave.wavenumber.
 
-    Tolerance 1e-12, rounding; measured DECAY.
+    Tolerance 1e-12, rounding; measured 3e-15.
     """
     damping = Damping(mass=0.05 / BAR, stiffness=0.02 * BAR, rates=(1 / BAR,), strengths=(0.2,))
     medium = dataclasses.replace(ONE, damping=damping)
@@ -122,10 +122,10 @@ def test_a_damped_layer_decays_as_its_wavenumber():
 
 @pytest.mark.parametrize("gradient", [0.0, 0.5])
 def test_graded_steps_are_of_order_sixteen(gradient):
-    """S of n equal steps against 64 of them: log₂ of the error's fall per doubling is 16 ± 2.
+    """The error of S falls by 2¹⁶ from one step to two: log₂ from 14 to 17; measured 15.7 and 14.1.
 
-    The margin is that of the asymptotic range, which rounding ends within two octaves. The adaptive
-    route: 1e-10 as stated; measured ADAPT.
+    It is held against 64 steps; the second halving ends in rounding. The refined S is good to
+    1e-10 as stated; measured 3e-15.
     """
     one, two = (dataclasses.replace(m, G_n_g=gradient) for m in (ONE, TWO))
     layer = Layer(0.0, 0.7e-3 if gradient else 3e-3, one, two, "linear")
@@ -145,13 +145,8 @@ def test_graded_steps_are_of_order_sixteen(gradient):
         return total.whole
 
     exact = whole(64)
-    errors = [np.abs(whole(n) - exact).max() for n in (1, 2, 3, 4, 6, 8)]
-    print(
-        "ERR",
-        gradient,
-        errors,
-        np.log2(np.array(errors)[[0, 1, 2, 3]] / np.array(errors)[[1, 3, 4, 5]]),
-    )
+    errors = [np.abs(whole(n) - exact).max() for n in (1, 2)]
+    assert 14 <= np.log2(errors[0] / errors[1]) <= 17
     adaptive = stack.whole().whole
     assert np.abs(adaptive - exact).max() <= 1e-10
 
@@ -159,7 +154,7 @@ def test_graded_steps_are_of_order_sixteen(gradient):
 def test_bloch_waves_against_eigenvalues_of_the_transfer_matrix():
     """cos qL = ½ tr T with T multiplied out of (φ, σ) matrices in SI; and |e^{iqL}| ≤ 1.
 
-    Tolerance 1e-10 of 1 + |cos qL|, rounding; measured BLOCH.
+    Tolerance 1e-10 of 1 + |cos qL|, rounding; measured 4e-14.
     """
     cell = stacked((1.5e-3, ONE), (2e-3, TWO), (0.8e-3, ONE))
     T = np.broadcast_to(np.eye(2), (len(OMEGA), 2, 2)).astype(complex)
@@ -188,7 +183,7 @@ def test_bloch_waves_against_eigenvalues_of_the_transfer_matrix():
 def test_bloch_wave_of_a_uniform_cell_is_its_wave():
     """q = k of a uniform medium, folded into −π < qL ≤ π, energy forward; Γ kept and not.
 
-    Tolerance 1e-8 of π/L: with Γ from a general eigenproblem. Measured FOLDED.
+    Tolerance 1e-8 of π/L: with Γ from a general eigenproblem. Measured 2e-16.
     """
     for gradient in (0.0, 0.5):
         medium = dataclasses.replace(ONE, G_n_g=gradient)
