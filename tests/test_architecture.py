@@ -121,6 +121,15 @@ def test_spectral_solver_knows_no_grid():
         assert not reached(name) & GRID_AND_TIME
 
 
+def test_exact_bars_know_no_grid():
+    """Nor does the route that layered, damped, finite bars are held against."""
+    side = {"layeredwave", *reached("layeredwave")}
+    assert {"layers", "damping", "synthesis", "star"} <= side
+    assert not side & GRID_AND_TIME
+    for name in side:
+        assert not {"jax", "diffrax", "equinox"} & GRAPH[name][1], name
+
+
 def test_time_domain_knows_no_spectral_solver():
     """And the other way round: operator, sources and steppers use no dispersion relation."""
     for name in ("operator", "forcing", "response", "steppers", "stencils", "bar", "timestep"):

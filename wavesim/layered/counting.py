@@ -137,7 +137,7 @@ def count(
         if part.layer.last is None and not stack.kept:
             own = stack.waves(part.layer)
             here, k = one_wave_stiffness(own, stack.scaled, thickness, float(stack.impedance[0]))
-            stiff = ((own.f / own.v)[:, 0, 0] * k / stack.scaled).real
+            stiff = ((own.f / own.v)[:, 0, 0] * stack.scaled / k).real  # of the sign of 𝒟
             clamped = np.floor(k.real * thickness / math.pi).astype(int)
             total += np.where(stiff > 0, clamped + has_cutoff[id(part.layer)], 0)
         else:

@@ -118,8 +118,10 @@ def _density(layers: Layers, block: Block, omega: Any) -> Any:
 def _reach(layers: Layers, block: Block, low: float, high: float, spacing: float) -> float:
     """How far into a window eigenfrequencies are at least a spacing apart, on average."""
     omega = high - (high - low) * np.geomspace(1, 1e-5, 400)[1:]
-    dense = np.flatnonzero(_density(layers, block, omega) * spacing > 1)
-    return float(omega[dense[0]]) if len(dense) else high
+    sparse = np.flatnonzero(_density(layers, block, omega) * spacing <= 1)
+    # Waves are dense just above a cutoff too, but few: only the run up to the window's end counts.
+    last = int(sparse[-1]) if len(sparse) else 0
+    return high if last == len(omega) - 1 else float(omega[last])
 
 
 def eigenfrequencies(

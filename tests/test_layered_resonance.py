@@ -1,0 +1,128 @@
+"""Eigenfrequencies of finite bars: closed forms, none missed, and with loss."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from wavesim import layeredwave, planewave
+from wavesim.damping import Damping
+from wavesim.layered.barends import returned
+from wavesim.layered.stack import Stack
+from wavesim.layers import Layer, Layers
+from wavesim.medium import Medium
+from wavesim.sectors import BLOCKS
+
+ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
+TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)
+BAR = ONE.time_scale
+LENGTH, SPLIT = 1e-2, np.sqrt(2) - 1
+BAND = (0.02 / BAR, 2.0 / BAR)
+
+
+def uniform(medium):
+    """In two layers, so that something has to be joined."""
+    return Layers((Layer(0.0, SPLIT * LENGTH, medium), Layer(SPLIT * LENGTH, LENGTH, medium)))
+
+
+def known(medium, half_waves, band):
+    omega = np.sort(planewave.frequencies(medium, "longitudinal", half_waves * np.pi / LENGTH), 0)
+    omega = np.sort(omega.ravel())
+    return omega[(omega > band[0]) & (omega < band[1])]
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "half_waves"),
+    [
+        ("fixed", "fixed", np.arange(300.0)),
+        ("free", "free", np.arange(1, 300.0)),
+        ("fixed", "free", np.arange(300.0) + 0.5),
+        ("periodic", "periodic", np.concatenate([[0.0], np.repeat(np.arange(2, 300.0, 2), 2)])),
+    ],
+)
+def test_uniform_bars_have_whole_half_waves(left, right, half_waves):
+    """ω(k = nπ/L), each once (round a ring, twice), optical branches included.
+
+    Tolerance 1e-12 of ω, bisection to rounding; measured 8e-16. Below the asymptotes those closer
+    than the stated spacing on average are left out, and none else.
+    """
+    spacing = 1e-3 / BAR
+    found = layeredwave.resonances(uniform(ONE), left, right, "longitudinal", BAND, spacing=spacing)
+    expected = known(ONE, half_waves, BAND)
+    ceilings = planewave.asymptotes(ONE, "longitudinal")
+    kept = []
+    for low, high in zip([0.0, *ceilings], [*ceilings, np.inf], strict=True):
+        own, got = (w[(w > low) & (w < high)] for w in (expected, found))
+        assert len(got) > 3 or high > BAND[1] or low > 0
+        assert np.abs(got / own[: len(got)] - 1).max(initial=0.0) <= 1e-12
+        if len(got) < len(own):
+            # A ring has two at each frequency: the spacing is the mean one.
+            near = own[len(got) : len(got) + 5]
+            assert (near[-1] - near[0]) / 4 <= 1.3 * spacing
+        kept.append(len(got))
+    assert sum(kept) == len(found)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "half_waves"),
+    [("fixed", "fixed", np.arange(60.0)), ("periodic", "periodic", None)],
+)
+def test_with_gradient_too(left, right, half_waves):
+    """The same with Γ large: every branch, no asymptote. Tolerance 1e-12; measured 2e-14."""
+    medium = dataclasses.replace(ONE, G_n_g=0.5)
+    if half_waves is None:
+        half_waves = np.concatenate([[0.0], np.repeat(np.arange(2, 60.0, 2), 2)])
+    found = layeredwave.resonances(uniform(medium), left, right, "longitudinal", BAND)
+    expected = known(medium, half_waves, BAND)
+    assert len(found) == len(expected)
+    assert np.abs(found / expected - 1).max() <= 1e-12
+
+
+@pytest.mark.parametrize("gradient", [0.0, 0.5])
+@pytest.mark.parametrize("graded", [False, True])
+def test_layered_bars_resonate_where_a_wave_returns_as_it_left(gradient, graded):
+    """det(1 − S R) = 0 at each, by scattering matrices that the count does not use.
+
+    Its least singular value, over that halfway to the next: tolerance 1e-7, as it falls linearly;
+    measured 2e-14.
+    """
+    one, two = (dataclasses.replace(m, G_n_g=gradient) for m in (ONE, TWO))
+    layers = Layers(
+        (
+            Layer(0.0, 2e-3, one),
+            Layer(2e-3, 4e-3, one, two if graded else None),
+            Layer(4e-3, 7e-3, two),
+        )
+    )
+    found = layeredwave.resonances(layers, "fixed", "free", "longitudinal", (0.05 / BAR, 0.8 / BAR))
+    assert len(found) >= 3
+
+    def least(omega):
+        stack = Stack(layers, BLOCKS[0], omega, gradient > 0)
+        S, R = stack.whole().whole, returned(stack, "fixed", "free")
+        return np.linalg.svd(np.eye(S.shape[-1]) - S @ R, compute_uv=False)[:, -1]
+
+    halfway = least((found[1:] + found[:-1]) / 2).min()
+    assert least(found).max() / halfway <= 1e-7
+
+
+def test_damped_bars_ring_at_the_frequencies_of_damped_waves():
+    """ω of ω(k = nπ/L) with loss, one law; tolerance 1e-11, secants; measured 1e-15."""
+    damping = Damping(mass=0.02 / BAR, stiffness=0.01 * BAR, rates=(1 / BAR,), strengths=(0.1,))
+    medium = dataclasses.replace(ONE, damping=damping)
+    band = (0.05 / BAR, 0.8 / BAR)
+    found = layeredwave.resonances(uniform(medium), "fixed", "fixed", "longitudinal", band)
+    expected = planewave.damped_frequencies(
+        medium, "longitudinal", np.arange(1, len(found) + 1) * np.pi / LENGTH
+    )[:, 0]
+    assert len(found) > 5
+    assert np.abs(found / expected - 1).max() <= 1e-11
+
+
+def test_what_has_no_answer_is_refused():
+    with pytest.raises(ValueError, match="right = 'absorbing'"):
+        layeredwave.resonances(uniform(ONE), "fixed", "absorbing", "longitudinal", BAND)
+    with pytest.raises(ValueError, match="0 < ω1 < ω2"):
+        layeredwave.resonances(uniform(ONE), "fixed", "free", "longitudinal", (2.0, 1.0))
