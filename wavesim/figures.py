@@ -21,7 +21,7 @@ from scipy.signal.windows import tukey
 from wavesim.equations import FIELDS, ROTATIONS
 from wavesim.field import Field
 from wavesim.medium import Medium
-from wavesim.planewave import block_frequencies, gaps, wavenumber
+from wavesim.planewave import block_oscillations, gaps, wavenumber
 from wavesim.sectors import SECTORS
 from wavesim.verdict import Held
 
@@ -209,7 +209,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
     shade_gaps(axes, field, sector, upright=False)
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
-        exact = block_frequencies(medium, h.measured.block, k)
+        exact = block_oscillations(medium, h.measured.block, k)
         lines = axes.plot(k / 1e3, exact * to_kHz, color=THEORY, lw=0.8, path_effects=_HALO)
         lines[0].set_label("plane-wave solver" if h is own[0] else None)
         for branch in h.branches:
@@ -244,7 +244,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
 
 def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:
     """Frequencies (kHz) between which a dispersion figure is drawn: all branches, with room."""
-    ends = [block_frequencies(medium, h.measured.block, [0.0, k]) for h in own]
+    ends = [block_oscillations(medium, h.measured.block, [0.0, k]) for h in own]
     low, high = (edge(np.concatenate(ends, axis=1)) / (2e3 * np.pi) for edge in (np.min, np.max))
     return (0.75 * low if low < top else 0.0), min(top, 1.08 * high)
 

@@ -33,6 +33,7 @@ __all__ = [
     "asymptotes",
     "block_frequencies",
     "block_group_velocity",
+    "block_oscillations",
     "check_hyperbolic",
     "complex_waves",
     "cutoffs",
@@ -68,6 +69,15 @@ def block_frequencies(medium: Medium, block: Block, k: ArrayLike) -> Float:
     scaled = _scaled(medium, k)
     modes = solve(spectral_form(medium, block), scaled)
     return real_frequencies(modes, scaled, block, medium) / medium.time_scale
+
+
+def block_oscillations(medium: Medium, block: Block, k: ArrayLike) -> Float:
+    """Re ω(k) of one block, at which a field of wavenumber k oscillates while losses let it decay.
+
+    Arguments, order and errors as of :func:`block_frequencies`, which it is without losses.
+    """
+    lossless = block_frequencies(medium, block, k)
+    return damped(medium.damping, lossless).real if medium.damping else lossless
 
 
 def frequencies(medium: Medium, sector: str, k: ArrayLike) -> Float:

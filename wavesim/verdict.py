@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wavesim.extraction.analysis import Measured
 from wavesim.extraction.dispersion import LOBE_BINS, Ridge
 from wavesim.field import Field
-from wavesim.planewave import block_frequencies, gaps, wavenumber
+from wavesim.planewave import block_oscillations, gaps, wavenumber
 from wavesim.source import EXCITED, excitation
 
 Float = NDArray[Any]
@@ -112,7 +112,7 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held
         k_range: judged wavenumbers, rad/m.
     """
     block, found = measured.block, measured.spectrum
-    exact = block_frequencies(field.medium, block, found.k)
+    exact = block_oscillations(field.medium, block, found.k)
     clear = _clear(exact, LOBE_BINS * found.bin)
     sources = [s for s in field.sources if s.field in block.fields]
     inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
