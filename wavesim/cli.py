@@ -95,7 +95,16 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     from wavesim import report
 
     report.survey(_console(), problem)
-    _print_bands(problem.plan.medium)
+    shown: list[Any] = []
+    for number, layer in enumerate(problem.plan.layers.layers, start=1):
+        for medium, where in ((layer.medium, "from"), (layer.last, "to")):
+            if medium is None or medium in shown:
+                continue
+            shown.append(medium)
+            if len(problem.plan.layers.layers) > 1:
+                place = layer.start if where == "from" else layer.end
+                click.echo(f"\nLayer {number}, {where} {place * 1e3:g} mm:")
+            _print_bands(medium)
     found = report.warnings(problem)
     for warning in found:
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
@@ -123,7 +132,7 @@ def _print_bands(medium: Any) -> None:
 @_SET
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Branches, cutoffs, asymptotes and gaps of CASE's medium, by the plane-wave solver alone."""
-    medium = _load(case, overrides).plan.medium
+    medium = _load(case, overrides).parts.medium
     from wavesim.spectral import bands as content
 
     answer = json.dumps(content.summary(medium))
@@ -192,7 +201,7 @@ def gaps(
     overrides: tuple[str, ...],
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png."""
-    medium = _load(case, overrides).plan.medium
+    medium = _load(case, overrides).parts.medium
     import numpy as np
 
     from wavesim.spectral.gapmap import gap_map, table

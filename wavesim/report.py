@@ -11,10 +11,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from wavesim.bar import Bar
+from wavesim.damping import quality
+from wavesim.layers import Layers
 from wavesim.parts import highest_frequency
-from wavesim.plan import highest_band
+from wavesim.plan import Plan, highest_band, media
 from wavesim.problem import Problem
 from wavesim.source import GaussianDerivative, Recorded, Ricker, Source
+
+_MOST_LAYERS = 8
 
 
 def _table(*headings: str, title: str = "") -> Table:
@@ -73,9 +78,12 @@ def survey(console: Console, problem: Problem) -> None:
         ("title", problem.case.title or "–"),
         ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
                    f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
+        *([("layers", _layers(settled.layers))] if len(settled.layers.layers) > 1 else []),
+        ("losses", _losses(settled.layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
-        ("grid carries", f"peak frequencies to {highest_frequency(medium, bar) / 1e3:.5g} kHz"),
+        ("ends", _ends(bar)),
+        ("grid carries", f"peak frequencies to {_carried(settled) / 1e3:.5g} kHz"),
         ("sources", ", ".join(map(_source, settled.sources))),
         ("integrated", ", ".join(settled.fields)),
         ("time", f"{settled.duration:.6g} s, {steps.frames} frames of {frame:.4g} s (Nyquist "
@@ -83,13 +91,56 @@ def survey(console: Console, problem: Problem) -> None:
         ("stepper", f"{steps.solver}, {steps.steps} steps of {settled.step:.4g} s, "
                     f"{steps.operator_products} operator products"),
         ("judged", f"k = {problem.k_range[0]:.5g} to {problem.k_range[1]:.5g} rad/m, every "
-                   f"{2 * math.pi / bar.length:.4g} rad/m"),
+                   f"{2 * math.pi / bar.length:.4g} rad/m" if settled.endless
+                   else "receivers, against the exact solution in the frequency domain"),
         ("result file", f"at most {size / 1e6:.4g} MB"),
     ]  # fmt: skip
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, text in rows:
         table.add_row(Text(name, "bold"), text)
     console.print(table)
+
+
+def _layers(layers: Layers) -> str:
+    shown = [
+        f"{layer.start * 1e3:.6g} to {layer.end * 1e3:.6g} mm{', graded' if layer.last else ''}"
+        for layer in layers.layers[:_MOST_LAYERS]
+    ]
+    more = len(layers.layers) - len(shown)
+    return "; ".join(shown) + (f"; and {more} more" if more else "")
+
+
+def _losses(layers: Layers) -> str:
+    laws = dict.fromkeys(layer.medium.damping for layer in layers.layers if layer.medium.damping)
+    if not laws:
+        return "none"
+    told = []
+    for law in laws:
+        parts = [f"α = {law.mass:g} 1/s"] if law.mass else []
+        parts += [f"β = {law.stiffness:g} s"] if law.stiffness else []
+        if law.rates:
+            middle = math.sqrt(law.rates[0] * law.rates[-1])
+            parts.append(
+                f"Q = {float(quality(law, middle)):.4g} at {middle / 2e3 / math.pi:.4g} kHz, "
+                f"{len(law.rates)} relaxations"
+            )
+        told.append(", ".join(parts))
+    return "; ".join(told)
+
+
+def _ends(bar: Bar) -> str:
+    if bar.periodic:
+        return "periodic"
+    long = f" over {bar.absorber * 1e3:g} mm"
+    return ", ".join(
+        f"{side} {end}{long if end == 'absorbing' else ''}"
+        for side, end in (("left", bar.left), ("right", bar.right))
+    )
+
+
+def _carried(settled: Plan) -> float:
+    """Highest peak frequency that the grid carries in every layer, Hz."""
+    return min(highest_frequency(medium, settled.bar) for medium in media(settled.layers))
 
 
 def warnings(problem: Problem) -> list[str]:
@@ -112,6 +163,30 @@ def warnings(problem: Problem) -> list[str]:
         )
     for source in settled.sources:
         found += _begins_with_a_jump(source)
+    return found + _absorbed(problem)
+
+
+def _absorbed(problem: Problem) -> list[str]:
+    """What stands in an absorbing layer, and absorbers that are too short."""
+    bar = problem.plan.bar
+    low, high = bar.clear
+    found = []
+    for key, places in (
+        ("[[sources]] position", [s.position for s in problem.plan.sources]),
+        ("[[receivers]] position", list(problem.receivers.values())),
+    ):
+        inside = [x for x in places if not low <= x <= high]
+        if inside:
+            found.append(
+                f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
+                f"the medium; move it into {low:g} to {high:g} m"
+            )
+    least = 4 * max(float(medium.branch_length) for medium in media(problem.plan.layers))
+    if 0 < bar.absorber < least:
+        found.append(
+            f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "
+            f"1e-4; take at least {least:g}"
+        )
     return found
 
 
