@@ -216,12 +216,13 @@ def fastest_loss(layers: Layers, bar: Bar, radius: float) -> float:
     return max(rates) + max(absorption(layers, bar, end) for end in ("left", "right")) * unit
 
 
-# Reflection of an absorbing layer at normal incidence, before the grid's own.
-_REFLECTION = 1e-8
+# Reflection of an absorbing layer of the fastest wave, before the grid's own. Slower waves, and
+# those near a cutoff, whose phase velocity is high, are reflected more: R to the power c_∞/c.
+_REFLECTION = 1e-32
 
 
 def absorption(layers: Layers, bar: Bar, end: str) -> float:
-    """Largest d of the absorbing layer at an end, 1/s: −4 c_∞ ln R/2W, R = 1e-8; 0 elsewhere."""
+    """Largest d of the absorbing layer at an end, 1/s: −4 c_∞ ln R/2W, R = 1e-32; 0 elsewhere."""
     if getattr(bar, end) != "absorbing":
         return 0.0
     medium = layers.at(0.0 if end == "left" else layers.length)

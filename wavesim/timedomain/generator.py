@@ -3,7 +3,7 @@
     m_φ φ̈ = −Qᵀσ − m_φ χ − α m_φ φ̇,              σ = c_pp κ̂ − c_pb B̂,       Q = H D
     i_B B̈ = c_bp κ̂ − c_bb B̂ + D(Γ g(B̂)) − α i_B Ḃ,   g = −N⁻¹ Qᵀ,
     κ = Dφ − ψ,   (κ̂, B̂) = e + β_d ė − Σ_l Y_l ζ_l,   e = (κ, B),   ζ̇_l = ω_l (e − ζ_l),
-    ψ̇ = d κ,   χ̇ = d (−Qᵀσ/m_φ − χ) :
+    ψ̇ = d κ,   χ̇ = d (−Qᵀσ/m_φ − χ),   and α_B on Ḃ in absorbing ends besides :
 
 D with its closures and norms N, H from the bar; ψ, χ of the absorbing ends; ζ_l of the standard
 linear solids. Energy is kept exactly where the closure is symmetric, as only Q and Qᵀ occur.
@@ -205,6 +205,8 @@ class Group(eqx.Module):
         B_rate = tuple(force / self.c.i_B for force in self.force(s.e_hat))
         phi_rate = _minus(pull, s.chi) if law.absorbing else pull
         memory = s.psi_rate + _times(law.absorb_node, phi_rate) if law.absorbing else ()
+        if law.absorbing:
+            B_rate = _minus(B_rate, _times(law.calm_half, s.v[p:]))
         if law.damped:
             phi_rate = _minus(phi_rate, _times(law.mass_node, s.v[:p]))
             B_rate = _minus(B_rate, _times(law.mass_half, s.v[p:]))
@@ -273,6 +275,9 @@ class Group(eqx.Module):
             taken = paired(_times(self.c.m_phi, seen.v[:p]), seen.chi)
             taken = taken + paired(_times(self.norm, seen.sigma), seen.psi_rate)
             total = total + (taken + taken.T) / 2
+            calmed = _times(law.calm_half, seen.v[p:])
+            inert = tuple(m * c for m, c in zip(self.mass[p:], calmed, strict=True))
+            total = total + paired(seen.v[p:], inert)
         return total
 
 
@@ -364,6 +369,7 @@ def generator(
         _padded(law.strengths, spare),
         law.absorb_node,
         _padded(law.absorb_half, spare),
+        _padded(law.calm_half, spare),
         law.damped,
         law.absorbing,
     )

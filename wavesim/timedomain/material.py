@@ -28,6 +28,7 @@ from wavesim.sectors import Block, BlockCoefficients, Scales, block_coefficients
 _SAMPLES = 12
 _NAMES = tuple(field.name for field in dataclasses.fields(BlockCoefficients))
 _PROFILE = 3  # power of the depth by which absorption grows
+_CALM = 2.5e-3
 
 
 class Losses(eqx.Module):
@@ -38,6 +39,7 @@ class Losses(eqx.Module):
         stiffness: β_d/m_U at half-nodes.
         rates, strengths: ω_l and Y_l at half-nodes, shape (mechanisms, half-nodes).
         absorb_node, absorb_half: d of the absorbing ends.
+        calm_half: what calms B within them.
         damped, absorbing: whether any of the first, or of the last, is there.
     """
 
@@ -48,6 +50,7 @@ class Losses(eqx.Module):
     strengths: Any
     absorb_node: Any
     absorb_half: Any
+    calm_half: Any
     damped: bool = eqx.field(static=True)
     absorbing: bool = eqx.field(static=True)
 
@@ -221,7 +224,11 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
     """Loss laws and absorbers over a bar.
 
     The absorbing layer stretches ∂ₓ to ∂ₓ/(1 + d/∂ₜ), d = d₀ (depth/W)³ with d₀ of
-    ``plan.absorption``.
+    ``plan.absorption``. In a gap, where D(ω²) < 0, such a layer gives energy instead of taking it,
+    and a wave caught in a layer next to it, whose tail reaches its end, would grow, by 1e-3 in a
+    unit of time at the worst that was found. So deep inside, where no propagating wave comes, B is
+    calmed by friction α_B = 2.5e-3 d₀ (depth/W)¹²: growth then is rounding where W is eight branch
+    lengths, 1e-8 at four.
 
     Args:
         layers: what the bar is made of, of plain numbers.
@@ -251,12 +258,15 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
         mass[span] += inertia
     node = _joined(bar, weighted) / _joined(bar, mass)
     absorbers = [np.zeros(len(bar.nodes)), np.zeros(bar.cells)]
+    calm = np.zeros(bar.cells)
     for end in ("left", "right"):
         most = absorption(layers, bar, end) * time
         if most:
             for values, x in zip(absorbers, (bar.nodes, bar.half_nodes), strict=True):
                 inward = x if end == "left" else bar.length - x
-                values += most * np.clip(1 - inward / bar.absorber, 0, 1) ** _PROFILE
+                depth = np.clip(1 - inward / bar.absorber, 0, 1)
+                values += most * depth**_PROFILE
+            calm += _CALM * most * depth ** (4 * _PROFILE)
     damped = any(layer.medium.damping for layer in layers.layers)
     absorbing = "absorbing" in (bar.left, bar.right)
     return Losses(
@@ -267,6 +277,7 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
         strengths=strengths,
         absorb_node=absorbers[0],
         absorb_half=absorbers[1],
+        calm_half=calm,
         damped=damped,
         absorbing=absorbing,
     )
