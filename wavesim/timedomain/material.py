@@ -56,12 +56,6 @@ class Losses(eqx.Module):
         """Number of relaxation mechanisms."""
         return int(self.rates.shape[0])
 
-    @property
-    def fastest(self) -> float:
-        """Largest rate at which anything relaxes, stiffness damping apart, scaled."""
-        parts = (self.mass_node, self.mass_half, self.rates, self.absorb_node, self.absorb_half)
-        return max(float(np.max(part, initial=0.0)) for part in parts)
-
 
 class Profile(eqx.Module):
     """Coefficients of one group of blocks over the grid.
