@@ -69,7 +69,7 @@ def traced_fields(
     (diffrax's RecursiveCheckpointAdjoint): ``jax.grad``, ``jax.vjp``, ``jax.jacrev``. Measured on
     bars of 512 and 2,048 cells over 244 and 487 steps, value and gradient take 3.4 to 3.8 times the
     processor time of the run alone, by any number of parameters, and the memory of 60 to 70 states
-    where that takes 7. It grows as the root of the number of steps.
+    where that takes 7; the checkpoints among them grow as the root of the number of steps.
 
     Args:
         layers: what the bar is made of; parameters of media may be traced. Boundaries, closures
