@@ -28,7 +28,7 @@ from wavesim.plan import Plan, plan
 from wavesim.sectors import BLOCKS, block_form, scales
 from wavesim.source import Ricker
 from wavesim.timedomain.forcing import forcing
-from wavesim.timedomain.integration import NotFiniteError, _advance, simulate, stream
+from wavesim.timedomain.integration import NotFiniteError, advance, simulate, stream
 from wavesim.timedomain.operator import from_fields, semi_discrete, to_fields
 from wavesim.timedomain.response import pulse_tables
 from wavesim.timedomain.steppers import (
@@ -454,7 +454,7 @@ class Functional:
             propagator_series(steps), steps.bound, pulse_tables(operator, force, steps)
         )
         rest = Motion(operator.zero(), operator.zero(), jnp.zeros(()))
-        _, last = _advance(
+        _, last = advance(
             WaveEquation(operator, force),
             stepper,
             rest,

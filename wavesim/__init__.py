@@ -28,6 +28,7 @@ _HOMES = {
     "InitialField": "wavesim.source",
     "Field": "wavesim.field",
     "simulate": "wavesim.timedomain.integration",
+    "traced_fields": "wavesim.timedomain.traced",
     "extract": "wavesim.extraction.analysis",
     "hold": "wavesim.verdict",
     "judge": "wavesim.verdict",

@@ -153,7 +153,7 @@ def plan(
         speed = fastest(reference) * unit / bar.spacing
         steps = schedule(bound, duration / unit, frames, solver, longest, speed, bar.cells)
     else:
-        radius = _radius(layers, bar, blocks)
+        radius = highest_frequency(layers, bar, blocks, reference)
         band = highest_band(sources, reference) * unit
         loss = fastest_loss(layers, bar, radius)
         steps = bar_schedule(radius, loss, band, duration / unit, frames, solver, longest)
@@ -181,13 +181,20 @@ def media(layers: Layers) -> list[Medium]:
     return found
 
 
-def _radius(layers: Layers, bar: Bar, blocks: Sequence[Block]) -> float:
+def highest_frequency(
+    layers: Layers, bar: Bar, blocks: Sequence[Block], reference: Medium
+) -> float:
     """R ≥ every frequency of the bar, scaled: that of the fastest stretch with free ends.
 
     Stretches are joined as finite elements are, so that no mode of the whole is faster than the
     fastest of its parts (Rayleigh's quotient); closures at their ends add up to 2 %.
+
+    Args:
+        layers: what it is made of.
+        bar: its grid.
+        blocks: those that are integrated.
+        reference: the medium whose units to scale by.
     """
-    reference = layers.first
     squares = []
     stretches = bar.stretches or ((bar.cells, bar.spacing),)
     for layer, (_, spacing) in zip(layers.layers, stretches, strict=True):

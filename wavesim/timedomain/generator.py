@@ -360,7 +360,7 @@ def generator(
     made = bar.differences
     count = len(bar.nodes)
     spare = count - bar.cells
-    law = losses(plain or layers, bar, reference)
+    law = losses(layers, bar, reference, plain)
     law = Losses(
         law.mass_node,
         _padded(law.mass_half, spare),

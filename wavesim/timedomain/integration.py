@@ -128,7 +128,7 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     return Propagator(bar_kernels(settled.medium, settled.bar, settled.blocks, steps.step), pulses)
 
 
-def _advance(
+def advance(
     equation: Any,
     stepper: Any,
     motion: Any,
@@ -184,16 +184,16 @@ def _compiled(
     steps_per_frame: int,
     frames: int,
 ) -> Any:
-    """:func:`_advance` compiled for arguments of these shapes."""
+    """:func:`advance` compiled for arguments of these shapes."""
     arguments = (equation, stepper, motion, at)
     leaves, structure = jax.tree.flatten(arguments)
     shapes = tuple((np.shape(leaf), str(jnp.asarray(leaf).dtype)) for leaf in leaves)
     key = (structure, shapes, step, steps_per_frame, frames)
     if key not in _COMPILED:
-        advance = functools.partial(
-            _advance, step=step, steps_per_frame=steps_per_frame, frames=frames
+        whole = functools.partial(
+            advance, step=step, steps_per_frame=steps_per_frame, frames=frames
         )
-        _COMPILED[key] = jax.jit(advance).lower(*arguments).compile()
+        _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
     return _COMPILED[key]
 
 

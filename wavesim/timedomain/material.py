@@ -59,12 +59,6 @@ class Losses(eqx.Module):
         """Number of relaxation mechanisms."""
         return int(self.rates.shape[0])
 
-    @property
-    def fastest(self) -> float:
-        """Largest rate at which anything relaxes, stiffness damping apart, scaled."""
-        parts = (self.mass_node, self.mass_half, self.rates, self.absorb_node, self.absorb_half)
-        return max(float(np.max(part, initial=0.0)) for part in parts)
-
 
 class Profile(eqx.Module):
     """Coefficients of one group of blocks over the grid.
@@ -96,22 +90,31 @@ def _graded(layer: Layer, x: np.ndarray) -> np.ndarray:
 def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str, Any]:
     """Coefficients of a block at positions within a layer, {name: (…, positions)}."""
     if layer.last is None:
-        made = block_coefficients(layer.medium, block, units)
-        return {name: _spread(getattr(made, name), len(x)) for name in _NAMES}
+        alone = _named(layer.medium, block, units)
+        return {name: _spread(value, len(x)) for name, value in alone.items()}
     nodes = (1 - np.cos(np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)) / 2
     straight = dataclasses.replace(layer, grading="linear")
     at = [straight.at(layer.start + w * layer.thickness) for w in nodes]
-    samples = [block_coefficients(medium, block, units) for medium in at]
+    if module(*jax.tree.leaves(at)) is np:
+        made = [_named(medium, block, units) for medium in at]
+        sampled = {name: np.stack([sample[name] for sample in made]) for name in _NAMES}
+    else:  # one batch, for a trace a twelfth as long
+        batch = jax.tree.map(lambda *v: jnp.stack([jnp.asarray(x, float) for x in v]), *at)
+        sampled = jax.vmap(lambda medium: _named(medium, block, units))(batch)
     w = _graded(layer, x)
     basis = np.polynomial.chebyshev.chebvander(2 * w - 1, _SAMPLES - 1) @ np.linalg.inv(
         np.polynomial.chebyshev.chebvander(2 * nodes - 1, _SAMPLES - 1)
     )
     found = {}
-    for name in _NAMES:
-        values = [getattr(sample, name) for sample in samples]
-        xp = module(*values)
-        found[name] = xp.tensordot(xp.stack(values, axis=-1), xp.asarray(basis.T), 1)
+    for name, values in sampled.items():
+        xp = module(values)
+        found[name] = xp.tensordot(xp.moveaxis(values, 0, -1), xp.asarray(basis.T), 1)
     return found
+
+
+def _named(medium: Medium, block: Block, units: Scales) -> dict[str, Any]:
+    made = block_coefficients(medium, block, units)
+    return {name: getattr(made, name) for name in _NAMES}
 
 
 def _spread(value: Any, count: int) -> Any:
@@ -175,27 +178,25 @@ def _of_block(
     halves: dict[str, list[Any]] = {name: [] for name in ("c_pp", "c_pb", "c_bp", "c_bb", "i_B")}
     b, nodes = len(block.curvatures), bar.cells + 1
     mass: Any = np.zeros(nodes)
-    compliance: Any = np.zeros((b, b, nodes))
+    bending: list[Any] = []
     for layer, cells, norm, x in _stretches(layers, bar):
         unrelaxed = layer.medium.damping.unrelaxed
-        at_half = _along(layer, block, units, (x[1:] + x[:-1]) / 2)
+        both = _along(layer, block, units, np.concatenate([(x[1:] + x[:-1]) / 2, x]))
+        at_half = {name: values[..., : len(x) - 1] for name, values in both.items()}
+        at_node = {name: values[..., len(x) - 1 :] for name, values in both.items()}
         for name, parts in halves.items():
             parts.append(at_half[name] * (1.0 if name == "i_B" else unrelaxed))
-        at_node = _along(layer, block, units, x)
         around = (cells.start, nodes - cells.stop - 1)
         mass = mass + _placed(at_node["i_phi"] * (norm / length), around)
         if with_gradient:
-            soft = _inverse(at_node["gamma"] * unrelaxed) * (norm / length)
-            compliance = compliance + _placed(soft, around)
-    gamma: Any = np.zeros((b, b, nodes))
+            bending.append(at_node["gamma"] * (unrelaxed * length / norm))
+    gamma: Any = np.zeros((b, b, len(bar.nodes)))
     if with_gradient:
-        # Compliances add where stretches meet: Γ ∂ₓB is continuous there, as σ is.
-        gamma = _inverse(compliance) * (_node_norm(bar) / length)
+        gamma = _in_series(bending, bar.periodic) * (bar.differences.node_norm / length)
         if not bar.periodic:
             gamma = gamma * np.concatenate([[0.0], np.ones(nodes - 2), [0.0]])
     joined = {name: module(*parts).concatenate(parts, axis=-1) for name, parts in halves.items()}
-    trimmed = gamma[..., : bar.cells] if bar.periodic else gamma
-    return joined | {"gamma": trimmed, "m_phi": _joined(bar, mass)}
+    return joined | {"gamma": gamma, "m_phi": _joined(bar, mass)}
 
 
 def module(*values: Any) -> Any:
@@ -208,19 +209,34 @@ def _placed(values: Any, around: tuple[int, int]) -> Any:
     return module(values).pad(values, [(0, 0)] * (values.ndim - 1) + [around])
 
 
-def _inverse(matrices: Any) -> Any:
-    """Pseudo-inverses of symmetric matrices (b, b, n), point by point."""
-    xp = module(matrices)
-    return xp.moveaxis(xp.linalg.pinv(xp.moveaxis(matrices, -1, 0), hermitian=True), 0, -1)
+def _in_series(parts: Sequence[Any], periodic: bool) -> Any:
+    """Γ over length at the nodes of a bar, from those of its stretches, (b, b, cells + 1) each.
+
+    Compliances add where stretches meet: Γ ∂ₓB is continuous there, as σ is.
+    """
+    joined: list[Any] = []
+    for number, part in enumerate(parts):
+        first = part[..., :1]
+        if number or periodic:
+            first = _parallel(parts[number - 1][..., -1:], first)
+        joined += [first, part[..., 1:-1]]
+    if not periodic:
+        joined.append(parts[-1][..., -1:])
+    return module(*joined).concatenate(joined, axis=-1)
 
 
-def _node_norm(bar: Bar) -> np.ndarray:
-    """Lengths of N + 1 nodes; on a periodic bar the first and the last are one node."""
-    norm = bar.differences.node_norm
-    return np.append(norm, norm[0]) if bar.periodic else norm
+def _parallel(one: Any, other: Any) -> Any:
+    """(one⁻¹ + other⁻¹)⁻¹ of symmetric matrices (b, b, 1), as one (one + other)⁺ other.
+
+    So written it holds for singular ones, 0 among them, and stays smooth where their common range
+    does not change.
+    """
+    xp = module(one, other)
+    left, right = one[..., 0], other[..., 0]
+    return (left @ xp.linalg.pinv(left + right, hermitian=True) @ right)[..., None]
 
 
-def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
+def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None) -> Losses:
     """Loss laws and absorbers over a bar.
 
     The absorbing layer stretches ∂ₓ to ∂ₓ/(1 + d/∂ₜ), d = d₀ (depth/W)³ with d₀ of
@@ -231,14 +247,16 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
     lengths, 1e-8 at four.
 
     Args:
-        layers: what the bar is made of, of plain numbers.
+        layers: what the bar is made of; parameters may be traced by jax.
         bar: its grid.
         reference: the medium whose units to scale by.
+        plain: layers of plain numbers, for the absorbers, where the others are traced.
     """
     time = float(scales(reference).time)
     count = max(len(layer.medium.damping.rates) for layer in layers.layers)
     nodes = bar.cells + 1
-    weighted, mass = np.zeros(nodes), np.zeros(nodes)
+    weighted: Any = np.zeros(nodes)
+    mass: Any = np.zeros(nodes)
     half = {name: np.zeros(bar.cells) for name in ("mass", "stiffness")}
     rates, strengths = np.zeros((count, bar.cells)), np.zeros((count, bar.cells))
     for layer, cells, norm, x in _stretches(layers, bar):
@@ -247,20 +265,21 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
         half["stiffness"][cells] = law.stiffness / time / law.unrelaxed
         for number, (rate, strength) in enumerate(zip(law.rates, law.strengths, strict=True)):
             rates[number, cells], strengths[number, cells] = rate * time, strength
-        inertia = (
-            norm
-            * np.array([_rotation_inertia(layer, position) for position in x[[0, -1]]])[
-                [0] * (len(x) - 1) + [1]
-            ]
+        # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
+        ends = [_rotation_inertia(layer, position) for position in x[[0, -1]]]
+        xp = module(*ends)
+        at = np.append(np.zeros(len(x) - 1, int), 1)
+        inertia = _placed(
+            xp.stack([xp.asarray(end) for end in ends])[at] * norm,
+            (cells.start, nodes - cells.stop - 1),
         )
-        span = slice(cells.start, cells.stop + 1)
-        weighted[span] += law.mass * time * inertia
-        mass[span] += inertia
+        weighted = weighted + law.mass * time * inertia
+        mass = mass + inertia
     node = _joined(bar, weighted) / _joined(bar, mass)
     absorbers = [np.zeros(len(bar.nodes)), np.zeros(bar.cells)]
     calm = np.zeros(bar.cells)
     for end in ("left", "right"):
-        most = absorption(layers, bar, end) * time
+        most = absorption(plain or layers, bar, end) * time
         if most:
             for values, x in zip(absorbers, (bar.nodes, bar.half_nodes), strict=True):
                 inward = x if end == "left" else bar.length - x
@@ -283,6 +302,6 @@ def losses(layers: Layers, bar: Bar, reference: Medium) -> Losses:
     )
 
 
-def _rotation_inertia(layer: Layer, position: float) -> float:
+def _rotation_inertia(layer: Layer, position: float) -> Any:
     medium = layer.at(position)
-    return float(medium.density * medium.beta)
+    return medium.density * medium.beta
