@@ -17,6 +17,7 @@ from wavesim.closures import chain
 from wavesim.layeredwave import resonances
 from wavesim.layers import Layer, Layers, as_layers
 from wavesim.medium import Medium
+from wavesim.planewave import gaps, wavenumber
 from wavesim.sectors import BLOCKS, scales
 from wavesim.timedomain.generator import banded
 
@@ -99,19 +100,83 @@ def test_dampers_only_take(rng):
         assert float(A.groups[0].lost(seen)[0, 0]) > 0
 
 
+def growth(layers, bar):
+    """Largest Re λ of A, but for the double λ = 0 of a free rotation, which rounding splits."""
+    values = np.linalg.eigvals(dense(built(layers, bar))[0])
+    moving = np.abs(values) > 1e-4
+    assert np.abs(values[~moving]).max(initial=0.0) <= 2e-6
+    return float(values.real[moving].max())
+
+
 @pytest.mark.parametrize("closure", ["printed", "consistent"])
 @pytest.mark.parametrize("damping", [None, EVERYTHING], ids=["lossless", "lossy"])
-@pytest.mark.parametrize("ends", [("free", "fixed"), ("absorbing", "absorbing")])
-def test_nothing_grows(closure, damping, ends):
-    """Law: no eigenvalue of A has a positive real part, so that runs of 1e5 units of time are
-    stable: e^{1e5 Re λ} stays below 1.01. A free mode λ = 0 of φ is double, and rounding of 1e-16
-    splits it by its root times the highest frequency, some 1e-7; others measured below 1e-12."""
+def test_nothing_grows_between_ends(closure, damping):
+    """Law: no eigenvalue of A has a positive real part: measured 1e-12 and less, of 19 in size."""
     layers = three(closure, damping)
-    A = built(layers, fitted(layers, *ends))
-    values = np.linalg.eigvals(dense(A)[0])
-    moving = np.abs(values) > 1e-4
-    assert values.real[moving].max() <= 1e-7
-    assert np.abs(values[~moving]).max(initial=0.0) <= 2e-6
+    assert growth(layers, fitted(layers, "free", "fixed")) <= 1e-10
+
+
+@pytest.mark.parametrize("closure", ["printed", "consistent"])
+@pytest.mark.parametrize("place", ["uniform", "caught"])
+def test_absorbing_ends_are_stable(closure, place):
+    """Law: runs of 1e5 units of time are stable: e^{1e5 Re λ} ≤ 1.01.
+
+    The default absorber of eight branch lengths on a uniform bar and on one with a layer beside it
+    that catches waves in the gap of its neighbour, whose tails an absorber without friction on B
+    feeds: growth of 2e-4 there. Two branch lengths lie between; at one it is 7e-6 for "printed".
+    Measured 1e-14 and less.
+    """
+    soft = dataclasses.replace(SOFT, closure=closure)
+    if place == "uniform":
+        layers, ends = as_layers(soft, 20e-3), ("absorbing", "absorbing")
+    else:
+        stiff = dataclasses.replace(STIFF, closure=closure)
+        layers, ends = (
+            Layers((Layer(0.0, 10e-3, soft), Layer(10e-3, 12e-3, stiff))),
+            (
+                "absorbing",
+                "fixed",
+            ),
+        )
+    bar = layered_bar(layers, CELL, 8, *ends, 8e-3)
+    assert growth(layers, bar) <= 1e-7
+
+
+@pytest.mark.parametrize("closure", ["printed", "consistent"])
+def test_what_absorbing_ends_reflect(closure):
+    """Amplitude that the default absorber, eight branch lengths, sends back at each frequency.
+
+    Steady waves of A in a uniform bar, split into those to and fro with the exact k(ω). At most 1e-5
+    on nine tenths of the bands of longitudinal waves below ω̄ = 2, and at most 1e-3 up to 2 %
+    of their edges; measured 0.91, 0.92 and 2e-5.
+    """
+    medium = Medium(anisotropy=0.25, closure=closure)
+    cells, step = 128, 0.02
+    bar = Bar(cells, CELL, 8, "free", "absorbing", 8e-3)
+    A = built(as_layers(medium, cells * CELL), bar)
+    matrix, _ = dense(A)
+    force = np.zeros(len(matrix))
+    force[A.groups[0].size * (cells + 1) + 4] = 1.0
+    edges = [
+        (gap.lower * medium.time_scale, gap.upper * medium.time_scale)
+        for gap in gaps(medium, "longitudinal")
+    ]
+    omega = np.arange(step, 2, step)
+    inside = [all(w < 0.98 * low or w > 1.02 * high for low, high in edges) for w in omega]
+    omega = omega[inside]
+    x = np.arange(16, 60)
+    reflected = []
+    for w in omega:
+        phi = np.linalg.solve(-1j * w * np.eye(len(matrix)) - matrix, force)[: cells + 1][x]
+        k = wavenumber(medium, "longitudinal", w / medium.time_scale)[0] * CELL
+        design = np.exp(np.multiply.outer(x - x[0], [1j * k, -1j * k]))
+        ahead, back = np.linalg.lstsq(design, phi, rcond=None)[0]
+        reflected.append(abs(back / ahead))
+    reflected = np.array(reflected)
+    width = edges[0][0] + edges[1][0] - edges[0][1] + 2 - edges[1][1]
+    assert np.sum(reflected <= 1e-5) * step >= 0.9 * width
+    assert reflected.max() <= 1e-3
+    assert reflected.max() > 1e-7
 
 
 def test_the_two_differences_are_adjoint(rng):
@@ -161,18 +226,18 @@ def frequencies(order, ends, cells, length=8e-3):
 def test_eigenfrequencies_of_finite_bars(ends):
     """Law: eigenfrequencies of a bar between ends are ω(k), cos or sin of kL = 0.
 
-    The lowest six of the exact solver, which has no grid, on 96 cells of order 8: the sixth has 32
-    cells to a wavelength. To 1e-6; measured 4e-8 and less.
+    The lowest four of the exact solver, which has no grid, on 96 cells of order 8: the fourth has
+    48 cells to a wavelength. To 1e-6; measured 2e-8 and less.
     """
-    exact = resonances(as_layers(SOFT, 8e-3), *ends, "longitudinal", (1e4, 3.6e6))[:6]
+    exact = resonances(as_layers(SOFT, 8e-3), *ends, "longitudinal", (1e4, 4.2e6))[:4]
     found = frequencies(8, ends, 96)
     nearest = np.array([found[np.argmin(np.abs(found - w))] for w in exact])
-    assert len(exact) == 6
+    assert len(exact) == 4
     assert np.abs(nearest / exact - 1).max() <= 1e-6
 
 
-def end_error(order, ends, cells):
-    """Relative error of the eighth standing wave of φ̈ = φ″ between ends, by singular values."""
+def end_error(order, ends, cells, mode):
+    """Relative error of a standing wave of φ̈ = φ″ between ends, by singular values."""
     made = chain(order, (cells,), (1 / cells,))
     n = made.diagonals.shape[1]
     D = np.zeros((n, n + 1))
@@ -183,39 +248,40 @@ def end_error(order, ends, cells):
     scaled = np.sqrt(made.half_norm)[:, None] * D / np.sqrt(made.node_norm)
     kept = scaled[:, (ends[0] == "fixed") : n + 1 - (ends[1] == "fixed")]
     found = np.linalg.svd(kept, compute_uv=False)
-    k = np.pi * 8
+    k = np.pi * mode
     return float(np.abs(found - k).min() / k)
 
 
-@pytest.mark.parametrize("order, declared", [(2, 2), (4, 4), (8, 7)])
+@pytest.mark.parametrize(("order", "declared"), [(2, 2), (4, 4), (8, 7)])
 @pytest.mark.parametrize("end", ["free", "fixed"])
 def test_order_at_ends(order, declared, end):
     """Declared order of eigenfrequencies at an end, ±0.1: 2, 4 and, at order 8, 7 (the closures are
     exact to degree 3, and errors of eigenfrequencies have twice that order, or one more). Fitted
-    between 128 and 192 cells to a wavelength (order 4: 384 to 768, where it has settled); measured
-    2.00, 4.03 and 3.92, 6.93 and 6.93."""
-    waves = 4  # wavelengths of the eighth standing wave in the bar
-    points = (384, 768) if order == 4 else (128, 192)
-    errors = [end_error(order, (end, end), waves * p) for p in points]
+    between 128 and 192 cells to a wavelength (order 4: 768 to 1536, where it has settled); measured
+    2.00, 4.03 and 3.94, 6.93 and 6.93."""
+    points, mode = ((768, 1536), 2) if order == 4 else ((128, 192), 8)
+    errors = [end_error(order, (end, end), mode * p // 2, mode) for p in points]
     slope = np.log(errors[0] / errors[1]) / np.log(points[1] / points[0])
     assert slope == pytest.approx(declared, abs=0.1)
 
 
 def test_order_at_a_jump():
-    """Declared order at an interface: eigenfrequencies of two layers, unlike cells, order 8, fall
-    with the seventh power of the cell size or faster, against the exact solver: between 96 and 144
-    cells by more than 1.5^5.9 (the error turns sign near 1e-8, so that a slope fitted there
-    scatters); measured 3e-9 and 2e-10 for the fourth."""
+    """Declared order at an interface: 6 ± 0.2 at order 8, twice the degree of the closures.
+
+    The fourth eigenfrequency of two layers with unlike cells, against the exact solver, fitted over
+    96 to 180 cells; measured 6.1, errors 1.2e-8 to 2.7e-10.
+    """
     layers = Layers((Layer(0.0, 4e-3, SOFT), Layer(4e-3, 7e-3, STIFF)))
     exact = resonances(layers, "free", "fixed", "longitudinal", (1e4, 3.2e6))[3]
-    errors = []
-    for cells in (72, 108):
+    counts, errors = (96, 120, 144, 180), []
+    for cells in counts:
         bar = layered_bar(layers, 7e-3 / cells, 8, "free", "fixed")
         values = np.linalg.eigvals(dense(built(layers, bar))[0])
         found = values.imag[values.imag > 1e-3] / float(SOFT.time_scale)
         errors.append(np.abs(found / exact - 1).min())
     assert errors[0] <= 1e-6
-    assert errors[1] <= errors[0] / 1.5**5.9
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(6, abs=0.2)
 
 
 def test_a_free_bar_turns_without_effort():

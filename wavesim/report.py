@@ -181,6 +181,17 @@ def _absorbed(problem: Problem) -> list[str]:
                 f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
                 f"the medium; move it into {low:g} to {high:g} m"
             )
+    room = 2 * float(problem.plan.medium.length_scale)
+    free = (
+        low + room if bar.left == "absorbing" else 0.0,
+        high - room if bar.right == "absorbing" else bar.length,
+    )
+    near = [x for x in problem.plan.layers.interfaces if not free[0] <= x <= free[1]]
+    if near:
+        found.append(
+            f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
+            "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
+        )
     least = 4 * max(float(medium.branch_length) for medium in media(problem.plan.layers))
     if 0 < bar.absorber < least:
         found.append(

@@ -264,7 +264,8 @@ def energy_checks(field: Field) -> list[Check]:
     if scale == 0:
         return []
     lost = 0.0 if energy.dissipated is None else energy.dissipated
-    difference = energy.total + lost - energy.work - energy.total[0]
+    begun = energy.total[0] if any(s.drive == "initial" for s in field.sources) else 0.0
+    difference = energy.total + lost - energy.work - begun
     balance = float(np.abs(difference).max()) / scale
     # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
     drift = (field.band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
