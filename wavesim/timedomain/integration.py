@@ -21,10 +21,12 @@ from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
 from wavesim.source import Ricker
 from wavesim.timedomain.drives import drives, initial_state
-from wavesim.timedomain.expansion import BarEquation, Expansion, series
+from wavesim.timedomain.expansion import BarEquation, Expansion, Series, series
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
+from wavesim.timedomain.layered import LayeredPropagator, piecewise, pushes
 from wavesim.timedomain.operator import is_rotation, semi_discrete, to_fields
+from wavesim.timedomain.pieces import cut
 from wavesim.timedomain.propagator import Propagator, bar_kernels
 from wavesim.timedomain.response import BEYOND_BAND, pulse_tables
 from wavesim.timedomain.steppers import (
@@ -117,7 +119,10 @@ class Timing:
 def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     if settled.schedule.shift is not None:
         time = float(settled.medium.time_scale)
-        return Expansion(series(settled.schedule, signal_band(settled.sources) * time))
+        made = series(settled.schedule, signal_band(settled.sources) * time)
+        if settled.schedule.solver == "chebyshev":
+            return Expansion(made)
+        return _layered(settled, equation, made)
     if settled.schedule.solver == "verlet":
         return Verlet()
     steps = settled.schedule
@@ -125,6 +130,16 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     if steps.solver == "chebyshev":
         return Chebyshev(propagator_series(steps), steps.bound, pulses)
     return Propagator(bar_kernels(settled.medium, settled.bar, settled.blocks, steps.step), pulses)
+
+
+def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropagator:
+    steps, bar = settled.schedule, settled.bar
+    length = float(scales(settled.medium).length)
+    parts = tuple(
+        piecewise(cut(settled.layers, bar, group, steps, length))
+        for group in equation.generator.groups
+    )
+    return LayeredPropagator(parts, pushes(equation, made, steps.reach, bar.periodic), made)
 
 
 def _advance(

@@ -1,0 +1,311 @@
+"""The stepper of real bars without losses: the exact propagator, one banded product a step.
+
+    q⁺ = 2C q − q⁻ + ∫₀^h S(h−τ) G [s(t+τ) + s(t−τ)] dτ
+    v⁺ = 2C v − v⁻ + ∫₀^h C(h−τ) G [s(t+τ) − s(t−τ)] dτ
+
+as in ``propagator.py``; C is that of ``pieces.py``. The sources' part of a step is that of
+``expansion.py``, Σ_k φ_k(X) G_j ∫ c_k s_j dτ, kept in a window about each source; so is their work.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.timedomain.expansion import BarEquation, BarMotion, Expansion, Series, hermite
+from wavesim.timedomain.generator import Parts, State
+from wavesim.timedomain.kernels import dense, run_length
+from wavesim.timedomain.pieces import Cut
+from wavesim.timedomain.steppers import WaveSolver
+
+Tracks = tuple[jax.Array, ...]  # of each group (q, v), shape (2, blocks, fields, points)
+
+
+class Piecewise(eqx.Module):
+    """C of one group of blocks.
+
+    Attributes:
+        kernels: from b + 2r cells to b, each shape (blocks, fields (b + 2r), fields b).
+        corrections: of each kind, shape (blocks, kind, fields columns, fields rows).
+        runs: first cells of the runs of each kernel, with the end of their stretch.
+        order: where each run of cells stands in the results of the kernels: (kernel, first run,
+            cells), along the bar.
+        places: of the corrections of each kind, first row and column of each, (kind, times).
+        sizes: rows and columns of each kind.
+    """
+
+    kernels: tuple[jax.Array, ...]
+    corrections: tuple[jax.Array, ...]
+    stretches: tuple[tuple[int, int, int], ...] = eqx.field(static=True)
+    places: tuple[tuple[tuple[tuple[int, int], ...], ...], ...] = eqx.field(static=True)
+    sizes: tuple[tuple[int, int], ...] = eqx.field(static=True)
+    points: int = eqx.field(static=True)
+    reach: int = eqx.field(static=True)
+    ring: bool = eqx.field(static=True)
+
+    def __call__(self, fields: jax.Array) -> jax.Array:
+        """C on fields of shape (tracks, blocks, fields, points)."""
+        made = self._plain(fields)
+        for matrix, places, (rows, columns) in zip(
+            self.corrections, self.places, self.sizes, strict=True
+        ):
+            tracks, blocks, count, points = fields.shape
+            first = np.array(places)
+            kinds, times, _ = first.shape
+            at = (first[..., 1, None] + np.arange(columns)) % points
+            seen = fields[..., at].transpose(1, 3, 4, 0, 2, 5)
+            seen = seen.reshape(blocks, kinds, times * tracks, count * columns)
+            change = (seen @ matrix).reshape(blocks, kinds, times, tracks, count, rows)
+            onto = (first[..., 0, None] + np.arange(rows)) % points
+            made = made.at[..., onto].add(change.transpose(3, 0, 4, 1, 2, 5))
+        return made
+
+    def _plain(self, fields: jax.Array) -> jax.Array:
+        """The kernels' part."""
+        tracks, blocks, count, points = fields.shape
+        r, b = self.reach, run_length(self.reach)
+        none = jnp.zeros((tracks, blocks, count, 1))
+        padded = jnp.concatenate([fields, none], axis=-1)
+        results = []
+        order = sorted(range(len(self.stretches)), key=lambda n: self.stretches[n][2])
+        by_kernel = itertools.groupby(order, key=lambda n: self.stretches[n][2])
+        found: dict[int, jax.Array] = {}
+        for number, members in by_kernel:
+            spans = [self.stretches[n] for n in members]
+            windows, lengths = [], []
+            for a, e, _ in spans:
+                starts = np.arange(a, e, b)
+                cells = starts[:, None] - r + np.arange(b + 2 * r)
+                inside = (cells >= a) & (cells < e)
+                windows.append(cells % points if self.ring else np.where(inside, cells, points))
+                lengths.append(len(starts))
+            at = np.concatenate(windows)
+            rows = padded[..., at].transpose(1, 0, 3, 2, 4)
+            rows = rows.reshape(blocks, tracks * len(at), count * (b + 2 * r))
+            made = (rows @ self.kernels[number]).reshape(blocks, tracks, len(at), count, b)
+            made = made.transpose(1, 0, 3, 2, 4).reshape(tracks, blocks, count, len(at) * b)
+            position = 0
+            for (a, e, _), length in zip(spans, lengths, strict=True):
+                found[a] = made[..., position * b : position * b + e - a]
+                position += length
+        reached = 0
+        for a, e, _ in sorted(self.stretches):
+            results += [jnp.zeros((tracks, blocks, count, a - reached)), found[a]]
+            reached = e
+        results.append(jnp.zeros((tracks, blocks, count, points - reached)))
+        return jnp.concatenate(results, axis=-1)
+
+
+def piecewise(made: Cut) -> Piecewise:
+    """Lay a cut out for products.
+
+    Args:
+        made: of :func:`pieces.cut`.
+    """
+    run = run_length(made.reach)
+    kernels = tuple(
+        jnp.asarray(np.stack([dense(kernel, run, made.reach) for kernel in of_blocks]))
+        for of_blocks in made.kernels
+    )
+    places: dict[int, list[tuple[int, int]]] = {}
+    for piece, number in made.pieces:
+        places.setdefault(number, []).append((piece.rows[0], piece.columns[0]))
+    kinds: dict[tuple[int, int, int], list[int]] = {}
+    for number, at in places.items():
+        _, _, rows, _, columns = made.corrections[number].shape
+        kinds.setdefault((rows, columns, len(at)), []).append(number)
+    corrections = []
+    for (rows, columns, _), numbers in kinds.items():
+        stacked = np.stack([made.corrections[number] for number in numbers], axis=1)
+        blocks, count, fields = stacked.shape[:3]
+        # (block, kind, row field, row, column field, column) → (block, kind, column, row).
+        turned = stacked.transpose(0, 1, 4, 5, 2, 3)
+        corrections.append(
+            jnp.asarray(turned.reshape(blocks, count, fields * columns, fields * rows))
+        )
+    return Piecewise(
+        kernels,
+        tuple(corrections),
+        tuple((a, e, number) for (a, e), number in made.stretches),
+        tuple(tuple(tuple(places[n]) for n in numbers) for numbers in kinds.values()),
+        tuple((rows, columns) for rows, columns, _ in kinds),
+        made.points,
+        made.reach,
+        made.ring,
+    )
+
+
+class Push(eqx.Module):
+    """What one source does to one group within a step.
+
+    Attributes:
+        on_q, on_v: for its signal at the nodes, shape (nodes, blocks, fields, points).
+        points: where that is, shape (points,).
+        source, group: which.
+    """
+
+    on_q: jax.Array
+    on_v: jax.Array
+    points: Any
+    source: int = eqx.field(static=True)
+    group: int = eqx.field(static=True)
+
+
+def pushes(equation: BarEquation, made: Series, reach: int, periodic: bool) -> tuple[Push, ...]:
+    """The sources' part of a step.
+
+    Args:
+        equation: of the bar.
+        made: coefficients of the step.
+        reach: cells beyond which nothing is felt within it.
+        periodic: whether the bar is.
+    """
+    found = []
+    for group, parts in enumerate(equation.drives.points):
+        size = equation.generator.groups[group].free.shape[-1]
+        for source in range(len(equation.drives.sources)):
+            nodes = [np.asarray(p.node)[np.asarray(p.source) == source] for p in parts]
+            driven = np.unique(np.concatenate(nodes))
+            if not len(driven):
+                continue
+            first, count = _window(driven, reach, size, periodic)
+            points = np.arange(first, first + count) % size
+            on_q, on_v = _push(equation, made, source, group, points)
+            found.append(Push(on_q, on_v, points, source, group))
+    return tuple(found)
+
+
+def _window(driven: np.ndarray, reach: int, size: int, periodic: bool) -> tuple[int, int]:
+    """First point and number of points about those driven."""
+    if not periodic:
+        first = max(int(driven[0]) - reach, 0)
+        return first, min(int(driven[-1]) + reach + 1, size) - first
+    # The widest stretch of points on the ring that is not driven is left out.
+    idle = np.diff(np.append(driven, driven[0] + size))
+    widest = int(np.argmax(idle))
+    first = int(driven[(widest + 1) % len(driven)])
+    count = size - int(idle[widest]) + 1 + 2 * reach
+    return (first - reach, count) if count < size else (0, size)
+
+
+@eqx.filter_jit
+def _push(
+    equation: BarEquation, made: Series, source: int, group: int, points: np.ndarray
+) -> tuple[jax.Array, jax.Array]:
+    """Σ_k φ_k(X) G_j b_km in a window: for q and for v."""
+    drives, A = equation.drives, equation.generator
+    alone = jnp.zeros(len(drives.sources)).at[source].set(1.0)
+    size = A.groups[group].size
+
+    def seen(y: State) -> jax.Array:
+        return jnp.stack(y[group][: 2 * size])[..., points]
+
+    def scaled(y: State) -> State:
+        return jax.tree.map(lambda rate: rate / made.radius, A(y))
+
+    def advance(carry: tuple[State, State], factors: jax.Array) -> Any:
+        (before, now, total) = carry
+        after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
+        return (now, after, total + jnp.tensordot(factors, seen(now), 0)), None
+
+    still = A.zero()
+    first = drives.add(still, alone)
+    second = scaled(first)
+    total = jnp.tensordot(made.pulses[0], seen(first), 0)
+    (_, _, total), _ = jax.lax.scan(advance, (first, second, total), made.pulses[1:])
+    total = jnp.moveaxis(total, 1, 2)
+    return total[:, :, :size], total[:, :, size:]
+
+
+class LayeredPropagator(WaveSolver):
+    """Two-term recurrence of the exact propagator of a real bar; see the head of this file.
+
+    The step that diffrax takes must be the one that all was made for.
+    """
+
+    parts: tuple[Piecewise, ...]
+    pushes: tuple[Push, ...]
+    series: Series
+
+    def order(self, terms: Any) -> None:
+        return None
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: BarMotion, args: BarEquation) -> Tracks:
+        """(q⁻, v⁻) one step before: the series backward in time, and the signals with it."""
+        groups = args.generator.groups
+        turned = tuple(
+            part[: g.size] + tuple(-v for v in part[g.size :])
+            for g, part in zip(groups, y0.y, strict=True)
+        )
+        none = jnp.zeros((len(self.series.state), len(args.drives.sources)))
+        back = Expansion(self.series).propagate(args, turned, none)
+        made = tuple(_stacked(part).at[1].multiply(-1.0) for part in back)
+        behind = self._signals(args, t0, -1.0)
+        return self._pushed(made, behind, -behind)
+
+    def step(
+        self,
+        terms: Any,
+        t0: Any,
+        t1: Any,
+        y0: BarMotion,
+        args: BarEquation,
+        solver_state: Tracks,
+        made_jump: Any,
+    ) -> Any:
+        now = tuple(_stacked(part) for part in y0.y)
+        after = tuple(
+            2 * part(one) - before
+            for part, one, before in zip(self.parts, now, solver_state, strict=True)
+        )
+        step = self.series.step
+
+        def driven() -> BarMotion:
+            ahead, behind = self._signals(args, t0, 1.0), self._signals(args, t0, -1.0)
+            y = _parts(self._pushed(after, ahead + behind, ahead - behind))
+            powers = args.powers(t1, y, t0 < args.drives.end)
+            work, lost = hermite(step, y0.powers, powers)
+            return BarMotion(y, y0.work + work, y0.lost + lost, powers)
+
+        def free() -> BarMotion:
+            return y0._replace(y=_parts(after), powers=jnp.zeros_like(y0.powers))
+
+        y1 = jax.lax.cond(t0 < args.drives.end + 1.5 * step, driven, free)
+        return y1, None, {"y0": y0, "y1": y1}, now, diffrax.RESULTS.successful
+
+    def _signals(self, equation: BarEquation, t: Any, way: float) -> jax.Array:
+        """Signals at the nodes of the step ahead of a time, or of that behind it."""
+        drives, made = equation.drives, self.series
+        acting = t + (way - 1) / 2 * made.step < drives.end
+        return jnp.where(acting, drives.signals(t + way * made.nodes), 0.0)
+
+    def _pushed(self, made: Tracks, on_q: jax.Array, on_v: jax.Array) -> Tracks:
+        """Both tracks with the sources' part added."""
+        new = list(made)
+        for push in self.pushes:
+            change = jnp.stack(
+                [
+                    jnp.tensordot(on_q[push.source], push.on_q, 1),
+                    jnp.tensordot(on_v[push.source], push.on_v, 1),
+                ]
+            )
+            new[push.group] = new[push.group].at[..., push.points].add(change)
+        return tuple(new)
+
+
+def _stacked(part: Parts) -> jax.Array:
+    """(q, v) of a group, shape (2, blocks, fields, points)."""
+    half = len(part) // 2
+    return jnp.stack([jnp.stack(part[:half], axis=1), jnp.stack(part[half:], axis=1)])
+
+
+def _parts(made: Sequence[jax.Array]) -> State:
+    """Inverse of :func:`_stacked`, of all groups."""
+    return tuple(tuple(one[t, :, i] for t in range(2) for i in range(one.shape[2])) for one in made)
