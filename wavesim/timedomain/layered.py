@@ -142,24 +142,32 @@ def piecewise(made: Cut) -> Piecewise:
     )
 
 
-class Push(eqx.Module):
-    """What one source does to one group within a step.
+class Pushes(eqx.Module):
+    """What the sources do to one group within a step, in windows about them.
 
     Attributes:
-        on_q, on_v: for its signal at the nodes, shape (nodes, blocks, fields, points).
-        points: where that is, shape (points,).
-        source, group: which.
+        made: for their signals at the nodes, shape (sources, nodes, 2 fields, blocks, points):
+            q in the first fields, v in the others.
+        points: where that is, shape (sources, points).
     """
 
-    on_q: jax.Array
-    on_v: jax.Array
-    points: Any
-    source: int = eqx.field(static=True)
-    group: int = eqx.field(static=True)
+    made: jax.Array
+    points: np.ndarray
+
+    def add(self, fields: jax.Array, on_q: jax.Array, on_v: jax.Array) -> jax.Array:
+        """(q, v) of shape (2, blocks, fields, points) with their part added."""
+        size = fields.shape[2]
+        sums = [
+            jnp.einsum("sm,smfbp->bfsp", signal, part)
+            for signal, part in ((on_q, self.made[:, :, :size]), (on_v, self.made[:, :, size:]))
+        ]
+        return fields.at[..., self.points].add(jnp.stack(sums))
 
 
-def pushes(equation: BarEquation, made: Series, reach: int, periodic: bool) -> tuple[Push, ...]:
-    """The sources' part of a step.
+def pushes(
+    equation: BarEquation, made: Series, reach: int, periodic: bool
+) -> tuple[Pushes | None, ...]:
+    """The sources' part of a step, for each group; None where none acts on it.
 
     Args:
         equation: of the bar.
@@ -167,61 +175,77 @@ def pushes(equation: BarEquation, made: Series, reach: int, periodic: bool) -> t
         reach: cells beyond which nothing is felt within it.
         periodic: whether the bar is.
     """
-    found = []
-    for group, parts in enumerate(equation.drives.points):
-        size = equation.generator.groups[group].free.shape[-1]
-        for source in range(len(equation.drives.sources)):
-            nodes = [np.asarray(p.node)[np.asarray(p.source) == source] for p in parts]
-            driven = np.unique(np.concatenate(nodes))
-            if not len(driven):
-                continue
-            first, count = _window(driven, reach, size, periodic)
-            points = np.arange(first, first + count) % size
-            on_q, on_v = _push(equation, made, source, group, points)
-            found.append(Push(on_q, on_v, points, source, group))
-    return tuple(found)
+    windows: list[np.ndarray | None] = []
+    sources = range(len(equation.drives.sources))
+    for group, parts in zip(equation.generator.groups, equation.drives.points, strict=True):
+        size = group.free.shape[-1]
+        spans = [
+            _span(np.concatenate([p.node[p.source == source] for p in parts]), size, periodic)
+            for source in sources
+        ]
+        if not any(count for _, count in spans):
+            windows.append(None)
+            continue
+        count = min(size, max(count for _, count in spans) + 2 * reach)
+        first = np.array([first for first, _ in spans]) - reach
+        first = first % size if periodic else np.clip(first, 0, size - count)
+        windows.append((first[:, None] + np.arange(count)) % size)
+    driven = tuple(window is not None for window in windows)
+    found = iter(_pushes(equation, made, tuple(w for w in windows if w is not None), driven))
+    return tuple(None if window is None else Pushes(next(found), window) for window in windows)
 
 
-def _window(driven: np.ndarray, reach: int, size: int, periodic: bool) -> tuple[int, int]:
-    """First point and number of points about those driven."""
+def _span(driven: np.ndarray, size: int, periodic: bool) -> tuple[int, int]:
+    """First and number of the points that hold all those driven."""
+    if not len(driven):
+        return 0, 0
+    driven = np.unique(driven)
     if not periodic:
-        first = max(int(driven[0]) - reach, 0)
-        return first, min(int(driven[-1]) + reach + 1, size) - first
+        return int(driven[0]), int(driven[-1] - driven[0]) + 1
     # The widest stretch of points on the ring that is not driven is left out.
     idle = np.diff(np.append(driven, driven[0] + size))
     widest = int(np.argmax(idle))
-    first = int(driven[(widest + 1) % len(driven)])
-    count = size - int(idle[widest]) + 1 + 2 * reach
-    return (first - reach, count) if count < size else (0, size)
+    return int(driven[(widest + 1) % len(driven)]), size - int(idle[widest]) + 1
 
 
 @eqx.filter_jit
-def _push(
-    equation: BarEquation, made: Series, source: int, group: int, points: np.ndarray
-) -> tuple[jax.Array, jax.Array]:
-    """Σ_k φ_k(X) G_j b_km in a window: for q and for v."""
+def _pushes(
+    equation: BarEquation,
+    made: Series,
+    windows: tuple[np.ndarray, ...],
+    driven: tuple[bool, ...],
+) -> tuple[jax.Array, ...]:
+    """Σ_k φ_k(X) G_j b_km of each source in its windows, of the groups driven."""
     drives, A = equation.drives, equation.generator
-    alone = jnp.zeros(len(drives.sources)).at[source].set(1.0)
-    size = A.groups[group].size
 
-    def seen(y: State) -> jax.Array:
-        return jnp.stack(y[group][: 2 * size])[..., points]
+    def of_source(source: jax.Array, points: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+        def seen(y: State) -> tuple[jax.Array, ...]:
+            kept = [(g, part) for g, part, yes in zip(A.groups, y, driven, strict=True) if yes]
+            return tuple(
+                jnp.stack(part[: 2 * g.size])[..., at]
+                for (g, part), at in zip(kept, points, strict=True)
+            )
 
-    def scaled(y: State) -> State:
-        return jax.tree.map(lambda rate: rate / made.radius, A(y))
+        def weighted(factors: jax.Array, y: State) -> tuple[jax.Array, ...]:
+            return tuple(jnp.tensordot(factors, part, 0) for part in seen(y))
 
-    def advance(carry: tuple[State, State], factors: jax.Array) -> Any:
-        (before, now, total) = carry
-        after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
-        return (now, after, total + jnp.tensordot(factors, seen(now), 0)), None
+        def scaled(y: State) -> State:
+            return jax.tree.map(lambda rate: rate / made.radius, A(y))
 
-    still = A.zero()
-    first = drives.add(still, alone)
-    second = scaled(first)
-    total = jnp.tensordot(made.pulses[0], seen(first), 0)
-    (_, _, total), _ = jax.lax.scan(advance, (first, second, total), made.pulses[1:])
-    total = jnp.moveaxis(total, 1, 2)
-    return total[:, :, :size], total[:, :, size:]
+        def advance(carry: Any, factors: jax.Array) -> tuple[Any, None]:
+            before, now, total = carry
+            total = jax.tree.map(jnp.add, total, weighted(factors, now))
+            after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
+            return (now, after, total), None
+
+        alone = (jnp.arange(len(drives.sources)) == source).astype(float)
+        first = drives.add(A.zero(), alone)
+        start = (first, scaled(first), weighted(made.pulses[0], first))
+        (_, _, total), _ = jax.lax.scan(advance, start, made.pulses[1:])
+        return total
+
+    counted = jnp.arange(len(drives.sources))
+    return jax.lax.map(lambda one: of_source(*one), (counted, windows))
 
 
 class LayeredPropagator(WaveSolver):
@@ -231,7 +255,7 @@ class LayeredPropagator(WaveSolver):
     """
 
     parts: tuple[Piecewise, ...]
-    pushes: tuple[Push, ...]
+    pushes: tuple[Pushes | None, ...]
     series: Series
 
     def order(self, terms: Any) -> None:
@@ -288,16 +312,10 @@ class LayeredPropagator(WaveSolver):
 
     def _pushed(self, made: Tracks, on_q: jax.Array, on_v: jax.Array) -> Tracks:
         """Both tracks with the sources' part added."""
-        new = list(made)
-        for push in self.pushes:
-            change = jnp.stack(
-                [
-                    jnp.tensordot(on_q[push.source], push.on_q, 1),
-                    jnp.tensordot(on_v[push.source], push.on_v, 1),
-                ]
-            )
-            new[push.group] = new[push.group].at[..., push.points].add(change)
-        return tuple(new)
+        return tuple(
+            one if push is None else push.add(one, on_q, on_v)
+            for one, push in zip(made, self.pushes, strict=True)
+        )
 
 
 def _stacked(part: Parts) -> jax.Array:
