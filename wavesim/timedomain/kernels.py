@@ -201,9 +201,9 @@ def dense(kernel: np.ndarray, run: int, reach: int) -> np.ndarray:
     return made.reshape(fields * width, functions * fields * run)
 
 
-def run_length(reach: int) -> int:
-    """b for a reach r."""
-    return max(SHORTEST_RUN, math.ceil(0.75 * reach / 16) * 16)
+def run_length(reach: int, shortest: int = SHORTEST_RUN) -> int:
+    """b for a reach r, and not less than so many."""
+    return max(shortest, math.ceil(0.75 * reach / 16) * 16)
 
 
 def convolve(parts: Sequence[Convolution], state: Any) -> Any:

@@ -24,6 +24,7 @@ from wavesim.timedomain.generator import Parts, State
 from wavesim.timedomain.kernels import dense, run_length
 from wavesim.timedomain.pieces import Cut
 from wavesim.timedomain.steppers import WaveSolver
+from wavesim.timedomain.zones import SHORT_RUN
 
 Tracks = tuple[jax.Array, ...]  # of each group (q, v), shape (2, blocks, fields, points)
 
@@ -70,7 +71,7 @@ class Piecewise(eqx.Module):
     def _plain(self, fields: jax.Array) -> jax.Array:
         """The kernels' part."""
         tracks, blocks, count, points = fields.shape
-        r, b = self.reach, run_length(self.reach)
+        r, b = self.reach, run_length(self.reach, SHORT_RUN)
         none = jnp.zeros((tracks, blocks, count, 1))
         padded = jnp.concatenate([fields, none], axis=-1)
         results = []
@@ -109,7 +110,7 @@ def piecewise(made: Cut) -> Piecewise:
     Args:
         made: of :func:`pieces.cut`.
     """
-    run = run_length(made.reach)
+    run = run_length(made.reach, SHORT_RUN)
     kernels = tuple(
         jnp.asarray(np.stack([dense(kernel, run, made.reach) for kernel in of_blocks]))
         for of_blocks in made.kernels

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import block_array, csr_array, diags_array
 
 from wavesim.bar import Bar
 from wavesim.layers import Layers
@@ -198,30 +198,30 @@ class _Local:
         where = repr((self.rows, self.columns, self.stretches)).encode()
         return where + _rounded(np.concatenate([np.ravel(array) for array in arrays]))
 
-    def operator(self, block: int) -> np.ndarray:
-        """L of a block on this grid, dense, fields outermost."""
+    def operator(self, block: int) -> Any:
+        """L of a block on this grid, sparse, fields outermost."""
         c_pp, c_pb, c_bp, c_bb, gamma, _, i_B, free = (
             part[..., block, :] for part in self._coefficients
         )
-        D, p, b = self.D, len(c_pp), len(c_bb)
-        QT = (self.group.norm[self.points][:, None] * D).T
-        slope = -QT / self.group.node_norm[self.points][:, None]
+        D, p, b = csr_array(self.D), len(c_pp), len(c_bb)
+        QT = (diags_array(self.group.norm[self.points]) @ D).T
+        slope = diags_array(-1 / self.group.node_norm[self.points]) @ QT
+        pull = diags_array(-free) @ QT
         parts: list[list[Any]] = [[None] * (p + b) for _ in range(p + b)]
         for i in range(p):
-            pull = -free[:, None] * QT
             for j in range(p):
-                parts[i][j] = (pull * c_pp[i, j]) @ D
+                parts[i][j] = pull @ diags_array(c_pp[i, j]) @ D
             for j in range(b):
-                parts[i][p + j] = -pull * c_pb[i, j]
+                parts[i][p + j] = -pull @ diags_array(c_pb[i, j])
         for i in range(b):
             for j in range(p):
-                parts[p + i][j] = (c_bp[i, j] / i_B)[:, None] * D
+                parts[p + i][j] = diags_array(c_bp[i, j] / i_B) @ D
             for j in range(b):
-                parts[p + i][p + j] = np.diag(-c_bb[i, j] / i_B)
+                parts[p + i][p + j] = diags_array(-c_bb[i, j] / i_B)
                 if self.group.with_gradient:
-                    bent = D @ (gamma[i, j][:, None] * slope)
-                    parts[p + i][p + j] += bent / i_B[:, None]
-        return np.block(parts)
+                    bent = diags_array(1 / i_B) @ D @ diags_array(gamma[i, j]) @ slope
+                    parts[p + i][p + j] = parts[p + i][p + j] + bent
+        return csr_array(block_array(parts))
 
     def correction(self, schedule: Schedule, held: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
         """C less the kernels, for each block, shape (blocks, fields, rows, fields, columns)."""
@@ -229,7 +229,7 @@ class _Local:
         whole = []
         for block in range(self.group.free.shape[0]):
             L = self.operator(block)
-            key = L.tobytes()
+            key = L.indices.tobytes() + L.data.tobytes()
             if key not in made:
                 made[key] = self._rows(L, schedule)
                 for a, b, number in self.stretches:
@@ -237,16 +237,16 @@ class _Local:
             whole.append(made[key])
         return np.stack(whole)
 
-    def _rows(self, L: np.ndarray, schedule: Schedule) -> np.ndarray:
+    def _rows(self, L: Any, schedule: Schedule) -> np.ndarray:
         """Rows and columns of cos(h√−L) that the piece holds."""
         bound, size = schedule.bound, len(self.points)
-        fields = len(L) // size
+        fields = L.shape[0] // size
         degree = series_degree(schedule.step, bound)
         series = chebyshev_series(lambda e: cosine(schedule.step, e), bound, degree)
-        # A sparse product is faster here than BLAS, whose threads wait for each other.
-        X = csr_array(np.eye(len(L)) + 2 / bound * L.T)
-        first = np.eye(len(L)).reshape(fields, size, -1)
-        before = first[:, self.rows].reshape(-1, len(L)).T
+        # Sparse products are faster here than BLAS, whose threads wait for each other.
+        X = csr_array(diags_array(np.ones(L.shape[0])) + 2 / bound * L.T)
+        first = np.eye(L.shape[0]).reshape(fields, size, -1)
+        before = np.ascontiguousarray(first[:, self.rows].reshape(-1, L.shape[0]).T)
         now = X @ before
         total = series[0] * before + series[1] * now
         X = 2 * X

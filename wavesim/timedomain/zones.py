@@ -24,12 +24,14 @@ Span = tuple[int, int]  # of points, the last one not included
 # grid about it, on which it is made, hold one part whole and nothing of the next.
 APART = 24
 
-# What a step costs, in ns, found by timing on one core: of the series, a cell and degree, for the
-# coefficients of one field on another; of kernels and pieces, a product of two numbers.
-_SERIES_NS = 2.5
-_KERNEL_NS = 0.06
-_PIECE_NS = 0.5
-_SETUP_NS = 0.06
+# Kernels take at least this many cells in one run: with many media their matrices must stay small.
+SHORT_RUN = 32
+# Costs in ns, timed on one core. A step's: of the series, for each cell, degree and coefficient of
+# one field on another; of kernels, for each flop; of matrices read, for each entry. Of setting up:
+# for each column, row, degree and coefficient of a piece, and for a piece as such.
+_SERIES, _KERNEL, _ENTRY, _MAKING, _PIECE = 2.5, 0.026, 0.4, 10.0, 3e6
+# Cells by which the reach itself is below reach_within, which bounds it.
+_SLACK = 11
 
 
 @dataclass(frozen=True)
@@ -164,25 +166,26 @@ def banded(
     made = dataclasses.replace(steps, solver="propagator", reach=reach)
     if demanded:
         return made
+    expected = max(reach - _SLACK, 1)
     pays = (
         cut.fits
         and reach <= LONGEST_REACH
-        and _cost(cut, bar, reach, made, sizes)
-        < sum(size**2 * _SERIES_NS * bar.cells * steps.degree * steps.steps for size in sizes)
+        and _cost(zones(layers, bar, expected), bar, expected, made, sizes)
+        < sum(size**2 for size in sizes) * _SERIES * bar.cells * steps.degree * steps.steps
     )
     return made if pays else steps
 
 
 def _cost(cut: Zones, bar: Bar, reach: int, steps: Schedule, sizes: tuple[int, ...]) -> float:
-    """Of a run, setup included, ns."""
-    entries = sum((p.rows[1] - p.rows[0]) * (p.columns[1] - p.columns[0]) for p in cut.pieces)
+    """Of a run with the propagator, setup included, ns; no matrix is taken to be shared."""
+    shapes = [
+        (piece.rows[1] - piece.rows[0], piece.columns[1] - piece.columns[0]) for piece in cut.pieces
+    ]
+    width = SHORT_RUN + 2 * reach
+    entries = sum(rows * columns for rows, columns in shapes)
+    entries += len(cut.stretches) * width * SHORT_RUN
+    each_step = _KERNEL * 4 * width * bar.cells + _ENTRY * entries
     degree = series_degree(steps.step, steps.bound)
-    setup = sum(
-        (p.columns[1] - p.columns[0] + reach + APART) ** 2 * (p.rows[1] - p.rows[0])
-        for p in cut.pieces
-    )
-    total = 0.0
-    for size in sizes:
-        step = size**2 * (_KERNEL_NS * 4 * (2 * reach + 64) * bar.cells + _PIECE_NS * entries)
-        total += step * steps.steps + 2 * size**3 * degree * setup * _SETUP_NS
-    return total
+    making = sum((columns + reach + APART) * rows for rows, columns in shapes)
+    each_coefficient = each_step * steps.steps + _MAKING * degree * making
+    return sum(size**2 * each_coefficient + _PIECE * len(shapes) for size in sizes)
