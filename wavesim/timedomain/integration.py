@@ -24,10 +24,11 @@ from wavesim.timedomain.drives import drives, initial_state
 from wavesim.timedomain.expansion import BarEquation, Expansion, Series, series
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
-from wavesim.timedomain.layered import LayeredPropagator, piecewise, pushes
+from wavesim.timedomain.layered import LayeredPropagator, piecewise
 from wavesim.timedomain.operator import is_rotation, semi_discrete, to_fields
 from wavesim.timedomain.pieces import cut
 from wavesim.timedomain.propagator import Propagator, bar_kernels
+from wavesim.timedomain.pushes import pushes
 from wavesim.timedomain.response import BEYOND_BAND, pulse_tables
 from wavesim.timedomain.steppers import (
     TERM,

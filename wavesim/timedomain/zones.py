@@ -94,7 +94,8 @@ def zones(layers: Layers, bar: Bar, reach: int) -> Zones:
             number = math.ceil((b - a) / (reach + near)) if long else 1
             edges = [a + (b - a) * i // number for i in range(number + 1)]
             pieces += [
-                Piece((p, q), (max(p - reach, low), min(q + reach, high)))
+                # Closures are wider than the stencil: through them more is felt ahead of the front.
+                Piece((p, q), (max(p - reach - near, low), min(q + reach + near, high)))
                 for p, q in itertools.pairwise(edges)
             ]
     turns = (-bar.cells, 0, bar.cells) if bar.periodic else (0,)
