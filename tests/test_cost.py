@@ -5,6 +5,7 @@ where there is one, and else the value counted when it was written plus a stated
 """
 
 import dataclasses
+import itertools
 
 import jax
 import numpy as np
@@ -103,26 +104,21 @@ def test_compiled_step_is_the_dense_product(stepped):
     assert cost["flops"] == pytest.approx(dense_flops(parts), rel=0.05)
 
 
-LAYERED = {
-    "8 layers": tuple((512, n % 2) for n in range(8)),
-    "20 layers": tuple((200 + n % 10, n % 2) for n in range(20)),
-    "8 of their own": tuple((512, n) for n in range(8)),
-}
-
-
-@pytest.mark.parametrize("name", LAYERED)
-def test_a_layered_step_is_as_cheap_as_a_uniform_one(name):
-    """Flops by the compiler within a factor 2 of those of a uniform bar of as many cells, steps of
-    half a unit: short runs save (b + 2r) flops, a correction of 64 cells adds 4 of 64² a
-    coefficient. Counted 0.80, 1.15, 0.80 times; matrices, read once a step, 1.4, 6.6, 3.7 MB for
-    one block (bounded a tenth above), where equal ones count once."""
-    media = [dataclasses.replace(MEDIUM, density=1500.0 + 100 * n) for n in range(8)]
-    edges = np.cumsum([0, *(cells for cells, _ in LAYERED[name])]) * BAR.spacing
+@pytest.mark.parametrize(
+    ("count", "kinds", "matrices"),
+    [(8, 2, 1.22e6), (20, 2, 1.22e6), (8, 8, 4.1e6)],
+    ids=["8 layers", "20 layers", "8 of a kind each"],
+)
+def test_a_layered_step_is_as_cheap_as_a_uniform_one(count, kinds, matrices):
+    """No more flops, by the compiler, than on a uniform bar of as many cells, at steps of half a
+    unit: the shorter runs (b + 2r = 78 for 110 cells) save more than corrections of 64 by 64
+    cells add. Counted 0.78, 0.95, 0.78 times. Bytes of the matrices of one block, which a step
+    reads once: 1.10, 1.10, 3.65 MB, bounded a tenth above; equal ones are shared."""
+    media = [dataclasses.replace(MEDIUM, density=1500.0 + 100 * n) for n in range(kinds)]
+    cells = [BAR.cells // count + n % 10 for n in range(count)]
+    edges = (np.cumsum([0, *cells]) * BAR.spacing).tolist()
     layers = Layers(
-        tuple(
-            Layer(float(a), float(b), media[number])
-            for a, b, (_, number) in zip(edges[:-1], edges[1:], LAYERED[name], strict=True)
-        )
+        tuple(Layer(*ends, media[n % kinds]) for n, ends in enumerate(itertools.pairwise(edges)))
     )
     bar = layered_bar(layers, BAR.spacing)
     duration = UNITS * MEDIUM.time_scale
@@ -135,8 +131,8 @@ def test_a_layered_step_is_as_cheap_as_a_uniform_one(name):
     both = np.zeros((2, 1, 3, bar.cells + 1))
     flops = jax.jit(part.__call__).lower(both).compile().cost_analysis()["flops"]
     (uniform,) = bar_kernels(MEDIUM, BAR, BLOCKS[:1], made.schedule.step)
-    print("COUNTED", name, flops / dense_flops([uniform]), sum(l.nbytes for l in jax.tree.leaves(part)))
-    assert flops <= 2 * dense_flops([uniform])
+    assert flops <= dense_flops([uniform])
+    assert sum(leaf.nbytes for leaf in jax.tree.leaves(part)) <= matrices
 
 
 def test_one_product_with_L():
