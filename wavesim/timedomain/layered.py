@@ -4,7 +4,8 @@
     v⁺ = 2C v − v⁻ + ∫₀^h C(h−τ) G [s(t+τ) − s(t−τ)] dτ
 
 as in ``propagator.py``; C is that of ``pieces.py``. The sources' part of a step is that of
-``expansion.py``, Σ_k φ_k(X) G_j ∫ c_k s_j dτ, kept in a window about each source; so is their work.
+``expansion.py``, Σ_k φ_k(X) G_j ∫ c_k s_j dτ, kept in a window about each source
+(``pushes.py``); their work is booked as there.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ class Piecewise(eqx.Module):
     Attributes:
         kernels: from b + 2r cells to b, each shape (blocks, fields (b + 2r), fields b).
         corrections: of each kind, shape (blocks, kind, fields columns, fields rows).
-        runs: first cells of the runs of each kernel, with the end of their stretch.
-        order: where each run of cells stands in the results of the kernels: (kernel, first run,
-            cells), along the bar.
+        stretches: (first cell, end, number of the kernel) of each.
         places: of the corrections of each kind, first row and column of each, (kind, times).
         sizes: rows and columns of each kind.
+        points, reach: number of points of the bar; r.
+        ring: whether the one stretch closes on itself.
     """
 
     kernels: tuple[jax.Array, ...]

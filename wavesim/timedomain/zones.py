@@ -29,7 +29,7 @@ SHORT_RUN = 32
 # Costs in ns, timed on one core. A step's: of the series, for each cell, degree and coefficient of
 # one field on another; of kernels, for each flop; of matrices read, for each entry. Of setting up:
 # for each column, row, degree and coefficient of a piece, and for a piece as such.
-_SERIES, _KERNEL, _ENTRY, _MAKING, _PIECE = 2.5, 0.026, 0.4, 10.0, 3e6
+_SERIES, _KERNEL, _ENTRY, _MAKING, _PIECE = 2.5, 0.026, 1.0, 10.0, 3e6
 # Cells by which the reach itself is below reach_within, which bounds it.
 _SLACK = 11
 
