@@ -103,7 +103,9 @@ def _equation(settled: Plan) -> tuple[Any, Any]:
         start = initial_state(settled.sources, medium, bar, blocks, A)
         equation = BarEquation(A, sources, settled.balanced)
         begun = any(getattr(s, "drive", "body") == "initial" for s in settled.sources)
-        return equation, jax.jit(equation.start)(start) if begun else equation.rest(start)
+        return equation, jax.jit(lambda y: equation.start(y))(start) if begun else equation.rest(
+            start
+        )
     operator = semi_discrete(medium, bar, blocks)
     force = forcing(settled.sources, medium, bar, blocks, operator)
     return WaveEquation(operator, force), Motion(operator.zero(), operator.zero(), jnp.zeros(()))
