@@ -15,13 +15,13 @@ ROOMS = {"wavesim", *(f"wavesim.{room.parent.name}" for room in PACKAGE.glob("*/
 # What the spectral solver shares with the time domain ends here; it must never see a grid.
 GRID_AND_TIME = {
     "bar", "stencils", "closures", "operator", "forcing", "response", "steppers", "propagator",
-    "kernels", "timestep", "plan", "integration", "field",
+    "kernels", "timestep", "plan", "integration", "field", "zones", "pieces", "pushes", "layered",
 }  # fmt: skip
 # Modules that must load without jax, so that a case is checked and bands are drawn at once.
 WITHOUT_JAX = {
     "medium", "tensors", "equations", "sectors", "eigenproblem", "planewave", "bar", "stencils",
     "closures", "source", "field", "case", "casemessages", "problem", "plan", "timestep",
-    "dispersion", "transmission", "analysis", "verdict", "report", "bands", "storage",
+    "dispersion", "transmission", "analysis", "verdict", "report", "bands", "storage", "zones",
 }  # fmt: skip
 
 

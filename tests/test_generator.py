@@ -146,8 +146,8 @@ def test_absorbing_ends_are_stable(closure, place):
 def test_what_absorbing_ends_reflect(closure):
     """Amplitude that the default absorber, eight branch lengths, sends back at each frequency.
 
-    Steady waves of A in a uniform bar, split into those to and fro with the exact k(ω). At most 1e-5
-    on nine tenths of the bands of longitudinal waves below ω̄ = 2, and at most 1e-3 up to 2 %
+    Steady waves of A in a uniform bar, split into those to and fro with the exact k(ω). At most
+    1e-5 on nine tenths of the bands of longitudinal waves below ω̄ = 2, and at most 1e-3 up to 2 %
     of their edges; measured 0.91, 0.92 and 2e-5.
     """
     medium = Medium(anisotropy=0.25, closure=closure)

@@ -11,12 +11,13 @@ import numpy as np
 
 from wavesim.bar import Bar
 from wavesim.equations import flux_form
-from wavesim.layers import Layers, as_layers
+from wavesim.layers import Layer, Layers, as_layers
 from wavesim.medium import Medium
 from wavesim.planewave import block_frequencies, check_hyperbolic, gradient_share
 from wavesim.sectors import Block, excited_blocks
 from wavesim.source import InitialField, Source
 from wavesim.timedomain.timestep import Schedule, bar_schedule, schedule, spectral_bound
+from wavesim.timedomain.zones import banded
 
 # Highest frequency of a stretch with closures over that of an endless one, at most.
 _ENDS = 1.05
@@ -156,7 +157,15 @@ def plan(
         radius = highest_frequency(layers, bar, blocks, reference)
         band = highest_band(sources, reference) * unit
         loss = fastest_loss(layers, bar, radius)
-        steps = bar_schedule(radius, loss, band, duration / unit, frames, solver, longest)
+        speed = max(
+            fastest(one) * unit / size
+            for layer, (_, size) in zip(layers.layers, stretches(bar), strict=True)
+            for one in media(Layers((moved(layer),)))
+        )
+        steps = bar_schedule(radius, loss, band, duration / unit, frames, solver, longest, speed)
+        if loss == 0 and solver != "chebyshev":
+            sizes = tuple(len(block.rotations + block.curvatures) for block in blocks)
+            steps = banded(steps, layers, bar, sizes, speed, solver == "propagator")
     return Plan(layers, bar, tuple(sources), blocks, steps, duration)
 
 
@@ -181,6 +190,16 @@ def media(layers: Layers) -> list[Medium]:
     return found
 
 
+def stretches(bar: Bar) -> tuple[tuple[int, float], ...]:
+    """(cells, spacing) of each stretch of a bar."""
+    return bar.stretches or ((bar.cells, bar.spacing),)
+
+
+def moved(layer: Layer) -> Layer:
+    """A layer moved to x = 0."""
+    return dataclasses.replace(layer, start=0.0, end=layer.thickness)
+
+
 def highest_frequency(
     layers: Layers, bar: Bar, blocks: Sequence[Block], reference: Medium
 ) -> float:
@@ -196,10 +215,9 @@ def highest_frequency(
         reference: the medium whose units to scale by.
     """
     squares = []
-    stretches = bar.stretches or ((bar.cells, bar.spacing),)
-    for layer, (_, spacing) in zip(layers.layers, stretches, strict=True):
+    for layer, (_, spacing) in zip(layers.layers, stretches(bar), strict=True):
         unrelaxed = layer.medium.damping.unrelaxed
-        for medium in media(Layers((dataclasses.replace(layer, start=0.0, end=layer.thickness),))):
+        for medium in media(Layers((moved(layer),))):
             bound = spectral_bound(medium, bar, blocks, spacing=spacing)
             ratio = (reference.time_scale / medium.time_scale) ** 2
             squares.append(unrelaxed * ratio * bound)

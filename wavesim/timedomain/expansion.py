@@ -292,13 +292,13 @@ class Expansion(WaveSolver):
         made, drives = self.series, args.drives
         acting = t0 < drives.end
         signals = jnp.where(acting, drives.signals(t0 + made.nodes), 0.0)
-        y = self._sum(args, y0.y, made.pulses @ signals.T)
+        y = self.propagate(args, y0.y, made.pulses @ signals.T)
         powers = args.powers(t1, y, acting)
-        work, lost = _hermite(made.step, y0.powers, powers)
+        work, lost = hermite(made.step, y0.powers, powers)
         y1 = BarMotion(y, y0.work + work, y0.lost + lost, powers)
         return y1, None, {"y0": y0, "y1": y1}, None, diffrax.RESULTS.successful
 
-    def _sum(self, equation: BarEquation, y: State, forces: jax.Array) -> State:
+    def propagate(self, equation: BarEquation, y: State, forces: jax.Array) -> State:
         """Σ_k φ_k(X) [c_k y + Σ_j G_j b_kj], downward from the highest degree."""
         made = self.series
 
@@ -326,7 +326,7 @@ class Expansion(WaveSolver):
         return plus(jax.tree.map(lambda c: c[0], terms), 1.0, one, two)
 
 
-def _hermite(step: float, before: jax.Array, after: jax.Array) -> jax.Array:
+def hermite(step: float, before: jax.Array, after: jax.Array) -> jax.Array:
     """∫₀^h p from derivatives (…, orders) of p at both ends: exact to degree 2·orders − 1."""
     n = _ORDERS
     weights = np.array(

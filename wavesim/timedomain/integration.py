@@ -21,11 +21,14 @@ from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
 from wavesim.source import Source
 from wavesim.timedomain.drives import acting, drives, initial_state
-from wavesim.timedomain.expansion import BarEquation, Expansion, series
+from wavesim.timedomain.expansion import BarEquation, Expansion, Series, series
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
+from wavesim.timedomain.layered import LayeredPropagator, piecewise
 from wavesim.timedomain.operator import is_rotation, semi_discrete, to_fields
+from wavesim.timedomain.pieces import cut
 from wavesim.timedomain.propagator import Propagator, bar_kernels
+from wavesim.timedomain.pushes import pushes
 from wavesim.timedomain.response import pulse_tables
 from wavesim.timedomain.steppers import (
     TERM,
@@ -99,8 +102,9 @@ def _equation(settled: Plan) -> tuple[Any, Any]:
         sources = drives(settled.sources, medium, bar, blocks, A)
         start = initial_state(settled.sources, medium, bar, blocks, A)
         equation = BarEquation(A, sources, settled.balanced)
-        begun = any(source.drive == "initial" for source in settled.sources)
-        return equation, jax.jit(equation.start)(start) if begun else equation.rest(start)
+        if any(source.drive == "initial" for source in settled.sources):
+            return equation, jax.jit(lambda y: equation.start(y))(start)
+        return equation, equation.rest(start)
     operator = semi_discrete(medium, bar, blocks)
     force = forcing(settled.sources, medium, bar, blocks, operator)
     return WaveEquation(operator, force), Motion(operator.zero(), operator.zero(), jnp.zeros(()))
@@ -118,7 +122,10 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     if settled.schedule.shift is not None:
         ends = [source.spectral_end for source in acting(settled.sources)]
         band = max(ends, default=0.0) * float(settled.medium.time_scale)
-        return Expansion(series(settled.schedule, band))
+        made = series(settled.schedule, band)
+        if settled.schedule.solver == "chebyshev":
+            return Expansion(made)
+        return _layered(settled, equation, made)
     if settled.schedule.solver == "verlet":
         return Verlet()
     steps = settled.schedule
@@ -126,6 +133,16 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     if steps.solver == "chebyshev":
         return Chebyshev(propagator_series(steps), steps.bound, pulses)
     return Propagator(bar_kernels(settled.medium, settled.bar, settled.blocks, steps.step), pulses)
+
+
+def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropagator:
+    steps, bar = settled.schedule, settled.bar
+    length = float(scales(settled.medium).length)
+    parts = tuple(
+        piecewise(cut(settled.layers, bar, group, steps, length))
+        for group in equation.generator.groups
+    )
+    return LayeredPropagator(parts, pushes(equation, made, steps.reach, bar.periodic), made)
 
 
 def advance(

@@ -79,7 +79,7 @@ def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: flo
         chebyshev_series(lambda e: sine(step, e), bound, degree),
         chebyshev_series(lambda e: -e * sine(step, e), bound, degree),
     ]
-    least = _NEGLIGIBLE * max(4.0, step * math.sqrt(bound))
+    least = negligible(step, bound)
     speed = math.sqrt(np.max(form.c_pp, initial=0.0)) / spacing
     front = math.ceil(speed * step)
     ring = next_fast_len(4 * reach_within(step, speed))
@@ -93,6 +93,11 @@ def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: flo
     )
     reach = front + int(np.argmax(stays <= least))
     return np.asarray(np.take(kernel, np.arange(-reach, reach + 1), axis=-1))
+
+
+def negligible(step: float, bound: float) -> float:
+    """The part of a kernel's largest entry that is rounding, for a step h and bound Λ."""
+    return _NEGLIGIBLE * max(4.0, step * math.sqrt(bound))
 
 
 def _ring_kernel(
@@ -160,31 +165,45 @@ def convolution(of_blocks: Sequence[np.ndarray], cells: int) -> Convolution:
         ValueError: they reach round the bar.
     """
     reach = max((kernel.shape[-1] - 1) // 2 for kernel in of_blocks)
-    run = max(SHORTEST_RUN, math.ceil(0.75 * reach / 16) * 16)
+    run = run_length(reach)
     if 2 * reach + run > cells:
         raise ValueError(
             f"a step reaches {reach} cells either way, too far for a bar of {cells}: take a "
             "shorter step or solver 'chebyshev'"
         )
-    width = run + 2 * reach
-    # Cell p of a window stands p − r from the start of its run; cell m of the run takes it with
-    # the kernel's entry at distance m + r − p.
-    entry = np.arange(run)[None, :] + reach - np.arange(width)[:, None]
-    start = []
-    for kernel in of_blocks:
-        functions, fields, _, length = kernel.shape
-        own = (length - 1) // 2
-        inside = np.abs(entry) <= own
-        dense = np.where(inside, kernel[..., np.clip(entry + own, 0, 2 * own)], 0.0)
-        # (function, row field i, column field j, p, m) → rows (j, p), columns (function, i, m).
-        start.append(
-            dense.transpose(2, 3, 0, 1, 4).reshape(fields * width, functions * fields * run)
-        )
+    start = [dense(kernel, run, reach) for kernel in of_blocks]
     matrices = np.stack(start)
     columns = matrices.shape[-1] // 3
     return Convolution(
         jnp.asarray(matrices[..., :columns]), jnp.asarray(matrices), cells, run, reach
     )
+
+
+def dense(kernel: np.ndarray, run: int, reach: int) -> np.ndarray:
+    """A kernel as the matrix from b + 2r cells to b.
+
+    Args:
+        kernel: of a block, shape (functions, fields, fields, 2r′ + 1), r′ ≤ r.
+        run: b.
+        reach: r.
+
+    Returns:
+        Shape (fields (b + 2r), functions fields b).
+    """
+    functions, fields, _, length = kernel.shape
+    width, own = run + 2 * reach, (length - 1) // 2
+    # Cell p of a window stands p − r from the start of its run; cell m of the run takes it with
+    # the kernel's entry at distance m + r − p.
+    entry = np.arange(run)[None, :] + reach - np.arange(width)[:, None]
+    made = np.where(np.abs(entry) <= own, kernel[..., np.clip(entry + own, 0, 2 * own)], 0.0)
+    # (function, row field i, column field j, p, m) → rows (j, p), columns (function, i, m).
+    made = made.transpose(2, 3, 0, 1, 4)
+    return made.reshape(fields * width, functions * fields * run)
+
+
+def run_length(reach: int, shortest: int = SHORTEST_RUN) -> int:
+    """b for a reach r, and not less than so many."""
+    return max(shortest, math.ceil(0.75 * reach / 16) * 16)
 
 
 def convolve(parts: Sequence[Convolution], state: Any) -> Any:

@@ -41,7 +41,7 @@ _MOST_LOSS = 4.0
 # The propagator takes at least this many cells in one run (``wavesim.timedomain.kernels``).
 SHORTEST_RUN = 64
 # A propagator reaching further than this many cells only costs memory.
-_LONGEST_REACH = 160
+LONGEST_REACH = 160
 
 
 def spectral_bound(
@@ -194,11 +194,11 @@ class Schedule:
         """Products with a state that the run takes, sources apart.
 
         They are products of L for the Chebyshev stepper (two series, of q and of q̇) and for
-        Verlet, and of the banded propagator, one a step, for "propagator". On a real bar they
-        are of A, each of which holds one of L.
+        Verlet, and of the banded propagator, one a step, for "propagator". On a real bar the
+        Chebyshev stepper's are of A, each of which holds one of L.
         """
         per_step = 2 * self.degree if self.solver == "chebyshev" else 1
-        if self.shift is not None:
+        if self.shift is not None and self.solver == "chebyshev":
             per_step = self.degree
         return self.steps * per_step
 
@@ -254,7 +254,7 @@ def schedule(
     def divided(longest: float) -> int:
         return max(1, math.ceil(interval / longest * (1 - 1e-12)))
 
-    furthest = min(_LONGEST_REACH, (cells - SHORTEST_RUN) // 3)
+    furthest = min(LONGEST_REACH, (cells - SHORTEST_RUN) // 3)
     longest = (furthest - reach_within(0.0, 0.0)) / (1.25 * speed) if speed > 0 else math.inf
     chosen = solver
     if solver == "auto":
@@ -289,6 +289,7 @@ def bar_schedule(
     frames: int,
     solver: str = "auto",
     step: float | None = None,
+    speed: float = 0.0,
 ) -> Schedule:
     """Step of a real bar: with layers, ends or losses.
 
@@ -298,16 +299,22 @@ def bar_schedule(
         band: angular frequency up to which the sources excite, scaled.
         duration: of the run, scaled.
         frames: stored frames, at least 2.
-        solver: "auto" or "chebyshev".
+        solver: "auto", "chebyshev" or, without losses, "propagator".
         step: longest step allowed, scaled; None leaves the choice open.
+        speed: c_∞ over the cell size at its largest, cells per scaled time.
 
     Returns:
-        The schedule.
+        The schedule, of the series; ``zones.banded`` says where the propagator is better.
 
     Raises:
-        ValueError: the solver is for uniform periodic bars only.
+        ValueError: the solver is not for such a bar.
     """
-    if solver not in ("auto", "chebyshev"):
+    if solver == "propagator" and loss > 0:
+        raise ValueError(
+            "solver = 'propagator': is for bars without losses, and this one has damping or an "
+            "absorbing end; take 'chebyshev' or 'auto'"
+        )
+    if solver not in ("auto", "chebyshev", "propagator"):
         raise ValueError(
             f"solver = {solver!r}: is for uniform periodic bars without losses; a bar with layers, "
             "ends or losses takes 'chebyshev' or 'auto'"
@@ -317,6 +324,8 @@ def bar_schedule(
     longest = min(_LONGEST_POWER / band, _LONGEST_STEP / radius)
     if loss > 0:
         longest = min(longest, 2 * _MOST_LOSS / loss)
+    if solver == "propagator" and speed > 0:
+        longest = min(longest, (LONGEST_REACH - reach_within(0.0, 0.0)) / (1.25 * speed))
     if step is not None:
         longest = min(longest, step)
     per_frame = max(1, math.ceil(interval / longest * (1 - 1e-12)))
