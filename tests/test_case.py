@@ -10,6 +10,7 @@ import pytest
 import tomli_w
 
 from wavesim.case import Case, CaseError, parse, read
+from wavesim.layers import as_layers
 from wavesim.medium import Medium
 from wavesim.problem import load, settle
 
@@ -291,7 +292,7 @@ def meaning(plan):
         plan.medium, rotation_inertia=plan.medium.beta, curvature_inertia=plan.medium.gamma
     )
     sources = tuple(dataclasses.replace(s, delay=s.peak_time) for s in plan.sources)
-    return dataclasses.replace(plan, medium=medium, sources=sources)
+    return dataclasses.replace(plan, layers=as_layers(medium, plan.bar.length), sources=sources)
 
 
 @pytest.mark.parametrize("solver", ["auto", "propagator", "chebyshev", "verlet"])

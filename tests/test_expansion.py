@@ -1,0 +1,179 @@
+"""The Chebyshev series of exp(hA) with sources, and the rule for work and losses."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.sparse
+from jax.flatten_util import ravel_pytree
+from realbars import CELL, EVERYTHING, SOFT, dense, fitted, lossy, three
+from scipy.sparse.linalg import expm_multiply
+
+from wavesim.bar import Bar
+from wavesim.damping import Damping
+from wavesim.plan import Plan, plan
+from wavesim.source import InitialField, Ricker
+from wavesim.timedomain import integration
+from wavesim.timedomain.expansion import Expansion, hermite
+from wavesim.timedomain.integration import simulate, stream
+from wavesim.timedomain.timestep import expansion_coefficients
+
+PULSE = Ricker("phi1", 1.3e-3, 6e5)
+
+
+def settled(layers, ends, **options):
+    return plan(layers, fitted(layers, *ends), [PULSE], 6e-6, **options)
+
+
+@pytest.mark.parametrize("closure", ["printed", "consistent"])
+@pytest.mark.parametrize("damping", [None, EVERYTHING], ids=["lossless", "lossy"])
+@pytest.mark.parametrize("ends", [("free", "fixed"), ("free", "absorbing")])
+def test_a_step_is_the_matrix_exponential(closure, damping, ends, rng):
+    """Law: y(t + h) = exp(hA) y + ∫ exp((h−τ)A) G s(t+τ) dτ, by Taylor sums and 40 Gauss nodes.
+
+    From random states amid the pulse; to 1e-12 of the largest; measured 8e-14.
+    """
+    layers = three(closure, damping)
+    made = settled(layers, ends, solver="chebyshev")
+    equation, rest = integration._equation(made)
+    stepper = integration._stepper(made, equation)
+    assert isinstance(stepper, Expansion)
+    A, unravel = dense(equation.generator)
+    h, t = made.schedule.step, 3.1e-6 / float(made.medium.time_scale)
+    y = np.where(np.abs(A).sum(axis=0) + np.abs(A).sum(axis=1) > 0, rng.normal(size=len(A)), 0.0)
+    motion = rest._replace(y=unravel(jnp.asarray(y)))
+    step = jax.jit(lambda m: stepper.step(None, t, t + h, m, equation, None, False)[0])
+    got = np.asarray(ravel_pytree(step(motion).y)[0])
+    unit = equation.drives.add(equation.generator.zero(), jnp.ones(1))
+    G = np.asarray(ravel_pytree(unit)[0])
+    sparse = scipy.sparse.csr_matrix(A)
+    expected = expm_multiply(h * sparse, y)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    for x, w in zip((nodes + 1) / 2, weights / 2, strict=True):
+        s = float(equation.drives.signals(jnp.asarray(t + h * x))[0])
+        expected += h * w * s * expm_multiply(h * (1 - x) * sparse, G)
+    assert np.abs(G).max() > 0
+    assert np.abs(got - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("shift", [0.0, 6.0])
+def test_coefficients_sum_to_the_exponential(shift):
+    """Σ e^{−sτ} c_k(τ) φ_k((λ + s)/R) = e^{λτ} for λ over the rectangle −2s ≤ Re λ ≤ 0, |Im λ| ≤ R;
+    to 1e-13, measured 3e-15 (s = 0) and 3e-14."""
+    R, tau = 18.0, 0.5
+    c = expansion_coefficients(np.array([tau]), R, shift)[0]
+    x, y = np.meshgrid(np.linspace(-2 * shift, 0, 9), np.linspace(-R, R, 41))
+    z = (x + 1j * y + shift) / R
+    before, now = np.ones_like(z), z
+    total = c[0] * before + c[1] * now
+    for value in c[2:]:
+        before, now = now, 2 * z * now + before
+        total = total + value * now
+    assert np.abs(total - np.exp((x + 1j * y) * tau)).max() <= 1e-13
+    # At half of that many terms it is missed.
+    assert abs(c[len(c) // 2]) > 1e-9
+
+
+def test_the_rule_for_powers():
+    """Hermite's rule with six derivatives: exact for t¹¹, and off by (6!)²/(12! 13!) h¹³ f⁽¹²⁾ for
+    t¹²."""
+    h = 0.7
+    for degree in (0, 3, 11):
+        ends = [
+            jnp.asarray([math.perm(degree, j) * t ** max(degree - j, 0) for j in range(6)], float)
+            for t in (0.0, h)
+        ]
+        got = float(hermite(h, *ends))
+        assert got == pytest.approx(h ** (degree + 1) / (degree + 1), rel=1e-13)
+    ends = [
+        jnp.asarray([math.perm(12, j) * t ** (12 - j) for j in range(6)], float) for t in (0.0, h)
+    ]
+    error = float(hermite(h, *ends)) - h**13 / 13
+    known = -(math.factorial(6) ** 2) / math.factorial(13) * h**13
+    assert error == pytest.approx(known, rel=1e-6) or error == pytest.approx(-known, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("damping", "ends"),
+    [(None, ("free", "fixed")), (EVERYTHING, ("free", "fixed")), (None, ("free", "absorbing"))],
+    ids=["lossless", "lossy", "absorbing"],
+)
+def test_energy_and_what_is_lost_make_up_the_work(damping, ends):
+    """Law: energy + dissipated = work at all times, pulse included; to 1e-8 of the largest energy.
+    Work and losses are integrals over steps, formed without the energy. Measured 2e-10 and less."""
+    layers = three(damping=damping)
+    field = simulate(layers, fitted(layers, *ends), [PULSE, Ricker("B22", 4e-3, 5e5)], 2e-5)
+    energy = field.energy
+    lost = 0.0 if energy.dissipated is None else energy.dissipated
+    largest = energy.total.max()
+    assert np.abs(energy.total + lost - energy.work).max() <= 1e-8 * largest
+    assert energy.work[-1] > 0.1 * largest
+    if damping or "absorbing" in ends:
+        assert energy.dissipated[-1] > 5e-3 * largest
+    if damping:
+        assert np.diff(energy.dissipated).min() >= -1e-12 * largest
+
+
+def test_an_initial_field_keeps_its_energy():
+    """Law: an initial field on a lossless bar rings on with the energy that it has at t = 0; to
+    1e-11 of it, measured 1e-13. Whose energy that is, is held by test_real_bars."""
+    layers = three()
+    start = InitialField("phi1", 3e-3, 3e-4, 1e-3)
+    field = simulate(layers, fitted(layers, "free", "fixed"), [start], 6e-6, 60)
+    total = field.energy.total
+    assert total[0] > 0
+    assert np.ptp(total) <= 1e-11 * total[0]
+    assert np.ptp(field.energy.kinetic) > 0.1 * total[0]
+
+
+@pytest.mark.parametrize("damping", [None, EVERYTHING], ids=["lossless", "lossy"])
+def test_carrying_on_gives_the_same_bits(damping, monkeypatch):
+    monkeypatch.setattr(Plan, "chunk", property(lambda self: 7))
+    made = settled(three(damping=damping), ("free", "absorbing"), samples=29)
+    chunks = list(stream(made))
+    carried = list(stream(made, start=(14, chunks[2].motion)))
+    for one, other in zip(chunks[3:], carried, strict=True):
+        for name in made.fields:
+            np.testing.assert_array_equal(one.values[name], other.values[name])
+        for part in one.energy.parts:
+            np.testing.assert_array_equal(getattr(one.energy, part), getattr(other.energy, part))
+
+
+def test_uniform_periodic_bars_agree_by_both_routes():
+    """A loss of 1e-9 1/s sends a uniform periodic bar through A; it must give what the plain
+    propagator gives, to 1e-11 of the largest; measured 2e-13."""
+    pulse = [Ricker("phi1", 0.016, 6e5), Ricker("B23", 0.02, 5e5)]
+    bar = Bar(256, CELL)
+    medium = dataclasses.replace(SOFT, G_n_g=0.0)  # a real bar leaves out what is negligible
+    plain = simulate(medium, bar, pulse, 8e-6, 40)
+    other = simulate(lossy(medium, Damping(mass=1e-9)), bar, pulse, 8e-6, 40)
+    assert (plain.stepper, other.stepper) == ("propagator", "chebyshev")
+    for name in plain.names:
+        size = np.abs(plain[name]).max()
+        assert np.abs(plain[name] - other[name]).max() <= 1e-11 * size
+
+
+def test_a_second_run_compiles_nothing_new():
+    """One compiled function serves bars of one shape, other media and sources' places included."""
+    layers = three()
+    before = len(integration._COMPILED)
+    bar = fitted(layers, "free", "absorbing")
+    simulate(layers, bar, [PULSE], 2e-6, 9)
+    after = len(integration._COMPILED)
+    simulate(layers, bar, [PULSE], 2e-6, 9)
+    assert len(integration._COMPILED) == after <= before + 1
+
+
+def test_what_a_plan_of_a_real_bar_refuses():
+    layers = three(damping=EVERYTHING)
+    with pytest.raises(ValueError, match="solver = 'verlet': is for uniform periodic bars"):
+        settled(layers, ("free", "fixed"), solver="verlet")
+    with pytest.raises(ValueError, match="layers: 1 given for a grid of 3 stretches"):
+        plan(SOFT, fitted(layers, "free", "fixed"), [PULSE], 6e-6)
+    with pytest.raises(ValueError, match=r"layers end at 0\.00825 m, the bar at"):
+        plan(layers, Bar(256, CELL), [PULSE], 6e-6)
