@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from wavesim.field import Field
 from wavesim.medium import Medium
-from wavesim.plan import fastest
-from wavesim.planewave import Gap, gaps, wavenumber
+from wavesim.planewave import Gap, gaps, long_wave_speed, wavenumber
 from wavesim.pulse.measurement import PulseResult, measure
 from wavesim.pulse.windows import Exponential, Gate
 from wavesim.sectors import Block
@@ -25,6 +24,8 @@ from wavesim.source import Source
 
 _MOST_RECEIVERS = 20
 _TAPER = 0.15
+# The tail of a pulse runs at this part of the speed of long waves.
+_SLOWER = 0.75
 _FREQUENCIES = 80
 _JUDGED = 0.01
 
@@ -38,7 +39,8 @@ class PulseTest:
         sector: its sector.
         result: read from the run.
         exact: the same read from the exact signals.
-        k_exact: where one wave alone passes, the medium's k at ω + iσ of the result, rad/m.
+        k_exact: where one wave alone passes, or is let through, the medium's k at ω + iσ of the
+            result, σ = 0 through a gate, rad/m.
         medium: where the receivers stand, if all stand in one uniform layer.
         gaps: its gaps in the sector; none where there is no such medium.
     """
@@ -82,15 +84,17 @@ def pulse_test(
     layer = layers.layer_at(places[0][0])
     medium = layer.medium if len(held) == 1 and layer.last is None else None
     same = medium is not None and layers.layer_at(last) is layer and layer is layers.layers[-1]
-    one_way = same and bar.right == "absorbing"
     if bar.right == "absorbing":
         window: Exponential | Gate = Exponential(damping)
     else:
-        # Up to when an echo of the far end can be back at the last receiver.
-        speed = max(fastest(one.medium) for one in layers.layers)
-        echo = (2 * bar.length - places[-1][0] - last) / speed
+        # Up to when an echo of the far end is back at the last receiver, with the acoustic wave.
+        speed = max(long_wave_speed(one.medium, block.sector) for one in layers.layers)
+        echo = (2 * bar.length - places[-1][0] - last) / speed + max(own[0].onset, 0.0)
         end = min(float(field.t[-1]), max(echo, 2 * own[0].peak_time))
         window = Gate(-_TAPER * end, end, _TAPER)
+        # A gate that cuts into the pulse lets through no wave whose k could be judged.
+        direct = (places[-1][0] - last) / (_SLOWER * speed) + own[0].end
+        same = same and direct <= (1 - _TAPER) * end
     options: dict[str, Any] = {"window": window, "k_max": np.pi / bar.spacing}
     omega = _driven(own, field) if isinstance(window, Exponential) else None
     if len(own) == 1:
@@ -105,7 +109,7 @@ def pulse_test(
         **options,
     )
     k = None
-    if one_way and medium is not None:
+    if same and medium is not None:
         found = result.dispersion
         k = wavenumber(medium, block.sector, found.omega + 1j * found.sigma)
     shown = tuple(gaps(medium, block.sector)) if medium is not None else ()

@@ -37,7 +37,7 @@ _VERLET_SAFETY = 0.25
 _LONGEST_STEP = 200.0
 # On a real bar: radians of the sources' band in a step, and decay over it by e to this.
 _LONGEST_POWER = 1.6
-_MOST_LOSS = 4.0
+_MOST_LOSS = 6.0
 # The propagator takes at least this many cells in one run (``wavesim.timedomain.kernels``).
 SHORTEST_RUN = 64
 # A propagator reaching further than this many cells only costs memory.
