@@ -20,6 +20,11 @@ from typing import Any
 _HOMES = {
     "Medium": "wavesim.medium",
     "Bar": "wavesim.bar",
+    "layered_bar": "wavesim.bar",
+    "Layer": "wavesim.layers",
+    "Layers": "wavesim.layers",
+    "Damping": "wavesim.damping",
+    "constant_quality": "wavesim.damping",
     "Ricker": "wavesim.source",
     "GaussianDerivative": "wavesim.source",
     "ToneBurst": "wavesim.source",
@@ -32,6 +37,9 @@ _HOMES = {
     "extract": "wavesim.extraction.analysis",
     "hold": "wavesim.verdict",
     "judge": "wavesim.verdict",
+    "read_bar": "wavesim.finite.reading",
+    "judge_bar": "wavesim.finite.barverdict",
+    "measure_pulses": "wavesim.pulse.measurement",
     "load": "wavesim.problem",
     "record": "wavesim.extraction.record",
     "in_time": "wavesim.extraction.timewise",
@@ -39,14 +47,16 @@ _HOMES = {
     "synthesize": "wavesim.extraction.synthetic",
     "fit": "wavesim.extraction.fit",
 }
-_MODULES = ("planewave",)
+# Offered under a name that says more than the one at home.
+_NAMES = {"measure_pulses": "measure"}
+_MODULES = ("layeredwave", "planewave")
 
 __all__ = [*_HOMES, *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
+        return getattr(importlib.import_module(_HOMES[name]), _NAMES.get(name, name))
     if name in _MODULES:
         return importlib.import_module(f"wavesim.{name}")
     raise AttributeError(f"module 'wavesim' has no attribute {name!r}")
