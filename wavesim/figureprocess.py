@@ -15,11 +15,13 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from wavesim.field import Field
-from wavesim.finite.reading import Reading
-from wavesim.verdict import Held
+
+if TYPE_CHECKING:  # what they need takes half a second to import
+    from wavesim.finite.reading import Reading
+    from wavesim.verdict import Held
 
 _PROGRAM = (
     "import sys; sys.path[:] = sys.argv[1:]; from wavesim.figureprocess import serve; serve()"
@@ -109,7 +111,7 @@ def _drawn(receive: IO[bytes]) -> list[Path]:
     from wavesim import figures
 
     folder, field, held = pickle.load(receive)
-    if isinstance(held, Reading):
+    if held is not None and not isinstance(held, list):
         from wavesim.finite.barfigures import of_reading
 
         return figures.write(of_reading(field, held), folder)

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -30,7 +30,9 @@ from wavesim.plan import Plan
 from wavesim.problem import Problem
 from wavesim.resultfile import StorageError, reading
 from wavesim.source import parameters
-from wavesim.verdict import Held
+
+if TYPE_CHECKING:  # what it needs takes half a second to import, and a run soon enough
+    from wavesim.verdict import Held
 
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"

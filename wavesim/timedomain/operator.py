@@ -34,11 +34,11 @@ Component = jax.Array
 State = tuple[tuple[Component, ...], ...]
 
 
-def difference(u: jax.Array, weights: tuple[float, ...], forward: bool) -> jax.Array:
+def difference(u: Any, weights: tuple[float, ...], forward: bool) -> Any:
     """Staggered first difference along the last axis of a periodic grid.
 
     Args:
-        u: values, shape (…, N).
+        u: values, shape (…, N), numpy or jax.
         weights: c_j/h, j = 1…m.
         forward: True from nodes to half-nodes (D), False from half-nodes to nodes (−Dᵀ).
 
@@ -47,12 +47,13 @@ def difference(u: jax.Array, weights: tuple[float, ...], forward: bool) -> jax.A
     """
     m, n = len(weights), u.shape[-1]
     left = m - 1 if forward else m
-    padded = jnp.concatenate([u[..., n - left :], u, u[..., : 2 * m - 1 - left]], axis=-1)
+    xp = np if isinstance(u, np.ndarray) else jnp
+    padded = xp.concatenate([u[..., n - left :], u, u[..., : 2 * m - 1 - left]], axis=-1)
     ahead = (padded[..., m + j : m + j + n] for j in range(m))
     behind = (padded[..., m - 1 - j : m - 1 - j + n] for j in range(m))
     return sum(
         (c * (a - b) for c, a, b in zip(weights, ahead, behind, strict=True)),
-        start=jnp.zeros_like(u),
+        start=xp.zeros_like(u),
     )
 
 
@@ -77,11 +78,11 @@ class Group(eqx.Module):
     def adjoint(self) -> Group:
         """The group of Lᵀ."""
         return Group(
-            c_pp=jnp.swapaxes(self.c_pp, 0, 1),
-            c_pb=jnp.swapaxes(self.c_bp, 0, 1),
-            c_bp=jnp.swapaxes(self.c_pb, 0, 1),
-            c_bb=jnp.swapaxes(self.c_bb, 0, 1),
-            gamma=jnp.swapaxes(self.gamma, 0, 1),
+            c_pp=self.c_pp.swapaxes(0, 1),
+            c_pb=self.c_bp.swapaxes(0, 1),
+            c_bp=self.c_pb.swapaxes(0, 1),
+            c_bb=self.c_bb.swapaxes(0, 1),
+            gamma=self.gamma.swapaxes(0, 1),
             weights=self.weights,
             names=self.names,
             with_gradient=self.with_gradient,

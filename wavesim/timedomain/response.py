@@ -138,20 +138,20 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
     back, _ = _sums(operator.adjoint, forcing.profiles, bound, windows, backward)
     reaches = tuple(
         _Reach(
-            on_q=ahead[number][0],
-            on_v=ahead[number][1],
-            from_q=back[number][0],
-            from_v=back[number][1],
+            on_q=jnp.asarray(ahead[number][0]),
+            on_v=jnp.asarray(ahead[number][1]),
+            from_q=jnp.asarray(back[number][0]),
+            from_v=jnp.asarray(back[number][1]),
             at=window,
             group=number,
         )
         for number, window in windows.items()
     )
-    own = jnp.einsum("mnk,kij->imjn", kernel, moments)
+    own = (jnp if isinstance(moments, jax.Array) else np).einsum("mnk,kij->imjn", kernel, moments)
     end = max(pulse.end for pulse in forcing.pulses) / forcing.time_scale
     return PulseTables(
         reaches,
-        own,
+        jnp.asarray(own),
         jnp.asarray(nodes),
         jnp.asarray(weights),
         jnp.asarray(np.multiply.outer(nodes, unit_nodes)),
@@ -208,31 +208,34 @@ def interpolation(
     return (nodes, weights), finer, legendre(2 * finer[0] - 1, count - 1) @ transform
 
 
-@functools.partial(jax.jit, static_argnums=2)
 def _sums(
     operator: Operator,
     profiles: tuple[State, ...],
     bound: float,
     windows: dict[int, _Window],
     coefficients: np.ndarray,
-) -> tuple[dict[int, jax.Array], jax.Array]:
+) -> tuple[dict[int, Any], Any]:
     """Σ_k c_fmk T_k(X) g_j in the windows, and ⟨g_i, T_k(X) g_j⟩ h, X = 1 + 2L/Λ.
 
     With coefficients of shape (functions, nodes, degree + 1) the first has, for each group,
     shape (functions, entries, nodes, components, cells); the second (degree + 1, i, j).
+    Plain coefficients are summed by numpy, which has nothing to compile.
     """
-    stacked = jax.tree.map(lambda *g: jnp.stack(g), *profiles)
+    stacked = jax.tree.map(lambda *g: np.stack(g), *profiles)
 
     def shifted(y: State) -> State:
         return jax.tree.map(lambda a, b: a + 2 / bound * b, y, operator(y))
 
+    traced = any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(operator))
+    xp = jnp if traced else np
+
     def seen(y: State) -> Any:
         parts = {
-            n: jnp.stack([c[w.pulse[:, None], w.block[:, None], w.cells] for c in y[n]], axis=1)
+            n: xp.stack([c[w.pulse[:, None], w.block[:, None], w.cells] for c in y[n]], axis=1)
             for n, w in windows.items()
         }
-        overlaps = jax.tree.map(lambda g, c: jnp.einsum("isn,jsn->ij", g, c), stacked, y)
-        return parts, jax.tree.reduce(jnp.add, overlaps) * operator.spacing
+        overlaps = jax.tree.map(lambda g, c: xp.einsum("isn,jsn->ij", g, c), stacked, y)
+        return parts, sum(jax.tree.leaves(overlaps)) * operator.spacing
 
     def advance(carry: tuple[State, State], _: None) -> Any:
         before, now = carry
@@ -240,8 +243,18 @@ def _sums(
         return (now, after), seen(now)
 
     count = coefficients.shape[-1]
-    _, (vectors, overlaps) = jax.lax.scan(advance, (shifted(stacked), stacked), length=count)
-    sums = {n: jnp.einsum("fmk,kecn->femcn", coefficients, v) for n, v in vectors.items()}
+    begun = (shifted(stacked), stacked)
+    if traced:
+        _, (vectors, overlaps) = jax.lax.scan(advance, begun, length=count)
+    else:
+        found = []
+        for _ in range(count):
+            begun, made = advance(begun, None)
+            found.append(made)
+        vectors, overlaps = jax.tree.map(lambda *parts: np.stack(parts), *found)
+    sums = {
+        n: xp.einsum("fmk,kecn->femcn", coefficients, v, optimize=True) for n, v in vectors.items()
+    }
     return sums, overlaps
 
 
