@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
-from wavesim.field import Field
+from wavesim.field import WHOLE, Field
 
 if TYPE_CHECKING:  # what they need takes half a second to import
     from wavesim.finite.reading import Reading
@@ -29,7 +29,7 @@ _PROGRAM = (
 
 
 class FigureProcess:
-    """A process that draws figures once; it ends where the ``with`` block does."""
+    """A process that draws what it is told to; it ends where the ``with`` block does."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -49,20 +49,25 @@ class FigureProcess:
         self._process.communicate()
 
     def draw(
-        self, folder: Path, field: Field, held: Sequence[Held] | Reading | None = None
+        self,
+        folder: Path,
+        field: Field,
+        held: Sequence[Held] | Reading | None = None,
+        share: slice = WHOLE,
     ) -> None:
-        """Have drawn what shows the field, or else what shows the measurement.
+        """Have drawn what shows the field, or else what shows the measurement, after all before.
 
         Args:
             folder: where to; made if need be.
             field: one whose arrays are read from a file when they are asked for.
             held: what was measured, beside the theory, of an endless bar or of one with layers or
                 ends; None for the field's own figures.
+            share: which of the figures, in their order.
         """
-        self._send((folder, field, held))
+        self._send((folder, field, held, share))
 
     def wait(self) -> list[Path]:
-        """Wait until all is written.
+        """Wait until all that was asked for is written; nothing can be asked for any more.
 
         Returns:
             The files.
@@ -73,6 +78,7 @@ class FigureProcess:
             Exception: whatever else went wrong in the drawing.
         """
         assert self._process.stdout is not None
+        self._send(None)
         try:
             answer = pickle.load(self._process.stdout)
         except EOFError:
@@ -110,10 +116,16 @@ def serve() -> None:
 def _drawn(receive: IO[bytes]) -> list[Path]:
     from wavesim import figures
 
-    folder, field, held = pickle.load(receive)
-    if held is not None and not isinstance(held, list):
-        from wavesim.finite.barfigures import of_reading
+    written: list[Path] = []
+    while (message := pickle.load(receive)) is not None:
+        folder, field, held, share = message
+        if held is None:
+            drawings = figures.of_field(field)
+        elif isinstance(held, list):
+            drawings = figures.of_measurement(field, held)
+        else:
+            from wavesim.finite.barfigures import of_reading
 
-        return figures.write(of_reading(field, held), folder)
-    drawings = figures.of_field(field) if held is None else figures.of_measurement(field, held)
-    return figures.write(drawings, folder)
+            drawings = of_reading(field, held)
+        written += figures.write(dict(list(drawings.items())[share]), folder)
+    return written

@@ -144,8 +144,8 @@ def _run(
     (folder / "summary.json").unlink(missing_ok=True)
     (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
     tell("compile", 0.0)
-    # They load what they need while this process compiles, which keeps one core busy.
-    drawing = [until_the_end.enter_context(FigureProcess()) for _ in range(2)]
+    # It loads what it needs while this process compiles, which keeps the other core busy.
+    drawing = [until_the_end.enter_context(FigureProcess())]
     try:
         # A chunk is written while the next one is integrated.
         with ThreadPoolExecutor(1) as writer:
@@ -153,6 +153,8 @@ def _run(
             for chunk in stream(settled, start, spent):
                 if writing is not None:
                     writing.result()
+                if len(drawing) == 1:  # the first chunk comes with the compiled function
+                    drawing.append(until_the_end.enter_context(FigureProcess()))
                 state = pack(chunk.motion)
                 writing = writer.submit(
                     results.append, chunk.first, chunk.values, chunk.energy, state
@@ -174,7 +176,8 @@ def _run(
     found = measure(problem, field)
     lap("analyse")
     tell("figures", 0.0)
-    drawing[1].draw(folder / "figures", field, found.shown)
+    for number, process in enumerate(drawing):
+        process.draw(folder / "figures", field, found.shown, slice(number, None, len(drawing)))
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for process in drawing:
