@@ -12,7 +12,9 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from wavesim.problem import Problem
@@ -146,6 +148,9 @@ def _run(
     tell("compile", 0.0)
     # It loads what it needs while this process compiles, which keeps the other core busy.
     drawing = [until_the_end.enter_context(FigureProcess())]
+    # The compiler leaves Python's lock alone: what the analysis needs is loaded meanwhile.
+    loading = Thread(target=import_module, args=(_analysis(problem),))
+    loading.start()
     try:
         # A chunk is written while the next one is integrated.
         with ThreadPoolExecutor(1) as writer:
@@ -170,14 +175,16 @@ def _run(
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
     timing["integrate"] = spent.integrate
 
+    loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, problem)
     drawing[0].draw(folder / "figures", field)
     found = measure(problem, field)
     lap("analyse")
     tell("figures", 0.0)
-    for number, process in enumerate(drawing):
-        process.draw(folder / "figures", field, found.shown, slice(number, None, len(drawing)))
+    # The first is still busy with the field, and so gets less.
+    for process, share in zip(drawing, (slice(-2, None), slice(None, -2)), strict=True):
+        process.draw(folder / "figures", field, found.shown, share)
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for process in drawing:
@@ -225,6 +232,12 @@ class Found:
     tables: dict[str, Any]
     summary: dict[str, Any]
     notes: list[str]
+
+
+def _analysis(problem: Problem) -> str:
+    """The module that measures a run of this case."""
+    endless = problem.plan.endless
+    return "wavesim.verdict" if endless else "wavesim.finite.barverdict"
 
 
 def measure(problem: Problem, field: Any) -> Found:
