@@ -134,7 +134,10 @@ def main() -> None:
                 print(json.dumps(found), flush=True)
     if options.no_scaling or options.again:
         results["scaling"] = before.get("scaling", {})
+        results["layers"] = before.get("layers", [])
     else:
+        out, why = _python(["layers.py"] + (["--quick"] if options.quick else []))
+        results["layers"] = {"skipped": why} if why else json.loads(out.splitlines()[-1])
         out, why = _python(["scaling.py"] + (["--quick"] if options.quick else []))
         results["scaling"] = {"skipped": why} if why else json.loads(out.splitlines()[-1])
     print(markdown(results))

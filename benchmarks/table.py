@@ -87,6 +87,22 @@ def _scaling(found: dict[str, Any]) -> str:
     return text
 
 
+def _layers(found: Any) -> str:
+    if isinstance(found, dict):
+        return f"Failed: {found['skipped']}\n"
+    text = (
+        "Layers, ends and losses beside a uniform periodic bar: longitudinal fields, equal cells, "
+        "401 frames over 200 units of time, in turn in one process, warm, best of five.\n\n"
+        "| bar | cells | stepper | run, s | set-up, s | ÷ uniform |\n|---|---|---|---|---|---|\n"
+    )
+    for row in found:
+        text += (
+            f"| {row['bar']} | {row['cells']} | {row['stepper']} | {_number(row['run'])} "
+            f"| {_number(row['setup'])} | {row['ratio']:.2f} |\n"
+        )
+    return text
+
+
 def markdown(results: dict[str, Any]) -> str:
     """The page."""
     host = results["machine"]
@@ -112,6 +128,8 @@ def markdown(results: dict[str, Any]) -> str:
             "programs disturbed it.\n\n"
         )
     text += _HEAD + "\n".join(_rows(results)) + "\n"
+    if results.get("layers"):
+        text += "\n## Real bars\n\n" + _layers(results["layers"])
     if results.get("scaling"):
         text += "\n## Scaling\n\n" + _scaling(results["scaling"])
     return text
