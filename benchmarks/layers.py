@@ -1,4 +1,4 @@
-"""What layers, ends and losses cost: runs of real bars beside a uniform periodic one, in one process.
+"""What layers, ends and losses cost: real bars beside a uniform periodic one, in one process.
 
     python benchmarks/layers.py [--quick]
 
@@ -9,6 +9,7 @@ warm, and the best of its runs counts. The last line printed is JSON.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import sys
 from typing import Any
@@ -31,7 +32,7 @@ def bars(cells: int) -> dict[str, Any]:
 
     def stack(count: int) -> Any:
         edges = [length * n / count for n in range(count + 1)]
-        pairs = list(zip(edges[:-1], edges[1:], strict=True))
+        pairs = itertools.pairwise(edges)
         return ws.Layers(
             tuple(ws.Layer(a, b, (soft, stiff)[n % 2]) for n, (a, b) in enumerate(pairs))
         )
