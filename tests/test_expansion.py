@@ -19,9 +19,9 @@ from wavesim.damping import Damping
 from wavesim.plan import Plan, plan
 from wavesim.source import InitialField, Ricker
 from wavesim.timedomain import integration
+from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.expansion import Expansion, hermite
 from wavesim.timedomain.integration import simulate, stream
-from wavesim.timedomain.timestep import expansion_coefficients
 
 PULSE = Ricker("phi1", 1.3e-3, 6e5)
 

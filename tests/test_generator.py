@@ -19,7 +19,7 @@ from wavesim.layers import Layer, Layers, as_layers
 from wavesim.medium import Medium
 from wavesim.planewave import gaps, wavenumber
 from wavesim.sectors import BLOCKS, scales
-from wavesim.timedomain.generator import banded
+from wavesim.timedomain.banded import banded
 
 ENDS = [("free", "free"), ("fixed", "free"), ("fixed", "fixed"), ("periodic", "periodic")]
 

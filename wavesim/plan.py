@@ -16,7 +16,8 @@ from wavesim.medium import Medium
 from wavesim.planewave import block_frequencies, check_hyperbolic, gradient_share
 from wavesim.sectors import Block, excited_blocks
 from wavesim.source import InitialField, Source
-from wavesim.timedomain.timestep import Schedule, bar_schedule, schedule, spectral_bound
+from wavesim.timedomain.barstep import bar_schedule
+from wavesim.timedomain.timestep import Schedule, schedule, spectral_bound
 from wavesim.timedomain.zones import banded
 
 # Highest frequency of a stretch with closures over that of an endless one, at most.

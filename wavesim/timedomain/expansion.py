@@ -27,10 +27,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.source import Source
+from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.generator import Generator, State, Strain
 from wavesim.timedomain.response import interpolation
 from wavesim.timedomain.steppers import WaveSolver
-from wavesim.timedomain.timestep import Schedule, expansion_coefficients
+from wavesim.timedomain.timestep import Schedule
 
 # Derivatives of a power that Hermite's rule takes at either end, the power itself among them.
 _ORDERS = 6

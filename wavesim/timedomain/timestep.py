@@ -34,10 +34,7 @@ SERIES_TOLERANCE = 2e-16
 # Verlet by default takes this part of the longest stable step 2/√Λ.
 _VERLET_SAFETY = 0.25
 # A Chebyshev step longer than this many radians of the fastest mode only costs memory.
-_LONGEST_STEP = 200.0
-# On a real bar: radians of the sources' band in a step, and decay over it by e to this.
-_LONGEST_POWER = 1.6
-_MOST_LOSS = 6.0
+LONGEST_STEP = 200.0
 # The propagator takes at least this many cells in one run (``wavesim.timedomain.kernels``).
 SHORTEST_RUN = 64
 # A propagator reaching further than this many cells only costs memory.
@@ -126,37 +123,6 @@ def series_degree(step: float, bound: float) -> int:
     # last one above it counts.
     noise = SERIES_TOLERANCE * (4 + radians / 16)
     return int(np.max(np.nonzero(size > noise)[0]))
-
-
-def expansion_coefficients(
-    times: Float, radius: float, shift: float, degree: int | None = None
-) -> Float:
-    """e^{−sτ} c_k(τ) of exp(τA) = e^{−sτ} Σ_k c_k(τ) φ_k((A + s)/R); c_0 = J_0(τR), c_k = 2J_k(τR).
-
-    Args:
-        times: τ, shape (n,), scaled.
-        radius: R, at least every |Im λ| of A.
-        shift: s; every Re λ of A is within −2s and 0.
-        degree: highest k; None stops where, over that rectangle, terms fall below rounding.
-
-    Returns:
-        Shape (n, degree + 1).
-    """
-    from scipy.special import jv
-
-    phase = radius * np.asarray(times)[:, None]
-    if degree is None:
-        # |φ_k| on the rectangle is at most g^k, g that of its corner.
-        corner = shift / radius
-        growth = corner + math.sqrt(1 + corner**2)
-        longest = float(phase.max())
-        most = math.ceil(1.2 * growth * longest + 12 * (1 + longest) ** (1 / 3)) + 40
-        k = np.arange(most + 1)
-        logs = np.log(np.abs(jv(k, longest)) + 1e-300) + k * math.log(growth)
-        degree = int(np.max(np.nonzero(logs - shift * float(np.max(times)) > math.log(1e-18))[0]))
-    coefficients = 2 * jv(np.arange(degree + 1), phase)
-    coefficients[:, 0] /= 2
-    return np.asarray(coefficients * np.exp(-shift * np.asarray(times))[:, None])
 
 
 @dataclass(frozen=True)
@@ -271,7 +237,7 @@ def schedule(
         if step is not None and step > limit:
             raise StepTooLongError(limit / step)
     elif chosen == "chebyshev":
-        longest = _LONGEST_STEP / math.sqrt(bound)
+        longest = LONGEST_STEP / math.sqrt(bound)
     if step is not None:
         longest = step if chosen != "propagator" else min(step, longest)
     per_frame = divided(longest)
@@ -279,59 +245,6 @@ def schedule(
     degree = 1 if chosen == "verlet" else series_degree(h, bound)
     reach = reach_within(h, speed) if math.isfinite(speed) else cells
     return Schedule(chosen, h, per_frame, frames, bound, degree, reach)
-
-
-def bar_schedule(
-    radius: float,
-    loss: float,
-    band: float,
-    duration: float,
-    frames: int,
-    solver: str = "auto",
-    step: float | None = None,
-    speed: float = 0.0,
-) -> Schedule:
-    """Step of a real bar: with layers, ends or losses.
-
-    Args:
-        radius: R, at least every frequency of the bar, scaled.
-        loss: fastest rate at which anything is lost, scaled.
-        band: angular frequency up to which the sources excite, scaled.
-        duration: of the run, scaled.
-        frames: stored frames, at least 2.
-        solver: "auto", "chebyshev" or, without losses, "propagator".
-        step: longest step allowed, scaled; None leaves the choice open.
-        speed: c_∞ over the cell size at its largest, cells per scaled time.
-
-    Returns:
-        The schedule, of the series; ``zones.banded`` says where the propagator is better.
-
-    Raises:
-        ValueError: the solver is not for such a bar.
-    """
-    if solver == "propagator" and loss > 0:
-        raise ValueError(
-            "solver = 'propagator': is for bars without losses, and this one has damping or an "
-            "absorbing end; take 'chebyshev' or 'auto'"
-        )
-    if solver not in ("auto", "chebyshev", "propagator"):
-        raise ValueError(
-            f"solver = {solver!r}: is for uniform periodic bars without losses; a bar with layers, "
-            "ends or losses takes 'chebyshev' or 'auto'"
-        )
-    interval = duration / (frames - 1)
-    # Work and losses are integrals over a step, good to 1e-9 up to this.
-    longest = min(_LONGEST_POWER / band, _LONGEST_STEP / radius)
-    if loss > 0:
-        longest = min(longest, 2 * _MOST_LOSS / loss)
-    if solver == "propagator" and speed > 0:
-        longest = min(longest, (LONGEST_REACH - reach_within(0.0, 0.0)) / (1.25 * speed))
-    if step is not None:
-        longest = min(longest, step)
-    per_frame = max(1, math.ceil(interval / longest * (1 - 1e-12)))
-    h = interval / per_frame
-    degree = expansion_coefficients(np.array([h]), radius, loss / 2).shape[1] - 1
-    return Schedule("chebyshev", h, per_frame, frames, radius**2, degree, 0, loss / 2)
 
 
 def stability_limit(bound: float) -> float:

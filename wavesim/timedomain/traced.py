@@ -16,12 +16,13 @@ from wavesim.bar import Bar
 from wavesim.layers import Layer, Layers, as_layers
 from wavesim.medium import PARAMETERS, Medium
 from wavesim.plan import Plan, fastest_loss, highest_band, highest_frequency
+from wavesim.timedomain.barstep import bar_schedule
 from wavesim.timedomain.drives import acting, drives, initial_state
 from wavesim.timedomain.expansion import BarEquation, BarMotion, Expansion, State, series
 from wavesim.timedomain.generator import generator
 from wavesim.timedomain.integration import advance
 from wavesim.timedomain.operator import is_rotation, to_fields
-from wavesim.timedomain.timestep import Schedule, bar_schedule
+from wavesim.timedomain.timestep import Schedule
 
 
 class _Recorded(BarEquation):
