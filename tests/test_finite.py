@@ -445,7 +445,7 @@ def test_the_worst_field_of_a_receiver_decides():
     right = {"a": {"phi1": 9e-5, "B11": 1e-7}, "b": {"phi1": 1e-6}}
     assert all(check.passed for check in judge_bar(field, reading_of(error=right)))
     for wrong in (1.1e-4, float("nan")):
-        checks = judge_bar(field, reading_of(error=right | {"b": {"B11": wrong}}))
+        checks = judge_bar(field, reading_of(error=right | {"b": {"phi1": 1e-6, "B11": wrong}}))
         assert [check.passed for check in checks] == [True, False]
         assert "signal at b" in checks[1].name
         assert "B11" in checks[1].name
@@ -533,6 +533,22 @@ def test_notes_say_what_was_not_compared_and_where_it_is_worst():
     (note,) = bar_notes(reading_of(exact=exact, scattered=(off,)), plain_field())
     assert f"{OMEGA[3] / 2e3 / np.pi:.4g} kHz" in note
     assert "finer [bar] spacing" in note
+
+
+@pytest.mark.parametrize(
+    ("position", "error", "told"),
+    [(0.0305, 2e-3, True), (0.0592, float("nan"), True), (0.0305, 9e-5, False), (0.02, 1.0, False)],
+)
+def test_a_receiver_by_a_face_that_falls_short_is_noted(position, error, told):
+    """Within eight cells of an interface (0.03) or an end (0.06), and only where it matters."""
+    layers = chain((0.03, STIFF), (0.03, SOFT))
+    bar = layered_bar(layers, 1.25e-4)
+    field = field_of(layers, bar, [Ricker("phi1", 0.012, 3e5)], {"a": position})
+    reading = reading_of({"a": {"phi1": 1e-6, "B11": error}}, exact={"a": {}})
+    assert len(bar_notes(reading, field)) == told
+    for note in bar_notes(reading, field):
+        assert "receiver a stands within 8 cells" in note
+        assert "finer [bar] spacing" in note
 
 
 UNITS = {
