@@ -180,7 +180,8 @@ class Bar:
     def sampling(self, position: float, staggered: bool) -> tuple[Float, Index]:
         """Weights and grid indices that interpolate a field at a position, to the bar's order.
 
-        Points are taken from one stretch only, as a field has kinks or jumps at interfaces.
+        Points are taken from one stretch only, as a field has kinks or jumps at interfaces; at an
+        interface from the one to its right, as :meth:`Layers.layer_at` does.
 
         Args:
             position: m, in [0, L].
@@ -196,7 +197,7 @@ class Bar:
         first_cell, start = 0, 0.0
         for cells, spacing in self._stretches:
             end = start + cells * spacing
-            if position <= end or end >= self.length * (1 - 1e-12):
+            if position < end - 1e-9 * spacing or end >= self.length * (1 - 1e-12):
                 break
             first_cell, start = first_cell + cells, end
         first = start + 0.5 * spacing if staggered else start

@@ -102,9 +102,9 @@ def constant_quality(
     """A series of standard linear solids with Q = −Re m/Im m constant over a band.
 
     Rates are even in log ω over the band, three or more to a decade; strengths are the non-negative
-    least squares of −Im m/Re m · Q = 1 over the band, which is linear in Y. Q is then constant
-    to a few per cent. The
-    modulus at the reference frequency is that of the medium: Re m(ω_ref) = 1.
+    least squares of −Im m/Re m · Q = 1 over the band, which is linear in Y. Q is then constant to
+    2 % for Q ≥ 10 (8 % at Q = 1.5). The modulus at the reference frequency is that of the medium:
+    Re m(ω_ref) = 1.
 
     Args:
         quality: Q, –, > 1.

@@ -122,7 +122,14 @@ def _of_result(path: Path) -> list[Source]:
 
     try:
         stored = resultfile.describe(path)
-        field = resultfile.read(path, settle(parse(stored.case, str(path)), str(path)))
+        problem = settle(parse(stored.case, str(path)), str(path))
+        if not problem.plan.endless:
+            # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
+            raise RecordError(
+                "is of a bar with layers or ends; its run has read its receivers already: see "
+                "summary.json and the groups exact, transmission, bloch, eigenfrequencies, pulse"
+            )
+        field = resultfile.read(path, problem)
         return [
             Source(block.name, block_record(field, block), field.medium, block, field.bar)
             for block in field.blocks

@@ -38,7 +38,7 @@ class Cells:
         sector: of the wave.
         period: L, m.
         omega, sigma: ω and σ of the frequencies ω + iσ, shape (n,), rad/s.
-        q: measured, with Im q ≥ 0, 0 ≤ Re qL ≤ π, shape (n,), rad/m.
+        q: measured, of ±q that with Im q ≥ 0, and |Re q| for Re q, shape (n,), rad/m.
         q_exact: of the exact solver.
         cosine, cosine_exact: cos(qL), which decides; q itself is ill-conditioned at a band edge.
         judged: where the source has 1 % of its peak and the field stands above the record's end.
@@ -109,12 +109,12 @@ def cells(field: Field, block: Block, frequencies: int, damping: float) -> Cells
     top = min(max(b for _, b in bands), 0.95 * np.pi / field.interval)
     omega = np.linspace(min(a for a, _ in bands), top, frequencies)
     nodes = field.bar.nodes
-    first, last = np.searchsorted(nodes, [start - 1e-9 * period, end + 1e-9 * period])
-    count = round((end - start) / period)
-    step = (last - 1 - first) // count
+    near = 1e-9 * period
+    first, second, last = np.searchsorted(nodes, [start - near, start + period - near, end + near])
+    step = int(second - first)  # a ring has no node at its right end
     (name,) = block.rotations[0]
     record = field.part(name, points=slice(int(first), int(last)))
-    U = damped_transform(record, field.t, omega, sigma)[:, : count * step + 1]
+    U = damped_transform(record, field.t, omega, sigma)
     middle, sides = U[:, step:-step], U[:, 2 * step :] + U[:, : -2 * step]
     floor = _ABOVE_FLOOR * np.exp(-damping) * np.abs(U).max()
     weight = (np.abs(middle) > floor).astype(float)
@@ -138,6 +138,6 @@ def cells(field: Field, block: Block, frequencies: int, damping: float) -> Cells
 
 
 def _folded(cosine: Complex) -> Complex:
-    """qL of cos(qL) with Im qL ≥ 0 and 0 ≤ Re qL ≤ π."""
+    """Of ±qL that which decays, Im qL ≥ 0, with |Re qL| for Re qL, at most π."""
     angle = np.arccos(np.where(np.isfinite(cosine), cosine, np.nan + 0j))
     return np.where(angle.imag < 0, np.conj(angle), angle)

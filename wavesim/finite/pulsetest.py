@@ -146,6 +146,7 @@ def spectra(test: PulseTest) -> dict[str, NDArray[Any]]:
             "quality",
         )
     }
+    columns["sigma"] = found.sigma
     columns["loss"] = loss.level
     if test.k_exact is not None:
         columns["k_exact"] = test.k_exact

@@ -78,7 +78,7 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
     """Measure a specimen between buffers, the first and the last layer of a bar.
 
     Args:
-        field: of a bar with two absorbing ends and three layers or more, its sources in the first.
+        field: of a bar with two absorbing ends and two layers or more, its sources in the first.
         block: one with a rotation.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
@@ -114,7 +114,7 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
         ends.append(_amplitudes(transform, bar.nodes[nodes] - face, wave))
     (a, b), (c, _) = ends
     # The exact solver has its planes at the ends of what it is given: buffers of no length, almost.
-    sliver = 1e-6 * (last.start - first.end)
+    sliver = 1e-6 * min(first.thickness, last.thickness)
     inside = [layer for layer in layers.layers if first.end <= layer.start < last.start]
     cut = [Layer(0.0, sliver, first.medium)]
     for layer in inside:

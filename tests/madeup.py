@@ -1,0 +1,74 @@
+"""Fields of bars made up so that what is to be read from them is known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from wavesim.bar import layered_bar
+from wavesim.damping import constant_quality
+from wavesim.field import Field
+from wavesim.finite.pulsetest import pulse_test
+from wavesim.finite.reading import Reading
+from wavesim.layers import Layer, Layers
+from wavesim.medium import Medium
+from wavesim.plan import fastest
+from wavesim.sectors import BLOCKS
+from wavesim.source import Ricker
+
+SOFT = Medium(closure="consistent")
+STIFF = Medium(closure="consistent", G_n_a=20.0, G_n_r=20.0)
+LOSSY = dataclasses.replace(STIFF, damping=constant_quality(50.0, (5e4, 2e6)))
+LONGITUDINAL = next(block for block in BLOCKS if block.sector == "longitudinal")
+T = np.linspace(0, 1e-4, 801)
+
+
+def field_of(layers, bar, sources, receivers=(), values=None, t=T, energy=None):
+    """A field of phi1 alone; where no values are given each holds its own position."""
+    made = np.broadcast_to(bar.nodes, (len(t), len(bar.nodes))) if values is None else values
+    places = receivers if isinstance(receivers, dict) else {str(n): x for n, x in receivers}
+    return Field(
+        t, {"phi1": made}, layers.first, bar, tuple(sources), places, energy, layers=layers
+    )
+
+
+def chain(*stretches, start=0.0):
+    """Layers of given (thickness, medium)."""
+    found = []
+    for thickness, medium in stretches:
+        found.append(Layer(start, start + thickness, medium))
+        start = found[-1].end
+    return Layers(tuple(found))
+
+
+SPEED = 0.9 * fastest(STIFF)
+
+
+def pulsed(layers, right, places, source=None, echo=0.0, absorber=0.0, t=T):
+    """Pulses that pass the receivers at SPEED, and perhaps come back after a gate has closed."""
+    bar = layered_bar(layers, 1.25e-4, 8, "free", right, absorber)
+    source = source or Ricker("phi1", 0.004, 3e5)
+    own = Ricker("phi1", 0.004, 3e5)
+    made = own.signal(t[:, None] - (bar.nodes - 0.004) / SPEED)
+    if echo:
+        made = made + 0.7 * own.signal(t[:, None] - echo - (bar.nodes - 0.004) / SPEED)
+    field = field_of(layers, bar, [source], places, made, t)
+    exact = {name: {"phi1": field.at(x, "phi1")} for name, x in places.items()}
+    return field, pulse_test(field, LONGITUDINAL, exact, 18.0)
+
+
+PLACES = {"1": 0.010, "2": 0.014, "3": 0.018}
+
+
+def plain_field(energy=None, receivers=PLACES, absorbing=False):
+    layers = chain((0.06, STIFF))
+    ends = ("absorbing", "absorbing", 8e-3) if absorbing else ("free", "free", 0.0)
+    bar = layered_bar(layers, 1.25e-4, 8, *ends)
+    values = np.zeros((len(T), len(bar.nodes)))
+    source = Ricker("phi1", 0.012, 3e5)
+    return field_of(layers, bar, [source], receivers, values, energy=energy)
+
+
+def reading_of(error=None, scattered=(), cells=(), ringing=(), pulses=(), exact=None):
+    return Reading(exact or {}, error or {}, scattered, cells, ringing, pulses)

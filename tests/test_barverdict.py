@@ -1,0 +1,232 @@
+"""The verdict on a bar with layers or ends: every check can fail; its notes, and its tables."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from madeup import (
+    LOSSY,
+    PLACES,
+    SOFT,
+    STIFF,
+    T,
+    chain,
+    field_of,
+    plain_field,
+    pulsed,
+    reading_of,
+)
+
+from wavesim.bar import layered_bar
+from wavesim.damping import quality
+from wavesim.field import Energy
+from wavesim.finite.barverdict import bar_notes, judge_bar
+from wavesim.finite.cells import Cells
+from wavesim.finite.ringing import Ringing
+from wavesim.finite.twowaves import Scattered
+from wavesim.source import Ricker
+
+OMEGA = np.linspace(1e5, 2e6, 12)
+JUDGED = OMEGA < 1.5e6
+DEEP = np.where(OMEGA > 1.2e6, 1e-4, 0.5) * np.exp(1j * OMEGA / 1e6)
+RIGHT_T = Scattered("longitudinal", OMEGA, 1.8e5, DEEP, 0.3 * DEEP, DEEP, 0.3 * DEEP, JUDGED)
+COSINE = np.linspace(-3, 3, 12) + 0.1j
+RIGHT_Q = Cells("longitudinal", 5e-3, OMEGA, 1.8e5, COSINE, COSINE, COSINE, COSINE, JUDGED)
+RIGHT_RING = Ringing("longitudinal", OMEGA, OMEGA, OMEGA, np.ones(12), 1e3)
+
+
+@pytest.fixture(scope="module")
+def pulse():
+    """A right reading of a pulse test: result and exact are the same, k that of the medium."""
+    _, test = pulsed(chain((0.06, LOSSY)), "absorbing", PLACES, absorber=8e-3)
+    found = test.result.dispersion
+    right = dataclasses.replace(
+        found, damped=test.k_exact, quality=np.asarray(quality(LOSSY.damping, found.omega))
+    )
+    result = dataclasses.replace(test.result, dispersion=right)
+    return dataclasses.replace(test, result=result, exact=result)
+
+
+def bent(values, amount, at=3):
+    """The values with one of them wrong."""
+    values = np.array(values)
+    values[at] += amount
+    return values
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "fails"),
+    [
+        ({"scattered": (RIGHT_T,)}, {"T": bent(DEEP, 1.1e-3)}, ["T: |ΔT|"]),
+        ({"scattered": (RIGHT_T,)}, {"R": bent(0.3 * DEEP, 1.1e-3j)}, ["R: |ΔR|"]),
+        ({"scattered": (RIGHT_T,)}, {"T": bent(DEEP, np.nan)}, ["T: |ΔT|", "T down to −60 dB"]),
+        (
+            {"scattered": (RIGHT_T,)},
+            {"T": bent(DEEP, 0.13 * DEEP[3])},
+            ["T: |ΔT|", "T down to −60 dB"],
+        ),
+        ({"scattered": (RIGHT_T,)}, {"T": bent(DEEP, 0.5, at=11)}, []),  # not judged
+        ({"cells": (RIGHT_Q,)}, {"cosine": bent(COSINE, 4e-3, at=1)}, ["|Δcos qL|"]),
+        ({"cells": (RIGHT_Q,)}, {"cosine": bent(COSINE, 1.1e-3, at=6)}, ["|Δcos qL|"]),
+        ({"ringing": (RIGHT_RING,)}, {"found": bent(OMEGA, np.nan)}, ["heard"]),
+        ({"ringing": (RIGHT_RING,)}, {"found": bent(OMEGA, 1.1e-6 * OMEGA[3])}, ["maximum"]),
+        ({"ringing": (RIGHT_RING,)}, {"found": OMEGA * (1 + 2e-6)}, ["median", "maximum"]),
+    ],
+)
+def test_every_check_of_waves_can_fail(right, wrong, fails):
+    field = plain_field()
+    checks = judge_bar(field, reading_of(**right))
+    assert checks
+    assert all(check.passed for check in checks)
+    ((kind, (one,)),) = right.items()
+    checks = judge_bar(field, reading_of(**{kind: (dataclasses.replace(one, **wrong),)}))
+    failed = [check.name for check in checks if not check.passed]
+    assert len(failed) == len(fails), failed
+    assert all(text in name for text, name in zip(fails, failed, strict=True))
+
+
+def test_the_worst_field_of_a_receiver_decides():
+    field = plain_field()
+    right = {"a": {"phi1": 9e-5, "B11": 1e-7}, "b": {"phi1": 1e-6}}
+    assert all(check.passed for check in judge_bar(field, reading_of(error=right)))
+    for wrong in (1.1e-4, float("nan")):
+        checks = judge_bar(field, reading_of(error=right | {"b": {"phi1": 1e-6, "B11": wrong}}))
+        assert [check.passed for check in checks] == [True, False]
+        assert "signal at b" in checks[1].name
+        assert "B11" in checks[1].name
+
+
+def test_every_check_of_a_pulse_test_can_fail(pulse):
+    field = plain_field()
+    checks = judge_bar(field, reading_of(pulses=(pulse,)))
+    assert [c.name.split(":")[0].split(" over")[0] for c in checks] == [
+        "phi1 arrival, threshold",
+        "phi1 arrival, envelope",
+        "phi1 loss, 1 to 3",
+        "phi1 k between receivers",
+        "phi1 Q between receivers",
+    ]
+    assert all(check.passed for check in checks)
+    result = pulse.result
+
+    def late(convention):
+        one = result.arrivals[convention]
+        # 1.1e-3 of a period of 300 kHz.
+        moved = dataclasses.replace(one, time=bent(one.time, 1.1e-3 / 3e5, at=1))
+        return {"arrivals": result.arrivals | {convention: moved}}
+
+    first = int(np.flatnonzero(result.loss.valid)[0])
+    known = int(np.flatnonzero(np.isfinite(result.dispersion.damped))[0])
+    wrong = [
+        late("threshold"),
+        late("envelope"),
+        {"loss": dataclasses.replace(result.loss, level=bent(result.loss.level, 1.1, at=first))},
+        {
+            "dispersion": dataclasses.replace(
+                result.dispersion,
+                damped=bent(
+                    result.dispersion.damped, 1.1e-3 * abs(result.dispersion.damped[known]), known
+                ),
+            )
+        },
+        {
+            "dispersion": dataclasses.replace(
+                result.dispersion, quality=1.03 * result.dispersion.quality
+            )
+        },
+    ]
+    for number, change in enumerate(wrong):
+        bad = dataclasses.replace(pulse, result=dataclasses.replace(result, **change))
+        passed = [check.passed for check in judge_bar(field, reading_of(pulses=(bad,)))]
+        assert passed == [n != number for n in range(5)]
+
+
+@pytest.mark.parametrize("lossy", [False, True], ids=["lossless", "lossy"])
+def test_energy_is_checked(lossy):
+    """Kinetic, potential and what was lost are the work that was done; 1e-6 missing fails."""
+    work = np.minimum(T / 3e-6, 1.0)
+    lost = 0.3 * work if lossy else None
+    kept = work - (0 if lost is None else lost)
+    right = Energy(0.4 * kept, 0.6 * kept, work, lost)
+    assert all(check.passed for check in judge_bar(plain_field(right), reading_of()))
+    wrong = Energy(0.4 * kept, 0.6 * kept, work * (1 + 1e-6), lost)
+    checks = judge_bar(plain_field(wrong), reading_of())
+    assert not all(check.passed for check in checks)
+    assert ("dissipated" in checks[0].name) == lossy
+
+
+def test_nothing_judged_makes_no_check():
+    nothing = np.zeros(12, bool)
+    reading = reading_of(
+        scattered=(dataclasses.replace(RIGHT_T, judged=nothing),),
+        cells=(dataclasses.replace(RIGHT_Q, judged=nothing),),
+    )
+    assert judge_bar(plain_field(), reading) == []
+
+
+def test_notes_say_what_was_not_compared_and_where_it_is_worst():
+    exact = {name: {"phi1": np.zeros(3)} for name in PLACES}
+    assert bar_notes(reading_of(exact=exact, scattered=(RIGHT_T,)), plain_field()) == []
+    (note,) = bar_notes(reading_of(), plain_field(receivers={}))
+    assert "no receiver" in note
+    assert "add [[receivers]]" in note
+    hidden = plain_field(receivers=PLACES | {"end": 0.058}, absorbing=True)
+    (note,) = bar_notes(reading_of(exact=exact), hidden)
+    assert "receiver end stands in an absorbing layer" in note
+    assert "0.008 to 0.052 m" in note
+    off = dataclasses.replace(RIGHT_T, T=bent(DEEP, 2e-3))
+    (note,) = bar_notes(reading_of(exact=exact, scattered=(off,)), plain_field())
+    assert f"{OMEGA[3] / 2e3 / np.pi:.4g} kHz" in note
+    assert "finer [bar] spacing" in note
+
+
+@pytest.mark.parametrize(
+    ("position", "error", "told"),
+    [(0.0305, 2e-3, True), (0.0592, float("nan"), True), (0.0305, 9e-5, False), (0.02, 1.0, False)],
+)
+def test_a_receiver_by_a_face_that_falls_short_is_noted(position, error, told):
+    """Within eight cells of an interface (0.03) or an end (0.06), and only where it matters."""
+    layers = chain((0.03, STIFF), (0.03, SOFT))
+    bar = layered_bar(layers, 1.25e-4)
+    field = field_of(layers, bar, [Ricker("phi1", 0.012, 3e5)], {"a": position})
+    reading = reading_of({"a": {"phi1": 1e-6, "B11": error}}, exact={"a": {}})
+    assert len(bar_notes(reading, field)) == told
+    for note in bar_notes(reading, field):
+        assert "receiver a stands within 8 cells" in note
+        assert "finer [bar] spacing" in note
+
+
+UNITS = {
+    "phi1": "rad", "B11": "1/m",
+    "omega": "rad/s", "sigma": "rad/s", "exact": "rad/s", "found": "rad/s", "bin": "rad/s",
+    "period": "m", "q": "rad/m", "q_exact": "rad/m", "damped": "rad/m", "k_exact": "rad/m",
+    "phase_velocity": "m/s", "group_velocity": "m/s", "attenuation": "1/m", "loss": "dB",
+} | dict.fromkeys(
+    ("T", "R", "T_exact", "R_exact", "judged", "cosine", "cosine_exact", "level", "quality"), "–"
+)  # fmt: skip
+
+
+def test_every_table_has_a_path_and_a_unit(pulse):
+    reading = reading_of(
+        exact={"a": {"phi1": np.zeros(3), "B11": np.zeros(3)}},
+        scattered=(RIGHT_T,),
+        cells=(RIGHT_Q,),
+        ringing=(RIGHT_RING,),
+        pulses=(pulse,),
+    )
+    tables = reading.tables()
+    for path, (values, unit) in tables.items():
+        assert unit == UNITS[path.rsplit("/", 1)[1]], path
+        assert np.asarray(values).dtype.kind in "fcb", path
+    assert {path.rsplit("/", 1)[0] for path in tables} == {
+        "exact/a",
+        "transmission/longitudinal",
+        "bloch/longitudinal",
+        "eigenfrequencies/longitudinal",
+        "pulse/phi1",
+    }
+    # k at ω + iσ says nothing without σ.
+    for group in ("transmission/longitudinal", "bloch/longitudinal", "pulse/phi1"):
+        assert tables[f"{group}/sigma"][0] == pytest.approx(1.8e5)

@@ -1,0 +1,121 @@
+"""Layers of a bar: that they follow each other, and what a graded one is made of."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from wavesim.damping import Damping
+from wavesim.layers import Layer, Layers, as_layers
+from wavesim.medium import PARAMETERS, Medium
+
+SOFT = Medium(closure="consistent")
+STIFF = Medium(closure="consistent", G_n_a=9.0, density=2000.0, particle_radius=6e-4)
+
+
+def test_layers_follow_each_other():
+    layers = Layers((Layer(0, 1e-2, SOFT), Layer(1e-2, 3e-2, STIFF), Layer(3e-2, 4e-2, SOFT)))
+    assert layers.length == 4e-2
+    assert layers.interfaces == (1e-2, 3e-2)
+    assert layers.first == SOFT
+    # An interface belongs to the layer on its right, the end of the bar to the last.
+    for position, medium in ((0, SOFT), (9.99e-3, SOFT), (1e-2, STIFF), (3e-2, SOFT), (4e-2, SOFT)):
+        assert layers.at(position) == medium
+    # Rounding of an edge is no gap.
+    Layers((Layer(0, 0.1 + 0.2, SOFT), Layer(0.3, 0.4, STIFF)))
+
+
+BAD = [
+    (
+        lambda: Layers((Layer(0, 1e-2, SOFT), Layer(2e-2, 3e-2, SOFT))),
+        "from = 0.02 (layer 2): x = 0.01 to 0.02 m are left without a medium",
+        "begin it at 0.01",
+    ),
+    (
+        lambda: Layers((Layer(0, 2e-2, SOFT), Layer(1e-2, 3e-2, SOFT))),
+        "from = 0.01 (layer 2): x = 0.01 to 0.02 m are in two layers",
+        "begin it at 0.02",
+    ),
+    (lambda: Layers((Layer(1e-3, 1e-2, SOFT),)), "from = 0.001 (layer 1)", "begin it at 0"),
+    (lambda: Layers(()), "layers = []", "at least one"),
+    (lambda: Layer(1e-2, 1e-2, SOFT), "from = 0.01, to = 0.01", "greater than 0"),
+    (lambda: Layer(2e-2, 1e-2, SOFT), "from = 0.02, to = 0.01", "greater than 0"),
+    (lambda: Layer(0.0, float("nan"), SOFT), "to = nan", "greater than 0"),
+    (lambda: Layer(0, 1, SOFT, STIFF, "cubic"), "grading = 'cubic'", "smooth, linear"),
+    (
+        lambda: Layer(0, 1, SOFT, dataclasses.replace(STIFF, closure="printed")),
+        "closure, damping",
+        "the same at both ends",
+    ),
+    (
+        lambda: Layer(0, 1, SOFT, dataclasses.replace(STIFF, damping=Damping(mass=1.0))),
+        "closure, damping",
+        "the same at both ends",
+    ),
+    (
+        lambda: as_layers([Layer(0, 1e-2, SOFT)], 2e-2),
+        "layers end at 0.01 m, the bar at 0.02 m",
+        "end together",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("make", "given", "remedy"), BAD, ids=[f"{n} {row[1]}" for n, row in enumerate(BAD)]
+)
+def test_what_are_no_layers_is_told_in_one_line(make, given, remedy):
+    with pytest.raises(ValueError, match=re.escape(given)) as caught:
+        make()
+    message = str(caught.value)
+    assert "\n" not in message
+    assert given in message
+    assert remedy in message.partition(given)[2]
+
+
+def test_as_layers_takes_a_medium_layers_or_a_list():
+    stretches = [Layer(0, 1e-2, SOFT), Layer(1e-2, 2e-2, STIFF)]
+    whole = Layers(tuple(stretches))
+    assert as_layers(whole, 2e-2) is whole
+    assert as_layers(stretches, 2e-2) == whole
+    assert as_layers(SOFT, 2e-2) == Layers((Layer(0.0, 2e-2, SOFT),))
+
+
+@pytest.mark.parametrize("grading", ["smooth", "linear"])
+def test_a_graded_layer_goes_from_one_medium_to_the_other(grading):
+    """Every parameter, β and γ too, by one weight w; w(s) + w(1 − s) = 1, both to rounding."""
+    layer = Layer(1e-2, 3e-2, SOFT, STIFF, grading)
+    for end, medium in ((1e-2, SOFT), (3e-2, STIFF)):
+        made = layer.at(end)
+        for name in PARAMETERS[:-2]:
+            assert getattr(made, name) == getattr(medium, name)
+        np.testing.assert_allclose([made.beta, made.gamma], [medium.beta, medium.gamma], rtol=1e-14)
+    weights = []
+    for s in np.linspace(0, 1, 21):
+        made = layer.at(1e-2 + 2e-2 * s)
+        w = (made.G_n_a - SOFT.G_n_a) / (STIFF.G_n_a - SOFT.G_n_a)
+        for attribute in ("density", "particle_radius", "beta", "gamma"):
+            first, last = getattr(SOFT, attribute), getattr(STIFF, attribute)
+            expected = (1 - w) * first + w * last
+            np.testing.assert_allclose(getattr(made, attribute), expected, rtol=1e-12)
+        weights.append(w)
+    np.testing.assert_allclose(np.add(weights, weights[::-1]), 1, rtol=1e-12)
+    assert (np.diff(weights) > 0).all()
+    if grading == "linear":
+        np.testing.assert_allclose(weights, np.linspace(0, 1, 21), atol=1e-12)
+    # Past its ends it is as at them, and a uniform layer is one medium.
+    assert layer.at(0.0) == layer.at(1e-2)
+    assert Layer(0, 1, SOFT).at(0.5) is SOFT
+
+
+def test_a_smooth_layer_is_level_to_second_order_at_its_ends():
+    """w ≈ 10 s³ near the start: p changes by the third power of the distance. Ratio of changes at
+    s and 2s is 8 within 15 s/10 (next term) = 2 %. A linear one gives 2."""
+    for grading, ratio in (("smooth", 8.0), ("linear", 2.0)):
+        layer = Layer(0.0, 1.0, SOFT, STIFF, grading)
+        for side in (0.0, 1.0):
+            here = layer.at(side).G_n_a
+            near, far = (abs(layer.at(abs(side - s)).G_n_a - here) for s in (0.005, 0.01))
+            np.testing.assert_allclose(far / near, ratio, rtol=0.02)
