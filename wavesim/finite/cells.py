@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from wavesim.extraction.transmission import damped_transform
 from wavesim.field import Field
+from wavesim.finite.excited import JUDGED, contour, pulses
 from wavesim.layered.bloch import bloch
 from wavesim.layers import Layer, Layers
 from wavesim.sectors import Block
@@ -27,7 +28,6 @@ Complex = NDArray[np.complex128]
 _FEWEST_CELLS = 4
 # Weighted against amplitudes this far below the strongest of the record's end, exp(−σT).
 _ABOVE_FLOOR = 30.0
-_JUDGED = 0.01
 
 
 @dataclass(frozen=True)
@@ -97,17 +97,14 @@ def cells(field: Field, block: Block, frequencies: int, damping: float) -> Cells
         What was measured; None where fewer than four cells repeat.
     """
     found = repeated(field.layers) if field.layers is not None else None
-    own = [s for s in field.sources if s.field in block.fields]
+    own = pulses(field, block)
     if found is None or not own:
         return None
     start, end, cell = found
     if any(start <= source.position <= end for source in own):
         return None
     period = cell.length
-    sigma = damping / float(field.t[-1])
-    bands = [source.excited for source in own]
-    top = min(max(b for _, b in bands), 0.95 * np.pi / field.interval)
-    omega = np.linspace(min(a for a, _ in bands), top, frequencies)
+    omega, sigma, size = contour(field, own, frequencies, damping)
     nodes = field.bar.nodes
     near = 1e-9 * period
     first, second, last = np.searchsorted(nodes, [start - near, start + period - near, end + near])
@@ -122,8 +119,7 @@ def cells(field: Field, block: Block, frequencies: int, damping: float) -> Cells
     with np.errstate(divide="ignore", invalid="ignore"):
         cosine = np.sum(weight * np.conj(middle) * sides, axis=1) / square / 2
     exact = bloch(cell, block.sector, omega + 1j * sigma)
-    size = np.max([np.abs(source.spectrum(omega)) / source.strongest for source in own], axis=0)
-    judged = (size >= _JUDGED) & (weight.sum(axis=1) >= 2 * step)
+    judged = (size >= JUDGED) & (weight.sum(axis=1) >= 2 * step)
     return Cells(
         block.sector,
         period,

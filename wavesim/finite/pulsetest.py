@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.field import Field
+from wavesim.finite.excited import JUDGED, pulses
 from wavesim.medium import Medium
 from wavesim.planewave import Gap, gaps, long_wave_speed, wavenumber
 from wavesim.pulse.measurement import PulseResult, measure
@@ -27,7 +28,6 @@ _TAPER = 0.15
 # The tail of a pulse runs at this part of the speed of long waves.
 _SLOWER = 0.75
 _FREQUENCIES = 80
-_JUDGED = 0.01
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ def pulse_test(
         What was read; None where fewer than two receivers stand to the right of the sources.
     """
     (name,) = block.rotations[0]
-    own = [s for s in field.sources if s.field in block.fields]
+    own = pulses(field, block)
     layers, bar = field.layers, field.bar
-    if layers is None or not own or any(source.drive == "initial" for source in own):
+    if layers is None or not own:
         return None
     last = max(source.position + 8.5 * source.width for source in own)
     high = bar.clear[1]
@@ -121,7 +121,7 @@ def _driven(sources: Sequence[Source], field: Field) -> NDArray[Any]:
     top = min(max(source.excited[1] for source in sources), 0.9 * np.pi / field.interval)
     omega = np.linspace(0, top, 20 * _FREQUENCIES)[1:]
     size = np.max([np.abs(s.spectrum(omega)) / s.strongest for s in sources], axis=0)
-    heard = np.flatnonzero(size >= _JUDGED)
+    heard = np.flatnonzero(size >= JUDGED)
     return np.linspace(omega[heard[0]], omega[heard[-1]], _FREQUENCIES)
 
 

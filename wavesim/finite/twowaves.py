@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 
 from wavesim.extraction.transmission import damped_transform
 from wavesim.field import Field
+from wavesim.finite.excited import JUDGED, contour, pulses
 from wavesim.layered.scattering import transmission
 from wavesim.layers import Layer, Layers
 from wavesim.planewave import wavenumber
 from wavesim.sectors import Block
-from wavesim.source import EXCITED
 
 Complex = NDArray[np.complex128]
 
-# Judged where the source's spectrum is above this part of its peak.
-_JUDGED = 0.01
 # Branch lengths that a fit keeps away from a source, a face and an absorber.
 _AWAY = 2.0
 _FEWEST_NODES = 8
@@ -90,7 +88,7 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
     if layers is None or (bar.left, bar.right) != ("absorbing", "absorbing"):
         return None
     first, last = layers.layers[0], layers.layers[-1]
-    own = [s for s in field.sources if s.field in block.fields]
+    own = pulses(field, block)
     if len(layers.layers) < 2 or first.last is not None or last.last is not None or not own:
         return None
     if any(source.position > first.end for source in own):
@@ -101,10 +99,7 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
     behind = _stretch(field, last.start, high)
     if before is None or behind is None or source_end < low:
         return None
-    sigma = damping / float(field.t[-1])
-    bands = [source.excited for source in own]
-    top = min(max(b for _, b in bands), 0.95 * np.pi / field.interval)
-    omega = np.linspace(min(a for a, _ in bands), top, frequencies)
+    omega, sigma, size = contour(field, own, frequencies, damping)
     s = omega + 1j * sigma
     (name,) = block.rotations[0]
     k = [wavenumber(layer.medium, block.sector, s) for layer in (first, last)]
@@ -123,7 +118,6 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
     cut.append(Layer(cut[-1].end, cut[-1].end + sliver, last.medium))
     exact = transmission(Layers(tuple(cut)), block.sector, s)
     there = np.exp(-1j * k[0] * sliver)
-    size = np.max([np.abs(source.spectrum(omega)) / source.strongest for source in own], axis=0)
     carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
     return Scattered(
         block.sector,
@@ -133,5 +127,5 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
         b / a,
         exact.T * there * np.exp(-1j * k[1] * sliver),
         exact.R * there**2,
-        (size >= max(_JUDGED, EXCITED)) & carried,
+        (size >= JUDGED) & carried,
     )
