@@ -244,7 +244,7 @@ def fastest_loss(layers: Layers, bar: Bar, radius: float) -> float:
 
 # Reflection of an absorbing layer of the fastest wave, before the grid's own. Slower waves, and
 # those near a cutoff, whose phase velocity is high, are reflected more: R to the power c_∞/c.
-_REFLECTION = 1e-32
+REFLECTION = 1e-32
 
 
 def absorption(layers: Layers, bar: Bar, end: str) -> float:
@@ -252,7 +252,7 @@ def absorption(layers: Layers, bar: Bar, end: str) -> float:
     if getattr(bar, end) != "absorbing":
         return 0.0
     medium = layers.at(0.0 if end == "left" else layers.length)
-    return -4 * fastest(medium) * math.log(_REFLECTION) / (2 * bar.absorber)
+    return -4 * fastest(medium) * math.log(REFLECTION) / (2 * bar.absorber)
 
 
 def highest_band(sources: Sequence[Source], medium: Medium) -> float:

@@ -9,12 +9,16 @@ import numpy as np
 from wavesim.damping import quality
 from wavesim.field import Field
 from wavesim.finite.cells import Cells
+from wavesim.finite.excited import JUDGED, pulses
 from wavesim.finite.pulsetest import PulseTest
 from wavesim.finite.reading import Reading
 from wavesim.finite.ringing import Ringing
 from wavesim.finite.twowaves import Scattered
+from wavesim.plan import REFLECTION, fastest
+from wavesim.planewave import cutoffs, wavenumber
 from wavesim.verdict import WAVENUMBER_TOLERANCE, Check, energy_checks
 
+_KHZ = 1 / (2e3 * np.pi)
 SIGNAL_TOLERANCE = 1e-4
 AMPLITUDE_TOLERANCE = 1e-3
 DECIBEL_TOLERANCE = 1.0
@@ -171,11 +175,49 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
             f"{field.bar.clear[0]:.4g} to {field.bar.clear[1]:.4g} m"
         )
     found += _near_faces(reading, field)
+    found += _near_cutoffs(field)
     for scattered in reading.scattered:
         edge = _near_asymptote(scattered)
         if edge:
             found.append(edge)
     return found
+
+
+def _near_cutoffs(field: Field) -> list[str]:
+    """Where absorbing ends send back more than a thousandth of what the sources drive.
+
+    A wave of phase velocity c comes back with R^(c_∞/c): a long wave just above a cutoff, whose
+    phase velocity is high, all but whole.
+    """
+    layers, bar = field.layers, field.bar
+    media = (
+        {
+            medium
+            for end, medium in (("left", layers.at(0.0)), ("right", layers.at(layers.length)))
+            if getattr(bar, end) == "absorbing"
+        }
+        if layers
+        else set()
+    )
+    told = []
+    for block in (block for block in field.blocks if block.rotations):
+        driven = pulses(field, block)
+        for medium in media:
+            for cutoff in cutoffs(medium, block.sector):
+                omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
+                loud = max((abs(s.spectrum(cutoff)) / s.strongest for s in driven), default=0.0)
+                slowness = wavenumber(medium, block.sector, omega).real / omega
+                back = REFLECTION ** (slowness * fastest(medium))
+                if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
+                    until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
+                    told.append(f"{block.sector} {cutoff * _KHZ:.5g} to {until * _KHZ:.5g} kHz")
+    if not told:
+        return []
+    return [
+        "an absorbing end sends back more than 1e-3 of waves just above a cutoff, which are long: "
+        + ", ".join(dict.fromkeys(told))
+        + "; keep the sources' band off them, or buffers stiffer"
+    ]
 
 
 def _near_faces(reading: Reading, field: Field) -> list[str]:
