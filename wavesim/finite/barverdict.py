@@ -216,7 +216,7 @@ def _near_cutoffs(field: Field) -> list[str]:
     return [
         "an absorbing end sends back more than 1e-3 of waves just above a cutoff, which are long: "
         + ", ".join(dict.fromkeys(told))
-        + "; keep the sources' band off them, or buffers stiffer"
+        + "; keep the sources' band off them, or take stiffer media at the ends"
     ]
 
 
