@@ -87,6 +87,11 @@ class Bar:
                 f'left = "{self.left}", right = "{self.right}": a bar is periodic at both ends or '
                 "at none"
             )
+        if self.stretches and self.cells != sum(cells for cells, _ in self.stretches):
+            raise ValueError(
+                f"cells = {self.cells}: the stretches have "
+                f"{sum(cells for cells, _ in self.stretches)}; make the bar with layered_bar"
+            )
         absorbing = (self.left, self.right).count("absorbing")
         if absorbing and not self.absorber > 0:
             raise ValueError(

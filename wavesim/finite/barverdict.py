@@ -104,7 +104,6 @@ def _ringing_checks(found: Ringing) -> list[Check]:
     checks = [Check(f"{label} heard", int(heard.sum()), len(heard), 0.0, "modes")]
     if heard.any():
         error = np.abs(found.found / found.exact - 1)[heard]
-        checks.append(Check(f"{label}: |Δω|/ω, median", float(np.median(error)), 0.0, 1e-6))
         checks.append(
             Check(f"{label}: |Δω|/ω, maximum", float(error.max()), 0.0, RESONANCE_TOLERANCE)
         )
@@ -117,10 +116,11 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
     allowed = ARRIVAL_TOLERANCE / own[0].peak_frequency
     for convention in ("threshold", "envelope"):
         found, known = (r.arrivals[convention].time for r in (pulse.result, pulse.exact))
-        both = np.isfinite(found) & np.isfinite(known)
-        if both.any():
-            worst = float(np.abs(found - known)[both].max())
-            label = f"{pulse.name} arrival, {convention}: |Δt|, {both.sum()} receivers"
+        there = np.isfinite(known)
+        if there.any():
+            # One that is not found is not a number, and so fails.
+            worst = float(np.abs(found - known)[there].max())
+            label = f"{pulse.name} arrival, {convention}: |Δt|, {there.sum()} receivers"
             checks.append(Check(label, worst, 0.0, allowed, "s"))
     loss, exact = pulse.result.loss, pulse.exact.loss
     both = loss.valid & exact.valid
