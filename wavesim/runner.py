@@ -170,6 +170,8 @@ def _run(
     except NotFiniteError as error:
         results.finish("failed")
         raise RunError(str(error), True) from None
+    if len(drawing) == 1:  # a run that was carried on may have had nothing left to integrate
+        drawing.append(until_the_end.enter_context(FigureProcess()))
     lap("integrate")
     timing["compile"] = spent.compile
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
