@@ -132,12 +132,14 @@ def main() -> None:
                 found = _measure(contestant, exact, kept, options.quick)
                 results["contestants"].append(found | {"again": options.again})
                 print(json.dumps(found), flush=True)
-    if options.no_scaling or options.again:
-        results["scaling"] = before.get("scaling", {})
+    if options.again:
         results["layers"] = before.get("layers", [])
     else:
         out, why = _python(["layers.py"] + (["--quick"] if options.quick else []))
         results["layers"] = {"skipped": why} if why else json.loads(out.splitlines()[-1])
+    if options.no_scaling or options.again:
+        results["scaling"] = before.get("scaling", {})
+    else:
         out, why = _python(["scaling.py"] + (["--quick"] if options.quick else []))
         results["scaling"] = {"skipped": why} if why else json.loads(out.splitlines()[-1])
     print(markdown(results))
