@@ -217,7 +217,7 @@ BAD = [
         "absorber = 0.0027 m: 2 of them",
         "shorten them or lengthen the bar",
     ),
-    (lambda: layered_bar(thin(), 1.25e-4), "cells = 4 (stretch 2, 0.0005 m thick)", "or less, or"),
+    (lambda: layered_bar(thin(), 1.25e-4), "cells = 4 (layer 2, 0.0005 m thick)", "or less, or"),
     (lambda: Bar(8, 1e-4, 8, "free", "free"), "cells = 8: ", "refine the spacing"),
     (lambda: Bar(64, 0.0), "spacing = 0 m: ", "greater than 0"),
     (lambda: Bar(64, 1e-4, 7), "order = 7: ", "2, 4, 6"),
@@ -243,5 +243,5 @@ def test_the_spacing_told_for_a_thin_layer_is_enough():
         layered_bar(thin(), 1.25e-4)
     told = float(str(caught.value).split("spacing of ")[1].split(" m")[0])
     assert layered_bar(thin(), told).stretches[1][0] >= 16
-    with pytest.raises(ValueError, match="stretch 2"):
+    with pytest.raises(ValueError, match="layer 2"):
         layered_bar(thin(), 1.1 * told)

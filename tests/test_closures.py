@@ -163,7 +163,7 @@ def test_errors_name_the_stretch():
     least = closure(8).cells
     with pytest.raises(
         ValueError,
-        match=r"cells = 9 \(stretch 2, 0.009 m thick\): order 8 needs at least 16; "
+        match=r"cells = 9 \(layer 2, 0.009 m thick\): order 8 needs at least 16; "
         r"take a spacing of 0.000562 m or less, or a lower order",
     ):
         chain(8, (least, 9), (1e-3, 1e-3))

@@ -160,7 +160,7 @@ def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
             digits = 10.0 ** (2 - math.floor(math.log10(count * h / end.cells)))
             remedy = math.floor(count * h / end.cells * digits) / digits
             raise ValueError(
-                f"cells = {count} (stretch {number}, {count * h:g} m thick): order {order} needs "
+                f"cells = {count} (layer {number}, {count * h:g} m thick): order {order} needs "
                 f"at least {end.cells}; take a spacing of {remedy:g} m or less, "
                 "or a lower order"
             )

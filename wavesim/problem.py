@@ -26,6 +26,8 @@ _JUDGED = (0.02, 0.5)
 # A field of more bytes than this is taken for a slip of the pen.
 _LARGEST = 1e12
 _MOST_STEPS = 10**8
+# A run of fewer frames by default shows nothing.
+_FEWEST_FRAMES = 6
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,12 @@ def _plan(case: Case, medium: Medium | Layers, bar: Bar, sources: Sequence[Sourc
             f"step = {step:g}: the Verlet stepper is stable up to {limit:.4g} s on this bar; "
             "take that or less, 'auto', or solver = 'chebyshev'"
         ) from None
+    if samples is None and settled.schedule.frames < _FEWEST_FRAMES:
+        raise ValueError(
+            f"duration = {time.duration:g}: holds only {settled.schedule.frames} frames of signals "
+            "so slow; lengthen it, give samples, or see that the times of a recorded signal are in "
+            "seconds"
+        )
     _check_size(
         settled, f"duration = {time.duration:g}" if samples is None else f"samples = {samples}"
     )

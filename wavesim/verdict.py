@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,9 @@ ENERGY_TOLERANCE = 1e-9
 ENERGY_AFTER_TOLERANCE = 1e-10
 # Where something is lost its power is integrated over the steps, to order 12.
 LOSSY_TOLERANCE = 1e-8
+# Where a derivative of a signal jumps (a hann burst, a recorded signal), that rule takes the step
+# that holds the jump to the jump's order alone: 2e-8 to 4e-7 were measured.
+ROUGH_TOLERANCE = 1e-6
 # A wave is present where its branch was found at this part of the wavenumbers it is judged at.
 _PRESENT = 0.9
 
@@ -269,8 +273,11 @@ def energy_checks(field: Field) -> list[Check]:
     balance = float(np.abs(difference).max()) / scale
     # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
     drift = (field.band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
+    if any(not math.isfinite(source.spectral_end) for source in field.sources):
+        drift = max(drift, ROUGH_TOLERANCE)
     if energy.dissipated is not None:
-        return [Check("energy + dissipated − work over energy", balance, 0.0, LOSSY_TOLERANCE)]
+        allowed = max(drift, LOSSY_TOLERANCE)
+        return [Check("energy + dissipated − work over energy", balance, 0.0, allowed)]
     checks = [Check("energy − work over energy", balance, 0.0, max(drift, ENERGY_TOLERANCE))]
     after = energy.total[field.t >= field.quiet_from]
     if len(after) > 1:

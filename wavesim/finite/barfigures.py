@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from wavesim.damping import quality
 from wavesim.equations import ROTATIONS
 from wavesim.field import Field
 from wavesim.figures import FOUND, GAP, SYMBOLS, THEORY, TITLES, Drawings, second_axes
@@ -194,7 +195,7 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
             axes.axvline(edge * 1e3, color="#55606b", lw=0.5)
         for source in field.sources:
             axes.plot(source.position * 1e3, source.peak_frequency / 1e3, "v", mfc="white", mec="k",
-                      ms=5)  # fmt: skip
+                      ms=5, clip_on=False, zorder=5)  # fmt: skip
         for position in field.receivers.values():
             axes.plot(position * 1e3, 0.02 * top, "^", color=FOUND, ms=4)
         axes.set(title=f"gaps, {TITLES[sector]}", ylabel="ω/2π (kHz)", ylim=(0, top))
@@ -218,12 +219,17 @@ def _pulse_drawings(test: PulseTest) -> Drawings:
             name: (f, getattr(other, name))
             for name in ("phase_velocity", "group_velocity", "attenuation")
         }
+    if test.medium is not None and test.medium.damping:
+        omega = result.dispersion.omega
+        curves["quality"] = omega / 2 / np.pi, quality(test.medium.damping, omega)
+    # One speed across several layers would be the speed of nothing.
+    line = "envelope" if test.medium is not None else None
     name = test.name
     record = result.record
     arrived = np.concatenate([picks.time for picks in result.arrivals.values()])
     span = float(record.t[0]), min(float(record.t[-1]), 3 * float(np.nanmax(arrived, initial=0.0)))
     drawings: Drawings = {
-        f"arrivals_{name}": lambda: pulsefigures.record_section(result, span=span),
+        f"arrivals_{name}": lambda: pulsefigures.record_section(result, line=line, span=span),
         f"loss_{name}": lambda: pulsefigures.transmission(result, shaded, exact),
     }
     if test.medium is not None:

@@ -34,17 +34,18 @@ _WILD = 2.0
 
 def record_section(
     result: PulseResult, conventions: Sequence[str] = ("first break", "envelope"),
-    line: str = "envelope", span: tuple[float, float] | None = None,
+    line: str | None = "envelope", span: tuple[float, float] | None = None,
 ) -> Figure:  # fmt: skip
     """Signals, each to its own peak and set off by distance, with arrivals and the fitted line.
 
     Args:
         result: what was read.
         conventions: whose arrivals are marked.
-        line: the convention whose velocity is drawn.
+        line: the convention whose velocity is drawn; None for none.
         span: times shown, s; the whole record where None.
     """
-    record, speed = result.record, result.velocities[line]
+    record = result.record
+    speed = result.velocities[line] if line is not None else None
     low, high = span or (float(record.t[0]), float(record.t[-1]))
     x = record.x * 1e3
     room = float(np.min(np.diff(x))) * 0.48
@@ -59,7 +60,7 @@ def record_section(
                 1.01, x[j], name, ha="left", va="center", fontsize=7,
                 transform=axes.get_yaxis_transform(),
             )  # fmt: skip
-    if np.isfinite(speed.velocity):
+    if speed is not None and np.isfinite(speed.velocity):
         ends = np.array([x[0] - 1.5 * room, x[-1] + 1.5 * room])
         axes.plot(
             (speed.intercept + ends * 1e-3 / speed.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
