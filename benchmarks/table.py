@@ -92,7 +92,8 @@ def _layers(found: Any) -> str:
         return f"Failed: {found['skipped']}\n"
     text = (
         "Layers, ends and losses beside a uniform periodic bar: longitudinal fields, equal cells, "
-        "401 frames over 200 units of time, in turn in one process of their own, warm, best of 5.\n\n"
+        "401 frames over 200 units of time, in turn in one process of their own, warm, best of 5."
+        "\n\n"
         "| bar | cells | stepper | run, s | set-up, s | ÷ uniform |\n|---|---|---|---|---|---|\n"
     )
     for row in found:
