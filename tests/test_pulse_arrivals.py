@@ -5,8 +5,8 @@ import pytest
 from pulses import named, ricker
 from scipy.optimize import brentq
 
+from wavesim.bandlimited import between, top
 from wavesim.pulse.arrivals import CONVENTIONS, arrivals
-from wavesim.pulse.bandlimited import between, top
 from wavesim.pulse.onset import onset
 from wavesim.pulse.pulserecord import PulseError, pulse_record
 from wavesim.pulse.velocity import arrival_velocity

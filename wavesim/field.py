@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from wavesim.bandlimited import between
 from wavesim.bar import Bar
 from wavesim.equations import ROTATIONS, UNITS
 from wavesim.layers import Layers
@@ -140,15 +141,18 @@ class Field:
             found.append((total, first not in ROTATIONS))
         return found
 
-    def at(self, position: float, name: str) -> Float:
+    def at(self, position: float, name: str, t: ArrayLike | None = None) -> Float:
         """Signal of one field at a position, interpolated to the bar's order.
 
         Args:
             position: m.
             name: of the field.
+            t: times of any sampling, any shape, s; those of the frames where None. Between frames
+                the signal is band-limited, to 1e-6 of its peak below 0.8 of their Nyquist
+                frequency; near the record's ends less, as nothing is known beyond.
 
         Returns:
-            Shape (nt,), in the field's unit.
+            Shape (nt,) or of t, in the field's unit.
 
         Raises:
             ValueError: the position is outside the bar.
@@ -157,7 +161,10 @@ class Field:
         # On a ring the points may be at both its ends.
         runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
         near = [self.part(name, points=slice(int(r[0]), int(r[-1]) + 1)) for r in runs]
-        return np.concatenate(near, axis=1) @ weights
+        signal = np.concatenate(near, axis=1) @ weights
+        if t is None:
+            return signal
+        return between(signal, (np.asarray(t) - self.t[0]) / self.interval)
 
     @staticmethod
     def unit(name: str) -> str:

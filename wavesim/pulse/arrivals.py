@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.signal import correlate
 
-from wavesim.pulse.bandlimited import between, slope, top
+from wavesim.bandlimited import between, slope, top
 from wavesim.pulse.onset import AT_THE_END, DETECTED, WEAK, envelope, onset
 from wavesim.pulse.pulserecord import PulseError, PulseRecord
 
