@@ -26,7 +26,7 @@ ENERGY_AFTER_TOLERANCE = 1e-10
 # Where something is lost its power is integrated over the steps, to order 12.
 LOSSY_TOLERANCE = 1e-8
 # Where a derivative of a signal jumps (a hann burst, a recorded signal), it excites what default
-# steps are too long for in that rule: 1e-8 to 4e-7 were measured, and 6e-12 with a fifth of the step.
+# steps are too long for in that rule: 1e-8 to 4e-7 were measured, 6e-12 with a fifth of the step.
 ROUGH_TOLERANCE = 1e-6
 # A wave is present where its branch was found at this part of the wavenumbers it is judged at.
 _PRESENT = 0.9
