@@ -11,7 +11,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wavesim import figures, planewave
+from wavesim import fieldfigures, figures, planewave
 from wavesim.field import Field
 from wavesim.figureprocess import FigureProcess
 from wavesim.source import Ricker
@@ -25,12 +25,12 @@ def drawn(small_run, small_held):
     _, _, field = small_run
     with matplotlib.rc_context(figures.STYLE):
         made = {
-            "spacetime": figures.spacetime(field),
+            "spacetime": fieldfigures.spacetime(field),
             "dispersion": figures.dispersion(field, small_held, "longitudinal"),
             "inplane": figures.dispersion(field, small_held, "inplane"),
             "attenuation": figures.attenuation(field, small_held[0]),
-            "receivers": figures.receivers(field),
-            "energy": figures.energy(field),
+            "receivers": fieldfigures.receivers(field),
+            "energy": fieldfigures.energy(field),
         }
         for figure in made.values():
             figure.draw_without_rendering()
@@ -214,11 +214,11 @@ def test_decibels():
 def test_thinning_keeps_the_largest():
     values = np.zeros((1000, 900))
     values[777, 555] = 3.0
-    thin = figures._thin(values, (90, 70))
+    thin = figures.thin(values, (90, 70))
     assert thin.shape[0] <= 90
     assert thin.shape[1] <= 70
     assert thin.max() == 3.0
-    np.testing.assert_array_equal(figures._thin(values[:80, :60], (90, 70)), values[:80, :60])
+    np.testing.assert_array_equal(figures.thin(values[:80, :60], (90, 70)), values[:80, :60])
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-300])
@@ -239,9 +239,9 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
     held = [hold(made, m, (125.0, 3142.0)) for m in extract(made)]
     with matplotlib.rc_context(figures.STYLE):
         for figure in (
-            figures.spacetime(made),
+            fieldfigures.spacetime(made),
             figures.dispersion(made, held, "longitudinal"),
-            figures.receivers(made),
+            fieldfigures.receivers(made),
         ):
             figure.draw_without_rendering()
 
@@ -250,13 +250,13 @@ def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
     """The largest in each tile, √Σq² over the sector's components, to the last bit however much
     is read at a time, and by the plain formula over the whole record to rounding."""
     field = small_run[2]
-    monkeypatch.setattr(figures, "_PIXELS", (37, 41))
-    whole = figures._amplitude(field, "inplane")
-    monkeypatch.setattr(figures, "_AT_ONCE", 1e6)
-    np.testing.assert_array_equal(figures._amplitude(field, "inplane"), whole)
+    monkeypatch.setattr(fieldfigures, "_PIXELS", (37, 41))
+    whole = fieldfigures._amplitude(field, "inplane")
+    monkeypatch.setattr(fieldfigures, "_AT_ONCE", 1e6)
+    np.testing.assert_array_equal(fieldfigures._amplitude(field, "inplane"), whole)
     blocks = [b for b in field.blocks if b.sector == "inplane"]
     parts = [values for b in blocks for values, _ in field.components(b)]
-    plain = figures._thin(np.sqrt(np.sum(np.square(parts), axis=0)), (37, 41))
+    plain = figures.thin(np.sqrt(np.sum(np.square(parts), axis=0)), (37, 41))
     np.testing.assert_allclose(whole, plain, rtol=1e-14)
 
 
@@ -269,7 +269,7 @@ def process(folder, field, held=None):
 def test_process_draws_what_this_one_would(small_run, tmp_path):
     """The same files, to the byte."""
     _, _, field = small_run
-    here = figures.write(figures.of_field(field), tmp_path / "here")
+    here = figures.write(fieldfigures.of_field(field), tmp_path / "here")
     there = process(tmp_path / "there", field)
     assert [p.name for p in there] == [p.name for p in here]
     for a, b in zip(here, there, strict=True):

@@ -114,13 +114,13 @@ def serve() -> None:
 
 
 def _drawn(receive: IO[bytes]) -> list[Path]:
-    from wavesim import figures
+    from wavesim import fieldfigures, figures
 
     written: list[Path] = []
     while (message := pickle.load(receive)) is not None:
         folder, field, held, share = message
         if held is None:
-            drawings = figures.of_field(field)
+            drawings = fieldfigures.of_field(field)
         elif isinstance(held, list):
             drawings = figures.of_measurement(field, held)
         else:
