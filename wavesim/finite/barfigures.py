@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,12 +12,23 @@ from matplotlib.figure import Figure
 from wavesim.damping import quality
 from wavesim.equations import ROTATIONS
 from wavesim.field import Field
-from wavesim.figures import FOUND, GAP, SYMBOLS, THEORY, TITLES, Drawings, second_axes
-from wavesim.finite.cells import Cells
+from wavesim.figures import (
+    FOUND,
+    GAP,
+    SYMBOLS,
+    THEORY,
+    Drawings,
+    second_axes,
+    tiles,
+)
+from wavesim.finite.barsection import bar_section
+from wavesim.finite.barverdict import SIGNAL_TOLERANCE
+from wavesim.finite.cells import Cells, exact_folded
+from wavesim.finite.excited import line
 from wavesim.finite.pulsetest import PulseTest
 from wavesim.finite.reading import Reading
 from wavesim.finite.ringing import Ringing
-from wavesim.finite.twowaves import Scattered
+from wavesim.finite.twowaves import Scattered, exact_scattering
 from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.planewave import gaps
@@ -29,6 +40,11 @@ _REFLECTED = "#2f6f9f"
 _LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 _DEEPEST = -80.0
 _MOST_LABELS = 12
+_STYLES = ("-", "--", "-.", ":")
+# Of a signal no more periods are shown than can be told apart; of a difference so many points.
+_MOST_PERIODS = 90
+_MUCH = 0.7
+_MOST_POINTS = 400
 
 
 def _named(axes: Axes, low: float, high: float, name: str) -> None:
@@ -60,26 +76,30 @@ def _shade(axes: Axes, field: Field, sector: str, named: bool = True) -> None:
 
 def transmission(field: Field, found: Scattered) -> Figure:
     """Transmission and reflection against frequency, and how far they are off."""
+    assert field.layers is not None
     figure = Figure(figsize=(6.4, 5.4))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     f, judged = found.omega * _KHZ, found.judged
     _shade(upper, field, found.sector)
-    for label, value, exact, colour, mark in (
-        ("T", found.T, found.T_exact, FOUND, "o"),
-        ("R", found.R, found.R_exact, _REFLECTED, "s"),
+    fine = line(found.omega, found.sigma)
+    lines = exact_scattering(field.layers, found.sector, fine + 1j * found.sigma)
+    for label, value, exact, curve, colour, mark in (
+        ("T", found.T, found.T_exact, lines[0], FOUND, "o"),
+        ("R", found.R, found.R_exact, lines[1], _REFLECTED, "s"),
     ):
-        level = 20 * np.log10(np.maximum(np.abs(exact), 1e-15))
-        upper.plot(f, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
+        level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
+        upper.plot(fine * _KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
                    label=f"{label}, exact")  # fmt: skip
         seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
         upper.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
         lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=colour, **_POINT)
     upper.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
-    lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":")
+    lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
-    lower.set(xlabel="ω/2π (kHz)", ylabel="|measured − exact|")
+    lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * _KHZ:.3g} kHz",
+              ylabel="|measured − exact|")  # fmt: skip
     second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
-    figure.legend(loc="outside upper center", ncols=4)
+    figure.legend(loc="outside upper center", ncols=5)
     return figure
 
 
@@ -88,19 +108,23 @@ def bloch(field: Field, found: Cells) -> Figure:
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True)
     f, shown = found.omega * _KHZ, found.judged
+    assert field.layers is not None
+    fine = line(found.omega, found.sigma)
+    exact = exact_folded(field.layers, found.sector, fine + 1j * found.sigma)
     for axes, part, label in (
         (upper, np.real, "Re qL/π"),
         (lower, np.imag, "Im qL"),
     ):
         scale = found.period / np.pi if part is np.real else found.period
-        axes.plot(f, part(found.q_exact) * scale, "-", color=THEORY, lw=0.9, label="exact")
+        axes.plot(fine * _KHZ, part(exact) * scale / found.period, "-", color=THEORY, lw=0.9,
+                  label="exact")  # fmt: skip
         axes.plot(
             f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="measured", **_POINT
         )
         axes.set(ylabel=label, xlim=(f[0], f[-1]))
     deep = np.imag(found.q_exact[shown]) * found.period if shown.any() else np.ones(1)
     lower.set_ylim(0, 1.15 * float(np.nanmax(deep)))
-    lower.set_xlabel("ω/2π (kHz)")
+    lower.set_xlabel(f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * _KHZ:.3g} kHz")
     handles, labels = upper.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return figure
@@ -134,74 +158,69 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
 
 
 def signals(field: Field, reading: Reading) -> Figure:
-    """Rotations at every receiver: simulated, exact, and the difference a thousandfold."""
+    """Rotations at receivers, simulated and exact; below, how far all fields are off.
+
+    Of long records the signals' beginning is shown. The difference is over the whole record, the
+    largest of all fields, each in units of its own largest value there: what the verdict judges.
+    """
     names = [name for name in field.names if name in ROTATIONS]
-    receivers = list(reading.exact)[:_MOST_LABELS]
-    figure = Figure(figsize=(7.0, 0.9 + 1.15 * len(receivers) * len(names)))
-    rows = figure.subplots(len(receivers) * len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (name, receiver) in zip(
-        rows, ((n, r) for n in names for r in receivers), strict=True
-    ):
+    receivers = sorted(reading.exact, key=lambda name: field.receivers[name])
+    some = np.unique(np.linspace(0, len(receivers) - 1, _MOST_LABELS // len(names)).round())
+    shown = [receivers[int(i)] for i in some]
+    count = len(shown) * len(names)
+    figure = Figure(figsize=(7.4, 2.7 + min(1.0 * count, 8.2)))
+    *rows, below = figure.subplots(
+        count + 1, 1, height_ratios=[1.0] * count + [max(1.7, 0.3 * count)]
+    )
+    t = field.t * 1e6
+    pitch = max(s.peak_frequency if np.isfinite(s.peak_frequency) else 0 for s in field.sources)
+    end = _MOST_PERIODS / pitch * 1e6 if pitch else np.inf
+    end = end if end < _MUCH * t[-1] else t[-1]
+    for axes, (name, receiver) in zip(rows, ((n, r) for n in names for r in shown), strict=True):
         exact = reading.exact[receiver][name]
         measured = field.at(field.receivers[receiver], name)
         size = float(np.abs(exact).max()) or 1.0
-        t = field.t * 1e6
-        axes.plot(t, exact / size, "-", color=THEORY, lw=1.6, alpha=0.45, label="exact")
+        axes.plot(t, exact / size, "-", color=THEORY, lw=1.8, alpha=0.4, label="exact")
         axes.plot(t, measured / size, "--", color=FOUND, lw=0.8, label="simulated")
-        axes.plot(
-            t, 1e3 * (measured - exact) / size, color=_REFLECTED, lw=0.6, label="difference × 1000"
-        )
-        axes.set(xlim=(0, t[-1]), ylim=(-1.2, 1.2), yticks=[-1, 0, 1])
-        where = field.receivers[receiver] * 1e3
+        axes.set(xlim=(0, end), ylim=(-1.15, 1.15), yticks=[-1, 0, 1])
         axes.set_ylabel(SYMBOLS[name], rotation=0, labelpad=10)
+        if axes is not rows[-1]:
+            axes.set_xticklabels([])
         axes.text(
-            0.995, 0.9, f"{receiver}, {where:g} mm", ha="right", va="top", fontsize=7, bbox=_LABEL,
-            transform=axes.transAxes,
+            1.01, 0.5, f"{receiver}\n{field.receivers[receiver] * 1e3:g} mm", va="center",
+            fontsize=7, transform=axes.transAxes,
         )  # fmt: skip
-    rows[-1].set_xlabel("t (µs)")
+    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(receivers)))
+    tops = []
+    for number, receiver in enumerate(receivers):
+        at, worst = _worst_in_time(field, reading, receiver)
+        tops.append(worst.max())
+        below.plot(at * 1e6, worst, color=shades[number], ls=_STYLES[number % 4], lw=0.9,
+                   label=receiver if receiver in shown else None)  # fmt: skip
+    below.axhline(SIGNAL_TOLERANCE, color=THEORY, lw=0.9, ls=":", label="tolerance")
+    below.set_yscale("log")
+    top = max(10 * SIGNAL_TOLERANCE, 3 * float(np.nanmax(tops, initial=0.0)))
+    below.set(
+        xlim=(0, t[-1]), ylim=(1e-6 * min(top, 1e-2), top), xlabel="t (µs)",
+        ylabel="|simulated − exact|\nover peak, all fields",
+    )  # fmt: skip
+    below.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, handlelength=1.4)
+    part = f"; first {end:.3g} of {t[-1]:.3g} µs" if end < t[-1] else ""
+    more = f"; {len(shown)} of {len(receivers)} receivers" if len(shown) < len(receivers) else ""
+    rows[0].set_title(f"each signal to its own peak{part}{more}", fontsize=8)
     handles, labels = rows[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return figure
 
 
-def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
-    """What the bar is made of: gaps of each sector along it, and where everything stands."""
-    assert field.layers is not None
-    layers, bar = field.layers, field.bar
-    x = np.linspace(0, layers.length, 601)
-    figure = Figure(figsize=(6.6, 0.8 + 2.1 * len(sectors)))
-    rows = figure.subplots(len(sectors), 1, sharex=True, squeeze=False)[:, 0]
-    media = [layers.at(float(position)) for position in x]
-    known: dict[Medium, dict[str, Any]] = {}
-    for medium in media:
-        known.setdefault(medium, {s: gaps(medium, s) for s in sectors})
-    top = field.band * _KHZ
-    for axes, sector in zip(rows, sectors, strict=True):
-        for number in range(len(known[media[0]][sector])):
-            edges = np.array(
-                [(known[m][sector][number].lower, known[m][sector][number].upper) for m in media]
-            )
-            name = known[media[0]][sector][number].name
-            axes.fill_between(x * 1e3, *(edges.T * _KHZ), color="#aeb8c2", lw=0, step="mid")
-            axes.text(
-                x[8] * 1e3, edges[8].mean() * _KHZ, name, fontsize=7, va="center", bbox=_LABEL
-            )
-            top = max(top, 1.05 * edges.max() * _KHZ)
-        for end in (0, 1):
-            low, high = ((0, bar.clear[0]), (bar.clear[1], layers.length))[end]
-            if high > low:
-                axes.axvspan(low * 1e3, high * 1e3, color="#f2d7d9", lw=0, zorder=-2)
-        for edge in layers.interfaces:
-            axes.axvline(edge * 1e3, color="#55606b", lw=0.5)
-        for source in field.sources:
-            axes.plot(source.position * 1e3, source.peak_frequency / 1e3, "v", mfc="white", mec="k",
-                      ms=5, clip_on=False, zorder=5)  # fmt: skip
-        for position in field.receivers.values():
-            axes.plot(position * 1e3, 0.02 * top, "^", color=FOUND, ms=4)
-        axes.set(title=f"gaps, {TITLES[sector]}", ylabel="ω/2π (kHz)", ylim=(0, top))
-        axes.set_xlim(0, layers.length * 1e3)
-    rows[-1].set_xlabel("x (mm); ▽ source at its peak frequency, ▲ receiver, red: absorber")
-    return figure
+def _worst_in_time(field: Field, reading: Reading, receiver: str) -> tuple[Any, Any]:
+    """Times, s, and the largest difference of any field about each, over the field's peak."""
+    worst: Any = np.zeros(len(field.t))
+    for name, exact in reading.exact[receiver].items():
+        off = np.abs(field.at(field.receivers[receiver], name) - exact)
+        worst = np.maximum(worst, off / (float(np.abs(exact).max()) or 1.0))
+    wide = -(-len(worst) // _MOST_POINTS)
+    return field.t[::wide], np.maximum(tiles(worst, 0, wide), 1e-18)
 
 
 def _pulse_drawings(test: PulseTest) -> Drawings:

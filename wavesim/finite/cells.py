@@ -137,3 +137,16 @@ def _folded(cosine: Complex) -> Complex:
     """Of ±qL that which decays, Im qL ≥ 0, with |Re qL| for Re qL, at most π."""
     angle = np.arccos(np.where(np.isfinite(cosine), cosine, np.nan + 0j))
     return np.where(angle.imag < 0, np.conj(angle), angle)
+
+
+def exact_folded(layers: Layers, sector: str, omega: Complex) -> Complex:
+    """qL of a bar's repeated stretch by the exact solver, folded as the measured one is.
+
+    Args:
+        layers: of the bar; four cells repeat in it.
+        sector: of the wave.
+        omega: ω + iσ, shape (n,), rad/s.
+    """
+    found = repeated(layers)
+    assert found is not None
+    return _folded(np.cos(bloch(found[2], sector, omega) * found[2].length))

@@ -16,6 +16,9 @@ from wavesim.source import Source
 JUDGED = 0.01
 # Part of the Nyquist frequency of the frames up to which they are looked at.
 _NYQUIST = 0.95
+# Points of an exact line to σ, and of the whole line at most.
+_TO_SIGMA = 6.0
+_MOST = 4000
 
 
 def pulses(field: Field, block: Block) -> list[Source]:
@@ -42,3 +45,18 @@ def contour(
     omega = np.linspace(min(low for low, _ in bands), top, frequencies)
     size = np.max([np.abs(source.spectrum(omega)) / source.strongest for source in sources], axis=0)
     return omega, damping / float(field.t[-1]), size
+
+
+def line(omega: NDArray[Any], sigma: float) -> NDArray[Any]:
+    """Frequencies at which to draw what is exact at ω + iσ: nothing there is narrower than σ.
+
+    Args:
+        omega: those that were measured, shape (n,), ascending, rad/s.
+        sigma: rad/s.
+
+    Returns:
+        Even, from the first to the last, six to σ but no fewer than measured, rad/s.
+    """
+    span = float(omega[-1] - omega[0])
+    count = np.clip(np.ceil(_TO_SIGMA * span / sigma) + 1, len(omega), _MOST)
+    return np.linspace(omega[0], omega[-1], int(count))

@@ -108,6 +108,28 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
         transform = damped_transform(field.part(name, points=nodes), field.t, omega, sigma)
         ends.append(_amplitudes(transform, bar.nodes[nodes] - face, wave))
     (a, b), (c, _) = ends
+    exact = exact_scattering(layers, block.sector, s)
+    carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
+    return Scattered(
+        block.sector,
+        omega,
+        sigma,
+        c / a,
+        b / a,
+        *exact,
+        (size >= JUDGED) & carried,
+    )
+
+
+def exact_scattering(layers: Layers, sector: str, omega: Complex) -> tuple[Complex, Complex]:
+    """T and R of what lies between the first and the last layer, at its faces.
+
+    Args:
+        layers: of the bar, its buffers uniform.
+        sector: of the wave.
+        omega: ω + iσ, shape (n,), rad/s.
+    """
+    first, last = layers.layers[0], layers.layers[-1]
     # The exact solver has its planes at the ends of what it is given: buffers of no length, almost.
     sliver = 1e-6 * min(first.thickness, last.thickness)
     inside = [layer for layer in layers.layers if first.end <= layer.start < last.start]
@@ -116,16 +138,8 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
         start = cut[-1].end
         cut.append(Layer(start, start + layer.thickness, layer.medium, layer.last, layer.grading))
     cut.append(Layer(cut[-1].end, cut[-1].end + sliver, last.medium))
-    exact = transmission(Layers(tuple(cut)), block.sector, s)
-    there = np.exp(-1j * k[0] * sliver)
-    carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
-    return Scattered(
-        block.sector,
-        omega,
-        sigma,
-        c / a,
-        b / a,
-        exact.T * there * np.exp(-1j * k[1] * sliver),
-        exact.R * there**2,
-        (size >= JUDGED) & carried,
+    exact = transmission(Layers(tuple(cut)), sector, omega)
+    there, behind = (
+        np.exp(-1j * wavenumber(layer.medium, sector, omega) * sliver) for layer in (first, last)
     )
+    return exact.T * there * behind, exact.R * there**2
