@@ -348,8 +348,8 @@ def test_bad_layers_give_2_and_one_line(what, good):
 def test_a_layer_too_thin_for_the_grid_gives_2_and_one_line(good):
     """16 cells of order 8 take a spacing of a sixteenth of a millimetre for 1 mm."""
     line = told(good, "layers.0.to=0.031", "layers.1.from=0.031")
-    assert "layer 2, 0.001 m thick" in line
-    assert "take a spacing of 6.25e-05 m or less" in line
+    assert "[[layers]] number 2: from = 0.031, to = 0.032: 0.001 m is 8 cells" in line
+    assert "take [bar] spacing = 6.25e-05, a lower [bar] order, or a thicker layer" in line
     fine = ["layers.0.to=0.031", "layers.1.from=0.031", "bar.spacing=6.25e-5"]
     assert not load(good, fine).plan.endless
 

@@ -14,10 +14,10 @@ from wavesim import fieldfigures
 from wavesim.bar import layered_bar
 from wavesim.figures import STYLE
 from wavesim.finite import barfigures
-from wavesim.finite.barsection import bar_section
 from wavesim.finite.barverdict import SIGNAL_TOLERANCE
 from wavesim.finite.cells import Cells, exact_folded
 from wavesim.finite.excited import line
+from wavesim.finite.sectionfigure import bar_section
 from wavesim.finite.twowaves import Scattered, exact_scattering
 from wavesim.layered.bloch import bloch
 from wavesim.layered.scattering import transmission

@@ -50,7 +50,7 @@ BAD = [
     ("sources.0.positon=3", "[[sources]] number 1: positon = 3", "did you mean position?"),
     ("receivers.0.nam='a'", '[[receivers]] number 1: nam = "a"', "did you mean name?"),
     ("time.zzz=1", "[time] zzz = 1", "known are duration, solver, step, samples"),
-    ("mediun.anisotropy=0.2", "mediun = {", "did you mean medium?"),
+    ("mediun.anisotropy=0.2", "[mediun]: unknown table", "did you mean medium?"),
     ("plot.colour='red'", "plot = {", "known are title, medium, bar, layers, sources"),
     ("order=10", "order = 10", "unknown key"),
     # wrong types

@@ -9,6 +9,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from wavesim.caseunits import UNITS, numbered
+
 _PLAIN = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
@@ -46,7 +48,21 @@ def sentence(schema: type[BaseModel], error: ValidationError) -> str:
     path = _keys(schema, first)
     also = next((e["ctx"]["expected"] for e in words if _keys(schema, e) == path), None)
     text = _told(schema, first, path)
-    return text if also is None else f"{text}, or {_quoted(also)}"
+    if also is not None:
+        text = f"{text}, or {_quoted(also)}"
+    return _as_number(text, first, path)
+
+
+def _as_number(text: str, error: Any, path: Sequence[Any]) -> str:
+    """The text, with unit and form where quotes stand about what should be a number."""
+    value, key = error["input"], str(path[-1])
+    if isinstance(path[-1], int) and len(path) > 2:
+        key = str(path[-2])
+    if not isinstance(value, str) or "must be a number" not in text:
+        return text
+    if '"' in text.split("must be a number")[1] and not value.strip()[:1].isdigit():
+        return text  # a word may stand there too, and this one is none
+    return numbered(key, text, value)
 
 
 def _keys(schema: type[BaseModel], error: Any) -> list[Any]:
@@ -82,6 +98,9 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         allowed = [field.alias or name for name, field in fields.items()]
         near = difflib.get_close_matches(key, allowed, 1)
         hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(allowed)}"
+        if not table and isinstance(value, dict | list):
+            heading = f"[{key}]" if isinstance(value, dict) else f"[[{key}]]"
+            return f"{heading}: unknown table; {hint}"
         tag = next((part for part in error["loc"] if part not in parts), None)
         of = f' of kind "{tag}"' if tag else ""
         return f"{given}: unknown key{of}; {hint}"
@@ -105,7 +124,8 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         kinds = _quoted(error["ctx"]["expected_tags"])
         return f"{place(parts)} kind = {shown(value['kind'])}: must be one of {kinds}"
     if kind == "list_type" and len(parts) > 1:
-        return f"{given}: must be an array of numbers, […]"
+        unit = f" in {UNITS[key]}" if key in UNITS else ""
+        return f"{given}: must be an array of numbers{unit}, […]"
     if kind == "literal_error":
         return f"{given}: must be {_quoted(error['ctx']['expected'])}"
     context = error.get("ctx", {})

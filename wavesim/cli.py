@@ -62,7 +62,8 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
     from wavesim.progress import progress
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    for warning in report.warnings(problem):
+    warned = report.warnings(problem)
+    for warning in warned:
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     console = _console(quiet)
     with progress(problem.plan.schedule.frames, quiet) as tell:
@@ -70,6 +71,8 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
         console.print(f"Note: {note}.")
+    if warned:
+        console.print(f"{_count(warned)} before the run, told again by wavesim check.")
     console.print(f"Results in {folder}")
     if not outcome.passed:
         sys.exit(FELL_SHORT)
@@ -105,11 +108,17 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
                 place = layer.start if where == "from" else layer.end
                 click.echo(f"\nLayer {number}, {where} {place * 1e3:g} mm:")
             _print_bands(medium)
+    # Last, and counted with the rest, as the tables before may be long.
     found = report.warnings(problem)
+    click.echo(f"\n{_count(found) if found else 'No warnings'}.")
     for warning in found:
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     if found:
         sys.exit(FELL_SHORT)
+
+
+def _count(warnings: list[str]) -> str:
+    return f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}"
 
 
 def _print_bands(medium: Any) -> None:

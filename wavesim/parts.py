@@ -14,6 +14,7 @@ from wavesim import casemedia, casesources
 from wavesim.bar import Bar, layered_bar
 from wavesim.case import Case, CaseError
 from wavesim.casemessages import place
+from wavesim.closures import closure
 from wavesim.layers import End, Layer, Layers
 from wavesim.medium import Medium
 from wavesim.plan import fastest
@@ -112,6 +113,8 @@ def assemble(case: Case, name: str) -> Parts:
     if stretches and layers is None:
         medium = stretches[0].medium
     ends = (case.bar.left, case.bar.right)
+    for number, layer in enumerate(layers.layers if layers else ()):
+        build(("layers", str(number)), _check_thick, layer, bar)
     absorber = build(("bar",), _absorber, case, ends, (media[0], media[-1]), bar)
     bar = build(("bar",), _whole, bar, layers, ends, absorber)
     sources = []
@@ -180,6 +183,21 @@ def _absorber(case: Case, ends: tuple[End, End], media: tuple[Medium, Medium], b
             f"{bar.length:g} m; take less than {bar.length / len(absorbing):g}, or lengthen the bar"
         )
     return length
+
+
+def _check_thick(layer: Layer, grid: Bar) -> None:
+    """Hold a layer to the fewest cells that its closures take."""
+    cells, least = max(1, round(layer.thickness / grid.spacing)), closure(grid.order).cells
+    if cells >= least:
+        return
+    # A whole part of the spacing, as a bar's length is a whole number of cells.
+    parts = math.ceil(least * grid.spacing / layer.thickness * (1 - 1e-9))
+    raise ValueError(
+        f"from = {layer.start:g}, to = {layer.end:g}: {layer.thickness:.4g} m is {cells} "
+        f"cell{'s' if cells > 1 else ''} of [bar] spacing = {grid.spacing:.6g}, and order "
+        f"{grid.order} needs {least} in a layer; take [bar] spacing = {grid.spacing / parts:.6g}, "
+        "a lower [bar] order, or a thicker layer"
+    )
 
 
 def _whole(grid: Bar, layers: Layers | None, ends: tuple[End, End], absorber: float) -> Bar:

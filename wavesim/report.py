@@ -30,13 +30,23 @@ def _table(*headings: str, title: str = "") -> Table:
 
 
 def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
-    """Print checks as a table: name, measured, reference, tolerance, unit, pass or FAIL."""
+    """Print checks as a table, pass or FAIL, and below it what to change for each that fails."""
     table = _table("check", "measured", "reference", "tolerance", "unit", "")
     for check in checks:
         mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
         numbers = [_number(check[key]) for key in ("measured", "reference", "tolerance")]
         table.add_row(check["name"], *numbers, check["unit"], mark)
     console.print(table)
+    for check in checks:
+        if check.get("remedy"):
+            console.print(Text("FAIL", "bold red"), f"{_short(check['name'])}: {check['remedy']}.")
+
+
+def _short(name: str) -> str:
+    """A check's name without what was compared."""
+    for mark in (": |", ": difference", " over "):
+        name = name.split(mark)[0]
+    return name
 
 
 def verdict(console: Console, summary: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -197,7 +197,7 @@ def _run(
     timing["store"] += time.perf_counter() - clock
     summary = {
         "title": problem.case.title,
-        "checks": [asdict(check) | {"passed": check.passed} for check in found.checks],
+        "checks": [check.row() for check in found.checks],
         "passed": all(check.passed for check in found.checks),
         "timing": timing,
         "stepper": settled.schedule.solver,

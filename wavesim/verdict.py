@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim import remedies
 from wavesim.extraction.analysis import Measured
 from wavesim.extraction.dispersion import LOBE_BINS, Ridge
 from wavesim.field import Field
@@ -37,6 +38,7 @@ class Check:
         measured, reference: in the unit named; an error has reference 0.
         tolerance: largest |measured − reference| that passes.
         unit: of the three numbers.
+        remedy: what to change in the case if it falls short; "" where nothing is known.
     """
 
     name: str
@@ -44,11 +46,19 @@ class Check:
     reference: float
     tolerance: float
     unit: str = "–"
+    remedy: str = ""
 
     @property
     def passed(self) -> bool:
         """Whether the measured value is within the tolerance; never where it is not a number."""
         return bool(abs(self.measured - self.reference) <= self.tolerance)
+
+    def row(self) -> dict[str, Any]:
+        """As summary.json has it: with whether it passed, and the remedy only if it did not."""
+        found = asdict(self) | {"passed": self.passed}
+        if self.passed or not self.remedy:
+            del found["remedy"]
+        return found
 
 
 @dataclass(frozen=True)
@@ -175,26 +185,42 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
     expected = [b for h in held for b in h.branches if b.expected]
     if expected:
         present = sum(b.present for b in expected)
-        checks.append(Check("waves present", present, len(expected), 0.0, "waves"))
+        bins = f"frequency bins of {1e-3 / field.t[-1]:.3g} kHz do not tell all waves apart"
+        missing = ", ".join(
+            f"{h.measured.block.sector} {b.name}"
+            for h in held
+            for b in h.branches
+            if b.expected and not b.present
+        )
+        remedy = remedies.longer_run(field, f"{bins} (missing: {missing})")
+        checks.append(Check("waves present", present, len(expected), 0.0, "waves", remedy))
         strays = sum(len(h.strays) for h in held)
-        checks.append(Check("ridges of no wave", strays, 0, 0.0, "ridges"))
+        remedy = remedies.longer_run(field, bins)
+        checks.append(Check("ridges of no wave", strays, 0, 0.0, "ridges", remedy))
     for h in held:
-        checks += _branch_checks(h)
+        checks += _branch_checks(field, h)
     checks += _gap_edge_checks(field, held)
     for h in held:
         checks += _wavenumber_checks(field, h)
     return checks + energy_checks(field)
 
 
-def _branch_checks(h: Held) -> list[Check]:
+def _branch_checks(field: Field, h: Held) -> list[Check]:
     checks = []
-    for branch in h.branches:
+    for number, branch in enumerate(h.branches):
         if not branch.expected:
             continue
         found = branch.error if branch.judged.any() else np.array([np.nan])
         label = f"{h.measured.block.sector} {branch.name}: |Δω|/ω"
-        checks.append(Check(f"{label}, median", float(np.median(found)), 0.0, MEDIAN_TOLERANCE))
-        checks.append(Check(f"{label}, maximum", float(np.max(found)), 0.0, MAXIMUM_TOLERANCE))
+        for name, value, tolerance in (
+            ("median", float(np.median(found)), MEDIAN_TOLERANCE),
+            ("maximum", float(np.max(found)), MAXIMUM_TOLERANCE),
+        ):
+            remedy = ""
+            if not value <= tolerance:
+                k = branch.k[branch.judged]
+                remedy = remedies.of_frequencies(field, h.measured.block, k, number, value)
+            checks.append(Check(f"{label}, {name}", value, 0.0, tolerance, remedy=remedy))
     return checks
 
 
@@ -223,9 +249,18 @@ def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
                 j = branch.judged
                 found, exact = edge(branch.omega[j]), edge(branch.omega_exact[j])
                 name = f"{sector} {gap.name} {side} edge, at judged k"
-                checks.append(
-                    Check(name, float(found / 2 / np.pi), float(exact / 2 / np.pi), step, "Hz")
-                )
+                remedy = ""
+                if not abs(found - exact) <= 2 * np.pi * step:
+                    block, number = next(
+                        (h.measured.block, i)
+                        for h in blocks
+                        for i, own in enumerate(h.branches)
+                        if own is branch
+                    )
+                    off = float(abs(found / exact - 1))
+                    remedy = remedies.of_frequencies(field, block, branch.k[j], number, off)
+                values = (float(found / 2 / np.pi), float(exact / 2 / np.pi), step)
+                checks.append(Check(name, *values, "Hz", remedy))
     return checks
 
 
@@ -248,7 +283,13 @@ def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
         known = error[where & np.isfinite(error)]
         if len(known):
             name = f"{sector} k {label}: |Δk|/|k|, {len(known)} of {where.sum()} frequencies"
-            checks.append(Check(name, float(known.max()), 0.0, WAVENUMBER_TOLERANCE))
+            worst = float(known.max())
+            remedy = ""
+            if not worst <= WAVENUMBER_TOLERANCE:
+                there = np.where(where, error, np.nan)
+                omega = curve.omega + 1j * curve.sigma
+                remedy = remedies.of_wavenumbers(field, h.measured.block, omega, there)
+            checks.append(Check(name, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
     return checks
 
 
@@ -269,13 +310,14 @@ def energy_checks(field: Field) -> list[Check]:
     balance = float(np.abs(difference).max()) / scale
     # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
     drift = (field.band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
+    remedy = remedies.of_energy(field)
     if energy.dissipated is not None:
-        return [Check("energy + dissipated − work over energy", balance, 0.0, LOSSY_TOLERANCE)]
-    checks = [Check("energy − work over energy", balance, 0.0, max(drift, ENERGY_TOLERANCE))]
+        name = "energy + dissipated − work over energy"
+        return [Check(name, balance, 0.0, LOSSY_TOLERANCE, remedy=remedy)]
+    name = "energy − work over energy"
+    checks = [Check(name, balance, 0.0, max(drift, ENERGY_TOLERANCE), remedy=remedy)]
     after = energy.total[field.t >= field.quiet_from]
     if len(after) > 1:
-        change = float(np.ptp(after)) / scale
-        checks.append(
-            Check("energy after the pulse", change, 0.0, max(drift, ENERGY_AFTER_TOLERANCE))
-        )
+        change, allowed = float(np.ptp(after)) / scale, max(drift, ENERGY_AFTER_TOLERANCE)
+        checks.append(Check("energy after the pulse", change, 0.0, allowed, remedy=remedy))
     return checks

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.signal import get_window
 
 from wavesim.extraction.points import BAR, BranchPoints
 from wavesim.extraction.record import Record
@@ -47,6 +48,8 @@ class Matched:
         present: where each wave is present, shape (n, branches).
         omega, bar: found and its 95 % bar, shape (n, branches), rad/s; NaN where not found.
         false_k, false_omega: valid points that belong to no wave.
+        width: γ + 2π/T of each wave in the reference, how broad its peak is, shape (n, branches),
+            rad/s.
     """
 
     names: tuple[str, ...]
@@ -58,6 +61,7 @@ class Matched:
     bar: Float
     false_k: Float
     false_omega: Float
+    width: Float
 
     @property
     def found(self) -> NDArray[np.bool_]:
@@ -73,6 +77,11 @@ class Matched:
         """|ω/ω_reference − 1|, shape (n, branches); NaN where not found or not present."""
         reference = self.exact if continuum else self.grid
         return np.where(self.found, np.abs(self.omega / reference - 1), np.nan)
+
+    def shift(self, continuum: bool) -> Float:
+        """|ω − ω_reference| over the width, shape (n, branches); NaN as of :meth:`error`."""
+        reference = self.exact if continuum else self.grid
+        return np.where(self.found, np.abs(self.omega - reference) / self.width, np.nan)
 
     @property
     def coverage(self) -> Float:
@@ -101,39 +110,44 @@ class Matched:
         return rows
 
 
-def present_waves(record: Record, omega: Float, k_max: float) -> Float:
+def present_waves(record: Record, omega: Any, k_max: float, least: float = PRESENT) -> Float:
     """Amplitude of each wave over the larger of its detection limits, shape (n, branches).
 
     Args:
         record: the record.
-        omega: ω of each wave at its wavenumbers, shape (n, branches), rad/s.
+        omega: ω of each wave at its wavenumbers, ω − iγ where it decays, (n, branches), rad/s.
         k_max: highest wavenumber, rad/m.
+        least: weakest that counts, over the strongest at its wavenumber, –.
 
     Returns:
-        Amplitude over the largest of 1e-6 of the strongest at that k, 8 standard errors, and the
-        rounding of the record's strongest wave: > 1 is present.
+        Amplitude, as a Hann window sees it, over the largest of that part of the strongest at that
+        k, 8 standard errors, and the rounding of the record's strongest wave: > 1 is present.
     """
     _, channels = series(record, k_max)
     t = record.t - record.t.mean()
+    since = record.t - record.t[0]
     kept = ~record.missing if len(record.missing) else np.ones(len(t), bool)
+    window = get_window("hann", len(t), fftbins=False)[kept]
+    window /= window.sum()
     sizes, limits = np.zeros(omega.shape), np.zeros(omega.shape)
     waves = omega.shape[1]
     for i, own in enumerate(omega):
-        phase = np.multiply.outer(t[kept], own)
-        basis = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+        phase = np.multiply.outer(t[kept], own.real)
+        fall = np.exp(np.multiply.outer(since[kept], own.imag))
+        basis = np.concatenate([fall * np.cos(phase), fall * np.sin(phase)], axis=1)
         data = channels[i][:, kept].T
         inverse = np.linalg.pinv(basis, rcond=1e-10)
         amplitudes = inverse @ data
         left = data - basis @ amplitudes
         noise = np.sqrt(np.mean(left**2, axis=0))
         size = np.sqrt(np.sum(amplitudes**2, axis=1))
-        size = np.hypot(size[:waves], size[waves:])
+        # What has died away early is seen by the less: by no more than a window has of it.
+        size = np.hypot(size[:waves], size[waves:]) * (window @ fall)
         spread = np.sqrt(np.sum(inverse**2, axis=1))
-        error = np.hypot(spread[:waves], spread[waves:]) * np.sqrt(
-            np.mean(noise**2) * data.shape[1]
-        )
+        error = np.hypot(spread[:waves], spread[waves:]) * (window @ fall)
+        error *= np.sqrt(np.mean(noise**2) * data.shape[1])
         sizes[i] = size
-        limits[i] = np.maximum(PRESENT * size.max(), _ABOVE_NOISE * error)
+        limits[i] = np.maximum(least * size.max(), _ABOVE_NOISE * error)
     return np.asarray(sizes / np.maximum(limits, max(ROUNDING * sizes.max(), 1e-290)))
 
 
@@ -144,6 +158,7 @@ def match(
     exact: Relation,
     grid: Relation | None = None,
     k_range: tuple[float, float] | None = None,
+    least: float = PRESENT,
 ) -> Matched:
     """Hold points at given k against a reference.
 
@@ -154,19 +169,23 @@ def match(
         exact: the continuum's relation.
         grid: the relation that the record obeys exactly, where it has another.
         k_range: wavenumbers judged, rad/m; all of the points' where None.
+        least: weakest wave that counts as present, over the strongest at its wavenumber, –.
 
     Returns:
-        What was found of which wave.
+        What was found of which wave. Where waves decay it is Re ω that is held, and a point is a
+        wave's within its half-width γ too.
     """
     quiet = record.since(record.quiet_from)
     low, high = k_range or (0.0, float(points.k.max(initial=0.0)))
     k, _ = series(quiet, high)
-    every = (grid or exact).omega(k)
+    waves = np.asarray((grid or exact).omega(k))
+    every, decay = waves.real, -waves.imag
     cell = 2 * np.pi / (len(quiet.t) * quiet.interval)
     seen = (every > cell) & (every < 0.97 * np.pi / quiet.interval)
-    strength = present_waves(quiet, every, high)
+    strength = present_waves(quiet, waves, high, least)
     inside = k >= low * (1 - 1e-9)
     k, every, seen, strength = k[inside], every[inside], seen[inside], strength[inside]
+    decay = decay[inside]
     found = np.full(every.shape, np.nan)
     bar = np.full(every.shape, np.nan)
     false = []
@@ -176,7 +195,8 @@ def match(
         if not len(here):
             continue
         distance = np.abs(every[i][:, None] - valid.omega[here])
-        cost = np.where(distance <= _REACH_BINS * cell, distance / cell, 1e6)
+        reach = np.maximum(_REACH_BINS * cell, decay[i][:, None])
+        cost = np.where(distance <= reach, distance / cell, 1e6)
         taken = set()
         for b, j in zip(*linear_sum_assignment(cost), strict=True):
             if cost[b, j] < 1e6:
@@ -187,13 +207,14 @@ def match(
     return Matched(
         names,
         k,
-        exact.omega(k),
+        np.real(exact.omega(k)),
         every,
         (strength > 1) & seen,
         found,
         bar,
         valid.k[false],
         valid.omega[false],
+        decay + cell,
     )
 
 

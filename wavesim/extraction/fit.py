@@ -164,7 +164,7 @@ def _named(observed: Sequence[Observed], medium: Medium) -> list[Any]:
         if points.in_space:
             names.append(np.zeros(len(points), int))
             continue
-        exact = _relation(one, medium).omega(points.k)
+        exact = np.real(_relation(one, medium).omega(points.k))
         nearest = np.argmin(np.abs(exact - points.omega[:, None]), axis=1)
         for branch in points.branches:
             own = points.branch == branch
@@ -199,7 +199,7 @@ class _Model:
                 off = (relation.wavenumber(points.omega) - points.k) / points.error * np.sqrt(2)
                 parts += [off.real, off.imag]
             else:
-                exact = relation.omega(points.k)[np.arange(len(points)), name]
+                exact = relation.omega(points.k)[np.arange(len(points)), name].real
                 parts.append((exact - points.omega) / points.error)
         return np.concatenate(parts)
 

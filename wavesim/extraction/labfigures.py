@@ -73,7 +73,7 @@ def spectrum(one: Recovered) -> Figure:
     if one.source.theory is not None:
         fine = np.linspace(k[0] / 10, k[-1], 400)
         lines = axes.plot(
-            fine * to_k, one.source.theory[0].omega(fine) * to_f, color=THEORY, lw=0.8
+            fine * to_k, np.real(one.source.theory[0].omega(fine)) * to_f, color=THEORY, lw=0.8
         )
         lines[0].set_label("theory")
     for branch in points.branches:

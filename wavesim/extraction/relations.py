@@ -18,6 +18,7 @@ from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.planewave import block_frequencies, wavenumber
 from wavesim.sectors import Block
+from wavesim.spectral.damped import damped
 from wavesim.spectral.eigenproblem import solve, spectral_form
 from wavesim.stencils import difference_weights
 
@@ -28,8 +29,11 @@ Complex = NDArray[np.complex128]
 class Relation(Protocol):
     """ω(k) of some waves."""
 
-    def omega(self, k: Float) -> Float:
-        """ω of each branch, shape (n, branches), rad/s, at k of shape (n,), rad/m."""
+    def omega(self, k: Float) -> Any:
+        """ω of each branch, shape (n, branches), rad/s, at k of shape (n,), rad/m.
+
+        Complex ω − iγ where waves decay in time.
+        """
 
     def weights(self, k: Float) -> Float:
         """Part of each branch in the response to a source of its own kind, (n, branches), –."""
@@ -100,9 +104,10 @@ class OfMedium:
         weights = difference_weights(self.bar.order)
         return sum((2 * j - 1) * c * np.cos((j - 0.5) * k * h) for j, c in enumerate(weights, 1))
 
-    def omega(self, k: Float) -> Float:
-        """ω of each branch, ascending."""
-        return block_frequencies(self.medium, self.block, self.modified(np.asarray(k)))
+    def omega(self, k: Float) -> Any:
+        """ω of each branch, ascending; ω − iγ of a medium with losses, Ω(ω) = ω₀(k̃(k))."""
+        lossless = block_frequencies(self.medium, self.block, self.modified(np.asarray(k)))
+        return damped(self.medium.damping, lossless) if self.medium.damping else lossless
 
     def weights(self, k: Float) -> Float:
         """Left times right eigenvector on the first component."""

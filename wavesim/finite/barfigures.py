@@ -21,13 +21,13 @@ from wavesim.figures import (
     second_axes,
     tiles,
 )
-from wavesim.finite.barsection import bar_section
 from wavesim.finite.barverdict import SIGNAL_TOLERANCE
 from wavesim.finite.cells import Cells, exact_folded
 from wavesim.finite.excited import line
 from wavesim.finite.pulsetest import PulseTest
 from wavesim.finite.reading import Reading
 from wavesim.finite.ringing import Ringing
+from wavesim.finite.sectionfigure import bar_section
 from wavesim.finite.twowaves import Scattered, exact_scattering
 from wavesim.layers import Layers
 from wavesim.medium import Medium

@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
+from wavesim import remedies
 from wavesim.damping import quality
 from wavesim.field import Field
+from wavesim.finite import barremedies
 from wavesim.finite.cells import Cells
 from wavesim.finite.excited import JUDGED, pulses
 from wavesim.finite.pulsetest import PulseTest
@@ -31,8 +33,6 @@ QUALITY_TOLERANCE = 0.02
 _FAR = 10.0
 # Transmission is held to decibels down to here.
 _DEEPEST = 1e-3
-# So many cells from an interface or an end the differences are exact to a lower degree.
-_ONE_SIDED = 8
 
 
 def judge_bar(field: Field, reading: Reading) -> list[Check]:
@@ -49,13 +49,14 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     for receiver, errors in reading.error.items():
         worst = _worst(errors)
         label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
-        checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE))
+        remedy = barremedies.of_signal(field, receiver)
+        checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE, remedy=remedy))
     for scattered in reading.scattered:
-        checks += _scattered_checks(scattered)
+        checks += _scattered_checks(field, scattered)
     for cells in reading.cells:
-        checks += _cell_checks(cells)
+        checks += _cell_checks(field, cells)
     for ringing in reading.ringing:
-        checks += _ringing_checks(ringing)
+        checks += _ringing_checks(field, ringing)
     for pulse in reading.pulses:
         checks += _pulse_checks(field, pulse)
     return checks + energy_checks(field)
@@ -66,7 +67,7 @@ def _worst(errors: dict[str, float]) -> str:
     return max(errors, key=lambda name: math.inf if math.isnan(errors[name]) else errors[name])
 
 
-def _scattered_checks(found: Scattered) -> list[Check]:
+def _scattered_checks(field: Field, found: Scattered) -> list[Check]:
     judged = found.judged
     count = int(judged.sum())
     if not count:
@@ -76,18 +77,22 @@ def _scattered_checks(found: Scattered) -> list[Check]:
         ("T", found.T, found.T_exact),
         ("R", found.R, found.R_exact),
     ):
-        worst = float(np.abs(measured - exact)[judged].max())
+        error = np.abs(measured - exact)
         label = f"{found.sector} {name}: |Δ{name}| of the incident wave, {count} frequencies"
-        checks.append(Check(label, worst, 0.0, AMPLITUDE_TOLERANCE))
+        remedy = barremedies.of_scattering(field, found, error)
+        worst = float(error[judged].max())
+        checks.append(Check(label, worst, 0.0, AMPLITUDE_TOLERANCE, remedy=remedy))
     deep = judged & (np.abs(found.T_exact) >= _DEEPEST)
     if deep.any():
-        worst = float(np.abs(20 * np.log10(np.abs(found.T / found.T_exact)))[deep].max())
+        error = np.where(deep, np.abs(20 * np.log10(np.abs(found.T / found.T_exact))), 0.0)
         label = f"{found.sector} T down to −60 dB: difference, {deep.sum()} frequencies"
-        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB"))
+        remedy = barremedies.of_scattering(field, found, error)
+        worst = float(error[deep].max())
+        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
     return checks
 
 
-def _cell_checks(found: Cells) -> list[Check]:
+def _cell_checks(field: Field, found: Cells) -> list[Check]:
     judged = found.judged
     if not judged.any():
         return []
@@ -95,17 +100,20 @@ def _cell_checks(found: Cells) -> list[Check]:
     size = np.maximum(np.abs(found.cosine_exact), 1.0)
     worst = float((np.abs(found.cosine - found.cosine_exact) / size)[judged].max())
     label = f"{found.sector} Bloch wave: |Δcos qL|, {judged.sum()} frequencies"
-    return [Check(label, worst, 0.0, BLOCH_TOLERANCE)]
+    return [Check(label, worst, 0.0, BLOCH_TOLERANCE, remedy=barremedies.of_grid(field))]
 
 
-def _ringing_checks(found: Ringing) -> list[Check]:
+def _ringing_checks(field: Field, found: Ringing) -> list[Check]:
     heard = np.isfinite(found.found)
     label = f"{found.sector} eigenfrequencies"
-    checks = [Check(f"{label} heard", int(heard.sum()), len(heard), 0.0, "modes")]
+    error = np.abs(found.found / found.exact - 1)[heard]
+    off = bool((error > RESONANCE_TOLERANCE).any())
+    remedy = barremedies.of_eigenfrequencies(field, off)
+    checks = [Check(f"{label} heard", int(heard.sum()), len(heard), 0.0, "modes", remedy)]
     if heard.any():
-        error = np.abs(found.found / found.exact - 1)[heard]
+        worst, remedy = float(error.max()), remedies.finer(field)
         checks.append(
-            Check(f"{label}: |Δω|/ω, maximum", float(error.max()), 0.0, RESONANCE_TOLERANCE)
+            Check(f"{label}: |Δω|/ω, maximum", worst, 0.0, RESONANCE_TOLERANCE, remedy=remedy)
         )
     return checks
 
@@ -121,7 +129,8 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             # One that is not found is not a number, and so fails.
             worst = float(np.abs(found - known)[there].max())
             label = f"{pulse.name} arrival, {convention}: |Δt|, {there.sum()} receivers"
-            checks.append(Check(label, worst, 0.0, allowed, "s"))
+            remedy = barremedies.of_arrival(field, found, known)
+            checks.append(Check(label, worst, 0.0, allowed, "s", remedy))
     loss, exact = pulse.result.loss, pulse.exact.loss
     both = loss.valid & exact.valid
     if both.any():
@@ -131,19 +140,23 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             f"{pulse.name} {'loss' if pulse.medium is not None else 'level'}, {loss.first} to "
             f"{loss.last}: difference, {both.sum()} frequencies"
         )
-        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB"))
+        remedy = barremedies.of_grid(field)
+        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
     if pulse.k_exact is not None:
         k = pulse.result.dispersion.damped
         known = np.isfinite(k)
         if known.any():
-            worst = float(np.abs(k / pulse.k_exact - 1)[known].max())
+            error = np.abs(k / pulse.k_exact - 1)
+            worst = float(error[known].max())
             label = f"{pulse.name} k between receivers: |Δk|/|k|, {known.sum()} frequencies"
-            checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE))
-        checks += _quality_checks(pulse)
+            omega = pulse.result.dispersion.omega + 1j * pulse.result.dispersion.sigma
+            remedy = barremedies.of_one_wave(field, pulse, omega, error)
+            checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
+        checks += _quality_checks(field, pulse)
     return checks
 
 
-def _quality_checks(pulse: PulseTest) -> list[Check]:
+def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
     """Q as an experimenter reads it, beside that of the loss law over the bands."""
     found = pulse.result.dispersion
     if pulse.medium is None or not pulse.medium.damping:
@@ -159,7 +172,8 @@ def _quality_checks(pulse: PulseTest) -> list[Check]:
         return []
     ratio = float(np.median((found.quality / law)[passes]))
     label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
-    return [Check(label, ratio, 1.0, QUALITY_TOLERANCE)]
+    remedy = barremedies.of_one_wave(field, pulse)
+    return [Check(label, ratio, 1.0, QUALITY_TOLERANCE, remedy=remedy)]
 
 
 def bar_notes(reading: Reading, field: Field) -> list[str]:
@@ -181,13 +195,23 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
             'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
             'take "consistent" to have it judged'
         )
-    found += _near_faces(reading, field)
-    found += _near_cutoffs(field)
-    for scattered in reading.scattered:
-        edge = _near_asymptote(scattered)
-        if edge:
-            found.append(edge)
-    return found
+    return found + _too_short(reading, field) + _near_cutoffs(field)
+
+
+def _too_short(reading: Reading, field: Field) -> list[str]:
+    """Bars that ring, of which the record is too short to tell one eigenfrequency."""
+    layers, bar = field.layers, field.bar
+    if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
+        return []
+    if reading.ringing or any(layer.medium.damping for layer in layers.layers):
+        return []
+    if not any(block.rotations for block in field.blocks):
+        return []
+    last = float(field.t[-1])
+    return [
+        f"no eigenfrequency was judged: a record of {last:.3g} s does not tell one from the next; "
+        "lengthen [time] duration"
+    ]
 
 
 def _near_cutoffs(field: Field) -> list[str]:
@@ -225,32 +249,3 @@ def _near_cutoffs(field: Field) -> list[str]:
         + ", ".join(dict.fromkeys(told))
         + "; keep the sources' band off them, or take stiffer media at the ends"
     ]
-
-
-def _near_faces(reading: Reading, field: Field) -> list[str]:
-    """Receivers that fell short where the differences are one-sided, with the remedy."""
-    bar, layers = field.bar, field.layers
-    faces = list(layers.interfaces) if layers else []
-    faces += [] if bar.periodic else [0.0, bar.length]
-    reach = _ONE_SIDED * bar.spacing
-    return [
-        f"receiver {name} stands within {_ONE_SIDED} cells of an interface or an end, where the "
-        "grid gives micro-curvatures least well; move it away, or take a finer [bar] spacing"
-        for name, errors in reading.error.items()
-        if not errors[_worst(errors)] <= SIGNAL_TOLERANCE
-        and any(abs(field.receivers[name] - face) <= reach for face in faces)
-    ]
-
-
-def _near_asymptote(found: Scattered) -> str | None:
-    """Where the transmission is least certain, with the remedy, if it fell short there."""
-    error = np.where(found.judged, np.abs(found.T - found.T_exact), 0.0)
-    worst = int(np.argmax(error))
-    if error[worst] <= AMPLITUDE_TOLERANCE:
-        return None
-    frequency = found.omega[worst] / 2 / math.pi / 1e3
-    return (
-        f"{found.sector} transmission is furthest off at {frequency:.4g} kHz: close below an "
-        "asymptote waves are short, and close to a band edge an absorber reflects; take a finer "
-        "[bar] spacing, or a longer absorber"
-    )

@@ -1,0 +1,61 @@
+"""The unit of each number of a case file, and what a text given in its place was meant to be."""
+
+from __future__ import annotations
+
+import re
+
+# By key; where the tables give one key two meanings the unit is the same.
+UNITS = (
+    dict.fromkeys(
+        ("length", "spacing", "absorber", "from", "to", "position", "width", "branch_length",
+         "particle_radius"), "m",
+    )
+    | dict.fromkeys(("duration", "step", "delay", "start", "times", "stiffness_damping"), "s")
+    | dict.fromkeys(("peak_frequency", "frequency", "low", "high", "quality_band"), "Hz")
+    | dict.fromkeys(("G_n_a", "G_n_r", "G_n_g"), "N·m")
+    | dict.fromkeys(("k_min", "k_max"), "rad/m")
+    | {
+        "contact_density": "1/m³", "density": "kg/m³", "rotation_inertia": "m²",
+        "curvature_inertia": "m⁴", "mass_damping": "1/s",
+    }
+)  # fmt: skip
+_FACTORS = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9},
+    "Hz": {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9},
+}
+_TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_LEAST_DIGITS = 12
+
+
+def numbered(key: str, message: str, value: str) -> str:
+    """A message that a key must be a number, with unit, form, and the number if it is clear.
+
+    Args:
+        key: of the case file.
+        message: "must be a number" within it.
+        value: the text that was given.
+
+    Returns:
+        Such as "must be a number in Hz, without quotes or unit: 50000.0".
+    """
+    unit = UNITS.get(key)
+    if unit:
+        message = message.replace("must be a number", f"must be a number in {unit}", 1)
+    meant = _meant(unit, value)
+    return f"{message}, without quotes or unit{f': {meant}' if meant else ''}"
+
+
+def _meant(unit: str | None, value: str) -> str | None:
+    """The number in the key's unit, as TOML; None where it can't be told."""
+    match = _TEXT.fullmatch(value.strip())
+    if match is None:
+        return None
+    number, given = float(match[1]), match[2].strip()
+    known = _FACTORS.get(unit or "", {})
+    factor = known.get(given.lower() if unit == "Hz" else given)
+    if given in ("", unit):
+        factor = 1.0
+    if factor is None:
+        return None
+    return repr(float(f"{number * factor:.{_LEAST_DIGITS}g}"))
