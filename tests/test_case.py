@@ -51,7 +51,7 @@ BAD = [
     ("receivers.0.nam='a'", '[[receivers]] number 1: nam = "a"', "did you mean name?"),
     ("time.zzz=1", "[time] zzz = 1", "known are duration, solver, step, samples"),
     ("mediun.anisotropy=0.2", "[mediun]: unknown table", "did you mean medium?"),
-    ("plot.colour='red'", "plot = {", "known are title, medium, bar, layers, sources"),
+    ("plot.colour='red'", "[plot]: unknown table", "known are title, medium, bar, layers, sources"),
     ("order=10", "order = 10", "unknown key"),
     # wrong types
     ("title=3", "title = 3", "text in quotes"),

@@ -14,7 +14,7 @@ from wavesim.damping import UNDAMPED, Damping
 from wavesim.extraction.comparison import PRESENT, Matched, MatchedInSpace, match, match_in_space
 from wavesim.extraction.decaying import ABOVE_WEAKEST, weakest, while_waves_last
 from wavesim.extraction.fit import Fitted, Observed, fit
-from wavesim.extraction.points import BranchPoints
+from wavesim.extraction.points import BranchPoints, plain
 from wavesim.extraction.record import Record, RecordError
 from wavesim.extraction.records import HDF5, Layout, read
 from wavesim.extraction.relations import OfMedium
@@ -321,14 +321,14 @@ def summary(results: Sequence[Recovered], fit_of: Fitted | None = None) -> dict[
             "receivers": len(record.x),
             "notes": list(record.notes),
             "branches": len(points.branches),
-            "points": {n: _plain(column) for n, column in points.columns().items()},
+            "points": {n: plain(column) for n, column in points.columns().items()},
         }
         if isinstance(one.matched, Matched):
             entry["waves"] = one.matched.rows()
             entry["false_points"] = len(one.matched.false_k)
         elif one.matched is not None:
-            entry["error_grid"] = _plain(one.matched.error(False))
-            entry["error_continuum"] = _plain(one.matched.error(True))
+            entry["error_grid"] = plain(one.matched.error(False))
+            entry["error_continuum"] = plain(one.matched.error(True))
         entries.append(entry)
     found = checks(results)
     answer: dict[str, Any] = {
@@ -344,14 +344,3 @@ def summary(results: Sequence[Recovered], fit_of: Fitted | None = None) -> dict[
             "points": fit_of.points,
         }
     return answer
-
-
-def _plain(column: Any) -> list[Any]:
-    column = np.asarray(column)
-    if column.dtype.kind == "f":
-        return [float(v) if np.isfinite(v) else None for v in column]
-    if column.dtype.kind == "b":
-        return [bool(v) for v in column]
-    if column.dtype.kind in "iu":
-        return [int(v) for v in column]
-    return [str(v) for v in column]

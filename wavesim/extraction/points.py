@@ -113,3 +113,15 @@ def joined(parts: list[BranchPoints]) -> BranchPoints:
     names = [n for n in BranchPoints.__dataclass_fields__ if n != "method"]
     whole: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in shifted]) for n in names}
     return replace(shifted[0], **whole)
+
+
+def plain(column: Any) -> list[Any]:
+    """A column for JSON: not a number becomes null."""
+    column = np.asarray(column)
+    if column.dtype.kind == "f":
+        return [float(v) if np.isfinite(v) else None for v in column]
+    if column.dtype.kind == "b":
+        return [bool(v) for v in column]
+    if column.dtype.kind in "iu":
+        return [int(v) for v in column]
+    return [str(v) for v in column]
