@@ -1,21 +1,25 @@
-"""Figures drawn by a process of their own, while the run stores and measures.
+"""Figures drawn by processes of their own, while the run stores and measures.
 
 Drawing takes as long as all else after the integration, and holds Python's lock throughout, so a
-thread would not do. The process is a fresh one, as jax's threads do not survive a fork, and begins
-at once, so that it has loaded what it needs when there is something to draw.
+thread would not do. One process is begun at once, loads what drawing needs, and forks for each
+thing that it is told to draw; it is a fresh one, as jax's threads do not survive a fork.
 """
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import pickle
 import signal
 import subprocess
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from wavesim.field import WHOLE, Field
 
@@ -29,7 +33,7 @@ _PROGRAM = (
 
 
 class FigureProcess:
-    """A process that draws what it is told to; it ends where the ``with`` block does."""
+    """A process that has drawn what it is told to; it ends where the ``with`` block does."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -45,7 +49,8 @@ class FigureProcess:
     def __exit__(
         self, kind: type | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._process.kill()
+        with suppress(ProcessLookupError):  # waited for before
+            os.killpg(self._process.pid, signal.SIGKILL)  # it and those that draw
         self._process.communicate()
 
     def draw(
@@ -55,7 +60,7 @@ class FigureProcess:
         held: Sequence[Held] | Reading | None = None,
         share: slice = WHOLE,
     ) -> None:
-        """Have drawn what shows the field, or else what shows the measurement, after all before.
+        """Have drawn what shows the field, or else what shows the measurement.
 
         Args:
             folder: where to; made if need be.
@@ -99,33 +104,63 @@ class FigureProcess:
 
 
 def serve() -> None:
-    """What the process does: load, draw, answer with the files or with what went wrong."""
+    """What the process does: load, have drawn, answer with the files or with what went wrong."""
     receive, answer = sys.stdin.buffer, sys.stdout.buffer
     sys.stdout = sys.stderr
+    from wavesim import fieldfigures  # noqa: F401  those that draw find it loaded
+
+    begun = []
     try:
-        found: Any = _drawn(receive)
+        while (message := pickle.load(receive)) is not None:
+            begun.append(_begin(message))
     except EOFError:
         return  # the run ended before
-    except Exception as error:
-        error.add_note(traceback.format_exc())
-        found = error
-    pickle.dump(found, answer)
+    made = [_end(process, theirs) for process, theirs in begun]
+    wrong = [part for part in made if isinstance(part, Exception)]
+    pickle.dump(wrong[0] if wrong else [path for part in made for path in part], answer)
     answer.flush()
 
 
-def _drawn(receive: IO[bytes]) -> list[Path]:
+def _begin(message: Any) -> tuple[Any, Connection]:
+    """A process that draws what a message asks for, and the end of a pipe with its answer."""
+    forking = multiprocessing.get_context("fork")
+    ours, theirs = forking.Pipe(duplex=False)
+    process = forking.Process(target=_answer, args=(message, theirs))
+    process.start()
+    theirs.close()
+    return process, ours
+
+
+def _end(process: Any, answer: Connection) -> Any:
+    """The files that such a process has written, or what went wrong."""
+    try:
+        made = answer.recv()
+    except EOFError:
+        made = None
+    process.join()
+    if made is None:
+        kind = MemoryError if process.exitcode == -signal.SIGKILL else RuntimeError
+        return kind(f"a process that draws figures ended with code {process.exitcode}")
+    return made
+
+
+def _answer(message: Any, answer: Connection) -> None:
+    try:
+        answer.send(_drawn(*message))
+    except Exception as error:
+        error.add_note(traceback.format_exc())
+        answer.send(error)
+
+
+def _drawn(folder: Path, field: Field, held: Any, share: slice) -> list[Path]:
     from wavesim import fieldfigures, figures
 
-    written: list[Path] = []
-    while (message := pickle.load(receive)) is not None:
-        folder, field, held, share = message
-        if held is None:
-            drawings = fieldfigures.of_field(field)
-        elif isinstance(held, list):
-            drawings = figures.of_measurement(field, held)
-        else:
-            from wavesim.finite.barfigures import of_reading
+    if held is None:
+        drawings = fieldfigures.of_field(field)
+    elif isinstance(held, list):
+        drawings = figures.of_measurement(field, held)
+    else:
+        from wavesim.finite.barfigures import of_reading
 
-            drawings = of_reading(field, held)
-        written += figures.write(dict(list(drawings.items())[share]), folder)
-    return written
+        drawings = of_reading(field, held)
+    return figures.write(dict(list(drawings.items())[share]), folder)

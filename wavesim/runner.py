@@ -126,9 +126,12 @@ def _run(
         now = time.perf_counter()
         timing[stage], clock = now - clock, now
 
+    from wavesim.figureprocess import FigureProcess
+
+    # It loads what it needs while this process loads jax and compiles, on the other core.
+    drawing = until_the_end.enter_context(FigureProcess())
     _keep_compiled()
     from wavesim import resultfile, storage
-    from wavesim.figureprocess import FigureProcess
     from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
 
     lap("import")
@@ -146,8 +149,6 @@ def _run(
     (folder / "summary.json").unlink(missing_ok=True)
     (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
     tell("compile", 0.0)
-    # It loads what it needs while this process compiles, which keeps the other core busy.
-    drawing = [until_the_end.enter_context(FigureProcess())]
     # The compiler leaves Python's lock alone: what the analysis needs is loaded meanwhile.
     loading = Thread(target=import_module, args=(_analysis(problem),))
     loading.start()
@@ -158,8 +159,6 @@ def _run(
             for chunk in stream(settled, start, spent):
                 if writing is not None:
                     writing.result()
-                if len(drawing) == 1:  # the first chunk comes with the compiled function
-                    drawing.append(until_the_end.enter_context(FigureProcess()))
                 state = pack(chunk.motion)
                 writing = writer.submit(
                     results.append, chunk.first, chunk.values, chunk.energy, state
@@ -170,8 +169,6 @@ def _run(
     except NotFiniteError as error:
         results.finish("failed")
         raise RunError(str(error), True) from None
-    if len(drawing) == 1:  # a run that was carried on may have had nothing left to integrate
-        drawing.append(until_the_end.enter_context(FigureProcess()))
     lap("integrate")
     timing["compile"] = spent.compile
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
@@ -180,17 +177,16 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, problem)
-    drawing[0].draw(folder / "figures", field)
+    drawing.draw(folder / "figures", field)
     found = measure(problem, field)
     lap("analyse")
     tell("figures", 0.0)
-    # The first is still busy with the field, and so gets less.
-    for process, share in zip(drawing, (slice(-2, None), slice(None, -2)), strict=True):
-        process.draw(folder / "figures", field, found.shown, share)
+    # As many as draw at once; the field's own figures are not ready yet.
+    for share in (slice(0, None, 2), slice(1, None, 2)):
+        drawing.draw(folder / "figures", field, found.shown, share)
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
-        for process in drawing:
-            process.wait()
+        drawing.wait()
         lap("figures")
         tell("store", 0.0)
         results.finish("complete", found.held, found.tables)

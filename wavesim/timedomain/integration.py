@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +39,7 @@ from wavesim.timedomain.steppers import (
     WaveEquation,
     propagator_series,
 )
+from wavesim.timedomain.timestep import Schedule
 
 
 class NotFiniteError(RuntimeError):
@@ -153,12 +155,12 @@ def advance(
     step: float,
     steps_per_frame: int,
     frames: int,
+    stepper_state: Any = None,
     adjoint: Any = None,
 ) -> Any:
     """Integrate some frames from a state; pure, so that jax transforms go through.
 
-    The stepper's own state is made anew from the motion: a run that is carried on from a stored
-    motion is the uninterrupted one to the last bit.
+    The stepper's own state, of :func:`prepare`, is made here if it is not given.
     """
 
     def observe(t: Any, y: Any, args: Any) -> Any:
@@ -182,36 +184,66 @@ def advance(
         ),
         stepsize_controller=diffrax.StepTo(ts=times),
         max_steps=count,
+        solver_state=stepper_state,
         adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
     )
     seen, last = solution.ys
     return seen, jax.tree.map(lambda a: a[-1], last)
 
 
+def prepare(equation: Any, stepper: Any, motion: Any, start: jax.Array, step: float) -> Any:
+    """The stepper's own state at a motion.
+
+    It is made anew for each chunk: a run that is carried on from a stored motion is the
+    uninterrupted one to the last bit.
+    """
+    t = jnp.asarray(start).astype(float) * step
+    return stepper.init(TERM, t, t + step, motion, equation)
+
+
 # Compiled functions, by all that they depend on: a second run of one shape compiles nothing.
 _COMPILED: dict[Any, Any] = {}
 
 
-def _compiled(
+def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> Any:
+    """A function compiled for arguments of these shapes and for settings, its keywords."""
+    leaves, structure = jax.tree.flatten(arguments)
+    shapes = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
+    key = (function, structure, shapes, tuple(settings.items()))
+    if key not in _COMPILED:
+        whole = functools.partial(function, **settings)
+        _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
+    return _COMPILED[key]
+
+
+def _program(equation: Any, stepper: Any, motion: Any, steps: Schedule, frames: int) -> Any:
+    """What integrates so many frames from a motion and a number of steps.
+
+    The compiler works in one thread: two functions beside each other take less than one.
+    """
+    known = (equation, stepper, motion, jnp.asarray(0))
+    kept = jax.eval_shape(functools.partial(prepare, step=steps.step), *known)
+    counts = {"steps_per_frame": steps.steps_per_frame, "frames": frames}
+    with ThreadPoolExecutor(1) as other:
+        first = other.submit(_compiled, prepare, known, step=steps.step)
+        then = _compiled(_carried, (*known, kept), step=steps.step, **counts)
+        begin = first.result()
+
+    def run(motion: Any, at: jax.Array) -> Any:
+        return then(equation, stepper, motion, at, begin(equation, stepper, motion, at))
+
+    return run
+
+
+def _carried(
     equation: Any,
     stepper: Any,
     motion: Any,
-    at: jax.Array,
-    step: float,
-    steps_per_frame: int,
-    frames: int,
+    start: jax.Array,
+    stepper_state: Any,
+    **settings: Any,
 ) -> Any:
-    """:func:`advance` compiled for arguments of these shapes."""
-    arguments = (equation, stepper, motion, at)
-    leaves, structure = jax.tree.flatten(arguments)
-    shapes = tuple((np.shape(leaf), str(jnp.asarray(leaf).dtype)) for leaf in leaves)
-    key = (structure, shapes, step, steps_per_frame, frames)
-    if key not in _COMPILED:
-        whole = functools.partial(
-            advance, step=step, steps_per_frame=steps_per_frame, frames=frames
-        )
-        _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
-    return _COMPILED[key]
+    return advance(equation, stepper, motion, start, stepper_state=stepper_state, **settings)
 
 
 def stream(
@@ -236,8 +268,7 @@ def stream(
     stepper = _stepper(settled, equation)
     steps, size = settled.schedule, settled.chunk
     frame, motion = start or (0, rest)
-    at = jnp.asarray(frame * steps.steps_per_frame)
-    run = _compiled(equation, stepper, motion, at, steps.step, steps.steps_per_frame, size)
+    run = _program(equation, stepper, motion, steps, size)
     timing.compile += time.perf_counter() - begun
     if start is None:
         first = jax.tree.map(lambda a: np.asarray(a)[None], equation.observe(motion))
@@ -245,7 +276,7 @@ def stream(
     while frame < steps.frames - 1:
         begun = time.perf_counter()
         at = jnp.asarray(frame * steps.steps_per_frame)
-        seen, motion = run(equation, stepper, motion, at)
+        seen, motion = run(motion, at)
         seen = jax.tree.map(np.asarray, seen)
         # The last chunk runs past the end, so that one compiled function serves all chunks.
         wanted = min(size, steps.frames - 1 - frame)
