@@ -1,6 +1,7 @@
 """Figures: all are written, the two scales of each axis agree, and gaps stand where they should."""
 
 import dataclasses
+import multiprocessing
 import os
 import signal
 import struct
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 
 from wavesim import fieldfigures, figures, planewave
 from wavesim.field import Field
-from wavesim.figureprocess import FigureProcess
+from wavesim.figureprocess import FigureProcess, _end
 from wavesim.source import Ricker
 
 TO_KHZ = 1 / (2e3 * np.pi)
@@ -284,6 +285,17 @@ def test_what_goes_wrong_in_the_process_is_raised_here(small_run, tmp_path):
     gone = dataclasses.replace(field, values={})
     with pytest.raises(KeyError, match="phi1"):
         process(tmp_path / "other", gone)
+
+
+def test_one_that_draws_and_is_killed_is_told():
+    forking = multiprocessing.get_context("fork")
+    ours, theirs = forking.Pipe(duplex=False)
+    process = forking.Process(target=lambda: os.kill(os.getpid(), signal.SIGKILL))
+    process.start()
+    theirs.close()
+    wrong = _end(process, ours)
+    assert isinstance(wrong, MemoryError)
+    assert "ended with code -9" in str(wrong)
 
 
 def test_process_that_is_killed_is_told_and_leaves_no_zombie(small_run, tmp_path):

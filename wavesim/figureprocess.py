@@ -133,10 +133,9 @@ def _begin(message: Any) -> tuple[Any, Connection]:
 
 def _end(process: Any, answer: Connection) -> Any:
     """The files that such a process has written, or what went wrong."""
-    try:
+    made = None
+    with answer, suppress(EOFError):
         made = answer.recv()
-    except EOFError:
-        made = None
     process.join()
     if made is None:
         kind = MemoryError if process.exitcode == -signal.SIGKILL else RuntimeError
