@@ -297,7 +297,8 @@ figureprocess._drawn = lambda: os.kill(os.getpid(), signal.SIGKILL)
 print(repr(figureprocess._end(*figureprocess._begin(()))))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.startswith("MemoryError(") and "ended with code -9" in done.stdout
+    assert done.stdout.startswith("MemoryError(")
+    assert "ended with code -9" in done.stdout
 
 
 def test_process_that_is_killed_is_told_and_leaves_no_zombie(small_run, tmp_path):
