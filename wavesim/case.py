@@ -21,7 +21,7 @@ from wavesim.casetable import NotNegative, Positive, Table
 from wavesim.layers import End
 from wavesim.medium import Medium
 from wavesim.stencils import ORDERS
-from wavesim.timedomain.timestep import Solver
+from wavesim.timedomain.timestep import Precision, Solver
 
 
 class CaseError(ValueError):
@@ -108,6 +108,7 @@ class TimeTable(Table):
     duration: Positive
     solver: Solver = "auto"
     step: Positive | Literal["auto"] = "auto"
+    precision: Precision = "double"
     samples: Annotated[int, Field(ge=2)] | Literal["auto"] = "auto"
 
 

@@ -17,6 +17,7 @@ from wavesim.layers import Layers
 from wavesim.medium import Medium
 from wavesim.sectors import BLOCKS, Block, scales
 from wavesim.source import Source
+from wavesim.timedomain.timestep import Precision
 
 Float = NDArray[np.float64]
 
@@ -67,6 +68,7 @@ class Field:
         energy: energy at each frame.
         stepper, step: name and time step (s) of the stepper that made it.
         layers: what the bar is made of, where it is not one medium.
+        precision: of the stepper's products and of the values that are kept.
     """
 
     t: Float
@@ -79,6 +81,7 @@ class Field:
     stepper: str = ""
     step: float = 0.0
     layers: Layers | None = None
+    precision: Precision = "double"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,7 +116,7 @@ class Field:
 
     def part(self, name: str, frames: slice = WHOLE, points: slice = WHOLE) -> Float:
         """Some frames of one field at some points, shape (frames, points); no more is read."""
-        return np.asarray(self.values[name][frames, points])
+        return np.asarray(self.values[name][frames, points], np.float64)
 
     def positions(self, name: str) -> Float:
         """Grid positions of one field, shape (nx,), m."""

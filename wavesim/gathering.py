@@ -66,7 +66,7 @@ class Gathering:
             wide = min(points, 1024)
             high = max(1, min(64, _CHUNK_POINTS // wide, count))
             new = self._file.create_dataset(
-                f"fields/{name}", frames.shape, float, chunks=(high, wide), **COMPRESSED
+                f"fields/{name}", frames.shape, frames.dtype, chunks=(high, wide), **COMPRESSED
             )
             step = max(1, _GATHERED // wide) * wide
             corners = list(product(range(0, count, high), range(0, points, step)))
@@ -90,7 +90,7 @@ def _chunks(
         block = frames[first : first + high, left : left + step]
         found = []
         for at in range(0, block.shape[1], wide):
-            chunk = np.zeros((high, wide))
+            chunk = np.zeros((high, wide), block.dtype)
             part = block[:, at : at + wide]
             chunk[: part.shape[0], : part.shape[1]] = part
             found.append(((first, left + at), deflated(chunk)))

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,13 @@ from wavesim.planewave import block_frequencies, check_hyperbolic, gradient_shar
 from wavesim.sectors import Block, excited_blocks
 from wavesim.source import InitialField, Source
 from wavesim.timedomain.barstep import bar_schedule
-from wavesim.timedomain.timestep import Schedule, schedule, spectral_bound
+from wavesim.timedomain.timestep import (
+    PRECISIONS,
+    Precision,
+    Schedule,
+    schedule,
+    spectral_bound,
+)
 from wavesim.timedomain.zones import banded
 
 # Highest frequency of a stretch with closures over that of an endless one, at most.
@@ -40,6 +47,7 @@ class Plan:
         blocks: those that the sources set in motion.
         schedule: stepper and step, scaled.
         duration: s.
+        precision: of the products of the steps, and of the fields that are kept.
     """
 
     layers: Layers
@@ -48,6 +56,7 @@ class Plan:
     blocks: tuple[Block, ...]
     schedule: Schedule
     duration: float
+    precision: Precision = "double"
 
     @property
     def medium(self) -> Medium:
@@ -97,6 +106,11 @@ class Plan:
         return tuple(dict.fromkeys(names))
 
     @property
+    def stored(self) -> np.dtype[Any]:
+        """Type of the numbers of the fields that are kept."""
+        return np.dtype(np.float32 if self.precision == "single" else np.float64)
+
+    @property
     def chunk(self) -> int:
         """Frames in one chunk."""
         size = 8 * self.bar.cells * len(self.fields)
@@ -112,6 +126,7 @@ def plan(
     samples: int | None = None,
     solver: str = "auto",
     step: float | None = None,
+    precision: Precision = "double",
 ) -> Plan:
     """Settle stepper, step and frames of a run.
 
@@ -123,6 +138,7 @@ def plan(
         samples: number of frames, the start among them; None stores twice the sources' band.
         solver: "auto", "propagator", "chebyshev" or "verlet".
         step: longest step allowed, s; None lets the stepper choose.
+        precision: "double" or, where solver "propagator" serves, "single".
 
     Returns:
         The plan.
@@ -135,6 +151,8 @@ def plan(
         raise ValueError("sources = []: at least one source is needed")
     if not duration > 0:
         raise ValueError(f"duration = {duration:g} s: must be greater than 0")
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision = {precision!r}: must be one of {', '.join(PRECISIONS)}")
     layers = as_layers(medium, bar.length)
     reference = layers.first
     frames = samples or default_samples(sources, reference, duration)
@@ -167,7 +185,14 @@ def plan(
         if loss == 0 and solver != "chebyshev":
             sizes = tuple(len(block.rotations + block.curvatures) for block in blocks)
             steps = banded(steps, layers, bar, sizes, speed, solver == "propagator")
-    return Plan(layers, bar, tuple(sources), blocks, steps, duration)
+    if precision == "single" and not (steps.solver == "propagator" and steps.shift is None):
+        what = "bar with layers, ends or losses" if steps.shift is not None else "run"
+        remedy = "" if steps.shift is not None else "solver 'propagator' or "
+        raise ValueError(
+            "precision = 'single': is for uniform periodic lossless bars stepped by solver "
+            f"'propagator', and this {what} is stepped by {steps.solver!r}; take {remedy}'double'"
+        )
+    return Plan(layers, bar, tuple(sources), blocks, steps, duration, precision)
 
 
 def is_plain(layers: Layers, bar: Bar, sources: Sequence[Source]) -> bool:

@@ -127,7 +127,9 @@ def _plan(case: Case, medium: Medium | Layers, bar: Bar, sources: Sequence[Sourc
     step = None if time.step == "auto" else time.step
     samples = None if time.samples == "auto" else time.samples
     try:
-        settled = plan(medium, bar, sources, time.duration, samples, time.solver, step)
+        settled = plan(
+            medium, bar, sources, time.duration, samples, time.solver, step, time.precision
+        )
     except StepTooLongError as error:
         assert step is not None
         limit = error.fraction * step

@@ -103,6 +103,7 @@ def read(path: Path, problem: Problem) -> Field:
         energy=energy,
         stepper=settled.schedule.solver,
         step=settled.step,
+        precision=settled.precision,
     )
 
 

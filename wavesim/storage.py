@@ -212,7 +212,11 @@ class Results:
     def _room(self) -> None:
         """Hold the file to come to the room on the disk; the HDF5 library dies of a full one."""
         settled = self.problem.plan
-        needed = 8 * self._frames * sum(len(self._axis(name)[1]) for name in settled.fields)
+        needed = (
+            settled.stored.itemsize
+            * self._frames
+            * sum(len(self._axis(name)[1]) for name in settled.fields)
+        )
         free = shutil.disk_usage(self.path.parent).free
         if needed > free:
             raise StorageError(
@@ -253,7 +257,7 @@ class Results:
     def _present(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
         points = len(self._axis(name)[1])
-        layout = h5py.VirtualLayout((self._frames, points), float)
+        layout = h5py.VirtualLayout((self._frames, points), self.problem.plan.stored)
         for first, end in zip([0, *self._ends], self._ends, strict=False):
             where = self._part(end).relative_to(self.path.parent)
             layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, points))

@@ -39,7 +39,7 @@ from wavesim.timedomain.steppers import (
     WaveEquation,
     propagator_series,
 )
-from wavesim.timedomain.timestep import Schedule
+from wavesim.timedomain.timestep import Precision, Schedule
 
 
 class NotFiniteError(RuntimeError):
@@ -134,7 +134,10 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     pulses = pulse_tables(equation.operator, equation.forcing, steps)
     if steps.solver == "chebyshev":
         return Chebyshev(propagator_series(steps), steps.bound, pulses)
-    return Propagator(bar_kernels(settled.medium, settled.bar, settled.blocks, steps.step), pulses)
+    kernels = bar_kernels(
+        settled.medium, settled.bar, settled.blocks, steps.step, settled.precision
+    )
+    return Propagator(kernels, pulses)
 
 
 def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropagator:
@@ -299,6 +302,7 @@ def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) ->
         values = to_fields(q, settled.blocks, settled.medium)
     halves = len(settled.bar.half_nodes)
     kept = {n: values[n] if is_rotation(n) else values[n][:, :halves] for n in settled.fields}
+    kept = {n: part.astype(settled.stored, copy=False) for n, part in kept.items()}
     return Chunk(first, kept, energy, motion)
 
 
@@ -313,6 +317,7 @@ def simulate(
     receivers: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
     timing: Timing | None = None,
+    precision: Precision = "double",
 ) -> Field:
     """Integrate the wave equations on a bar from rest and keep the field in memory.
 
@@ -327,6 +332,8 @@ def simulate(
         receivers: {name: position in m}.
         progress: called with the part done, 0 to 1, after each chunk.
         timing: where to note the seconds spent.
+        precision: "double", or "single" where solver "propagator" serves: products of steps and
+            the field in float32.
 
     Returns:
         The field; only the sectors that the sources set in motion are in it.
@@ -335,7 +342,7 @@ def simulate(
         ValueError: a value that can't be used; the message names it.
         NotFiniteError: the integration failed.
     """
-    settled = plan(medium, bar, sources, duration, samples, solver, step)
+    settled = plan(medium, bar, sources, duration, samples, solver, step, precision)
     chunks = []
     for chunk in stream(settled, timing=timing):
         chunks.append(chunk)
@@ -360,4 +367,5 @@ def simulate(
         stepper=settled.schedule.solver,
         step=settled.step,
         layers=settled.layers,
+        precision=settled.precision,
     )

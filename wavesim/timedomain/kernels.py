@@ -124,6 +124,7 @@ class Convolution(eqx.Module):
         cells: N.
         run: b.
         reach: r.
+        fluxes: None in double precision; in single the number of rotations (``single.py``).
     """
 
     cosine: jax.Array
@@ -131,14 +132,15 @@ class Convolution(eqx.Module):
     cells: int = eqx.field(static=True)
     run: int = eqx.field(static=True)
     reach: int = eqx.field(static=True)
+    fluxes: int | None = eqx.field(static=True, default=None)
 
     def apply(self, matrix: jax.Array, components: Sequence[jax.Array]) -> list[jax.Array]:
-        """One of the matrices on a group's components of shape (tracks, blocks, N).
+        """One of the matrices, in its precision, on components of shape (tracks, blocks, N).
 
         Returns:
             As many components as the matrix has columns for, of the same shape.
         """
-        fields = jnp.stack(components, axis=2)
+        fields = jnp.stack(components, axis=2).astype(matrix.dtype)
         tracks, blocks, count, cells = fields.shape
         runs = -(-cells // self.run)
         padded = jnp.concatenate(

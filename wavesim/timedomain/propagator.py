@@ -4,7 +4,8 @@
     v⁺ = 2C v − v⁻ + ∫₀^h C(h−τ) g [s(t+τ) − s(t−τ)] dτ
 
 C = cos(h√−L), S = sin(h√−L)/√−L; v = q̇ obeys the same equation with the pulse's derivative, which
-the second line holds integrated by parts. Exact at any step, to rounding.
+the second line holds integrated by parts. Exact at any step, to rounding; in single precision as
+``single.py`` has it.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, block_form, grouped
-from wavesim.timedomain.kernels import Convolution, convolution, convolve, convolve_all, kernels
+from wavesim.timedomain.kernels import Convolution, convolution, convolve_all, kernels
 from wavesim.timedomain.operator import State
 from wavesim.timedomain.response import PulseTables, add_pulses, pulse_work
+from wavesim.timedomain.single import in_single, recurrence
 from wavesim.timedomain.steppers import Motion, WaveSolver
-from wavesim.timedomain.timestep import spectral_bound
+from wavesim.timedomain.timestep import Precision, spectral_bound
 
 
 class Propagator(WaveSolver):
@@ -50,9 +52,8 @@ class Propagator(WaveSolver):
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Any, solver_state: Any, made_jump: Any
     ) -> Any:
-        both = convolve(self.kernels, _stack(y0.q, y0.v))
-        before = _stack(*solver_state)
-        after = jax.tree.map(lambda a, b: 2 * a - b, both, before)
+        now, before = _stack(y0.q, y0.v), _stack(*solver_state)
+        after = tuple(map(recurrence, self.kernels, now, before))
         q, v = _part(after, 0), _part(after, 1)
 
         def driven() -> Motion:
@@ -76,7 +77,11 @@ def _part(both: State, index: int) -> State:
 
 
 def bar_kernels(
-    medium: Medium, bar: Bar, blocks: Sequence[Block], step: float
+    medium: Medium,
+    bar: Bar,
+    blocks: Sequence[Block],
+    step: float,
+    precision: Precision = "double",
 ) -> tuple[Convolution, ...]:
     """Kernels of all blocks that are integrated.
 
@@ -85,6 +90,7 @@ def bar_kernels(
         bar: the grid.
         blocks: those of the operator.
         step: h, scaled.
+        precision: of the products of the steps.
 
     Returns:
         For each group of the operator, its convolution.
@@ -98,7 +104,11 @@ def bar_kernels(
         bound = spectral_bound(medium, bar, [block])
         return kernels(block_form(medium, block), spacing, bar.order, step, bound)
 
-    return tuple(
-        convolution([of_block(block) for block in stacked], bar.cells)
-        for stacked in grouped(blocks)
-    )
+    made = []
+    for stacked in grouped(blocks):
+        of_blocks = [of_block(block) for block in stacked]
+        part = convolution(of_blocks, bar.cells)
+        if precision == "single":
+            part = in_single(part, of_blocks, len(stacked[0].rotations))
+        made.append(part)
+    return tuple(made)

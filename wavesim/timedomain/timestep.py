@@ -26,8 +26,10 @@ from wavesim.stencils import largest_modified_wavenumber
 
 Float = NDArray[np.float64]
 Solver = Literal["auto", "propagator", "chebyshev", "verlet"]
+Precision = Literal["double", "single"]
 
 SOLVERS: tuple[str, ...] = ("auto", "propagator", "chebyshev", "verlet")
+PRECISIONS: tuple[str, ...] = ("double", "single")
 
 # Rounding of a value of size 1: a series is cut where its terms fall to a few of it.
 SERIES_TOLERANCE = 2e-16
