@@ -73,6 +73,7 @@ BAD = [
     ("medium.closure='appendix_c'", '[medium] closure = "appendix_c"', '"printed" or'),
     ("medium.closure=true", "[medium] closure = true", '"printed" or "consistent"'),
     ("time.solver='rk4'", '[time] solver = "rk4"', '"chebyshev" or "verlet"'),
+    ("time.precision='half'", '[time] precision = "half"', '"double" or "single"'),
     ("sources.0.kind='sine'", '[[sources]] number 1: kind = "sine"', '"ricker"'),
     ("sources.0.field='phi4'", '[[sources]] number 1: field = "phi4"', "one of phi1, phi2"),
     # the medium's admissible ranges

@@ -108,8 +108,8 @@ class TimeTable(Table):
     duration: Positive
     solver: Solver = "auto"
     step: Positive | Literal["auto"] = "auto"
-    precision: Precision = "double"
     samples: Annotated[int, Field(ge=2)] | Literal["auto"] = "auto"
+    precision: Precision = "double"
 
 
 class AnalysisTable(Table):

@@ -23,6 +23,7 @@ from wavesim.timedomain.timestep import (
     Precision,
     Schedule,
     schedule,
+    single_error,
     spectral_bound,
 )
 from wavesim.timedomain.zones import banded
@@ -33,6 +34,8 @@ _ENDS = 1.05
 _GRADES = 9
 # A gradient term that takes less than this part in ω² at k̄ = 1 is left out of a real bar.
 NEGLIGIBLE_GRADIENT = 1e-9
+# Amplitudes of sources up to this, and down to its inverse, leave room in float32 for their field.
+_RANGE = 1e20
 # Frames in one chunk: as many as fit into about this many bytes, within these limits.
 _CHUNK_BYTES = 24e6
 _CHUNK_FRAMES = (4, 128)
@@ -104,6 +107,11 @@ class Plan:
         """Names of the fields that are integrated and stored."""
         names = [name for block in self.blocks for name in block.fields]
         return tuple(dict.fromkeys(names))
+
+    @property
+    def rounding(self) -> float:
+        """Largest error of a field by single precision, in units of the largest; 0 for double."""
+        return single_error(self.schedule) if self.precision == "single" else 0.0
 
     @property
     def stored(self) -> np.dtype[Any]:
@@ -191,6 +199,12 @@ def plan(
         raise ValueError(
             "precision = 'single': is for uniform periodic lossless bars stepped by solver "
             f"'propagator', and this {what} is stepped by {steps.solver!r}; take {remedy}'double'"
+        )
+    beyond = [s.amplitude for s in sources if not 1 / _RANGE <= (abs(s.amplitude) or 1) <= _RANGE]
+    if precision == "single" and beyond:
+        raise ValueError(
+            f"precision = 'single': float32 may not hold the field of amplitude = {beyond[0]:g}; "
+            f"take one between {1 / _RANGE:g} and {_RANGE:g}, or 'double'"
         )
     return Plan(layers, bar, tuple(sources), blocks, steps, duration, precision)
 

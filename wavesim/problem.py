@@ -157,7 +157,7 @@ def _check_size(settled: Plan, given: str) -> None:
             memory; the message says what it would need.
     """
     frames, cells, fields = settled.schedule.frames, settled.bar.cells, len(settled.fields)
-    stored = 8.0 * frames * cells * fields
+    stored = float(settled.stored.itemsize) * frames * cells * fields
     # What is loaded and compiled; a dozen states while stepping; a chunk eight times over: in jax,
     # on its way to the disk, and the next one; the spectra of all blocks, at wavenumbers capped.
     waves = min(cells // 2 + 1, MOST_WAVENUMBERS)

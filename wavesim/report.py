@@ -20,6 +20,8 @@ from wavesim.problem import Problem
 from wavesim.source import GaussianDerivative, Recorded, Ricker, Source
 
 _MOST_LAYERS = 8
+# Rounding above the tolerance of a wavenumber is warned of.
+_ROUNDED = 1e-3
 
 
 def _table(*headings: str, title: str = "") -> Table:
@@ -62,7 +64,7 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
     timing = summary["timing"]
     console.print(
         f"{passed} of {len(checks)} checks passed.  "
-        f"{summary['stepper']}, {summary['steps']} steps, "
+        f"{summary['stepper']}, {summary['precision']} precision, {summary['steps']} steps, "
         f"{summary['operator_products']} products; seconds: "
         + ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in timing.items())
         + f"; peak memory {summary['peak_memory_bytes'] / 2**20:.0f} MiB"
@@ -82,7 +84,7 @@ def survey(console: Console, problem: Problem) -> None:
     settled = problem.plan
     medium, bar, steps = settled.medium, settled.bar, settled.schedule
     frame = settled.duration / (steps.frames - 1)
-    size = steps.frames * len(settled.fields) * bar.cells * 8
+    size = steps.frames * len(settled.fields) * bar.cells * settled.stored.itemsize
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", problem.case.title or "–"),
@@ -100,6 +102,7 @@ def survey(console: Console, problem: Problem) -> None:
                  f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / settled.duration:.4g} kHz"),
         ("stepper", f"{steps.solver}, {steps.steps} steps of {settled.step:.4g} s, "
                     f"{steps.operator_products} operator products"),
+        ("precision", _precision(settled)),
         ("judged", f"k = {problem.k_range[0]:.5g} to {problem.k_range[1]:.5g} rad/m, every "
                    f"{2 * math.pi / bar.length:.4g} rad/m" if settled.endless
                    else "receivers, against the exact solution in the frequency domain"),
@@ -109,6 +112,12 @@ def survey(console: Console, problem: Problem) -> None:
     for name, text in rows:
         table.add_row(Text(name, "bold"), text)
     console.print(table)
+
+
+def _precision(settled: Plan) -> str:
+    if settled.precision == "double":
+        return "double"
+    return f"single, fields within {settled.rounding:.1g} of the largest; energy is not judged"
 
 
 def _layers(layers: Layers) -> str:
@@ -170,6 +179,11 @@ def warnings(problem: Problem) -> list[str]:
         found.append(
             f"[time] duration = {settled.duration:g}: the {late[0].field} source acts until "
             f"{late[0].end:.4g} s; lengthen the run"
+        )
+    if settled.rounding > _ROUNDED:
+        found.append(
+            f'[time] precision = "single": rounding may come to {settled.rounding:.1g} of the '
+            'largest value, which no check allows for; take "double", or a shorter duration'
         )
     for source in settled.sources:
         found += _begins_with_a_jump(source)

@@ -197,6 +197,8 @@ def _run(
         "passed": all(check.passed for check in found.checks),
         "timing": timing,
         "stepper": settled.schedule.solver,
+        "precision": settled.precision,
+        "rounding": settled.rounding,
         "step": settled.step,
         "steps": settled.schedule.steps,
         "operator_products": settled.schedule.operator_products,
@@ -279,6 +281,12 @@ def _begin(folder: Path) -> None:
 def notes(problem: Problem, checks: list[Any]) -> list[str]:
     """What a reader should know beside the checks."""
     found = []
+    if problem.plan.precision == "single":
+        found.append(
+            f"single precision: fields are within {problem.plan.rounding:.1g} of the largest by "
+            "rounding; energy was not judged, as what rounding feeds into short waves has no such "
+            'bound; take [time] precision = "double" to have it judged'
+        )
     if not any("waves present" in check.name for check in checks):
         duration, frames = problem.plan.duration, problem.plan.schedule.frames
         nyquist = (frames - 1) / (2 * duration)

@@ -21,7 +21,7 @@ import numpy as np
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, block_form, grouped
-from wavesim.timedomain.kernels import Convolution, convolution, convolve_all, kernels
+from wavesim.timedomain.kernels import Convolution, convolution, convolve, convolve_all, kernels
 from wavesim.timedomain.operator import State
 from wavesim.timedomain.response import PulseTables, add_pulses, pulse_work
 from wavesim.timedomain.single import in_single, recurrence
@@ -53,7 +53,8 @@ class Propagator(WaveSolver):
         self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Any, solver_state: Any, made_jump: Any
     ) -> Any:
         now, before = _stack(y0.q, y0.v), _stack(*solver_state)
-        after = tuple(map(recurrence, self.kernels, now, before))
+        made = convolve(self.kernels, now)
+        after = tuple(map(recurrence, self.kernels, made, now, before))
         q, v = _part(after, 0), _part(after, 1)
 
         def driven() -> Motion:

@@ -42,15 +42,18 @@ def in_single(part: Convolution, of_blocks: Sequence[np.ndarray], rotations: int
 
 
 def recurrence(
-    part: Convolution, now: Sequence[jax.Array], before: Sequence[jax.Array]
+    part: Convolution,
+    made: Sequence[jax.Array],
+    now: Sequence[jax.Array],
+    before: Sequence[jax.Array],
 ) -> tuple[jax.Array, ...]:
     """A group after a step without sources, 2C q − q⁻.
 
     Args:
         part: its convolution.
+        made: product of its matrix with q.
         now, before: q and q⁻, components of shape (tracks, blocks, N).
     """
-    made = part.apply(part.cosine, now)
     if part.fluxes is None:
         return tuple(2 * c - b for c, b in zip(made, before, strict=True))
     changes = [change.astype(float) for change in made]

@@ -39,6 +39,9 @@ _VERLET_SAFETY = 0.25
 LONGEST_STEP = 200.0
 # The propagator takes at least this many cells in one run (``wavesim.timedomain.kernels``).
 SHORTEST_RUN = 64
+# Error of single precision for each radian of the fastest mode in a step and root of the number of
+# steps, in units of 2⁻²³: between 0.1 and CMAX in N_CONF runs (docs/performance.md).
+_SINGLE = 8.0
 # A propagator reaching further than this many cells only costs memory.
 LONGEST_REACH = 160
 
@@ -169,6 +172,16 @@ class Schedule:
         if self.shift is not None and self.solver == "chebyshev":
             per_step = self.degree
         return self.steps * per_step
+
+
+def single_error(steps: Schedule) -> float:
+    """Largest error of a field by single precision, 8 h√Λ 2⁻²³ √n after n steps.
+
+    Each step rounds a flux that is larger than the change in the field by the cells it comes from,
+    about h√Λ, and roundings add up as in a random walk. In scaled units, over the largest value of
+    any field of the same block.
+    """
+    return _SINGLE * steps.step * math.sqrt(steps.bound) * 2.0**-23 * math.sqrt(steps.steps)
 
 
 def reach_within(step: float, speed: float) -> int:
