@@ -31,6 +31,7 @@ TARGETS = ("1e-03", "1e-04", "1e-06")
 CONTESTANTS: tuple[tuple[str, str, str, str | None], ...] = (
     ("wavesim, default, final frame", "wavesim_steppers", "Peer", None),
     ("wavesim, default, 401 frames", "wavesim_steppers", "Frames", None),
+    ("wavesim, single precision, 401 frames", "wavesim_steppers", "Single", None),
     ("wavesim, chebyshev", "wavesim_steppers", "Chebyshev", None),
     ("wavesim, verlet", "wavesim_steppers", "Verlet", "leapfrog"),
     ("exact modal, final frame", "modal", "Peer", None),

@@ -145,7 +145,7 @@ def test_a_run_passes_says_its_error_and_judges_no_energy(single_run, small_run)
     assert summary["precision"] == "single"
     assert summary["rounding"] == problem.plan.rounding
     assert any(
-        note.startswith(f"single precision: fields are within {problem.plan.rounding:.1g}")
+        note.startswith(f"single precision: fields are within {problem.plan.rounding:.2g}")
         and "energy was not judged" in note
         for note in outcome.notes
     )
@@ -226,7 +226,7 @@ def test_check_states_the_error_and_warns_of_a_large_one(small_case, capsys):
 
     problem = load(small_case, ["time.precision=single"])
     report.survey(Console(width=200), problem)
-    assert f"single, fields within {problem.plan.rounding:.1g}" in capsys.readouterr().out
+    assert f"single, fields within {problem.plan.rounding:.2g}" in capsys.readouterr().out
     assert report.warnings(problem) == []
     long = load(small_case, ["time.precision=single", "time.duration=4e-3", "time.samples=400"])
     assert long.plan.rounding > 1e-3

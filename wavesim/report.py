@@ -117,7 +117,7 @@ def survey(console: Console, problem: Problem) -> None:
 def _precision(settled: Plan) -> str:
     if settled.precision == "double":
         return "double"
-    return f"single, fields within {settled.rounding:.1g} of the largest; energy is not judged"
+    return f"single, fields within {settled.rounding:.2g} of the largest; energy is not judged"
 
 
 def _layers(layers: Layers) -> str:
@@ -182,7 +182,7 @@ def warnings(problem: Problem) -> list[str]:
         )
     if settled.rounding > _ROUNDED:
         found.append(
-            f'[time] precision = "single": rounding may come to {settled.rounding:.1g} of the '
+            f'[time] precision = "single": rounding may come to {settled.rounding:.2g} of the '
             'largest value, which no check allows for; take "double", or a shorter duration'
         )
     for source in settled.sources:

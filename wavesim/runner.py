@@ -283,7 +283,7 @@ def notes(problem: Problem, checks: list[Any]) -> list[str]:
     found = []
     if problem.plan.precision == "single":
         found.append(
-            f"single precision: fields are within {problem.plan.rounding:.1g} of the largest by "
+            f"single precision: fields are within {problem.plan.rounding:.2g} of the largest by "
             "rounding; energy was not judged, as what rounding feeds into short waves has no such "
             'bound; take [time] precision = "double" to have it judged'
         )

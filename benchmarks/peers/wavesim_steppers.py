@@ -11,6 +11,7 @@ from problem import Problem
 import wavesim as ws
 from wavesim.plan import Plan, plan
 from wavesim.timedomain.integration import Timing, stream
+from wavesim.timedomain.timestep import Precision
 
 # A run of more steps than this is not made twice just to warm up.
 _WARM_STEPS = 50_000
@@ -23,6 +24,7 @@ class Peer:
     least_steps = 0
     solver: ClassVar[str] = "auto"
     samples: ClassVar[int] = 2
+    precision: ClassVar[Precision] = "double"
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -33,7 +35,9 @@ class Peer:
     def _plan(self, setting: float) -> Plan:
         p = self.problem
         step = self._step(setting)
-        return plan(p.medium, p.bar, p.sources, p.seconds, self.samples, self.solver, step)
+        return plan(
+            p.medium, p.bar, p.sources, p.seconds, self.samples, self.solver, step, self.precision
+        )
 
     def warm_up(self, setting: float) -> None:
         self.run(setting)
@@ -41,7 +45,14 @@ class Peer:
     def run(self, setting: float) -> Solution:
         p = self.problem
         field = ws.simulate(
-            p.medium, p.bar, p.sources, p.seconds, self.samples, self.solver, self._step(setting)
+            p.medium,
+            p.bar,
+            p.sources,
+            p.seconds,
+            self.samples,
+            self.solver,
+            self._step(setting),
+            precision=self.precision,
         )
         products = self._plan(setting).schedule.operator_products
         return Solution({name: field[name][-1] for name in field.names}, products)
@@ -56,6 +67,10 @@ class Peer:
 
 class Frames(Peer):
     samples: ClassVar[int] = 401
+
+
+class Single(Frames):
+    precision: ClassVar[Precision] = "single"
 
 
 class Chebyshev(Peer):

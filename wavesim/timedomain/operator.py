@@ -25,7 +25,7 @@ from wavesim.medium import PARAMETERS, Medium
 from wavesim.sectors import BLOCKS, Block, block_form, grouped, scales
 from wavesim.stencils import difference_weights
 
-# The scheme needs double precision: in single it would be worth 1e-3 over a long run.
+# The scheme needs double precision; ``single.py`` has what may be rounded.
 jax.config.update("jax_enable_x64", True)
 # A medium is a pytree: jax.grad and jax.vmap go through its parameters.
 jax.tree_util.register_dataclass(Medium, data_fields=PARAMETERS, meta_fields=("closure", "damping"))
