@@ -115,8 +115,9 @@ def markdown(results: dict[str, Any]) -> str:
         f"{host['processor']}, {host['cores']} cores, Python {host['python']}; {versions}; "
         f"{host['date']}.\n\n"
         "Twelve fields, 4,096 cells of l/8, order 8, 200 units of time, float64 but where named. "
-        "Setting: steps of a leapfrog, tolerance (relative and absolute) of an adaptive solver. ~: time of some "
-        "of the steps, in proportion. Ratios are to the default stepper, final frame.\n\n"
+        "Setting: steps of a leapfrog, tolerance (relative and absolute) of an adaptive solver. "
+        "~: time of some of the steps, in proportion. Ratios are to the default stepper, final "
+        "frame.\n\n"
     )
     if any(contestant.get("disturbed") for contestant in results["contestants"]):
         text += (
