@@ -136,11 +136,12 @@ class Recorded(Source):
         xp = namespace(t)
         at = (t - self.first) / self.interval
         count = len(self.values)
-        # Three zeros on either side: outside, the curve is made of them.
-        padded = xp.asarray(np.pad(self._coefficients, 3))
-        left = xp.clip(xp.floor(at), -2.0, count)
-        x = xp.clip(at - left, 0.0, 1.0)
-        index = xp.asarray(left, dtype=int) + 3
+        # Four zeros on either side: outside, the curve is made of them. (Were x clipped instead, its
+        # derivative would be lost at the samples.)
+        padded = xp.asarray(np.pad(self._coefficients, 4))
+        left = xp.clip(xp.floor(at), -3.0, count + 1)
+        x = at - left
+        index = xp.asarray(left, dtype=int) + 4
         weights = (
             (1 - x) ** 3,
             4 - 6 * x**2 + 3 * x**3,

@@ -38,7 +38,7 @@ class Banded(eqx.Module):
         if not len(self.rows):
             return made
         special = jnp.einsum("rc,...rc->...r", self.factors, u[..., self.columns])
-        return made.at[..., self.rows].set(special)
+        return made.at[..., self.rows].set(special, unique_indices=True)
 
 
 def banded(

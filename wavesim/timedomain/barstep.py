@@ -100,4 +100,5 @@ def bar_schedule(
     per_frame = max(1, math.ceil(interval / longest * (1 - 1e-12)))
     h = interval / per_frame
     degree = expansion_coefficients(np.array([h]), radius, loss / 2).shape[1] - 1
-    return Schedule("chebyshev", h, per_frame, frames, radius**2, degree, 0, loss / 2)
+    reach = reach_within(h, speed)
+    return Schedule("chebyshev", h, per_frame, frames, radius**2, degree, reach, loss / 2)

@@ -2,18 +2,93 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, grouped, scales
 from wavesim.source import InitialField, Source
-from wavesim.timedomain.expansion import Drives, Points
 from wavesim.timedomain.generator import Generator, Group, State
 from wavesim.timedomain.material import module
+
+
+class Points(eqx.Module):
+    """Where sources act on one rate of one group: accelerations at points, one entry each.
+
+    Attributes:
+        source: which signal, shape (entries,).
+        block, node: which point, shape (entries,).
+        weight: acceleration there for a signal of 1, shape (entries,).
+    """
+
+    source: Any
+    block: Any
+    node: Any
+    weight: Any
+
+
+class Drives(eqx.Module):
+    """The sources: Σ_j G_j s_j(t), as forces on the state.
+
+    Attributes:
+        points: G_j, for each group and each of its rates φ̇, Ḃ.
+        sources: whose signals are s_j; none of an initial field.
+        time: s in one scaled unit of time.
+    """
+
+    points: tuple[tuple[Points, ...], ...]
+    sources: tuple[Source, ...] = eqx.field(static=True)
+    time: float = eqx.field(static=True)
+
+    @property
+    def end(self) -> float:
+        """Scaled time from which on none acts."""
+        return max((source.end for source in self.sources), default=0.0) / self.time
+
+    def signals(self, t: jax.Array) -> jax.Array:
+        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
+        if not self.sources:
+            return jnp.zeros((0, *jnp.shape(t)))
+        made = []
+        for source in self.sources:
+
+            def signal(t: jax.Array, source: Source = source) -> jax.Array:
+                return jnp.asarray(source.signal(t * self.time))
+
+            held = source.drive == "rotation"
+            made.append((_derivative(_derivative(signal)) if held else signal)(t))
+        return jnp.stack(made)
+
+    def add(self, y: State, amounts: jax.Array) -> State:
+        """y + Σ_j G_j amounts_j."""
+        made = []
+        for points, parts in zip(self.points, y, strict=True):
+            new = list(parts)
+            for track, p in enumerate(points, start=len(points)):
+                if len(p.source):
+                    push = p.weight * amounts[p.source]
+                    new[track] = new[track].at[p.block, p.node].add(push)
+            made.append(tuple(new))
+        return tuple(made)
+
+    def read(self, y: State) -> jax.Array:
+        """G_jᵀ y, shape (sources,)."""
+        total = jnp.zeros(len(self.sources))
+        for points, parts in zip(self.points, y, strict=True):
+            for track, p in enumerate(points, start=len(points)):
+                if len(p.source):
+                    total = total.at[p.source].add(p.weight * parts[track][p.block, p.node])
+        return total
+
+
+def _derivative(function: Callable[[jax.Array], jax.Array]) -> Callable[[jax.Array], jax.Array]:
+    return lambda t: jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
 
 
 def acting(sources: Sequence[Source]) -> list[Source]:

@@ -147,12 +147,22 @@ class Group(eqx.Module):
         if law.absorbing:
             B_rate = _minus(B_rate, _times(law.calm_half, s.v[p:]))
         if law.damped:
-            phi_rate = _minus(phi_rate, _times(law.mass_node, s.v[:p]))
+            # A held node is moved by its source alone.
+            free = jnp.where(self.free == 0, 0.0, law.mass_node)
+            phi_rate = _minus(phi_rate, _times(free, s.v[:p]))
             B_rate = _minus(B_rate, _times(law.mass_half, s.v[p:]))
         relaxing: Parts = ()
         for lag, rates in zip(s.lag, law.rates, strict=True):
             relaxing += _times(rates, lag)
         return s.v + phi_rate + B_rate + memory + relaxing
+
+    def holding(self, y: Parts) -> Parts:
+        """Forces that the nodes put up against their rotations: what holds a fixed one."""
+        p, s = self.rotations, self.observe(y)
+        zero = jnp.zeros_like(self.free)
+        drag = self.c.m_phi * self.losses.mass_node if self.losses.damped else 0.0
+        forces = tuple(self.QT(a) + drag * v for a, v in zip(s.sigma, s.v[:p], strict=True))
+        return forces + (zero,) * (self.size - p)
 
     @property
     def mass(self) -> Any:
@@ -180,40 +190,25 @@ class Group(eqx.Module):
         return kinetic / 2, stored / 2
 
     def lost(self, seen: Strain) -> jax.Array:
-        """Symmetric form whose diagonal is the power that states lose, (states, states).
-
-        Args:
-            seen: of several states, along a first axis.
-        """
+        """Power that a state loses."""
         p, law = self.rotations, self.losses
-        count = seen.v[0].shape[0]
-        total = jnp.zeros((count, count))
 
         def paired(one: Parts, other: Parts) -> jax.Array:
             return sum(
-                (
-                    a.reshape(count, -1) @ b.reshape(count, -1).T
-                    for a, b in zip(one, other, strict=True)
-                ),
-                start=jnp.zeros((count, count)),
+                (jnp.sum(a * b) for a, b in zip(one, other, strict=True)), start=jnp.zeros(())
             )
 
-        def elastic(one: Parts, other: Parts) -> jax.Array:
-            """⟨e₁, C e₂⟩ over the bar, as :meth:`form`."""
-            dual = jax.vmap(self.stress)(other) + _times(-1.0, jax.vmap(self.force)(other))
-            return paired(one, _times(self.norm, dual))
-
+        total = jnp.zeros(())
         if law.damped:
             damped = _times(law.mass_node, seen.v[:p]) + _times(law.mass_half, seen.v[p:])
             inert = tuple(m * d for m, d in zip(self.mass, damped, strict=True))
             total = total + paired(seen.v, inert)
-            total = total + elastic(seen.e_rate, _times(law.stiffness, seen.e_rate))
+            total = total + self.form(seen.e_rate, _times(law.stiffness, seen.e_rate))
             for lag, rate, strength in zip(seen.lag, law.rates, law.strengths, strict=True):
-                total = total + elastic(lag, _times(rate * strength, lag))
+                total = total + self.form(lag, _times(rate * strength, lag))
         if law.absorbing:
-            taken = paired(_times(self.c.m_phi, seen.v[:p]), seen.chi)
-            taken = taken + paired(_times(self.norm, seen.sigma), seen.psi_rate)
-            total = total + (taken + taken.T) / 2
+            total = total + paired(_times(self.c.m_phi, seen.v[:p]), seen.chi)
+            total = total + paired(_times(self.norm, seen.sigma), seen.psi_rate)
             calmed = _times(law.calm_half, seen.v[p:])
             inert = tuple(m * c for m, c in zip(self.mass[p:], calmed, strict=True))
             total = total + paired(seen.v[p:], inert)

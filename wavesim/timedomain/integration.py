@@ -21,8 +21,11 @@ from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
 from wavesim.source import Source
+from wavesim.timedomain.barequation import BarEquation
+from wavesim.timedomain.barseries import Series, series
+from wavesim.timedomain.barwork import work
 from wavesim.timedomain.drives import acting, drives, initial_state
-from wavesim.timedomain.expansion import BarEquation, Expansion, Series, series
+from wavesim.timedomain.expansion import Expansion
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
 from wavesim.timedomain.layered import LayeredPropagator, piecewise
@@ -40,6 +43,7 @@ from wavesim.timedomain.steppers import (
     propagator_series,
 )
 from wavesim.timedomain.timestep import Precision, Schedule
+from wavesim.timedomain.within import within
 
 
 class NotFiniteError(RuntimeError):
@@ -104,9 +108,7 @@ def _equation(settled: Plan) -> tuple[Any, Any]:
         sources = drives(settled.sources, medium, bar, blocks, A)
         start = initial_state(settled.sources, medium, bar, blocks, A)
         equation = BarEquation(A, sources, settled.balanced)
-        if any(source.drive == "initial" for source in settled.sources):
-            return equation, jax.jit(lambda y: equation.start(y))(start)
-        return equation, equation.rest(start)
+        return equation, equation.start(start)
     operator = semi_discrete(medium, bar, blocks)
     force = forcing(settled.sources, medium, bar, blocks, operator)
     return WaveEquation(operator, force), Motion(operator.zero(), operator.zero(), jnp.zeros(()))
@@ -124,9 +126,10 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
     if settled.schedule.shift is not None:
         ends = [source.spectral_end for source in acting(settled.sources)]
         band = max(ends, default=0.0) * float(settled.medium.time_scale)
-        made = series(settled.schedule, band)
+        made, at = series(settled.schedule, band), (settled.schedule.reach, settled.bar.periodic)
         if settled.schedule.solver == "chebyshev":
-            return Expansion(made)
+            losses = within(equation, made, *at) if equation.accounted else None
+            return Expansion(made, work(equation, made, *at), losses)
         return _layered(settled, equation, made)
     if settled.schedule.solver == "verlet":
         return Verlet()
@@ -147,7 +150,9 @@ def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropa
         piecewise(cut(settled.layers, bar, group, steps, length))
         for group in equation.generator.groups
     )
-    return LayeredPropagator(parts, pushes(equation, made, steps.reach, bar.periodic), made)
+    at = (steps.reach, bar.periodic)
+    pushed = pushes(equation, made, made.pulses, *at)
+    return LayeredPropagator(parts, pushed, made, work(equation, made, *at))
 
 
 def advance(

@@ -5,7 +5,8 @@
 
 as in ``propagator.py``; C is that of ``pieces.py``. The sources' part of a step is that of
 ``expansion.py``, Σ_k φ_k(X) G_j ∫ c_k s_j dτ, kept in a window about each source
-(``pushes.py``); their work is booked as there.
+(``pushes.py``): s(t+τ) + s(t−τ) acts on q, and their difference on v. Their work is that of
+``barwork.py``.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.expansion import BarEquation, BarMotion, Expansion, Series, hermite
+from wavesim.timedomain.barequation import BarEquation, BarMotion
+from wavesim.timedomain.barseries import Series
+from wavesim.timedomain.barwork import Work
+from wavesim.timedomain.expansion import Expansion
 from wavesim.timedomain.generator import Parts, State
 from wavesim.timedomain.kernels import dense, run_length
 from wavesim.timedomain.pieces import Cut
@@ -154,6 +158,7 @@ class LayeredPropagator(WaveSolver):
     parts: tuple[Piecewise, ...]
     pushes: tuple[Pushes | None, ...]
     series: Series
+    work: Work | None
 
     def order(self, terms: Any) -> None:
         return None
@@ -191,14 +196,15 @@ class LayeredPropagator(WaveSolver):
         def driven() -> BarMotion:
             ahead, behind = self._signals(args, t0, 1.0), self._signals(args, t0, -1.0)
             y = _parts(self._pushed(after, ahead + behind, ahead - behind))
-            powers = args.powers(t1, y, t0 < args.drives.end)
-            work, lost = hermite(step, y0.powers, powers)
-            return BarMotion(y, y0.work + work, y0.lost + lost, powers)
+            work = 0.0 if self.work is None else self.work.done(args, y0.y, ahead)
+            return BarMotion(y, y0.work + work, y0.lost)
 
         def free() -> BarMotion:
-            return y0._replace(y=_parts(after), powers=jnp.zeros_like(y0.powers))
+            return y0._replace(y=_parts(after))
 
-        y1 = jax.lax.cond(t0 < args.drives.end + 1.5 * step, driven, free)
+        # An end that was turned may be left with a rate of rounding, or of what g̈ is off by.
+        acting = (t0 < args.drives.end + 1.5 * step) | bool(len(args.held))
+        y1 = jax.lax.cond(acting, driven, free)
         return y1, None, {"y0": y0, "y1": y1}, now, diffrax.RESULTS.successful
 
     def _signals(self, equation: BarEquation, t: Any, way: float) -> jax.Array:
@@ -210,9 +216,19 @@ class LayeredPropagator(WaveSolver):
     def _pushed(self, made: Tracks, on_q: jax.Array, on_v: jax.Array) -> Tracks:
         """Both tracks with the sources' part added."""
         return tuple(
-            one if push is None else push.add(one, on_q, on_v)
+            one if push is None else _driven(push, one, on_q, on_v)
             for one, push in zip(made, self.pushes, strict=True)
         )
+
+
+def _driven(push: Pushes, fields: jax.Array, on_q: jax.Array, on_v: jax.Array) -> jax.Array:
+    """(q, v) of one group, shape (2, blocks, fields, points), with the sources' part added."""
+    size = fields.shape[2]
+    sums = [
+        jnp.einsum("sm,smfbp->bfsp", signal, part)
+        for signal, part in ((on_q, push.made[:, :, :size]), (on_v, push.made[:, :, size:]))
+    ]
+    return fields.at[..., push.points].add(jnp.stack(sums))
 
 
 def _stacked(part: Parts) -> jax.Array:

@@ -1,11 +1,10 @@
 """What the sources of a real bar do within one exact step, prepared in windows about them.
 
-With y = (q, v) and the series of ``expansion.py``, they add to the state after a step
+With the series of ``expansion.py`` they add to the state after a step
 
     Δy = Σ_k φ_k(X) G_j ∫₀^h c_k(h−τ) s_j(t+τ) dτ = Σ_m P_jm s_j(t+τ_m),
 
-which is felt only within the reach of their points. Two steps of opposite sense make the two-term
-recurrence: s(t+τ) + s(t−τ) acts on q, and their difference on v.
+which is felt only within the reach of their points.
 """
 
 from __future__ import annotations
@@ -17,43 +16,61 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.expansion import BarEquation, Series
-from wavesim.timedomain.generator import State
+from wavesim.timedomain.barequation import BarEquation
+from wavesim.timedomain.barseries import Series
+from wavesim.timedomain.generator import Parts, State
 
 
 class Pushes(eqx.Module):
     """What the sources do to one group within a step, in windows about them.
 
     Attributes:
-        made: for their signals at the nodes, shape (sources, nodes, 2 fields, blocks, points):
-            q in the first fields, v in the others.
+        made: P_jm, shape (sources, m, tracks, blocks, points).
         points: where that is, shape (sources, points).
     """
 
     made: jax.Array
     points: np.ndarray
 
-    def add(self, fields: jax.Array, on_q: jax.Array, on_v: jax.Array) -> jax.Array:
-        """(q, v) of shape (2, blocks, fields, points) with their part added."""
-        size = fields.shape[2]
-        sums = [
-            jnp.einsum("sm,smfbp->bfsp", signal, part)
-            for signal, part in ((on_q, self.made[:, :, :size]), (on_v, self.made[:, :, size:]))
-        ]
-        return fields.at[..., self.points].add(jnp.stack(sums))
+    def add(self, parts: Parts, amounts: jax.Array) -> Parts:
+        """States with Σ_jm P_jm a_jm added.
+
+        Args:
+            parts: tracks of the group, shape (states, blocks, nodes) each.
+            amounts: a_jm, shape (states, sources, m).
+        """
+        change = jnp.einsum("osm,smtbp->tobsp", amounts, self.made)
+        return tuple(
+            part.at[..., self.points].add(own) for part, own in zip(parts, change, strict=True)
+        )
 
 
 def pushes(
-    equation: BarEquation, made: Series, reach: int, periodic: bool
+    equation: BarEquation, made: Series, factors: jax.Array, reach: int, periodic: bool
 ) -> tuple[Pushes | None, ...]:
-    """The sources' part of a step, for each group; None where none acts on it.
+    """P_jm = Σ_k φ_k(X) G_j f_km, for each group; None where no source acts on it.
 
     Args:
         equation: of the bar.
         made: coefficients of the step.
+        factors: f, shape (degree + 1, m).
         reach: cells beyond which nothing is felt within it.
         periodic: whether the bar is.
     """
+    windows = driven_windows(equation, reach, periodic)
+    if not equation.drives.sources:
+        return (None,) * len(windows)
+    found = _pushes(equation, made, factors, windows)
+    return tuple(
+        None if one is None or window is None else Pushes(one, window)
+        for one, window in zip(found, windows, strict=True)
+    )
+
+
+def driven_windows(
+    equation: BarEquation, reach: int, periodic: bool
+) -> tuple[np.ndarray | None, ...]:
+    """Points within reach of each source, shape (sources, points), of each group that is driven."""
     windows: list[np.ndarray | None] = []
     sources = range(len(equation.drives.sources))
     for group, parts in zip(equation.generator.groups, equation.drives.points, strict=True):
@@ -69,9 +86,7 @@ def pushes(
         first = np.array([first for first, _ in spans]) - reach
         first = first % size if periodic else np.clip(first, 0, size - count)
         windows.append((first[:, None] + np.arange(count)) % size)
-    driven = tuple(window is not None for window in windows)
-    found = iter(_pushes(equation, made, tuple(w for w in windows if w is not None), driven))
-    return tuple(None if window is None else Pushes(next(found), window) for window in windows)
+    return tuple(windows)
 
 
 def _span(driven: np.ndarray, size: int, periodic: bool) -> tuple[int, int]:
@@ -91,37 +106,31 @@ def _span(driven: np.ndarray, size: int, periodic: bool) -> tuple[int, int]:
 def _pushes(
     equation: BarEquation,
     made: Series,
-    windows: tuple[np.ndarray, ...],
-    driven: tuple[bool, ...],
-) -> tuple[jax.Array, ...]:
-    """Σ_k φ_k(X) G_j b_km of each source in its windows, of the groups driven."""
+    factors: jax.Array,
+    windows: tuple[np.ndarray | None, ...],
+) -> tuple[jax.Array | None, ...]:
+    """Σ_k φ_k(X) G_j f_km of each source in its windows, of the groups driven."""
     drives, A = equation.drives, equation.generator
 
-    def of_source(source: jax.Array, points: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
-        def seen(y: State) -> tuple[jax.Array, ...]:
-            kept = [(g, part) for g, part, yes in zip(A.groups, y, driven, strict=True) if yes]
+    def of_source(alone: jax.Array, points: Any) -> Any:
+        def weighted(row: jax.Array, y: State) -> Any:
             return tuple(
-                jnp.stack(part[: 2 * g.size])[..., at]
-                for (g, part), at in zip(kept, points, strict=True)
+                None if at is None else jnp.tensordot(row, jnp.stack(part)[..., at], 0)
+                for part, at in zip(y, points, strict=True)
             )
 
-        def weighted(factors: jax.Array, y: State) -> tuple[jax.Array, ...]:
-            return tuple(jnp.tensordot(factors, part, 0) for part in seen(y))
-
         def scaled(y: State) -> State:
-            return jax.tree.map(lambda rate: rate / made.radius, A(y))
+            return jax.tree.map(lambda a, b: (a + made.shift * b) / made.radius, A(y), y)
 
-        def advance(carry: Any, factors: jax.Array) -> tuple[Any, None]:
+        def advance(carry: Any, row: jax.Array) -> tuple[Any, None]:
             before, now, total = carry
-            total = jax.tree.map(jnp.add, total, weighted(factors, now))
+            total = jax.tree.map(jnp.add, total, weighted(row, now))
             after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
             return (now, after, total), None
 
-        alone = (jnp.arange(len(drives.sources)) == source).astype(float)
         first = drives.add(A.zero(), alone)
-        start = (first, scaled(first), weighted(made.pulses[0], first))
-        (_, _, total), _ = jax.lax.scan(advance, start, made.pulses[1:])
+        start = (first, scaled(first), weighted(factors[0], first))
+        (_, _, total), _ = jax.lax.scan(advance, start, factors[1:])
         return total
 
-    counted = jnp.arange(len(drives.sources))
-    return jax.lax.map(lambda one: of_source(*one), (counted, windows))
+    return jax.lax.map(lambda one: of_source(*one), (jnp.eye(len(drives.sources)), windows))

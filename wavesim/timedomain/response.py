@@ -181,7 +181,7 @@ def _window(
     return _Window(pulse, block, (first[:, None] - reach + np.arange(count)) % operator.cells)
 
 
-def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss–Legendre nodes and weights on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return (nodes + 1) / 2, weights / 2
@@ -200,12 +200,17 @@ def interpolation(
     Returns:
         (nodes, weights) of each, and the matrix (fine, count).
     """
-    nodes, weights = _gauss(count)
-    finer = _gauss(fine)
+    finer = gauss(fine)
     legendre = np.polynomial.legendre.legvander
-    coarse = legendre(2 * nodes - 1, count - 1)
-    transform = (2 * np.arange(count) + 1)[:, None] * coarse.T * weights
-    return (nodes, weights), finer, legendre(2 * finer[0] - 1, count - 1) @ transform
+    between = legendre(2 * finer[0] - 1, count - 1) @ legendre_transform(count)
+    return gauss(count), finer, between
+
+
+def legendre_transform(count: int) -> np.ndarray:
+    """From values at Gauss nodes of [0, 1] to coefficients of P_p(2x − 1), shape (count, count)."""
+    nodes, weights = gauss(count)
+    coarse = np.polynomial.legendre.legvander(2 * nodes - 1, count - 1)
+    return np.asarray((2 * np.arange(count) + 1)[:, None] * coarse.T * weights)
 
 
 def _sums(

@@ -16,9 +16,11 @@ from wavesim.bar import Bar
 from wavesim.layers import Layer, Layers, as_layers
 from wavesim.medium import PARAMETERS, Medium
 from wavesim.plan import Plan, fastest_loss, highest_band, highest_frequency
+from wavesim.timedomain.barequation import BarEquation, BarMotion
+from wavesim.timedomain.barseries import series
 from wavesim.timedomain.barstep import bar_schedule
 from wavesim.timedomain.drives import acting, drives, initial_state
-from wavesim.timedomain.expansion import BarEquation, BarMotion, Expansion, State, series
+from wavesim.timedomain.expansion import Expansion
 from wavesim.timedomain.generator import generator
 from wavesim.timedomain.integration import advance
 from wavesim.timedomain.operator import is_rotation, to_fields
@@ -35,9 +37,6 @@ class _Recorded(BarEquation):
 
     nodes: Any
     halves: Any
-
-    def powers(self, t: jax.Array, y: State, acting: jax.Array) -> jax.Array:
-        return self.rest(y).powers
 
     def observe(self, motion: BarMotion) -> Any:
         seen = self.generator.fields(motion.y)
@@ -96,7 +95,7 @@ def traced_fields(
     forces = drives(settled.sources, medium, bar, blocks, A)
     places = [_places(bar, receivers, staggered) for staggered in (False, True)]
     equation = _Recorded(A, forces, False, *places)
-    motion = equation.rest(initial_state(settled.sources, medium, bar, blocks, A))
+    motion = equation.start(initial_state(settled.sources, medium, bar, blocks, A))
     ends = [source.spectral_end for source in acting(settled.sources)]
     band = max(ends, default=0.0) * float(medium.time_scale)
     seen, _ = advance(

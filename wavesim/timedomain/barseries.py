@@ -1,0 +1,67 @@
+"""Coefficients of one exact step of a real bar; see ``expansion.py``."""
+
+from __future__ import annotations
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.timedomain.barstep import expansion_coefficients
+from wavesim.timedomain.response import interpolation
+from wavesim.timedomain.timestep import Schedule
+
+# Gauss nodes beyond half the phase of what they integrate or interpolate.
+EXTRA_NODES = 14
+
+
+class Series(eqx.Module):
+    """Coefficients of one step.
+
+    Attributes:
+        state: e^{−sh} c_k(h), shape (degree + 1,).
+        pulses: of the signals at the nodes, shape (degree + 1, nodes).
+        nodes: times within the step at which signals are taken, scaled.
+        radius, shift: R and s.
+        step: h.
+    """
+
+    state: jax.Array
+    pulses: jax.Array
+    nodes: jax.Array
+    radius: float = eqx.field(static=True)
+    shift: float = eqx.field(static=True)
+    step: float = eqx.field(static=True)
+
+    @property
+    def degree(self) -> int:
+        """Highest k."""
+        return len(self.state) - 1
+
+
+def series(schedule: Schedule, band: float) -> Series:
+    """Coefficients for the steps of a schedule.
+
+    Args:
+        schedule: of a real bar.
+        band: angular frequency above which no signal has anything, scaled; may be infinite.
+    """
+    assert schedule.shift is not None
+    step, radius, shift = schedule.step, math.sqrt(schedule.bound), schedule.shift
+    state = expansion_coefficients(np.array([step]), radius, shift)[0]
+    degree = len(state) - 1
+    fine = degree + EXTRA_NODES
+    count = math.ceil(min(fine, step * band / 2 + EXTRA_NODES))
+    (nodes, _), (fine_nodes, fine_weights), between = interpolation(count, fine)
+    at_nodes = expansion_coefficients(step * (1 - fine_nodes), radius, shift, degree)
+    pulses = (between.T @ (step * fine_weights[:, None] * at_nodes)).T
+    return Series(
+        jnp.asarray(state),
+        jnp.asarray(pulses),
+        jnp.asarray(step * nodes),
+        float(radius),
+        float(shift),
+        float(step),
+    )
