@@ -79,7 +79,7 @@ def test_sources_on_a_free_bar(source):
 @pytest.mark.parametrize("end", ["left", "right"])
 def test_a_prescribed_rotation(end):
     """φ = g(t) at an end, held fixed otherwise; 3e-5, measured 5e-6. The end itself follows g to
-    1e-12 and the work that it does is the energy that comes in (1e-8, measured 2e-10)."""
+    1e-12 and the work that it does is the energy that comes in (1e-11, measured 1e-13)."""
     ends = ("fixed", "free") if end == "left" else ("free", "fixed")
     source = Ricker("phi1", 0.0 if end == "left" else LENGTH, 5e5, amplitude=1e-3, drive="rotation")
     bar = uniform(ends)
@@ -88,7 +88,7 @@ def test_a_prescribed_rotation(end):
     node = field["phi1"][:, 0 if end == "left" else -1]
     np.testing.assert_allclose(node, source.signal(field.t), rtol=0, atol=1e-12 * 1e-3)
     energy = field.energy
-    assert np.abs(energy.total - energy.work).max() <= 1e-8 * energy.total.max()
+    assert np.abs(energy.total - energy.work).max() <= 1e-11 * energy.total.max()
 
 
 @pytest.mark.parametrize(
@@ -101,6 +101,17 @@ def test_losses(damping, ends):
     """Every loss law, in echoes and all round a ring; 1e-5, measured 1e-8 to 3e-7."""
     medium = lossy(SOFT, damping)
     assert error(medium, uniform(ends), [Ricker("phi1", 0.0151, 5e5)]) <= 1e-5
+
+
+def test_damping_does_not_move_a_prescribed_end():
+    """With every loss law the end still follows g, to 1e-11, and signals are right; 3e-5, measured
+    5e-6."""
+    source = Ricker("phi1", 0.0, 5e5, amplitude=1e-3, drive="rotation")
+    medium, bar = lossy(SOFT, EVERYTHING), uniform(("fixed", "free"))
+    assert error(medium, bar, [source]) <= 3e-5
+    field = simulate(medium, bar, [source], DURATION)
+    node = field["phi1"][:, 0]
+    np.testing.assert_allclose(node, source.signal(field.t), rtol=0, atol=1e-11 * 1e-3)
 
 
 def bar_of(kind, closure="consistent"):

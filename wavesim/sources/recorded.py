@@ -136,8 +136,8 @@ class Recorded(Source):
         xp = namespace(t)
         at = (t - self.first) / self.interval
         count = len(self.values)
-        # Four zeros on either side: outside, the curve is made of them. (Were x clipped instead, its
-        # derivative would be lost at the samples.)
+        # Four zeros on either side: outside, the curve is made of them. Were x clipped instead, its
+        # derivative would be 0 at the samples.
         padded = xp.asarray(np.pad(self._coefficients, 4))
         left = xp.clip(xp.floor(at), -3.0, count + 1)
         x = at - left

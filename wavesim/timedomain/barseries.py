@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.barstep import expansion_coefficients
+from wavesim.timedomain.generator import State
 from wavesim.timedomain.response import interpolation
 from wavesim.timedomain.timestep import Schedule
 
@@ -65,3 +68,26 @@ def series(schedule: Schedule, band: float) -> Series:
         float(shift),
         float(step),
     )
+
+
+def chebyshev_terms(
+    A: Callable[[State], State], made: Series, y: State, seen: Callable[[State], Any]
+) -> Any:
+    """What is seen of φ_k(X) y, stacked over k from 0 to the degree.
+
+    Args:
+        A: the generator, or its transpose.
+        made: for radius, shift and degree.
+        y: a state.
+        seen: of a state, arrays.
+    """
+
+    def advance(carry: Any, scale: jax.Array) -> Any:
+        before, now = carry
+        after = jax.tree.map(
+            lambda rate, one, two: scale * (rate + made.shift * one) + two, A(now), now, before
+        )
+        return (now, after), seen(now)
+
+    scales = jnp.full(made.degree + 1, 2 / made.radius).at[0].divide(2)
+    return jax.lax.scan(advance, (jax.tree.map(jnp.zeros_like, y), y), scales)[1]

@@ -22,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.barequation import BarEquation
-from wavesim.timedomain.barseries import EXTRA_NODES, Series
+from wavesim.timedomain.barseries import EXTRA_NODES, Series, chebyshev_terms
 from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.generator import State
-from wavesim.timedomain.pushes import driven_windows
+from wavesim.timedomain.pushes import driven_windows, windowed
 from wavesim.timedomain.response import gauss, legendre_transform
 
 
@@ -108,28 +108,12 @@ def _rows(
     back = jax.linear_transpose(A, A.zero())
     unit = jax.linear_transpose(equation.responses, A.zero())
 
-    def scaled(z: State) -> State:
-        (turned,) = back(z)
-        return jax.tree.map(lambda a, b: (a + made.shift * b) / made.radius, turned, z)
-
     def of_entry(entry: jax.Array, points: Any) -> Any:
-        def weighted(column: jax.Array, z: State) -> Any:
-            return tuple(
-                None if at is None else jnp.tensordot(column, jnp.stack(part)[..., at], 0)
-                for part, at in zip(z, points, strict=True)
-            )
+        def seen(z: State) -> Any:
+            return windowed(z, points), drives.read(z)
 
-        def advance(carry: Any, column: jax.Array) -> Any:
-            before, now, total = carry
-            total = jax.tree.map(jnp.add, total, weighted(column, now))
-            after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
-            return (now, after, total), drives.read(now)
-
-        (begun,) = unit(entry)
-        columns = jnp.asarray(factors.T)
-        start = (begun, scaled(begun), weighted(columns[0], begun))
-        (_, _, total), moments = jax.lax.scan(advance, start, columns[1:])
-        return total, jnp.concatenate([drives.read(begun)[None], moments])
+        terms, moments = chebyshev_terms(lambda z: back(z)[0], made, unit(entry)[0], seen)
+        return jax.tree.map(lambda term: jnp.tensordot(factors, term, 1), terms), moments
 
     entries = len(drives.sources) + len(equation.held)
     return jax.lax.map(lambda one: of_entry(*one), (jnp.eye(entries), windows))

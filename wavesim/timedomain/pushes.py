@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.barequation import BarEquation
-from wavesim.timedomain.barseries import Series
+from wavesim.timedomain.barseries import Series, chebyshev_terms
 from wavesim.timedomain.generator import Parts, State
 
 
@@ -89,6 +89,13 @@ def driven_windows(
     return tuple(windows)
 
 
+def windowed(y: State, points: Any) -> tuple[jax.Array | None, ...]:
+    """A state at some points of each group, shape (tracks, blocks, points); None at None."""
+    return tuple(
+        None if at is None else jnp.stack(part)[..., at] for part, at in zip(y, points, strict=True)
+    )
+
+
 def _span(driven: np.ndarray, size: int, periodic: bool) -> tuple[int, int]:
     """First and number of the points that hold all those driven."""
     if not len(driven):
@@ -113,24 +120,8 @@ def _pushes(
     drives, A = equation.drives, equation.generator
 
     def of_source(alone: jax.Array, points: Any) -> Any:
-        def weighted(row: jax.Array, y: State) -> Any:
-            return tuple(
-                None if at is None else jnp.tensordot(row, jnp.stack(part)[..., at], 0)
-                for part, at in zip(y, points, strict=True)
-            )
-
-        def scaled(y: State) -> State:
-            return jax.tree.map(lambda a, b: (a + made.shift * b) / made.radius, A(y), y)
-
-        def advance(carry: Any, row: jax.Array) -> tuple[Any, None]:
-            before, now, total = carry
-            total = jax.tree.map(jnp.add, total, weighted(row, now))
-            after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
-            return (now, after, total), None
-
-        first = drives.add(A.zero(), alone)
-        start = (first, scaled(first), weighted(factors[0], first))
-        (_, _, total), _ = jax.lax.scan(advance, start, factors[1:])
-        return total
+        begun = drives.add(A.zero(), alone)
+        terms = chebyshev_terms(A, made, begun, lambda y: windowed(y, points))
+        return jax.tree.map(lambda term: jnp.tensordot(factors.T, term, 1), terms)
 
     return jax.lax.map(lambda one: of_source(*one), (jnp.eye(len(drives.sources)), windows))

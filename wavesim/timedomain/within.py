@@ -9,15 +9,13 @@ all nodes and the end of the step from the same φ_k(X) y, and from φ_k(X) G_j 
 
 from __future__ import annotations
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.barequation import BarEquation
-from wavesim.timedomain.barseries import EXTRA_NODES, Series
+from wavesim.timedomain.barseries import EXTRA_NODES, Series, chebyshev_terms
 from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.generator import State
 from wavesim.timedomain.pushes import Pushes, pushes
@@ -54,16 +52,7 @@ class Within(eqx.Module):
             signals: at the nodes of the step, shape (sources, nodes).
         """
 
-        def scaled(y: State) -> State:
-            rate = equation.generator(y)
-            return jax.tree.map(lambda a, b: (a + made.shift * b) / made.radius, rate, y)
-
-        def advance(carry: tuple[State, State], _: None) -> Any:
-            before, now = carry
-            after = jax.tree.map(lambda a, b: 2 * a + b, scaled(now), before)
-            return (now, after), before
-
-        _, terms = jax.lax.scan(advance, (y, scaled(y)), length=len(made.state))
+        terms = chebyshev_terms(equation.generator, made, y, lambda term: term)
         states = jax.tree.map(lambda part: jnp.tensordot(self.state, part, 1), terms)
         if len(signals):
             amounts = jnp.einsum("okn,jn->ojk", self.pulses, signals)
