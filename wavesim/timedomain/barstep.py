@@ -89,7 +89,7 @@ def bar_schedule(
             "ends or losses takes 'chebyshev' or 'auto'"
         )
     interval = duration / (frames - 1)
-    # Work and losses are integrals over a step, good to 1e-9 up to this.
+    # What is lost is an integral over a step, good to 1e-9 up to this.
     longest = min(_LONGEST_POWER / band, LONGEST_STEP / radius)
     if loss > 0:
         longest = min(longest, 2 * _MOST_LOSS / loss)
