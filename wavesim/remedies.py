@@ -15,7 +15,7 @@ from wavesim.stencils import ORDERS
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
-# A rough signal's work is integrated over a step: a shorter one by this makes it as a smooth one's.
+# What is lost is a sum over nodes of a step, which is exact if the step is shorter by this.
 _SHORTER = 5
 
 
@@ -100,14 +100,6 @@ def wavenumber_grid_error(
 
 def of_energy(field: Field) -> str:
     """Where the balance of energy does not close."""
-    rough = [s for s in field.sources if np.isinf(s.spectral_end)]
     if field.stepper == "verlet":
         return _exact_in_time(field)
-    if rough and getattr(rough[0], "window", None) == "hann":
-        return f'take [[sources]] window = "cos4", smoother than "hann", or {shorter_step(field)}'
-    if rough:
-        return (
-            f"{shorter_step(field)}, or a smoother signal: {rough[0].kind} on {rough[0].field} "
-            "begins or ends roughly"
-        )
     return shorter_step(field)

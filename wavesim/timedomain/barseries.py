@@ -26,7 +26,7 @@ class Series(eqx.Module):
     Attributes:
         state: e^{−sh} c_k(h), shape (degree + 1,).
         pulses: of the signals at the nodes, shape (degree + 1, nodes).
-        nodes: times within the step at which signals are taken, scaled.
+        nodes, weights: Gauss nodes of the step, at which signals are taken, and weights; scaled.
         radius, shift: R and s.
         step: h.
     """
@@ -34,6 +34,7 @@ class Series(eqx.Module):
     state: jax.Array
     pulses: jax.Array
     nodes: jax.Array
+    weights: jax.Array
     radius: float = eqx.field(static=True)
     shift: float = eqx.field(static=True)
     step: float = eqx.field(static=True)
@@ -57,13 +58,14 @@ def series(schedule: Schedule, band: float) -> Series:
     degree = len(state) - 1
     fine = degree + EXTRA_NODES
     count = math.ceil(min(fine, step * band / 2 + EXTRA_NODES))
-    (nodes, _), (fine_nodes, fine_weights), between = interpolation(count, fine)
+    (nodes, weights), (fine_nodes, fine_weights), between = interpolation(count, fine)
     at_nodes = expansion_coefficients(step * (1 - fine_nodes), radius, shift, degree)
     pulses = (between.T @ (step * fine_weights[:, None] * at_nodes)).T
     return Series(
         jnp.asarray(state),
         jnp.asarray(pulses),
         jnp.asarray(step * nodes),
+        jnp.asarray(step * weights),
         float(radius),
         float(shift),
         float(step),

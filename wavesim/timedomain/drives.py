@@ -57,13 +57,31 @@ class Drives(eqx.Module):
             return jnp.zeros((0, *jnp.shape(t)))
         made = []
         for source in self.sources:
-
-            def signal(t: jax.Array, source: Source = source) -> jax.Array:
-                return jnp.asarray(source.signal(t * self.time))
-
+            signal = self._signal(source)
             held = source.drive == "rotation"
             made.append((_derivative(_derivative(signal)) if held else signal)(t))
         return jnp.stack(made)
+
+    def sampled(self, t: jax.Array, nodes: jax.Array, weights: jax.Array, h: float) -> jax.Array:
+        """Signals ŝ_j of the step from t, at its nodes, shape (sources, nodes).
+
+        That of a rotation is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
+        the changes of ġ and g: an end follows g where g̈ has kinks or jumps too, and does not drift.
+        """
+        made = self.signals(t + nodes)
+        ends = jnp.asarray(t) + jnp.array([0.0, h])
+        for j, source in enumerate(self.sources):
+            if source.drive == "rotation":
+                signal = self._signal(source)
+                g, rate = signal(ends), _derivative(signal)(ends)
+                mean = (rate[1] - rate[0] - weights @ made[j]) / h
+                rest = g[1] - g[0] - h * rate[0] - (weights * (h - nodes)) @ made[j]
+                slope = 3 * mean - 6 / h**2 * rest
+                made = made.at[j].add(mean + slope * (2 * nodes / h - 1))
+        return jnp.where(t < self.end, made, 0.0)
+
+    def _signal(self, source: Source) -> Callable[[jax.Array], jax.Array]:
+        return lambda t: jnp.asarray(source.signal(t * self.time))
 
     def add(self, y: State, amounts: jax.Array) -> State:
         """y + Σ_j G_j amounts_j."""

@@ -57,11 +57,11 @@ class Expansion(WaveSolver):
     ) -> Any:
         made, drives = self.series, args.drives
         acting = t0 < drives.end
-        signals = jnp.where(acting, drives.signals(t0 + made.nodes), 0.0)
+        signals = drives.sampled(t0, made.nodes, made.weights, made.step)
         work, lost = y0.work, y0.lost
         if self.work is not None:
             table = self.work
-            # An end that was turned may be left with a rate of rounding, or of what g̈ is off by.
+            # An end that was turned is left with a rate of rounding.
             work = work + jax.lax.cond(
                 acting | bool(len(args.held)),
                 lambda: table.done(args, y0.y, signals),

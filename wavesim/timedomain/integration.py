@@ -128,8 +128,11 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
         band = max(ends, default=0.0) * float(settled.medium.time_scale)
         made, at = series(settled.schedule, band), (settled.schedule.reach, settled.bar.periodic)
         if settled.schedule.solver == "chebyshev":
-            losses = within(equation, made, *at) if equation.accounted else None
-            return Expansion(made, work(equation, made, *at), losses)
+            # As in _program, the compiler works in one thread.
+            with ThreadPoolExecutor(1) as other:
+                tables = other.submit(work, equation, made, *at)
+                losses = within(equation, made, *at) if equation.accounted else None
+                return Expansion(made, tables.result(), losses)
         return _layered(settled, equation, made)
     if settled.schedule.solver == "verlet":
         return Verlet()
@@ -145,14 +148,15 @@ def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
 
 def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropagator:
     steps, bar = settled.schedule, settled.bar
-    length = float(scales(settled.medium).length)
-    parts = tuple(
-        piecewise(cut(settled.layers, bar, group, steps, length))
-        for group in equation.generator.groups
-    )
-    at = (steps.reach, bar.periodic)
-    pushed = pushes(equation, made, made.pulses, *at)
-    return LayeredPropagator(parts, pushed, made, work(equation, made, *at))
+    length, at = float(scales(settled.medium).length), (steps.reach, bar.periodic)
+    with ThreadPoolExecutor(1) as other:
+        tables = other.submit(work, equation, made, *at)
+        pushed = pushes(equation, made, made.pulses, *at)
+        parts = tuple(
+            piecewise(cut(settled.layers, bar, group, steps, length))
+            for group in equation.generator.groups
+        )
+        return LayeredPropagator(parts, pushed, made, tables.result())
 
 
 def advance(

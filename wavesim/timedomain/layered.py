@@ -202,16 +202,17 @@ class LayeredPropagator(WaveSolver):
         def free() -> BarMotion:
             return y0._replace(y=_parts(after))
 
-        # An end that was turned may be left with a rate of rounding, or of what g̈ is off by.
+        # An end that was turned is left with a rate of rounding.
         acting = (t0 < args.drives.end + 1.5 * step) | bool(len(args.held))
         y1 = jax.lax.cond(acting, driven, free)
         return y1, None, {"y0": y0, "y1": y1}, now, diffrax.RESULTS.successful
 
     def _signals(self, equation: BarEquation, t: Any, way: float) -> jax.Array:
-        """Signals at the nodes of the step ahead of a time, or of that behind it."""
-        drives, made = equation.drives, self.series
-        acting = t + (way - 1) / 2 * made.step < drives.end
-        return jnp.where(acting, drives.signals(t + way * made.nodes), 0.0)
+        """Signals at the nodes of the step ahead of a time, or of that behind it, backward."""
+        made = self.series
+        first = t + (way - 1) / 2 * made.step
+        signals = equation.drives.sampled(first, made.nodes, made.weights, made.step)
+        return signals if way > 0 else signals[:, ::-1]
 
     def _pushed(self, made: Tracks, on_q: jax.Array, on_v: jax.Array) -> Tracks:
         """Both tracks with the sources' part added."""
