@@ -16,7 +16,7 @@ ROOMS = {"wavesim", *(f"wavesim.{room.parent.name}" for room in PACKAGE.glob("*/
 GRID_AND_TIME = {
     "bar", "stencils", "closures", "operator", "forcing", "response", "steppers", "propagator",
     "kernels", "timestep", "plan", "integration", "field", "zones", "pieces", "pushes", "layered",
-    "barequation", "barseries", "barwork", "expansion", "within",
+    "barequation", "barseries", "barwork", "expansion", "within", "assembly", "program",
 }  # fmt: skip
 # Modules that must load without jax, so that a case is checked and bands are drawn at once.
 WITHOUT_JAX = {
@@ -158,7 +158,7 @@ def test_only_one_module_integrates():
         if isinstance(node, ast.Attribute | ast.Name)
         and getattr(node, "attr", getattr(node, "id", "")) == "diffeqsolve"
     }
-    assert calls == {"integration"}
+    assert calls == {"program"}
 
 
 @pytest.mark.parametrize("name", sorted(WITHOUT_JAX))

@@ -18,7 +18,7 @@ from wavesim.bar import Bar
 from wavesim.damping import Damping
 from wavesim.plan import Plan, plan
 from wavesim.source import InitialField, Recorded, Ricker, ToneBurst
-from wavesim.timedomain import integration
+from wavesim.timedomain import assembly, program
 from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.expansion import Expansion
 from wavesim.timedomain.integration import simulate, stream
@@ -40,8 +40,8 @@ def test_a_step_is_the_matrix_exponential(closure, damping, ends, rng):
     """
     layers = three(closure, damping)
     made = settled(layers, ends, solver="chebyshev")
-    equation, rest = integration._equation(made)
-    stepper = integration._stepper(made, equation)
+    equation, rest = assembly.equation_of(made)
+    stepper = assembly.stepper_of(made, equation)
     assert isinstance(stepper, Expansion)
     A, unravel = dense(equation.generator)
     h, t = made.schedule.step, 3.1e-6 / float(made.medium.time_scale)
@@ -153,11 +153,11 @@ def test_work_by_a_finer_rule():
     made = plan(layers, fitted(layers, "fixed", "free"), sources, 6e-6)
     fine = plan(layers, made.bar, sources, 6e-6, step=made.step / 24)
     assert fine.schedule.step == pytest.approx(made.schedule.step / 24)
-    equation, rest = integration._equation(made)
+    equation, rest = assembly.equation_of(made)
     t = 20 * made.schedule.step
 
     def stepped(plan_, motion, t):
-        stepper = integration._stepper(plan_, equation)
+        stepper = assembly.stepper_of(plan_, equation)
         return jax.jit(
             lambda m, t: stepper.step(None, t, t + plan_.schedule.step, m, equation, None, False)[0]
         )
@@ -219,12 +219,12 @@ def test_uniform_periodic_bars_agree_by_both_routes():
 def test_a_second_run_compiles_nothing_new():
     """One compiled function serves bars of one shape, other media and sources' places included."""
     layers = three()
-    before = len(integration._COMPILED)
+    before = len(program._COMPILED)
     bar = fitted(layers, "free", "absorbing")
     simulate(layers, bar, [PULSE], 2e-6, 9)
-    after = len(integration._COMPILED)
+    after = len(program._COMPILED)
     simulate(layers, bar, [PULSE], 2e-6, 9)
-    assert len(integration._COMPILED) == after <= before + 1
+    assert len(program._COMPILED) == after <= before + 1
 
 
 def test_what_a_plan_of_a_real_bar_refuses():

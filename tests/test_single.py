@@ -27,7 +27,8 @@ from wavesim.case import CaseError
 from wavesim.cli import main
 from wavesim.plan import Plan, plan
 from wavesim.problem import load
-from wavesim.timedomain.integration import _equation, _stepper, stream
+from wavesim.timedomain.assembly import equation_of, stepper_of
+from wavesim.timedomain.integration import stream
 
 CELL = 1.25e-4
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")
@@ -64,7 +65,7 @@ def off(field, known):
 def test_the_product_alone_is_single():
     """The matrix and the stored field are float32, state, sums and energies float64."""
     settled = plan(MEDIUM, BAR, SOURCES, 10 * UNIT, 21, precision="single")
-    stepper = _stepper(settled, _equation(settled)[0])
+    stepper = stepper_of(settled, equation_of(settled)[0])
     assert {part.cosine.dtype for part in stepper.kernels} == {jnp.dtype(jnp.float32)}
     chunk = list(stream(settled))[-1]
     assert {values.dtype for values in chunk.values.values()} == {np.dtype(np.float32)}

@@ -28,8 +28,9 @@ from wavesim.plan import Plan, plan
 from wavesim.sectors import BLOCKS, block_form, scales
 from wavesim.source import Ricker
 from wavesim.timedomain.forcing import forcing
-from wavesim.timedomain.integration import NotFiniteError, advance, simulate, stream
+from wavesim.timedomain.integration import NotFiniteError, simulate, stream
 from wavesim.timedomain.operator import from_fields, semi_discrete, to_fields
+from wavesim.timedomain.program import advance
 from wavesim.timedomain.response import pulse_tables
 from wavesim.timedomain.steppers import (
     TERM,

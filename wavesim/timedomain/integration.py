@@ -1,15 +1,12 @@
-"""Integration in time: the only caller of ``diffrax.diffeqsolve``, in chunks of frames."""
+"""Integration in time, in chunks of frames."""
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,29 +18,11 @@ from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import scales
 from wavesim.source import Source
-from wavesim.timedomain.barequation import BarEquation
-from wavesim.timedomain.barseries import Series, series
-from wavesim.timedomain.barwork import work
-from wavesim.timedomain.drives import acting, drives, initial_state
-from wavesim.timedomain.expansion import Expansion
-from wavesim.timedomain.forcing import forcing
-from wavesim.timedomain.generator import generator
-from wavesim.timedomain.layered import LayeredPropagator, piecewise
-from wavesim.timedomain.operator import is_rotation, semi_discrete, to_fields
-from wavesim.timedomain.pieces import cut
-from wavesim.timedomain.propagator import Propagator, bar_kernels
-from wavesim.timedomain.pushes import pushes
-from wavesim.timedomain.response import pulse_tables
-from wavesim.timedomain.steppers import (
-    TERM,
-    Chebyshev,
-    Motion,
-    Verlet,
-    WaveEquation,
-    propagator_series,
-)
-from wavesim.timedomain.timestep import Precision, Schedule
-from wavesim.timedomain.within import within
+from wavesim.timedomain.assembly import equation_of, stepper_of
+from wavesim.timedomain.operator import is_rotation, to_fields
+from wavesim.timedomain.program import program
+from wavesim.timedomain.steppers import Motion
+from wavesim.timedomain.timestep import Precision
 
 
 class NotFiniteError(RuntimeError):
@@ -96,22 +75,8 @@ def pack(motion: Motion) -> list[np.ndarray]:
 
 def unpack(arrays: Sequence[np.ndarray], settled: Plan) -> Any:
     """Inverse of :func:`pack`, for a run of the same plan."""
-    structure = jax.tree.structure(_equation(settled)[1])
+    structure = jax.tree.structure(equation_of(settled)[1])
     return jax.tree.unflatten(structure, [jnp.asarray(array) for array in arrays])
-
-
-def _equation(settled: Plan) -> tuple[Any, Any]:
-    """The equation that a plan integrates, and its state at t = 0."""
-    medium, bar, blocks = settled.medium, settled.bar, settled.blocks
-    if settled.real:
-        A = generator(settled.layers, bar, blocks, medium, settled.with_gradient)
-        sources = drives(settled.sources, medium, bar, blocks, A)
-        start = initial_state(settled.sources, medium, bar, blocks, A)
-        equation = BarEquation(A, sources, settled.balanced)
-        return equation, equation.start(start)
-    operator = semi_discrete(medium, bar, blocks)
-    force = forcing(settled.sources, medium, bar, blocks, operator)
-    return WaveEquation(operator, force), Motion(operator.zero(), operator.zero(), jnp.zeros(()))
 
 
 @dataclass
@@ -120,142 +85,6 @@ class Timing:
 
     compile: float = 0.0
     integrate: float = 0.0
-
-
-def _stepper(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
-    if settled.schedule.shift is not None:
-        ends = [source.spectral_end for source in acting(settled.sources)]
-        band = max(ends, default=0.0) * float(settled.medium.time_scale)
-        made, at = series(settled.schedule, band), (settled.schedule.reach, settled.bar.periodic)
-        if settled.schedule.solver == "chebyshev":
-            # As in _program, the compiler works in one thread.
-            with ThreadPoolExecutor(1) as other:
-                tables = other.submit(work, equation, made, *at)
-                losses = within(equation, made, *at) if equation.accounted else None
-                return Expansion(made, tables.result(), losses)
-        return _layered(settled, equation, made)
-    if settled.schedule.solver == "verlet":
-        return Verlet()
-    steps = settled.schedule
-    pulses = pulse_tables(equation.operator, equation.forcing, steps)
-    if steps.solver == "chebyshev":
-        return Chebyshev(propagator_series(steps), steps.bound, pulses)
-    kernels = bar_kernels(
-        settled.medium, settled.bar, settled.blocks, steps.step, settled.precision
-    )
-    return Propagator(kernels, pulses)
-
-
-def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropagator:
-    steps, bar = settled.schedule, settled.bar
-    length, at = float(scales(settled.medium).length), (steps.reach, bar.periodic)
-    with ThreadPoolExecutor(1) as other:
-        tables = other.submit(work, equation, made, *at)
-        pushed = pushes(equation, made, made.pulses, *at)
-        parts = tuple(
-            piecewise(cut(settled.layers, bar, group, steps, length))
-            for group in equation.generator.groups
-        )
-        return LayeredPropagator(parts, pushed, made, tables.result())
-
-
-def advance(
-    equation: Any,
-    stepper: Any,
-    motion: Any,
-    start: jax.Array,
-    step: float,
-    steps_per_frame: int,
-    frames: int,
-    stepper_state: Any = None,
-    adjoint: Any = None,
-) -> Any:
-    """Integrate some frames from a state; pure, so that jax transforms go through.
-
-    The stepper's own state, of :func:`prepare`, is made here if it is not given.
-    """
-
-    def observe(t: Any, y: Any, args: Any) -> Any:
-        return equation.observe(y)
-
-    count = frames * steps_per_frame
-    times = (start + jnp.arange(count + 1)).astype(float) * step
-    solution = diffrax.diffeqsolve(
-        TERM,
-        stepper,
-        t0=times[0],
-        t1=times[-1],
-        dt0=None,
-        y0=motion,
-        args=equation,
-        saveat=diffrax.SaveAt(
-            subs=(
-                diffrax.SubSaveAt(steps=steps_per_frame, fn=observe),
-                diffrax.SubSaveAt(t1=True),
-            ),
-        ),
-        stepsize_controller=diffrax.StepTo(ts=times),
-        max_steps=count,
-        solver_state=stepper_state,
-        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
-    )
-    seen, last = solution.ys
-    return seen, jax.tree.map(lambda a: a[-1], last)
-
-
-def prepare(equation: Any, stepper: Any, motion: Any, start: jax.Array, step: float) -> Any:
-    """The stepper's own state at a motion.
-
-    It is made anew for each chunk: a run that is carried on from a stored motion is the
-    uninterrupted one to the last bit.
-    """
-    t = jnp.asarray(start).astype(float) * step
-    return stepper.init(TERM, t, t + step, motion, equation)
-
-
-# Compiled functions, by all that they depend on: a second run of one shape compiles nothing.
-_COMPILED: dict[Any, Any] = {}
-
-
-def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> Any:
-    """A function compiled for arguments of these shapes and for settings, its keywords."""
-    leaves, structure = jax.tree.flatten(arguments)
-    shapes = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
-    key = (function, structure, shapes, tuple(settings.items()))
-    if key not in _COMPILED:
-        whole = functools.partial(function, **settings)
-        _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
-    return _COMPILED[key]
-
-
-def _program(equation: Any, stepper: Any, motion: Any, steps: Schedule, frames: int) -> Any:
-    """What integrates so many frames from a motion and a number of steps.
-
-    The compiler works in one thread: two functions beside each other take less than one.
-    """
-    known = (equation, stepper, motion, jnp.asarray(0))
-    kept = jax.eval_shape(functools.partial(prepare, step=steps.step), *known)
-    counts = {"steps_per_frame": steps.steps_per_frame, "frames": frames}
-    with ThreadPoolExecutor(1) as other:
-        first = other.submit(_compiled, prepare, known, step=steps.step)
-        then = _compiled(_carried, (*known, kept), step=steps.step, **counts)
-        begin = first.result()
-
-    def run(motion: Any, at: jax.Array) -> Any:
-        return then(equation, stepper, motion, at, begin(equation, stepper, motion, at))
-
-    return run
-
-
-def _carried(
-    equation: Any,
-    stepper: Any,
-    motion: Any,
-    start: jax.Array,
-    stepper_state: Any,
-    **settings: Any,
-) -> Any:
-    return advance(equation, stepper, motion, start, stepper_state=stepper_state, **settings)
 
 
 def stream(
@@ -276,11 +105,11 @@ def stream(
     """
     timing = timing or Timing()
     begun = time.perf_counter()
-    equation, rest = _equation(settled)
-    stepper = _stepper(settled, equation)
+    equation, rest = equation_of(settled)
+    stepper = stepper_of(settled, equation)
     steps, size = settled.schedule, settled.chunk
     frame, motion = start or (0, rest)
-    run = _program(equation, stepper, motion, steps, size)
+    run = program(equation, stepper, motion, steps, size)
     timing.compile += time.perf_counter() - begun
     if start is None:
         first = jax.tree.map(lambda a: np.asarray(a)[None], equation.observe(motion))

@@ -22,8 +22,8 @@ from wavesim.timedomain.barstep import bar_schedule
 from wavesim.timedomain.drives import acting, drives, initial_state
 from wavesim.timedomain.expansion import Expansion
 from wavesim.timedomain.generator import generator
-from wavesim.timedomain.integration import advance
 from wavesim.timedomain.operator import is_rotation, to_fields
+from wavesim.timedomain.program import advance
 from wavesim.timedomain.timestep import Schedule
 
 
