@@ -18,6 +18,8 @@ from wavesim.timedomain.timestep import Schedule
 
 # Gauss nodes beyond half the phase of what they integrate or interpolate.
 EXTRA_NODES = 14
+# Terms of a series that are held at a time: enough for a matrix product, few beside long bars.
+_AT_ONCE = 32
 
 
 class Series(eqx.Module):
@@ -83,6 +85,54 @@ def chebyshev_terms(
         y: a state.
         seen: of a state, arrays.
     """
+    _, found = _terms(A, made, (jax.tree.map(jnp.zeros_like, y), y), _scales(made), seen)
+    return found
+
+
+def chebyshev_sums(
+    A: Callable[[State], State], made: Series, y: State, factors: jax.Array
+) -> State:
+    """Σ_k factors_ok φ_k(X) y for several o, some terms at a time.
+
+    Args:
+        A: the generator.
+        made: for radius, shift and degree.
+        y: a state.
+        factors: shape (outputs, degree + 1).
+
+    Returns:
+        States with a first axis of outputs.
+    """
+    groups = -(-factors.shape[1] // _AT_ONCE)
+    missing = groups * _AT_ONCE - factors.shape[1]
+    some = jnp.pad(factors, ((0, 0), (0, missing))).reshape(-1, groups, _AT_ONCE)
+    scales = jnp.pad(_scales(made), (0, missing)).reshape(groups, _AT_ONCE)
+
+    def add(carry: Any, group: tuple[jax.Array, jax.Array]) -> Any:
+        pair, total = carry
+        part, scale = group
+        pair, terms = _terms(A, made, pair, scale, lambda term: term)
+        return (pair, jax.tree.map(lambda s, t: s + jnp.tensordot(part, t, 1), total, terms)), None
+
+    nothing = jax.tree.map(lambda part: jnp.zeros((len(factors), *part.shape)), y)
+    begun = (jax.tree.map(jnp.zeros_like, y), y), nothing
+    (_, total), _ = jax.lax.scan(add, begun, (some.swapaxes(0, 1), scales))
+    return total
+
+
+def _scales(made: Series) -> jax.Array:
+    """By which each X φ_k enters φ_{k+1}."""
+    return jnp.full(made.degree + 1, 2 / made.radius).at[0].divide(2)
+
+
+def _terms(
+    A: Callable[[State], State],
+    made: Series,
+    pair: tuple[State, State],
+    scales: jax.Array,
+    seen: Callable[[State], Any],
+) -> tuple[tuple[State, State], Any]:
+    """The recurrence from (φ_{k−1}, φ_k) on; what is seen of φ_k and those after it."""
 
     def advance(carry: Any, scale: jax.Array) -> Any:
         before, now = carry
@@ -91,5 +141,4 @@ def chebyshev_terms(
         )
         return (now, after), seen(now)
 
-    scales = jnp.full(made.degree + 1, 2 / made.radius).at[0].divide(2)
-    return jax.lax.scan(advance, (jax.tree.map(jnp.zeros_like, y), y), scales)[1]
+    return jax.lax.scan(advance, pair, scales)

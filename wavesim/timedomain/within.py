@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.barequation import BarEquation
-from wavesim.timedomain.barseries import EXTRA_NODES, Series, chebyshev_terms
+from wavesim.timedomain.barseries import EXTRA_NODES, Series, chebyshev_sums
 from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.generator import State
 from wavesim.timedomain.pushes import Pushes, pushes
@@ -51,9 +51,7 @@ class Within(eqx.Module):
             y: state before.
             signals: at the nodes of the step, shape (sources, nodes).
         """
-
-        terms = chebyshev_terms(equation.generator, made, y, lambda term: term)
-        states = jax.tree.map(lambda part: jnp.tensordot(self.state, part, 1), terms)
+        states = chebyshev_sums(equation.generator, made, y, self.state)
         if len(signals):
             amounts = jnp.einsum("okn,jn->ojk", self.pulses, signals)
             states = tuple(
