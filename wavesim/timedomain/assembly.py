@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -14,6 +15,7 @@ from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.barseries import Series, series
 from wavesim.timedomain.barwork import work
 from wavesim.timedomain.drives import acting, drives, initial_state
+from wavesim.timedomain.ends import Ends
 from wavesim.timedomain.expansion import Expansion
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
@@ -30,7 +32,7 @@ from wavesim.timedomain.steppers import (
     WaveEquation,
     propagator_series,
 )
-from wavesim.timedomain.within import within
+from wavesim.timedomain.within import Within, within
 
 
 def equation_of(settled: Plan) -> tuple[Any, Any]:
@@ -57,7 +59,10 @@ def stepper_of(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
             # The compiler works in one thread.
             with ThreadPoolExecutor(1) as other:
                 tables = other.submit(work, equation, made, *at)
-                losses = within(equation, made, *at) if equation.accounted else None
+                losses: Within | Ends | None = None
+                if equation.accounted:
+                    kinks = math.isinf(band)
+                    losses = within(equation, made, *at) if kinks else Ends(made.step)
                 return Expansion(made, tables.result(), losses)
         return _layered(settled, equation, made)
     if settled.schedule.solver == "verlet":

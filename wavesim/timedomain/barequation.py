@@ -89,8 +89,18 @@ class BarEquation(eqx.Module):
 
     def lost(self, y: State) -> jax.Array:
         """Power that damping and absorbing ends take."""
-        powers = [
-            group.lost(group.observe(part))
-            for group, part in zip(self.generator.groups, y, strict=True)
-        ]
-        return jnp.sum(jnp.stack(powers))
+        return self.lost_between(jax.tree.map(lambda part: part[None], y))[0, 0]
+
+    def lost_between(self, states: State) -> jax.Array:
+        """Symmetric form whose diagonal is the power that states lose, (states, states).
+
+        Args:
+            states: several, along a first axis.
+        """
+        return sum(
+            (
+                group.lost(jax.vmap(group.observe)(parts))
+                for group, parts in zip(self.generator.groups, states, strict=True)
+            ),
+            start=jnp.zeros(()),
+        )

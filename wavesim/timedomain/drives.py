@@ -59,7 +59,7 @@ class Drives(eqx.Module):
         for source in self.sources:
             signal = self._signal(source)
             held = source.drive == "rotation"
-            made.append((_derivative(_derivative(signal)) if held else signal)(t))
+            made.append((derivative(derivative(signal)) if held else signal)(t))
         return jnp.stack(made)
 
     def sampled(self, t: jax.Array, nodes: jax.Array, weights: jax.Array, h: float) -> jax.Array:
@@ -73,7 +73,7 @@ class Drives(eqx.Module):
         for j, source in enumerate(self.sources):
             if source.drive == "rotation":
                 signal = self._signal(source)
-                g, rate = signal(ends), _derivative(signal)(ends)
+                g, rate = signal(ends), derivative(signal)(ends)
                 mean = (rate[1] - rate[0] - weights @ made[j]) / h
                 rest = g[1] - g[0] - h * rate[0] - (weights * (h - nodes)) @ made[j]
                 slope = 3 * mean - 6 / h**2 * rest
@@ -105,7 +105,7 @@ class Drives(eqx.Module):
         return total
 
 
-def _derivative(function: Callable[[jax.Array], jax.Array]) -> Callable[[jax.Array], jax.Array]:
+def derivative(function: Callable[[jax.Array], jax.Array]) -> Callable[[jax.Array], jax.Array]:
     return lambda t: jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
 
 

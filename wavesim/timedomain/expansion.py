@@ -9,8 +9,8 @@ With A′ = A + s, s half the fastest loss rate, and R ≥ every |Im λ| of A, X
 by Clenshaw's recurrence: the sources cost scalars. Tal-Ezer, SIAM J. Numer. Anal. 23, 11 (1986);
 Tal-Ezer, Kosloff & Koren, Geophys. Prospect. 35, 479 (1987). Exact to rounding at any step.
 
-The work of the sources is that of ``barwork.py``. Where losses are accounted for, the state within
-the step is needed too, and ``within.py`` makes the step.
+The work of the sources is that of ``barwork.py``. Losses are accounted for by ``ends.py`` where no
+signal has kinks; else the state within the step is needed too, and ``within.py`` makes the step.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from wavesim.timedomain.barequation import BarEquation, BarMotion
 from wavesim.timedomain.barseries import Series
 from wavesim.timedomain.barwork import Work
+from wavesim.timedomain.ends import Ends
 from wavesim.timedomain.generator import State
 from wavesim.timedomain.steppers import WaveSolver
 from wavesim.timedomain.within import Within
@@ -37,13 +38,14 @@ class Expansion(WaveSolver):
 
     series: Series
     work: Work | None = None
-    within: Within | None = None
+    losses: Within | Ends | None = None
 
     def order(self, terms: Any) -> None:
         return None
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: BarMotion, args: BarEquation) -> None:
-        return None
+    def init(self, terms: Any, t0: Any, t1: Any, y0: BarMotion, args: BarEquation) -> Any:
+        """The power lost and its derivatives, where the step's ends tell what is lost in it."""
+        return self.losses.powers(args, t0, y0.y) if isinstance(self.losses, Ends) else None
 
     def step(
         self,
@@ -67,13 +69,17 @@ class Expansion(WaveSolver):
                 lambda: table.done(args, y0.y, signals),
                 lambda: jnp.zeros(()),
             )
-        if self.within is None:
-            y = self.propagate(args, y0.y, made.pulses @ signals.T)
-        else:
-            y, gone = self.within.step(args, made, y0.y, signals)
+        powers = None
+        if isinstance(self.losses, Within):
+            y, gone = self.losses.step(args, made, y0.y, signals)
             lost = lost + gone
+        else:
+            y = self.propagate(args, y0.y, made.pulses @ signals.T)
+        if isinstance(self.losses, Ends):
+            powers = self.losses.powers(args, t1, y)
+            lost = lost + self.losses.lost(solver_state, powers)
         y1 = BarMotion(y, work, lost)
-        return y1, None, {"y0": y0, "y1": y1}, None, diffrax.RESULTS.successful
+        return y1, None, {"y0": y0, "y1": y1}, powers, diffrax.RESULTS.successful
 
     def propagate(self, equation: BarEquation, y: State, forces: jax.Array) -> State:
         """Σ_k φ_k(X) [c_k y + Σ_j G_j b_kj], downward from the highest degree."""

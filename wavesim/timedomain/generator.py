@@ -190,25 +190,40 @@ class Group(eqx.Module):
         return kinetic / 2, stored / 2
 
     def lost(self, seen: Strain) -> jax.Array:
-        """Power that a state loses."""
+        """Symmetric form whose diagonal is the power that states lose, (states, states).
+
+        Args:
+            seen: of several states, along a first axis.
+        """
         p, law = self.rotations, self.losses
+        count = seen.v[0].shape[0]
+        total = jnp.zeros((count, count))
 
         def paired(one: Parts, other: Parts) -> jax.Array:
             return sum(
-                (jnp.sum(a * b) for a, b in zip(one, other, strict=True)), start=jnp.zeros(())
+                (
+                    a.reshape(count, -1) @ b.reshape(count, -1).T
+                    for a, b in zip(one, other, strict=True)
+                ),
+                start=jnp.zeros((count, count)),
             )
 
-        total = jnp.zeros(())
+        def elastic(one: Parts, other: Parts) -> jax.Array:
+            """⟨e₁, C e₂⟩ over the bar, as :meth:`form`."""
+            dual = jax.vmap(self.stress)(other) + _times(-1.0, jax.vmap(self.force)(other))
+            return paired(one, _times(self.norm, dual))
+
         if law.damped:
             damped = _times(law.mass_node, seen.v[:p]) + _times(law.mass_half, seen.v[p:])
             inert = tuple(m * d for m, d in zip(self.mass, damped, strict=True))
             total = total + paired(seen.v, inert)
-            total = total + self.form(seen.e_rate, _times(law.stiffness, seen.e_rate))
+            total = total + elastic(seen.e_rate, _times(law.stiffness, seen.e_rate))
             for lag, rate, strength in zip(seen.lag, law.rates, law.strengths, strict=True):
-                total = total + self.form(lag, _times(rate * strength, lag))
+                total = total + elastic(lag, _times(rate * strength, lag))
         if law.absorbing:
-            total = total + paired(_times(self.c.m_phi, seen.v[:p]), seen.chi)
-            total = total + paired(_times(self.norm, seen.sigma), seen.psi_rate)
+            taken = paired(_times(self.c.m_phi, seen.v[:p]), seen.chi)
+            taken = taken + paired(_times(self.norm, seen.sigma), seen.psi_rate)
+            total = total + (taken + taken.T) / 2
             calmed = _times(law.calm_half, seen.v[p:])
             inert = tuple(m * c for m, c in zip(self.mass[p:], calmed, strict=True))
             total = total + paired(seen.v[p:], inert)

@@ -22,7 +22,7 @@ from wavesim.timedomain.pushes import Pushes, pushes
 from wavesim.timedomain.response import gauss, legendre_transform
 
 # Gauss nodes of a step at which the power lost is taken.
-_NODES = 8
+_NODES = 12
 
 
 class Within(eqx.Module):
