@@ -8,6 +8,13 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "allow")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forgotten():
+    """What a module compiled is not kept: a process may map 65,530 pieces of memory, no more."""
+    yield
+    jax.clear_caches()
+
+
 @pytest.fixture
 def rng():
     import numpy as np

@@ -92,8 +92,7 @@ def test_wavenumbers_tell_the_grid_from_waves_that_went_round():
 @pytest.mark.parametrize(
     ("source", "stepper", "told"),
     [
-        (ToneBurst("phi1", 0.01, 3e5, window="hann"), "chebyshev", 'window = "cos4"'),
-        (ToneBurst("phi1", 0.01, 3e5, window="cos4"), "chebyshev", "[time] step = 2e-09"),
+        (ToneBurst("phi1", 0.01, 3e5, window="hann"), "chebyshev", "[time] step = 2e-09"),
         (Ricker("phi1", 0.01, 3e5), "verlet", 'or leave [time] solver at "auto"'),
     ],
 )

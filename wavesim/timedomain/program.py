@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 from typing import Any
 
 import diffrax
@@ -70,8 +71,11 @@ def prepare(equation: Any, stepper: Any, motion: Any, start: jax.Array, step: fl
     return stepper.init(TERM, t, t + step, motion, equation)
 
 
-# Compiled functions, by all that they depend on: a second run of one shape compiles nothing.
+# Compiled functions, by all that they depend on: a second run of one shape compiles nothing. The
+# last ones are kept: each takes some hundred mappings of memory, of which a process has 65,530.
 _COMPILED: dict[Any, Any] = {}
+_KEPT = 64
+_ALONE = Lock()
 
 
 def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> Any:
@@ -82,7 +86,11 @@ def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> 
     if key not in _COMPILED:
         whole = functools.partial(function, **settings)
         _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
-    return _COMPILED[key]
+    with _ALONE:
+        made = _COMPILED[key] = _COMPILED.pop(key)  # to the end, as the last one used
+        while len(_COMPILED) > _KEPT:
+            del _COMPILED[next(iter(_COMPILED))]
+    return made
 
 
 def program(equation: Any, stepper: Any, motion: Any, steps: Schedule, frames: int) -> Any:
