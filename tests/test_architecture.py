@@ -16,7 +16,8 @@ ROOMS = {"wavesim", *(f"wavesim.{room.parent.name}" for room in PACKAGE.glob("*/
 GRID_AND_TIME = {
     "bar", "stencils", "closures", "operator", "forcing", "response", "steppers", "propagator",
     "kernels", "timestep", "plan", "integration", "field", "zones", "pieces", "pushes", "layered",
-    "barequation", "barseries", "barwork", "expansion", "within", "ends", "assembly", "program",
+    "barequation", "barseries", "barwork", "expansion", "within", "ends", "group", "generator",
+    "assembly", "program",
 }  # fmt: skip
 # Modules that must load without jax, so that a case is checked and bands are drawn at once.
 WITHOUT_JAX = {

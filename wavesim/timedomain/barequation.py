@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.drives import Drives
-from wavesim.timedomain.generator import Generator, State
+from wavesim.timedomain.generator import Generator
+from wavesim.timedomain.group import State
 
 
 class BarMotion(NamedTuple):

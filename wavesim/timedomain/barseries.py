@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.barstep import expansion_coefficients
-from wavesim.timedomain.generator import State
+from wavesim.timedomain.group import State
 from wavesim.timedomain.response import interpolation
 from wavesim.timedomain.timestep import Schedule
 

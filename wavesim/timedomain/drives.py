@@ -14,7 +14,8 @@ from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.sectors import Block, grouped, scales
 from wavesim.source import InitialField, Source
-from wavesim.timedomain.generator import Generator, Group, State
+from wavesim.timedomain.generator import Generator
+from wavesim.timedomain.group import Group, State
 from wavesim.timedomain.material import module
 
 

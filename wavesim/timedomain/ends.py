@@ -17,7 +17,7 @@ import numpy as np
 
 from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.drives import derivative
-from wavesim.timedomain.generator import State
+from wavesim.timedomain.group import State
 
 # Derivatives of the power at either end, the power itself among them.
 _ORDERS = 6

@@ -25,7 +25,7 @@ from wavesim.timedomain.barequation import BarEquation, BarMotion
 from wavesim.timedomain.barseries import Series
 from wavesim.timedomain.barwork import Work
 from wavesim.timedomain.ends import Ends
-from wavesim.timedomain.generator import State
+from wavesim.timedomain.group import State
 from wavesim.timedomain.steppers import WaveSolver
 from wavesim.timedomain.within import Within
 

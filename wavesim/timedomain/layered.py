@@ -25,7 +25,7 @@ from wavesim.timedomain.barequation import BarEquation, BarMotion
 from wavesim.timedomain.barseries import Series
 from wavesim.timedomain.barwork import Work
 from wavesim.timedomain.expansion import Expansion
-from wavesim.timedomain.generator import Parts, State
+from wavesim.timedomain.group import Parts, State
 from wavesim.timedomain.kernels import dense, run_length
 from wavesim.timedomain.pieces import Cut
 from wavesim.timedomain.pushes import Pushes

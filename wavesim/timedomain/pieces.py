@@ -18,7 +18,7 @@ from scipy.sparse import block_array, csr_array, diags_array
 from wavesim.bar import Bar
 from wavesim.layers import Layers
 from wavesim.sectors import BlockForm
-from wavesim.timedomain.generator import Group
+from wavesim.timedomain.group import Group
 from wavesim.timedomain.kernels import kernels, negligible
 from wavesim.timedomain.timestep import Schedule, chebyshev_series, cosine, series_degree
 from wavesim.timedomain.zones import APART, Piece, Span, zones

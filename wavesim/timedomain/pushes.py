@@ -18,7 +18,7 @@ import numpy as np
 
 from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.barseries import Series, chebyshev_terms
-from wavesim.timedomain.generator import Parts, State
+from wavesim.timedomain.group import Parts, State
 
 
 class Pushes(eqx.Module):

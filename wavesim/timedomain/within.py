@@ -17,7 +17,7 @@ import numpy as np
 from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.barseries import EXTRA_NODES, Series, chebyshev_sums
 from wavesim.timedomain.barstep import expansion_coefficients
-from wavesim.timedomain.generator import State
+from wavesim.timedomain.group import State
 from wavesim.timedomain.pushes import Pushes, pushes
 from wavesim.timedomain.response import gauss, legendre_transform
 
