@@ -461,8 +461,7 @@ class Functional:
             rest,
             jnp.asarray(0),
             steps.step,
-            steps.steps_per_frame,
-            steps.frames - 1,
+            steps.legs[0],
         )
         return jnp.sum(to_fields(last.q, self.plan.blocks, self.medium)["phi1"] ** 2)
 

@@ -179,7 +179,10 @@ def plan(
     if is_plain(layers, bar, sources):
         bound = spectral_bound(reference, bar, blocks)
         speed = fastest(reference) * unit / bar.spacing
-        steps = schedule(bound, duration / unit, frames, solver, longest, speed, bar.cells)
+        # Strides are not in single precision.
+        ends = [math.inf if precision == "single" else source.end for source in sources]
+        about = (solver, longest, speed, bar.cells, max(ends) / unit)
+        steps = schedule(bound, duration / unit, frames, *about)
     else:
         radius = highest_frequency(layers, bar, blocks, reference)
         band = highest_band(sources, reference) * unit

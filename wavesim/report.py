@@ -100,8 +100,7 @@ def survey(console: Console, problem: Problem) -> None:
         ("integrated", ", ".join(settled.fields)),
         ("time", f"{settled.duration:.6g} s, {steps.frames} frames of {frame:.4g} s (Nyquist "
                  f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / settled.duration:.4g} kHz"),
-        ("stepper", f"{steps.solver}, {steps.steps} steps of {settled.step:.4g} s, "
-                    f"{steps.operator_products} operator products"),
+        ("stepper", f"{steps.solver}, {_steps(settled)}; {steps.operator_products} products"),
         ("precision", _precision(settled)),
         ("judged", f"k = {problem.k_range[0]:.5g} to {problem.k_range[1]:.5g} rad/m, every "
                    f"{2 * math.pi / bar.length:.4g} rad/m" if settled.endless
@@ -112,6 +111,13 @@ def survey(console: Console, problem: Problem) -> None:
     for name, text in rows:
         table.add_row(Text(name, "bold"), text)
     console.print(table)
+
+
+def _steps(settled: Plan) -> str:
+    steps = settled.schedule
+    if steps.quiet is None:
+        return f"{steps.steps} steps of {settled.step:.4g} s"
+    return f"{steps.steps} steps: of {settled.step:.4g} s while sources act, then one a frame"
 
 
 def _precision(settled: Plan) -> str:

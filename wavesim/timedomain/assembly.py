@@ -14,6 +14,7 @@ from wavesim.sectors import scales
 from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.barseries import Series, series
 from wavesim.timedomain.barwork import work
+from wavesim.timedomain.circulant import Driven, Strides, circulant
 from wavesim.timedomain.drives import acting, drives, initial_state
 from wavesim.timedomain.ends import Ends
 from wavesim.timedomain.expansion import Expansion
@@ -22,7 +23,7 @@ from wavesim.timedomain.generator import generator
 from wavesim.timedomain.layered import LayeredPropagator, piecewise
 from wavesim.timedomain.operator import semi_discrete
 from wavesim.timedomain.pieces import cut
-from wavesim.timedomain.propagator import Propagator, bar_kernels
+from wavesim.timedomain.propagator import Propagator, bar_kernels, block_kernels
 from wavesim.timedomain.pushes import pushes
 from wavesim.timedomain.response import pulse_tables
 from wavesim.timedomain.steppers import (
@@ -32,6 +33,7 @@ from wavesim.timedomain.steppers import (
     WaveEquation,
     propagator_series,
 )
+from wavesim.timedomain.timestep import Leg
 from wavesim.timedomain.within import Within, within
 
 
@@ -49,8 +51,8 @@ def equation_of(settled: Plan) -> tuple[Any, Any]:
     return WaveEquation(operator, force), Motion(operator.zero(), operator.zero(), jnp.zeros(()))
 
 
-def stepper_of(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
-    """The stepper of a plan, with all its tables, for its equation."""
+def stepper_of(settled: Plan, equation: Any, leg: Leg | None = None) -> diffrax.AbstractSolver:
+    """The stepper of a plan, with all its tables, for its equation and a leg, the first if None."""
     if settled.schedule.shift is not None:
         ends = [source.spectral_end for source in acting(settled.sources)]
         band = max(ends, default=0.0) * float(settled.medium.time_scale)
@@ -67,14 +69,18 @@ def stepper_of(settled: Plan, equation: Any) -> diffrax.AbstractSolver:
         return _layered(settled, equation, made)
     if settled.schedule.solver == "verlet":
         return Verlet()
-    steps = settled.schedule
+    steps, leg = settled.schedule, leg or settled.schedule.legs[0]
+    known = settled.medium, settled.bar, settled.blocks, steps.step
+    if not leg.steps:
+        return Strides(circulant(block_kernels(*known), settled.bar.cells, leg.stride))
     pulses = pulse_tables(equation.operator, equation.forcing, steps)
     if steps.solver == "chebyshev":
         return Chebyshev(propagator_series(steps), steps.bound, pulses)
-    kernels = bar_kernels(
-        settled.medium, settled.bar, settled.blocks, steps.step, settled.precision
-    )
-    return Propagator(kernels, pulses)
+    if not leg.stride:
+        return Propagator(bar_kernels(*known, settled.precision), pulses)
+    of_groups = block_kernels(*known)
+    once, stride = (circulant(of_groups, settled.bar.cells, n) for n in (1, leg.stride))
+    return Strides(stride, Driven(once, pulses))
 
 
 def _layered(settled: Plan, equation: BarEquation, made: Series) -> LayeredPropagator:

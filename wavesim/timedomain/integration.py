@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from wavesim.timedomain.assembly import equation_of, stepper_of
 from wavesim.timedomain.operator import is_rotation, to_fields
 from wavesim.timedomain.program import program
 from wavesim.timedomain.steppers import Motion
-from wavesim.timedomain.timestep import Precision
+from wavesim.timedomain.timestep import Leg, Precision
 
 
 class NotFiniteError(RuntimeError):
@@ -106,21 +107,48 @@ def stream(
     timing = timing or Timing()
     begun = time.perf_counter()
     equation, rest = equation_of(settled)
-    stepper = stepper_of(settled, equation)
-    steps, size = settled.schedule, settled.chunk
-    frame, motion = start or (0, rest)
-    run = program(equation, stepper, motion, steps, size)
     timing.compile += time.perf_counter() - begun
+    frame, motion = start or (0, rest)
     if start is None:
         first = jax.tree.map(lambda a: np.asarray(a)[None], equation.observe(motion))
         yield _chunk(settled, 0, first, 1, motion)
-    while frame < steps.frames - 1:
+    before = 0
+    for leg in settled.schedule.legs:
+        before += leg.frames
+        if frame < before:
+            for chunk in _leg(settled, leg, equation, frame, motion, before, timing):
+                motion = chunk.motion
+                yield chunk
+            frame = before
+
+
+def _leg(
+    settled: Plan,
+    leg: Leg,
+    equation: Any,
+    frame: int,
+    motion: Any,
+    end: int,
+    timing: Timing,
+) -> Iterator[Chunk]:
+    """The frames of a leg after one, to its end."""
+    begun = time.perf_counter()
+    steps = settled.schedule
+    size = min(settled.chunk, leg.frames)
+    if end < steps.frames - 1:
+        # Another leg goes on from the last chunk.
+        size = next(n for n in range(size, 0, -1) if leg.frames % n == 0)
+    stepper = stepper_of(settled, equation, leg)
+    several = dataclasses.replace(leg, frames=size)
+    run = program(equation, stepper, motion, steps.step, several)
+    timing.compile += time.perf_counter() - begun
+    while frame < end:
         begun = time.perf_counter()
         at = jnp.asarray(frame * steps.steps_per_frame)
         seen, motion = run(motion, at)
         seen = jax.tree.map(np.asarray, seen)
         # The last chunk runs past the end, so that one compiled function serves all chunks.
-        wanted = min(size, steps.frames - 1 - frame)
+        wanted = min(size, end - frame)
         chunk = _chunk(settled, frame + 1, seen, wanted, motion)
         timing.integrate += time.perf_counter() - begun
         known = [*chunk.values.values(), chunk.energy.total, chunk.energy.work]

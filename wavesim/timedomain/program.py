@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.timedomain.steppers import TERM
-from wavesim.timedomain.timestep import Schedule
+from wavesim.timedomain.timestep import Leg
 
 
 def advance(
@@ -23,21 +23,28 @@ def advance(
     motion: Any,
     start: jax.Array,
     step: float,
-    steps_per_frame: int,
-    frames: int,
+    leg: Leg,
     stepper_state: Any = None,
     adjoint: Any = None,
 ) -> Any:
-    """Integrate some frames from a state; pure, so that jax transforms go through.
+    """Integrate the frames of a leg from a state; pure, so that jax transforms go through.
 
     The stepper's own state, of :func:`prepare`, is made here if it is not given.
+
+    Args:
+        equation, stepper, motion: as for :func:`program`.
+        start: number of steps h before.
+        step: h.
+        leg: how many frames, and how each is stepped.
+        stepper_state, adjoint: see diffrax.
     """
 
     def observe(t: Any, y: Any, args: Any) -> Any:
         return equation.observe(y)
 
-    count = frames * steps_per_frame
-    times = (start + jnp.arange(count + 1)).astype(float) * step
+    count = leg.frames * leg.taken
+    frame, within = jnp.divmod(jnp.arange(count + 1), leg.taken)
+    times = (start + frame * (leg.steps + leg.stride) + within).astype(float) * step
     solution = diffrax.diffeqsolve(
         TERM,
         stepper,
@@ -48,7 +55,7 @@ def advance(
         args=equation,
         saveat=diffrax.SaveAt(
             subs=(
-                diffrax.SubSaveAt(steps=steps_per_frame, fn=observe),
+                diffrax.SubSaveAt(steps=leg.taken, fn=observe),
                 diffrax.SubSaveAt(t1=True),
             ),
         ),
@@ -93,27 +100,26 @@ def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> 
     return made
 
 
-def program(equation: Any, stepper: Any, motion: Any, steps: Schedule, frames: int) -> Any:
-    """What integrates so many frames from a motion and a number of steps, compiled.
+def program(equation: Any, stepper: Any, motion: Any, step: float, leg: Leg) -> Any:
+    """What integrates the frames of a leg from a motion and a number of steps, compiled.
 
     The compiler works in one thread: two functions beside each other take less than one.
 
     Args:
         equation, stepper: of :mod:`assembly`.
         motion: one of their states, for its shape.
-        steps: step and steps to a frame.
-        frames: so many.
+        step: h.
+        leg: how many frames, and how each is stepped.
 
     Returns:
         A function of a motion and of the number of steps before it, which gives what
         :func:`advance` does.
     """
     known = (equation, stepper, motion, jnp.asarray(0))
-    kept = jax.eval_shape(functools.partial(prepare, step=steps.step), *known)
-    counts = {"steps_per_frame": steps.steps_per_frame, "frames": frames}
+    kept = jax.eval_shape(functools.partial(prepare, step=step), *known)
     with ThreadPoolExecutor(1) as other:
-        first = other.submit(_compiled, prepare, known, step=steps.step)
-        then = _compiled(_carried, (*known, kept), step=steps.step, **counts)
+        first = other.submit(_compiled, prepare, known, step=step)
+        then = _compiled(_carried, (*known, kept), step=step, leg=leg)
         begin = first.result()
 
     def run(motion: Any, at: jax.Array) -> Any:

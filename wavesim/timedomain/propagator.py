@@ -99,17 +99,25 @@ def bar_kernels(
     Raises:
         ValueError: the kernels reach round the bar.
     """
+    made = []
+    for stacked, of_blocks in zip(
+        grouped(blocks), block_kernels(medium, bar, blocks, step), strict=True
+    ):
+        part = convolution(of_blocks, bar.cells)
+        if precision == "single":
+            part = in_single(part, of_blocks, len(stacked[0].rotations))
+        made.append(part)
+    return tuple(made)
+
+
+def block_kernels(
+    medium: Medium, bar: Bar, blocks: Sequence[Block], step: float
+) -> list[list[np.ndarray]]:
+    """For each group of the operator the kernels of its blocks, from arguments likewise."""
     spacing = bar.spacing / medium.length_scale
 
     def of_block(block: Block) -> np.ndarray:
         bound = spectral_bound(medium, bar, [block])
         return kernels(block_form(medium, block), spacing, bar.order, step, bound)
 
-    made = []
-    for stacked in grouped(blocks):
-        of_blocks = [of_block(block) for block in stacked]
-        part = convolution(of_blocks, bar.cells)
-        if precision == "single":
-            part = in_single(part, of_blocks, len(stacked[0].rotations))
-        made.append(part)
-    return tuple(made)
+    return [[of_block(block) for block in stacked] for stacked in grouped(blocks)]

@@ -11,8 +11,9 @@ and its work is ∫ s(t+τ) ⟨g, v(t+τ)⟩ dτ, where
 
 The integrals over the operator's functions are Gauss sums fine enough for its fastest mode; the
 pulse, which is smoother, is sampled at fewer Gauss nodes and interpolated to those. The vectors
-[S g]_m, … are Chebyshev sums of T_k(X) g, kept in a window round the source. The work so found
-uses no energy, so that the energy balance is a true check.
+[S g]_m, … are Chebyshev sums of T_k(X) g, made on a ring of no more cells than the window round the
+source in which it is felt: what goes round that ring in T_k(X) g alone is nothing in the sums. The
+work so found uses no energy, so that the energy balance is a true check.
 """
 
 from __future__ import annotations
@@ -128,14 +129,17 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
         part = node * fine_weights[:, None]
         row[:] = between.T @ (part * chebyshev_series(lag, bound, degree))
 
+    cells = _felt(forcing.profiles, schedule.reach)
     windows = {
-        number: window
+        number: _Window(pulse, block, cells[pulse])
         for number in range(len(operator.groups))
-        if (window := _window(operator, number, forcing.profiles, schedule.reach)) is not None
+        for pulse, block in [_driven(number, forcing.profiles)]
+        if len(pulse)
     }
     forward, backward = np.stack([on_q, on_v]), np.stack([from_q, from_v]) * operator.spacing
-    ahead, moments = _sums(operator, forcing.profiles, bound, windows, forward)
-    back, _ = _sums(operator.adjoint, forcing.profiles, bound, windows, backward)
+    given = forcing.profiles, cells, bound, windows
+    ahead, moments = _sums(operator, *given, forward)
+    back, _ = _sums(operator.adjoint, *given, backward)
     reaches = tuple(
         _Reach(
             on_q=jnp.asarray(ahead[number][0]),
@@ -160,25 +164,26 @@ def pulse_tables(operator: Operator, forcing: Forcing, schedule: Schedule) -> Pu
     )
 
 
-def _window(
-    operator: Operator, number: int, profiles: tuple[State, ...], reach: int
-) -> _Window | None:
-    """Entries of one group, None where no pulse drives it; the profiles must be concrete."""
-    entries, spans = [], []
-    for pulse, profile in enumerate(profiles):
-        driven = np.any([np.asarray(c) != 0 for c in profile[number]], axis=0)
-        for block in np.nonzero(driven.any(axis=1))[0]:
-            cells = np.nonzero(driven[block])[0]
-            # The widest stretch of cells on the ring that is not driven is left out.
-            idle = np.diff(np.append(cells, cells[0] + operator.cells))
-            first = int(cells[(int(np.argmax(idle)) + 1) % len(cells)])
-            entries.append((pulse, int(block), first))
-            spans.append(operator.cells - int(idle.max()) + 1)
-    if not entries:
-        return None
-    count = min(operator.cells, max(spans) + 2 * reach)
-    pulse, block, first = np.array(entries).T
-    return _Window(pulse, block, (first[:, None] - reach + np.arange(count)) % operator.cells)
+def _driven(number: int, profiles: tuple[State, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """(pulse, block) of all entries of a group; the profiles must be concrete."""
+    driven = [np.any([np.asarray(c) != 0 for c in g[number]], axis=(0, 2)) for g in profiles]
+    pulse, block = np.nonzero(driven)
+    return pulse, block
+
+
+def _felt(profiles: tuple[State, ...], reach: int) -> np.ndarray:
+    """The cells in which each pulse is felt within a step, shape (pulses, cells)."""
+    firsts, spans = [], []
+    for profile in profiles:
+        parts = [np.asarray(c) != 0 for c in jax.tree.leaves(profile)]
+        ring = parts[0].shape[-1]
+        at = np.nonzero(np.any([part.any(axis=0) for part in parts], axis=0))[0]
+        # The widest stretch of cells on the ring that is not driven is left out.
+        idle = np.diff(np.append(at, at[0] + ring))
+        firsts.append(int(at[(int(np.argmax(idle)) + 1) % len(at)]))
+        spans.append(ring - int(idle.max()) + 1)
+    count = min(ring, max(spans) + 2 * reach)
+    return (np.array(firsts)[:, None] - reach + np.arange(count)) % ring
 
 
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -216,6 +221,7 @@ def legendre_transform(count: int) -> np.ndarray:
 def _sums(
     operator: Operator,
     profiles: tuple[State, ...],
+    cells: np.ndarray,
     bound: float,
     windows: dict[int, _Window],
     coefficients: np.ndarray,
@@ -226,7 +232,10 @@ def _sums(
     shape (functions, entries, nodes, components, cells); the second (degree + 1, i, j).
     Plain coefficients are summed by numpy, which has nothing to compile.
     """
-    stacked = jax.tree.map(lambda *g: np.stack(g), *profiles)
+    own = range(len(profiles))
+    # All pulses in the windows of each one, and each in its own.
+    stacked = jax.tree.map(lambda *g: np.stack([one[..., cells] for one in g]), *profiles)
+    begun = jax.tree.map(lambda g: g[own, :, own].copy(), stacked)
 
     def shifted(y: State) -> State:
         return jax.tree.map(lambda a, b: a + 2 / bound * b, y, operator(y))
@@ -236,10 +245,9 @@ def _sums(
 
     def seen(y: State) -> Any:
         parts = {
-            n: xp.stack([c[w.pulse[:, None], w.block[:, None], w.cells] for c in y[n]], axis=1)
-            for n, w in windows.items()
+            n: xp.stack([c[w.pulse, w.block] for c in y[n]], axis=1) for n, w in windows.items()
         }
-        overlaps = jax.tree.map(lambda g, c: xp.einsum("isn,jsn->ij", g, c), stacked, y)
+        overlaps = jax.tree.map(lambda g, c: xp.einsum("isjn,jsn->ij", g, c), stacked, y)
         return parts, sum(jax.tree.leaves(overlaps)) * operator.spacing
 
     def advance(carry: tuple[State, State], _: None) -> Any:
@@ -248,13 +256,13 @@ def _sums(
         return (now, after), seen(now)
 
     count = coefficients.shape[-1]
-    begun = (shifted(stacked), stacked)
+    carry = (shifted(begun), begun)
     if traced:
-        _, (vectors, overlaps) = jax.lax.scan(advance, begun, length=count)
+        _, (vectors, overlaps) = jax.lax.scan(advance, carry, length=count)
     else:
         found = []
         for _ in range(count):
-            begun, made = advance(begun, None)
+            carry, made = advance(carry, None)
             found.append(made)
         vectors, overlaps = jax.tree.map(lambda *parts: np.stack(parts), *found)
     sums = {

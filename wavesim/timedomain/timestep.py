@@ -10,6 +10,7 @@ h√Λ/2 (Tal-Ezer, Kosloff & Koren, Geophys. Prospect. 35, 479 (1987)).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -44,6 +45,8 @@ SHORTEST_RUN = 64
 _SINGLE = 8.0
 # A propagator reaching further than this many cells only costs memory.
 LONGEST_REACH = 160
+# Propagators of a whole ring hold some 120 complex numbers for each of N/2 wavenumbers.
+LARGEST_RING = 100_000
 
 
 def spectral_bound(
@@ -131,19 +134,41 @@ def series_degree(step: float, bound: float) -> int:
 
 
 @dataclass(frozen=True)
+class Leg:
+    """Frames of a run that are stepped alike.
+
+    Attributes:
+        frames: how many.
+        steps: steps of h that each of them begins with.
+        stride: steps of h that the rest of it is, taken in one (``circulant.py``); 0: no rest.
+    """
+
+    frames: int
+    steps: int
+    stride: int = 0
+
+    @property
+    def taken(self) -> int:
+        """Steps that a frame takes, a stride counted as one."""
+        return self.steps + bool(self.stride)
+
+
+@dataclass(frozen=True)
 class Schedule:
     """How a run is stepped; all times scaled.
 
     Attributes:
         solver: "propagator", "chebyshev" or "verlet".
         step: h.
-        steps_per_frame: steps from one stored frame to the next.
+        steps_per_frame: steps of h from one stored frame to the next.
         frames: number of stored frames, the start among them.
         bound: Λ, the spectral bound.
         degree: of the Chebyshev series; 1 for Verlet.
         reach: cells beyond which nothing is felt within a step, to rounding.
         shift: half the fastest loss rate, of the series that steps a real bar; None where the
             bar is uniform, periodic and lossless.
+        quiet: steps of h after which no source acts, so that the rest of a frame is taken in one;
+            None where every step is one of h.
     """
 
     solver: str
@@ -154,18 +179,33 @@ class Schedule:
     degree: int
     reach: int
     shift: float | None = None
+    quiet: int | None = None
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The frames after the first, in order.
+
+        Those in which a source acts, but for a single one, are stepped by h to their ends.
+        """
+        frames, each = self.frames - 1, self.steps_per_frame
+        if self.quiet is None:
+            return (Leg(frames, each),)
+        driven = min(math.ceil(self.quiet / each), frames)
+        begun = self.quiet if driven == 1 and self.quiet < each - 1 else each
+        legs = (Leg(driven, begun, each - begun), Leg(frames - driven, 0, each))
+        return tuple(leg for leg in legs if leg.frames)
 
     @property
     def steps(self) -> int:
-        """Number of steps of the run."""
-        return (self.frames - 1) * self.steps_per_frame
+        """Number of steps of the run, each stride one."""
+        return sum(leg.frames * leg.taken for leg in self.legs)
 
     @property
     def operator_products(self) -> int:
         """Products with a state that the run takes, sources apart.
 
         They are products of L for the Chebyshev stepper (two series, of q and of q̇) and for
-        Verlet, and of the banded propagator, one a step, for "propagator". On a real bar the
+        Verlet, and of the exact propagator, one a step, for "propagator". On a real bar the
         Chebyshev stepper's are of A, each of which holds one of L.
         """
         per_step = 2 * self.degree if self.solver == "chebyshev" else 1
@@ -205,6 +245,7 @@ def schedule(
     step: float | None = None,
     speed: float = math.inf,
     cells: int = 0,
+    quiet_from: float = math.inf,
 ) -> Schedule:
     """Stepper and step for a run.
 
@@ -220,6 +261,7 @@ def schedule(
         step: longest step allowed, scaled; None lets the stepper choose.
         speed: c_∞ over the cell size, cells per scaled time.
         cells: number of cells of the bar.
+        quiet_from: time from which on no source acts, scaled.
 
     Returns:
         The schedule; its step divides the frame interval.
@@ -259,7 +301,11 @@ def schedule(
     h = interval / per_frame
     degree = 1 if chosen == "verlet" else series_degree(h, bound)
     reach = reach_within(h, speed) if math.isfinite(speed) else cells
-    return Schedule(chosen, h, per_frame, frames, bound, degree, reach)
+    made = Schedule(chosen, h, per_frame, frames, bound, degree, reach)
+    strides = chosen == "propagator" and per_frame > 1 and step is None and cells <= LARGEST_RING
+    if not strides or quiet_from >= duration:
+        return made
+    return dataclasses.replace(made, quiet=max(1, math.ceil(quiet_from / h)))
 
 
 def stability_limit(bound: float) -> float:

@@ -104,8 +104,7 @@ def traced_fields(
         motion,
         jnp.asarray(0),
         steps.step,
-        steps.steps_per_frame,
-        steps.frames - 1,
+        steps.legs[0],
     )
     first = equation.observe(motion)
     whole = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
