@@ -30,8 +30,8 @@ SOURCES = (
     Ricker("phi2", 15.1e-3, 800e3, delay=3.1e-6),
     Ricker("B23", 20e-3, 800e3, amplitude=3e-4),
 )
-# (closure, cells, order, s, frames), and the legs as (frames, steps, stride): the last frame alone, a
-# source in the first of three, in two of nine, and a ring of an odd number of cells.
+# (closure, cells, order, s, frames), and the legs as (frames, steps, stride): the last frame alone,
+# a source in the first of three, in two of nine, and a ring of an odd number of cells.
 CASES = {
     "one frame": (("printed", 512, 8, 90e-6, 2), [(1, 3, 31)]),
     "a stride after the pulses": (("consistent", 4096, 8, 60e-6, 4), [(1, 2, 5), (2, 0, 7)]),
