@@ -127,7 +127,9 @@ def main() -> None:
             sys.exit(f"the exact solution failed: {why}")
         for contestant in CONTESTANTS:
             name = contestant[0]
-            if options.again and not (known[name].get("disturbed") and options.only in name):
+            if options.again and not (
+                known.get(name, {}).get("disturbed", True) and options.only in name
+            ):
                 results["contestants"].append(known[name])
             elif options.only in name:
                 found = _measure(contestant, exact, kept, options.quick)
