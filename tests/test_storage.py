@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from scipy.interpolate import BarycentricInterpolator
 from wavesim import resultfile, runner, storage
 from wavesim.equations import ROTATIONS
 from wavesim.field import Energy
-from wavesim.gathering import Gathering
+from wavesim.gathering import Gathering, deflated
 from wavesim.planewave import block_frequencies
 from wavesim.problem import load
 from wavesim.sectors import BLOCKS
@@ -179,10 +180,10 @@ def test_finish_gathers_the_parts(problem, tmp_path):
 @pytest.mark.parametrize("cells", [64, 1024, 2500], ids=["one chunk", "whole chunks", "edges"])
 def test_chunks_are_read_by_the_library_as_any(cells, tmp_path):
     """Written past the HDF5 library's filters, read through them: every bit is there, zeros,
-    noise and what is not a number too."""
+    noise and what is not a number too, and chunks of nothing but noise."""
     rng = np.random.default_rng(3)
     values = rng.normal(size=(37, cells))
-    values[:, : cells // 2], values[5, -1] = 0.0, np.nan
+    values[:20, : cells // 2], values[5, -1] = 0.0, np.nan
     path = tmp_path / "some.h5"
     with h5py.File(path, "w") as file:
         file["fields/phi1"] = values
@@ -195,6 +196,19 @@ def test_chunks_are_read_by_the_library_as_any(cells, tmp_path):
         data = file["fields/phi1"]
         assert (data.compression, data.shuffle) == ("gzip", True)
         np.testing.assert_array_equal(data[()], values)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+@pytest.mark.parametrize("quiet", [0.0, 0.02, 0.5, 1.0])
+def test_deflated_chunks_are_what_the_filters_undo(kind, quiet, rng):
+    """Fields that move, that are part at rest, that are at rest: back through zlib to the last bit,
+    and no larger than 1.01 times what zlib's own fastest level makes of them."""
+    chunk = rng.normal(size=(16, 1024)).astype(kind)
+    chunk[:, : int(quiet * 1024)] = 0
+    shuffled = chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T.tobytes()
+    made = deflated(chunk)
+    assert zlib.decompress(made) == shuffled
+    assert len(made) <= 1.01 * len(zlib.compress(shuffled, 1))
 
 
 def test_what_was_gathered_is_thrown_away_when_the_run_stops(problem, tmp_path):

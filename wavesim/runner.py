@@ -150,7 +150,7 @@ def _run(
     (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
     tell("compile", 0.0)
     # The compiler leaves Python's lock alone: what the analysis needs is loaded meanwhile.
-    loading = Thread(target=import_module, args=(_analysis(problem),))
+    loading = Thread(target=lambda: [import_module(name) for name in _analysis(problem)])
     loading.start()
     try:
         # A chunk is written while the next one is integrated.
@@ -234,10 +234,10 @@ class Found:
     notes: list[str]
 
 
-def _analysis(problem: Problem) -> str:
-    """The module that measures a run of this case."""
+def _analysis(problem: Problem) -> tuple[str, ...]:
+    """The modules that measure a run of this case."""
     endless = problem.plan.endless
-    return "wavesim.verdict" if endless else "wavesim.finite.barverdict"
+    return "wavesim.verdict" if endless else "wavesim.finite.barverdict", "scipy.signal"
 
 
 def measure(problem: Problem, field: Any) -> Found:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, next_fast_len, rfft
 from scipy.optimize import linear_sum_assignment
-from scipy.signal import find_peaks, get_window
 
 from wavesim.field import MOST_WAVENUMBERS, Field
 from wavesim.sectors import Block
@@ -100,6 +99,8 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         )
     first = analysed_from(field)
     frames = len(field.t) - first
+    from scipy.signal import get_window  # half a second to import, for those who only draw
+
     window = get_window(WINDOW, frames, fftbins=False)
     padded = next_fast_len(_PADDING * frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
@@ -150,6 +151,8 @@ def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
     Returns:
         Frequencies (rad/s), ascending, and power at the peaks.
     """
+    from scipy.signal import find_peaks
+
     height = np.log(np.maximum(found.power[index], 1e-300))
     at, _ = find_peaks(height, height=height.max() + np.log(_FLOOR))
     left, middle, right = height[at - 1], height[at], height[at + 1]
