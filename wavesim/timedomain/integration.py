@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +22,7 @@ from wavesim.sectors import scales
 from wavesim.source import Source
 from wavesim.timedomain.assembly import equation_of, stepper_of
 from wavesim.timedomain.operator import is_rotation, to_fields
-from wavesim.timedomain.program import program
+from wavesim.timedomain.program import observed, program
 from wavesim.timedomain.steppers import Motion
 from wavesim.timedomain.timestep import Leg, Precision
 
@@ -107,55 +108,46 @@ def stream(
     timing = timing or Timing()
     begun = time.perf_counter()
     equation, rest = equation_of(settled)
-    timing.compile += time.perf_counter() - begun
     frame, motion = start or (0, rest)
-    if start is None:
-        first = jax.tree.map(lambda a: np.asarray(a)[None], equation.observe(motion))
-        yield _chunk(settled, 0, first, 1, motion)
-    before = 0
-    for leg in settled.schedule.legs:
-        before += leg.frames
-        if frame < before:
-            for chunk in _leg(settled, leg, equation, frame, motion, before, timing):
-                motion = chunk.motion
-                yield chunk
-            frame = before
-
-
-def _leg(
-    settled: Plan,
-    leg: Leg,
-    equation: Any,
-    frame: int,
-    motion: Any,
-    end: int,
-    timing: Timing,
-) -> Iterator[Chunk]:
-    """The frames of a leg after one, to its end."""
-    begun = time.perf_counter()
     steps = settled.schedule
+    end, first = 0, start is None
+    # What sees the first frame is compiled beside what makes the others.
+    with ThreadPoolExecutor(1) as other:
+        seen = other.submit(observed, equation, motion) if first else None
+        for leg in steps.legs:
+            end += leg.frames
+            if frame >= end:
+                continue
+            run, size = _compiled(settled, leg, equation, motion, end == steps.frames - 1)
+            timing.compile += time.perf_counter() - begun
+            if seen is not None:
+                yield _chunk(settled, 0, seen.result(), 1, motion)
+                seen = None
+            while frame < end:
+                begun = time.perf_counter()
+                at = jnp.asarray(frame * steps.steps_per_frame)
+                made, motion = run(motion, at)
+                made = jax.tree.map(np.asarray, made)
+                # The last chunk runs past the end, so that one compiled function serves all chunks.
+                wanted = min(size, end - frame)
+                chunk = _chunk(settled, frame + 1, made, wanted, motion)
+                timing.integrate += time.perf_counter() - begun
+                known = [*chunk.values.values(), chunk.energy.total, chunk.energy.work]
+                frame += wanted
+                if not all(np.isfinite(values).all() for values in known):
+                    raise NotFiniteError(frame * settled.duration / (steps.frames - 1), settled)
+                yield chunk
+            begun = time.perf_counter()
+
+
+def _compiled(settled: Plan, leg: Leg, equation: Any, motion: Any, last: bool) -> tuple[Any, int]:
+    """What integrates some frames of a leg, and how many; another leg goes on from its last one."""
     size = min(settled.chunk, leg.frames)
-    if end < steps.frames - 1:
-        # Another leg goes on from the last chunk.
+    if not last:
         size = next(n for n in range(size, 0, -1) if leg.frames % n == 0)
     stepper = stepper_of(settled, equation, leg)
     several = dataclasses.replace(leg, frames=size)
-    run = program(equation, stepper, motion, steps.step, several)
-    timing.compile += time.perf_counter() - begun
-    while frame < end:
-        begun = time.perf_counter()
-        at = jnp.asarray(frame * steps.steps_per_frame)
-        seen, motion = run(motion, at)
-        seen = jax.tree.map(np.asarray, seen)
-        # The last chunk runs past the end, so that one compiled function serves all chunks.
-        wanted = min(size, end - frame)
-        chunk = _chunk(settled, frame + 1, seen, wanted, motion)
-        timing.integrate += time.perf_counter() - begun
-        known = [*chunk.values.values(), chunk.energy.total, chunk.energy.work]
-        if not all(np.isfinite(values).all() for values in known):
-            raise NotFiniteError((frame + wanted) * settled.duration / (steps.frames - 1), settled)
-        yield chunk
-        frame += wanted
+    return program(equation, stepper, motion, settled.schedule.step, several), size
 
 
 def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) -> Chunk:

@@ -128,6 +128,16 @@ def program(equation: Any, stepper: Any, motion: Any, step: float, leg: Leg) -> 
     return run
 
 
+def observed(equation: Any, motion: Any) -> Any:
+    """A motion as one frame, in plain arrays of shape (1, …)."""
+    seen = _compiled(_frame, (equation, motion))(equation, motion)
+    return jax.tree.map(lambda a: np.asarray(a)[None], seen)
+
+
+def _frame(equation: Any, motion: Any) -> Any:
+    return equation.observe(motion)
+
+
 def _carried(
     equation: Any,
     stepper: Any,
