@@ -127,10 +127,9 @@ def main() -> None:
             sys.exit(f"the exact solution failed: {why}")
         for contestant in CONTESTANTS:
             name = contestant[0]
-            if options.again and not (
-                known.get(name, {}).get("disturbed", True) and options.only in name
-            ):
-                results["contestants"].append(known[name])
+            kept_one = known.get(name) if options.again else None
+            if kept_one and not (kept_one.get("disturbed", True) and options.only in name):
+                results["contestants"].append(kept_one)
             elif options.only in name:
                 found = _measure(contestant, exact, kept, options.quick)
                 results["contestants"].append(found | {"again": options.again})

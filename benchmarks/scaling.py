@@ -69,7 +69,7 @@ def advance(cells: int, duration: float) -> dict[str, Any]:
     unit = float(made.medium.time_scale)
     settled = plan(made.medium, made.bar, made.sources, made.seconds, 2, step=_STEP * unit)
     timing = Timing()
-    # The set-up of a large bar takes minutes; the integration is compiled before it is timed.
+    # What runs for long is timed once; the integration is compiled before it is timed.
     for _ in range(2 if cells <= _TWICE else 1):
         timing = Timing()
         for _ in stream(settled, timing=timing):

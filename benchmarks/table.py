@@ -58,7 +58,8 @@ def _scaling(found: dict[str, Any]) -> str:
     if "skipped" in found:
         return f"Skipped: {found['skipped']}\n"
     text = (
-        "Default stepper, twelve fields, final frame only, second run in the process.\n\n"
+        "Default stepper, twelve fields, final frame only; up to 100,000 cells the second run in "
+        "the process.\n\n"
         "| cells | units of time | steps | run, s | set-up, s | ns a cell and step "
         "| ns a cell and unit of time | peak MiB |\n|---|---|---|---|---|---|---|---|\n"
     )

@@ -296,16 +296,20 @@ def meaning(plan):
     return dataclasses.replace(plan, layers=as_layers(medium, plan.bar.length), sources=sources)
 
 
+@pytest.mark.parametrize("samples", ["", "time.samples=3"], ids=["usual", "far apart"])
 @pytest.mark.parametrize("solver", ["auto", "propagator", "chebyshev", "verlet"])
-def test_resolved_case_repeats_itself(solver):
+def test_resolved_case_repeats_itself(solver, samples):
     """The resolved text settles to the same plan and to the same text: a fixed point."""
     first = problem_of(
         f"time.solver='{solver}'",
+        *([samples, "time.duration=2e-5"] if samples else []),
         "medium.anisotropy=0.3",
         "medium.density=1571.5",
         "sources.0.width=1.3e-4",
     )
     again = problem_of(text=first.resolved)
+    strides = bool(samples) and solver in ("auto", "propagator")
+    assert any(leg.stride for leg in first.plan.schedule.legs) == strides
     assert meaning(again.plan) == meaning(first.plan)
     assert again.receivers == first.receivers
     assert again.k_range == first.k_range

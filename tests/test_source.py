@@ -277,3 +277,9 @@ def test_a_gaussian_that_does_not_fit():
     assert density.sum() * bar.spacing == pytest.approx(1, rel=1e-12)
     with pytest.raises(ValueError, match=r"take at most"):
         bar.spread(8e-3, 1.02 * widest, staggered=False)
+
+
+def test_a_gaussian_between_the_points_of_the_grid():
+    """One so narrow that it passes between two points drives nothing: it is refused."""
+    with pytest.raises(ValueError, match=r"width = 1e-06 m: no point of the grid .* or 0 for a"):
+        Bar(64, 2.5e-4).spread(8.1e-3, 1e-6, staggered=False)

@@ -233,7 +233,8 @@ class Bar:
             Density (1/m) and the grid indices it stands at.
 
         Raises:
-            ValueError: the position is outside the bar, or the Gaussian is too wide for it.
+            ValueError: the position is outside the bar, or the Gaussian is too wide for it or
+                too narrow for the grid.
         """
         weights, indices = self.sampling(position, staggered)
         if width == 0:
@@ -258,6 +259,11 @@ class Bar:
                     f"{min(position, self.length - position) / 8.5:.3g} m, or move it inward"
                 )
         indices = np.flatnonzero(np.abs(distance) <= 8.5 * width)
+        if not len(indices):
+            raise ValueError(
+                f"width = {width:g} m: no point of the grid lies within 8.5 widths of {position:g} "
+                f"m; take at least the cell size, or 0 for a point"
+            )
         density = np.exp(-((distance[indices] / width) ** 2) / 2) / (np.sqrt(2 * np.pi) * width)
         return density, indices
 

@@ -55,7 +55,8 @@ class Problem:
         tables = parts.resolved(self.case, self.parts)
         tables["time"] |= {
             "solver": schedule.solver,
-            "step": self.plan.step,
+            # A step that was asked for is kept to, and rules strides out.
+            "step": self.plan.step if schedule.quiet is None else "auto",
             "samples": schedule.frames,
         }
         if self.plan.endless:

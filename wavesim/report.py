@@ -115,7 +115,7 @@ def survey(console: Console, problem: Problem) -> None:
 
 def _steps(settled: Plan) -> str:
     steps = settled.schedule
-    if steps.quiet is None:
+    if not any(leg.stride for leg in steps.legs):
         return f"{steps.steps} steps of {settled.step:.4g} s"
     return f"{steps.steps} steps: of {settled.step:.4g} s while sources act, then one a frame"
 

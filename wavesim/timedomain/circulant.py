@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from wavesim.timedomain.kernels import check_reach
 from wavesim.timedomain.operator import State
 from wavesim.timedomain.response import PulseTables, add_pulses, pulse_work
 from wavesim.timedomain.steppers import Motion, WaveEquation, WaveSolver
@@ -52,8 +53,11 @@ def circulant(of_groups: Sequence[Sequence[np.ndarray]], cells: int, count: int)
 
     Args:
         of_groups: for each group the kernels of its blocks (``kernels.kernels``).
-        cells: N, more than the kernels are long.
+        cells: N.
         count: n.
+
+    Raises:
+        ValueError: the kernels reach round the bar.
     """
     made = []
     for of_blocks in of_groups:
@@ -65,6 +69,7 @@ def circulant(of_groups: Sequence[Sequence[np.ndarray]], cells: int, count: int)
 def _symbol(kernel: np.ndarray, cells: int) -> np.ndarray:
     """M of a block, shape (N/2 + 1, 2 fields, 2 fields), of its kernels of C, S and LS."""
     length = kernel.shape[-1]
+    check_reach(length // 2, length, cells)
     ring = np.zeros((*kernel.shape[:-1], cells))
     ring[..., (np.arange(length) - length // 2) % cells] = kernel
     C, S, LS = np.fft.rfft(ring).transpose(0, 3, 1, 2)

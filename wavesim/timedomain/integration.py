@@ -118,17 +118,24 @@ def stream(
             end += leg.frames
             if frame >= end:
                 continue
-            run, size = _compiled(settled, leg, equation, motion, end == steps.frames - 1)
+            stepper = stepper_of(settled, equation, leg)
+            last = end == steps.frames - 1
+            size = min(settled.chunk, leg.frames if last else end - frame)
+            run = _several(settled, leg, size, equation, stepper, motion)
             timing.compile += time.perf_counter() - begun
             if seen is not None:
                 yield _chunk(settled, 0, seen.result(), 1, motion)
                 seen = None
             while frame < end:
                 begun = time.perf_counter()
+                if not last and end - frame < size:
+                    size = end - frame
+                    run = _several(settled, leg, size, equation, stepper, motion)
                 at = jnp.asarray(frame * steps.steps_per_frame)
                 made, motion = run(motion, at)
                 made = jax.tree.map(np.asarray, made)
-                # The last chunk runs past the end, so that one compiled function serves all chunks.
+                # The last chunk of all runs past the end, so that one compiled function serves;
+                # of another leg it may not, as the next one goes on from its motion.
                 wanted = min(size, end - frame)
                 chunk = _chunk(settled, frame + 1, made, wanted, motion)
                 timing.integrate += time.perf_counter() - begun
@@ -140,14 +147,10 @@ def stream(
             begun = time.perf_counter()
 
 
-def _compiled(settled: Plan, leg: Leg, equation: Any, motion: Any, last: bool) -> tuple[Any, int]:
-    """What integrates some frames of a leg, and how many; another leg goes on from its last one."""
-    size = min(settled.chunk, leg.frames)
-    if not last:
-        size = next(n for n in range(size, 0, -1) if leg.frames % n == 0)
-    stepper = stepper_of(settled, equation, leg)
-    several = dataclasses.replace(leg, frames=size)
-    return program(equation, stepper, motion, settled.schedule.step, several), size
+def _several(settled: Plan, leg: Leg, frames: int, equation: Any, stepper: Any, motion: Any) -> Any:
+    """What integrates so many frames of a leg."""
+    several = dataclasses.replace(leg, frames=frames)
+    return program(equation, stepper, motion, settled.schedule.step, several)
 
 
 def _chunk(settled: Plan, first: int, seen: Any, wanted: int, motion: Motion) -> Chunk:

@@ -92,7 +92,12 @@ def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: flo
         axis=1
     )
     reach = front + int(np.argmax(stays <= least))
-    return np.asarray(np.take(kernel, np.arange(-reach, reach + 1), axis=-1))
+    made = np.take(kernel, np.arange(-reach, reach + 1), axis=-1)
+    # Nothing holds back a mean rotation: n steps would make n² of what rounding does to it.
+    p = len(form.c_pp)
+    mean = np.multiply.outer([1.0, step, 0.0], np.eye(p, made.shape[2]))
+    made[:, :p, :, reach] += mean - made[:, :p].sum(axis=-1)
+    return np.asarray(made)
 
 
 def negligible(step: float, bound: float) -> float:
@@ -168,17 +173,22 @@ def convolution(of_blocks: Sequence[np.ndarray], cells: int) -> Convolution:
     """
     reach = max((kernel.shape[-1] - 1) // 2 for kernel in of_blocks)
     run = run_length(reach)
-    if 2 * reach + run > cells:
-        raise ValueError(
-            f"a step reaches {reach} cells either way, too far for a bar of {cells}: take a "
-            "shorter step or solver 'chebyshev'"
-        )
+    check_reach(reach, 2 * reach + run, cells)
     start = [dense(kernel, run, reach) for kernel in of_blocks]
     matrices = np.stack(start)
     columns = matrices.shape[-1] // 3
     return Convolution(
         jnp.asarray(matrices[..., :columns]), jnp.asarray(matrices), cells, run, reach
     )
+
+
+def check_reach(reach: int, width: int, cells: int) -> None:
+    """Raise a ValueError where what is to be laid out on a ring is wider than it."""
+    if width > cells:
+        raise ValueError(
+            f"a step reaches {reach} cells either way, too far for a bar of {cells}: take a "
+            "shorter step or solver 'chebyshev'"
+        )
 
 
 def dense(kernel: np.ndarray, run: int, reach: int) -> np.ndarray:
