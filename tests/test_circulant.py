@@ -11,25 +11,19 @@ from exact import modal_field
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
+from test_propagator import CELL, SOURCES
 
 from wavesim.bar import Bar
 from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import BLOCKS
-from wavesim.source import GaussianDerivative, Ricker
+from wavesim.source import GaussianDerivative
 from wavesim.timedomain.circulant import circulant
 from wavesim.timedomain.integration import simulate, stream
 from wavesim.timedomain.operator import semi_discrete
 from wavesim.timedomain.propagator import block_kernels
 from wavesim.timedomain.timestep import LARGEST_RING, schedule
 
-CELL = 1.25e-4
-SOURCES = (
-    Ricker("phi1", 0.9 * CELL, 700e3),
-    Ricker("B22", 15.03e-3, 900e3, amplitude=3e-4, width=4e-4),
-    Ricker("phi2", 15.1e-3, 800e3, delay=3.1e-6),
-    Ricker("B23", 20e-3, 800e3, amplitude=3e-4),
-)
 # (closure, cells, order, s, frames), and the legs as (frames, steps, stride): the last frame alone,
 # a source in the first of three, in two of nine, and a ring of an odd number of cells.
 CASES = {
