@@ -18,6 +18,7 @@ from wavesim.medium import Medium
 from wavesim.plan import Plan, plan
 from wavesim.sectors import BLOCKS
 from wavesim.source import GaussianDerivative
+from wavesim.timedomain import timestep
 from wavesim.timedomain.circulant import circulant
 from wavesim.timedomain.integration import simulate, stream
 from wavesim.timedomain.operator import semi_discrete
@@ -32,6 +33,12 @@ CASES = {
     "pulses in two frames": (("consistent", 384, 2, 30e-6, 10), None),
     "odd": (("printed", 257, 12, 30e-6, 6), None),
 }
+
+
+@pytest.fixture(autouse=True)
+def strides_wherever_they_can_be(monkeypatch):
+    """Also where they save less than a second program takes to compile."""
+    monkeypatch.setattr(timestep, "WORTH_A_PROGRAM", 0)
 
 
 def settled(name):
@@ -179,6 +186,16 @@ def test_a_ring_too_small():
     (kernels,) = block_kernels(Medium(), Bar(4096, CELL), BLOCKS[:1], 5.0)
     with pytest.raises(ValueError, match="too far for a bar of 100"):
         circulant([kernels], 100, 2)
+
+
+def test_a_second_leg_must_be_worth_its_program(monkeypatch):
+    """Steps saved times cells, against what a program takes to compile; a single leg always is."""
+    monkeypatch.undo()
+    known = (334.0, 900.0, 31, "auto", None, 7.0)
+    few, many = (schedule(*known, cells, 25.0) for cells in (4096, 100_000))
+    assert (few.quiet, few.steps) == (None, 90)
+    assert [parts(leg) for leg in many.legs] == [(1, 3, 0), (29, 0, 3)]
+    assert schedule(*known[:2], 2, *known[3:], 4096, 25.0).steps == 3
 
 
 def test_where_there_are_none():

@@ -47,6 +47,8 @@ _SINGLE = 8.0
 LONGEST_REACH = 160
 # Propagators of a whole ring hold some 120 complex numbers for each of N/2 wavenumbers.
 LARGEST_RING = 100_000
+# Steps times cells that take as long as to compile a program, some 1.5 s.
+WORTH_A_PROGRAM = 5e6
 
 
 def spectral_bound(
@@ -305,7 +307,10 @@ def schedule(
     strides = chosen == "propagator" and per_frame > 1 and step is None and cells <= LARGEST_RING
     if not strides or quiet_from >= duration:
         return made
-    return dataclasses.replace(made, quiet=max(1, math.ceil(quiet_from / h)))
+    strided = dataclasses.replace(made, quiet=max(1, math.ceil(quiet_from / h)))
+    # A second leg is a second program to compile.
+    saved = (made.steps - strided.steps) * cells
+    return strided if len(strided.legs) == 1 or saved > WORTH_A_PROGRAM else made
 
 
 def stability_limit(bound: float) -> float:
