@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -81,8 +82,23 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
 def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], None]) -> Any:
     from wavesim import runner
 
+    pressed = False
+
+    def interrupt(number: int, frame: Any) -> None:
+        nonlocal pressed
+        pressed = True
+        raise KeyboardInterrupt
+
+    def go_on(stage: str, part: float) -> None:
+        # Python drops an interrupt that is raised in a callback, as jax has one for garbage.
+        if pressed:
+            raise KeyboardInterrupt
+        tell(stage, part)
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
-        return runner.run(problem, folder, resume, tell)
+        return runner.run(problem, folder, resume, go_on)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:
