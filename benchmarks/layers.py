@@ -57,7 +57,7 @@ def bars(cells: int) -> dict[str, Any]:
 def measure(cells: int, frames: int, units: float, runs: int) -> list[dict[str, Any]]:
     """Best warm run of each bar, and its ratio to the first."""
     import wavesim as ws
-    from wavesim.plan import plan
+    from wavesim.simulation.plan import plan
     from wavesim.timedomain.integration import Timing, stream
 
     plans, best, setup = {}, {}, {}

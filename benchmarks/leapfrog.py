@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from problem import Problem
 
-from wavesim.sectors import BLOCKS
+from wavesim.material.sectors import BLOCKS
 from wavesim.timedomain.timestep import spectral_bound
 
 Float = NDArray[np.float64]

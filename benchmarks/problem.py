@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.bar import Bar
-from wavesim.equations import CURVATURES, FIELDS, ROTATIONS
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS, BlockForm, block_form, scales
-from wavesim.source import Ricker
-from wavesim.stencils import difference_weights
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import difference_weights
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, BlockForm, block_form, scales
+from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
+from wavesim.sources import Ricker
 
 Float = NDArray[np.float64]
 

@@ -62,7 +62,7 @@ def _peak() -> int:
 
 def advance(cells: int, duration: float) -> dict[str, Any]:
     """Twelve fields, the final frame alone."""
-    from wavesim.plan import plan
+    from wavesim.simulation.plan import plan
     from wavesim.timedomain.integration import Timing, stream
 
     made = problem(cells, duration)
@@ -90,8 +90,8 @@ def advance(cells: int, duration: float) -> dict[str, Any]:
 
 def store(cells: int, frames: int) -> dict[str, Any]:
     """One sector, every frame to disk, as a run does but without analysis."""
-    from wavesim.problem import load
-    from wavesim.storage import Results
+    from wavesim.case.problem import load
+    from wavesim.io.result_writer import Results
     from wavesim.timedomain.integration import Timing, pack, stream
 
     unit = float(problem().medium.time_scale)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from wavesim.equations import CURVATURES, ROTATIONS, flux_form
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
 
 
 def coefficients(medium, phi, curvatures):

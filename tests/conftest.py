@@ -68,8 +68,9 @@ def small_case(tmp_path_factory):
 @pytest.fixture(scope="session")
 def small_run(small_case, tmp_path_factory):
     """That case run whole: (problem, outcome, field)."""
-    from wavesim import resultfile, runner
-    from wavesim.problem import load
+    from wavesim import runner
+    from wavesim.case.problem import load
+    from wavesim.io import result_reader as resultfile
 
     problem = load(small_case)
     outcome = runner.run(problem, tmp_path_factory.mktemp("small"))
@@ -79,8 +80,8 @@ def small_run(small_case, tmp_path_factory):
 @pytest.fixture(scope="session")
 def small_held(small_run):
     """What is measured from it, beside the theory, block by block."""
-    from wavesim.extraction.analysis import extract
-    from wavesim.verdict import hold
+    from wavesim.readings.dispersion.extract import extract
+    from wavesim.verdict.endless import hold
 
     problem, _, field = small_run
     return [hold(field, m, problem.k_range) for m in extract(field, problem.k_range[1])]

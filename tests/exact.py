@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavesim.equations import CURVATURES, FIELDS, ROTATIONS, flux_form
-from wavesim.stencils import modified_wavenumber
+from wavesim.grid.stencils import modified_wavenumber
+from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
 
 
 def modal_field(medium, bar, sources, times, rate=False):

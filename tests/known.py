@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from wavesim.medium import Medium
-from wavesim.problem import load
-from wavesim.sectors import BLOCKS
+from wavesim.case.problem import load
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
 
 CASES = {"printed": "cases/bandgap_pulse.toml", "consistent": "cases/consistent.toml"}
 
@@ -27,8 +27,8 @@ def simulated(closure):
 @cache
 def recovered(closure, method="harmonic"):
     """[(block, record, points up to k̄ = 1)] of that field."""
-    from wavesim.extraction.fieldrecord import block_record
-    from wavesim.extraction.timewise import in_time
+    from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+    from wavesim.records.of_field import block_record
 
     field = simulated(closure)
     found = []

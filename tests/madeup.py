@@ -6,16 +6,16 @@ import dataclasses
 
 import numpy as np
 
-from wavesim.bar import layered_bar
-from wavesim.damping import constant_quality
-from wavesim.field import Field
-from wavesim.finite.pulsetest import pulse_test
-from wavesim.finite.reading import Reading
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.plan import fastest
-from wavesim.sectors import BLOCKS
-from wavesim.source import Ricker
+from wavesim.grid.bar import layered_bar
+from wavesim.material.damping import constant_quality
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.readings.bar.pulse_test import pulse_test
+from wavesim.readings.bar.reading import Reading
+from wavesim.simulation.field import Field
+from wavesim.simulation.plan import fastest
+from wavesim.sources import Ricker
 
 SOFT = Medium(closure="consistent")
 STIFF = Medium(closure="consistent", G_n_a=20.0, G_n_r=20.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from wavesim.equations import flux_form
-from wavesim.medium import Medium
+from wavesim.material.medium import Medium
+from wavesim.material.wave_equations import flux_form
 
 
 def _spread(low, high):

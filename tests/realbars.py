@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.damping import Damping, constant_quality
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
 from wavesim.timedomain.generator import generator
 
 CELL = 1.25e-4

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from wavesim.closures import chain
+from wavesim.grid.summation_by_parts import chain
 
 PLAIN = (1.0, 1.0, 0.0, 1.0)
 

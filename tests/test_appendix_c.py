@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.medium import Medium
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
 from wavesim.paper import findings
-from wavesim.sectors import BLOCKS
-from wavesim.spectral import appendix_c
-from wavesim.spectral import eigenproblem as spectral
+from wavesim.planewave import appendix_c
+from wavesim.planewave import eigenproblem as spectral
 
 # Appendix C as printed, signs restored; b, p, w are the shorthand of Appendix B. T33 is given the
 # l²/4 that is missing in print.

@@ -181,7 +181,7 @@ def loaded(program, *arguments):
 
 HEAVY = {"jax", "diffrax", "equinox", "matplotlib"}
 COMMAND = (
-    "import sys\nfrom wavesim.cli import main\n"
+    "import sys\nfrom wavesim.cli.main import main\n"
     "try: main(sys.argv[1:])\nexcept SystemExit as stop: assert not stop.code, stop.code"
 )
 
@@ -190,9 +190,9 @@ COMMAND = (
     ("program", "arguments", "absent"),
     [
         ("import wavesim", (), {*HEAVY, "numpy", "scipy"}),
-        ("import wavesim.problem", (), {*HEAVY, "h5py", "rich"}),
+        ("import wavesim.case.problem", (), {*HEAVY, "h5py", "rich"}),
         ("import wavesim as ws; ws.planewave; ws.Medium; ws.Bar", (), {*HEAVY, "h5py"}),
-        ("import wavesim.storage", (), HEAVY),
+        ("import wavesim.io.result_writer", (), HEAVY),
         (COMMAND, ("--help",), {*HEAVY, "numpy", "h5py", "pydantic"}),
         (COMMAND, ("check", "cases/bandgap_pulse.toml"), {*HEAVY, "h5py"}),
         (COMMAND, ("bands", "cases/isotropic.toml", "--json"), {*HEAVY, "h5py"}),

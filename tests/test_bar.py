@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
 
 ENDED = Bar(64, 1.25e-4, 8, "free", "fixed")
 STEPPED = layered_bar(

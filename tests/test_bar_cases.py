@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim.cli import main
-from wavesim.equations import CURVATURES, ROTATIONS, UNITS, flux_form
-from wavesim.problem import load
+from wavesim.case.problem import load
+from wavesim.cli.main import main
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS, flux_form
 from wavesim.timedomain import integration
 
 FOLDER = Path(__file__).parent.parent / "cases"

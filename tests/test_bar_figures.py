@@ -10,20 +10,20 @@ import pytest
 from madeup import LOSSY, PLACES, SOFT, STIFF, chain, field_of, plain_field, reading_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from wavesim import fieldfigures
-from wavesim.bar import layered_bar
-from wavesim.figures import STYLE
-from wavesim.finite import barfigures
-from wavesim.finite.barverdict import SIGNAL_TOLERANCE
-from wavesim.finite.cells import Cells, exact_folded
-from wavesim.finite.excited import line
-from wavesim.finite.sectionfigure import bar_section
-from wavesim.finite.twowaves import Scattered, exact_scattering
+from wavesim.figures import bar as barfigures
+from wavesim.figures import field as fieldfigures
+from wavesim.figures.bar_section import bar_section
+from wavesim.figures.endless import STYLE
+from wavesim.grid.bar import layered_bar
 from wavesim.layered.bloch import bloch
-from wavesim.layered.scattering import transmission
-from wavesim.layers import Layers
-from wavesim.planewave import gaps, wavenumber
-from wavesim.source import Ricker
+from wavesim.layered.transmission import transmission
+from wavesim.material.layers import Layers
+from wavesim.planewave.dispersion_relation import gaps, wavenumber
+from wavesim.readings.bar.bloch import Cells, exact_folded
+from wavesim.readings.bar.excited_band import line
+from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.sources import Ricker
+from wavesim.verdict.bar import SIGNAL_TOLERANCE
 
 TO_KHZ = 1 / (2e3 * np.pi)
 SLAB = chain((0.02, STIFF), (0.006, SOFT), (0.02, STIFF))

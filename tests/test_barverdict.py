@@ -16,12 +16,12 @@ from madeup import (
     reading_of,
 )
 
-from wavesim.damping import quality
-from wavesim.field import Energy
-from wavesim.finite.barverdict import bar_notes, judge_bar
-from wavesim.finite.cells import Cells
-from wavesim.finite.ringing import Ringing
-from wavesim.finite.twowaves import Scattered
+from wavesim.material.damping import quality
+from wavesim.readings.bar.bloch import Cells
+from wavesim.readings.bar.eigenfrequencies import Ringing
+from wavesim.readings.bar.transmission import Scattered
+from wavesim.simulation.field import Energy
+from wavesim.verdict.bar import bar_notes, judge_bar
 
 OMEGA = np.linspace(1e5, 2e6, 12)
 JUDGED = OMEGA < 1.5e6

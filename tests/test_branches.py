@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.spectral.branches import follow, track
-from wavesim.spectral.direction import KINDS, direction_form, kind_form
-from wavesim.spectral.eigenproblem import solve, spectral_form
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave.angle_of_travel import KINDS, direction_form, kind_form
+from wavesim.planewave.branches import follow, track
+from wavesim.planewave.eigenproblem import solve, spectral_form
 
 LONGITUDINAL = BLOCKS[0]
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from wavesim.case import Case, CaseError, parse, read
-from wavesim.layers import as_layers
-from wavesim.medium import Medium
-from wavesim.problem import load, settle
+from wavesim.case.problem import load, settle
+from wavesim.case.schema import Case, CaseError, parse, read
+from wavesim.material.layers import as_layers
+from wavesim.material.medium import Medium
 
 BASE = {
     "bar": {"length": 0.032, "spacing": 1.25e-4},

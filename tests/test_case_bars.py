@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from wavesim.case import CaseError, parse, read
-from wavesim.damping import constant_quality
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.parts import assemble, resolved
-from wavesim.problem import settle
-from wavesim.source import Recorded, parameters
+from wavesim.case.parts import assemble, resolved
+from wavesim.case.problem import settle
+from wavesim.case.schema import CaseError, parse, read
+from wavesim.material.damping import constant_quality
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.sources import Recorded, parameters
 
 PULSE = {"field": "phi1", "position": 0.016, "peak_frequency": 6e5}
 BASE = {

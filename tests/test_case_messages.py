@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from wavesim.case import Case, CaseError
-from wavesim.caseunits import UNITS, numbered
-from wavesim.problem import load
+from wavesim.case.problem import load
+from wavesim.case.schema import Case, CaseError
+from wavesim.case.units import UNITS, numbered
 
 CASES = Path(__file__).parent.parent / "cases"
 

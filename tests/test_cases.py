@@ -15,8 +15,8 @@ import pytest
 from exact import modal_field
 
 from wavesim import runner
-from wavesim.equations import CURVATURES, ROTATIONS, flux_form
-from wavesim.problem import load
+from wavesim.case.problem import load
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
 
 FOLDER = Path(__file__).parent.parent / "cases"
 # Cases of endless bars; those with layers or ends are in test_bar_cases.py.

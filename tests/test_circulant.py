@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 from test_propagator import CELL, SOURCES
 
-from wavesim.bar import Bar
-from wavesim.medium import Medium
-from wavesim.plan import Plan, plan
-from wavesim.sectors import BLOCKS
-from wavesim.source import GaussianDerivative
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.simulation.plan import Plan, plan
+from wavesim.sources import GaussianDerivative
 from wavesim.timedomain import timestep
 from wavesim.timedomain.circulant import circulant
 from wavesim.timedomain.integration import simulate, stream

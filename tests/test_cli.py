@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim import cli, planewave, runner
-from wavesim.cli import main
-from wavesim.medium import Medium
-from wavesim.sectors import SECTORS
+from wavesim import planewave, runner
+from wavesim.cli import main as cli
+from wavesim.cli.main import main
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import SECTORS
 from wavesim.timedomain import integration
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.toml"))
@@ -30,7 +31,7 @@ def call(*arguments):
 def wavesim(*arguments, **options):
     """Run a command as a user does."""
     return subprocess.run(
-        [sys.executable, "-m", "wavesim.cli", *map(str, arguments)],
+        [sys.executable, "-m", "wavesim.cli.main", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=120,
@@ -207,7 +208,7 @@ def test_wrong_usage_gives_2():
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
 def test_check_says_what_can_be_said_before_integrating(case):
     """Shipped cases give no warning; the numbers printed are those of the settled plan."""
-    from wavesim.problem import load
+    from wavesim.case.problem import load
 
     result = call("check", case)
     assert result.exit_code == 0
@@ -271,7 +272,7 @@ def test_interrupt_of_a_real_run(small_case, tmp_path):
     long = ["--set", "time.duration=4e-3", "--set", "time.samples=40000"]
     # Whoever runs the tests in the background has the keyboard's signal ignored; not so here.
     heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    command = f"{heard}; from wavesim.cli import main; main()"
+    command = f"{heard}; from wavesim.cli.main import main; main()"
     run = ["-c", command, "run", str(small_case), "--out", str(tmp_path / "o"), *long]
     process = subprocess.Popen(
         [sys.executable, *run],

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stretches import dense, positions
 
-from wavesim.closures import chain, closure
-from wavesim.stencils import ORDERS, difference_weights, largest_modified_wavenumber
+from wavesim.grid.stencils import ORDERS, difference_weights, largest_modified_wavenumber
+from wavesim.grid.summation_by_parts import chain, closure
 
 
 @pytest.mark.parametrize("order", ORDERS)

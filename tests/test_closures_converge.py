@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from stretches import PLAIN, exact_two, impedance, modes, positions, slope
 
-from wavesim import closures
-from wavesim.closures import closure
-from wavesim.stencils import ORDERS, largest_modified_wavenumber
+from wavesim.grid import summation_by_parts as closures
+from wavesim.grid.stencils import ORDERS, largest_modified_wavenumber
+from wavesim.grid.summation_by_parts import closure
 
 COUNTS = (64, 80, 100, 128, 160)
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from jax import monitoring
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.plan import plan
-from wavesim.sectors import BLOCKS
-from wavesim.source import Ricker
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.simulation.plan import plan
+from wavesim.sources import Ricker
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.generator import generator
 from wavesim.timedomain.integration import simulate

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from media import media, twelve_by_twelve
 
 from wavesim import planewave
-from wavesim.damping import Damping, constant_quality
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.spectral.damped import damped
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave.complex_frequency import damped
 
 TABLE_1 = Medium(anisotropy=0.25, closure="consistent")
 BAR = TABLE_1.time_scale

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from wavesim.damping import UNDAMPED, Damping, constant_quality, quality
+from wavesim.material.damping import UNDAMPED, Damping, constant_quality, quality
 
 BAND = (5e4, 2e6)
 RAYLEIGH = Damping(mass=2e5, stiffness=3e-9)

@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from media import media
 
 from wavesim import planewave
-from wavesim.medium import Medium
-from wavesim.sectors import SECTORS
-from wavesim.spectral import direction
-from wavesim.tensors import (
+from wavesim.material.contact_tensors import (
     average_stiffness,
     direction_moments,
     gradient_stiffness,
     relative_stiffness,
 )
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import SECTORS
+from wavesim.planewave import angle_of_travel as direction
 
 property_test = settings(deadline=None, derandomize=True, max_examples=40)
 angles = st.floats(-np.pi, np.pi)

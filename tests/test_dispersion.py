@@ -14,13 +14,13 @@ transform.
 import numpy as np
 import pytest
 
-from wavesim.bar import Bar
-from wavesim.extraction import dispersion
-from wavesim.extraction.dispersion import LOBE_BINS, peaks, ridges, spectrum
-from wavesim.field import Field
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS, scales
-from wavesim.source import Ricker
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, scales
+from wavesim.readings.dispersion import spectrum as dispersion
+from wavesim.readings.dispersion.spectrum import LOBE_BINS, peaks, ridges, spectrum
+from wavesim.simulation.field import Field
+from wavesim.sources import Ricker
 
 BLOCK = BLOCKS[0]
 BAR = Bar(128, 1.25e-4, 8)

@@ -15,9 +15,9 @@ import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from wavesim.equations import CURVATURES, FIELDS, ROTATIONS, UNITS, flux_form
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS, SECTORS, block_form, blocks_of, excited_blocks, scales
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, SECTORS, block_form, blocks_of, excited_blocks, scales
+from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, UNITS, flux_form
 
 a, el = sp.symbols("a l")
 b1, b2, p1, p2, w1, w2 = sp.symbols("b1 b2 p1 p2 w1 w2")

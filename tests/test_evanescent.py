@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from media import any_media, media
 
 from wavesim import planewave
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.spectral import eigenproblem as spectral
-from wavesim.spectral.evanescent import complex_waves, wavenumber
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave import eigenproblem as spectral
+from wavesim.planewave.complex_wavenumber import complex_waves, wavenumber
 
 property_test = settings(deadline=None, derandomize=True, max_examples=60)
 omega_bars = st.floats(0.05, 3.0)

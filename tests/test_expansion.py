@@ -14,10 +14,10 @@ from jax.flatten_util import ravel_pytree
 from realbars import CELL, EVERYTHING, SOFT, dense, fitted, lossy, three
 from scipy.sparse.linalg import expm_multiply
 
-from wavesim.bar import Bar
-from wavesim.damping import Damping
-from wavesim.plan import Plan, plan
-from wavesim.source import InitialField, Recorded, Ricker, ToneBurst
+from wavesim.grid.bar import Bar
+from wavesim.material.damping import Damping
+from wavesim.simulation.plan import Plan, plan
+from wavesim.sources import InitialField, Recorded, Ricker, ToneBurst
 from wavesim.timedomain import assembly, program
 from wavesim.timedomain.barstep import expansion_coefficients
 from wavesim.timedomain.expansion import Expansion

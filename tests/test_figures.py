@@ -13,10 +13,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wavesim import fieldfigures, figures, planewave
-from wavesim.field import Field
-from wavesim.figureprocess import FigureProcess
-from wavesim.source import Ricker
+from wavesim import planewave
+from wavesim.figures import endless as figures
+from wavesim.figures import field as fieldfigures
+from wavesim.figures.process import FigureProcess
+from wavesim.simulation.field import Field
+from wavesim.sources import Ricker
 
 TO_KHZ = 1 / (2e3 * np.pi)
 
@@ -226,8 +228,8 @@ def test_thinning_keeps_the_largest():
 @pytest.mark.parametrize("scale", [0.0, 1e-300])
 def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
     """No warning of a logarithm, a division or the layout (warnings are errors here)."""
-    from wavesim.extraction.analysis import extract
-    from wavesim.verdict import hold
+    from wavesim.readings.dispersion.extract import extract
+    from wavesim.verdict.endless import hold
 
     _, _, full = small_run
     made = Field(
@@ -292,7 +294,7 @@ def test_one_that_draws_and_is_killed_is_told():
     """In a process without jax, which must not be forked."""
     program = """
 import os, signal
-from wavesim import figureprocess
+from wavesim.figures import process as figureprocess
 figureprocess._drawn = lambda: os.kill(os.getpid(), signal.SIGKILL)
 print(repr(figureprocess._end(*figureprocess._begin(()))))
 """

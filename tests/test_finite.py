@@ -19,19 +19,19 @@ from madeup import (
     reading_of,
 )
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.field import Field
-from wavesim.finite import cells as cells_module
-from wavesim.finite import twowaves
-from wavesim.finite.barverdict import judge_bar
-from wavesim.finite.cells import cells, repeated
-from wavesim.finite.pulsetest import pulse_test
-from wavesim.finite.ringing import ringing
-from wavesim.finite.twowaves import scattered
-from wavesim.layered.resonance import resonances
-from wavesim.planewave import long_wave_speed, wavenumber
-from wavesim.pulse.windows import Exponential, Gate
-from wavesim.source import InitialField, Ricker
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.layered.eigenfrequencies import resonances
+from wavesim.planewave.dispersion_relation import long_wave_speed, wavenumber
+from wavesim.readings.bar import bloch as cells_module
+from wavesim.readings.bar import transmission as twowaves
+from wavesim.readings.bar.bloch import cells, repeated
+from wavesim.readings.bar.eigenfrequencies import ringing
+from wavesim.readings.bar.pulse_test import pulse_test
+from wavesim.readings.bar.transmission import scattered
+from wavesim.readings.pulse.spectral_windows import Exponential, Gate
+from wavesim.simulation.field import Field
+from wavesim.sources import InitialField, Ricker
+from wavesim.verdict.bar import judge_bar
 
 
 def transforming(monkeypatch, module, made):

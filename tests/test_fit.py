@@ -8,12 +8,12 @@ import known
 import numpy as np
 import pytest
 
-from wavesim.extraction.fieldrecord import block_record
-from wavesim.extraction.fit import FitError, Observed, _Model, fit
-from wavesim.extraction.points import BranchPoints
-from wavesim.extraction.relations import OfMedium
-from wavesim.extraction.spacewise import in_space
-from wavesim.sectors import BLOCKS
+from wavesim.material.sectors import BLOCKS
+from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.of_field import block_record
+from wavesim.records.relations import OfMedium
+from wavesim.studies.medium_fit import FitError, Observed, _Model, fit
 
 UNIT = known.unit(known.MEDIUM)
 

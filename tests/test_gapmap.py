@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.medium import SPECTRAL_CLOSURES, Medium
-from wavesim.sectors import BLOCKS
-from wavesim.spectral import surveyfigures
-from wavesim.spectral.eigenproblem import spectral_form
-from wavesim.spectral.family import block_forms
-from wavesim.spectral.gapmap import gap_map, table
+from wavesim.figures import gap_map as surveyfigures
+from wavesim.material.medium import SPECTRAL_CLOSURES, Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave.eigenproblem import spectral_form
+from wavesim.planewave.gap_map import gap_map, table
+from wavesim.planewave.many_media import block_forms
 
 
 @pytest.mark.parametrize("closure", SPECTRAL_CLOSURES)

@@ -12,13 +12,13 @@ import pytest
 from jax.flatten_util import ravel_pytree
 from realbars import CELL, EVERYTHING, LOSSY, SOFT, STIFF, built, dense, fitted, lossy, three
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.closures import chain
-from wavesim.layeredwave import resonances
-from wavesim.layers import Layer, Layers, as_layers
-from wavesim.medium import Medium
-from wavesim.planewave import gaps, wavenumber
-from wavesim.sectors import BLOCKS, scales
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.grid.summation_by_parts import chain
+from wavesim.layered import resonances
+from wavesim.material.layers import Layer, Layers, as_layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, scales
+from wavesim.planewave.dispersion_relation import gaps, wavenumber
 from wavesim.timedomain.banded import banded
 
 ENDS = [("free", "free"), ("fixed", "free"), ("fixed", "fixed"), ("periodic", "periodic")]
@@ -331,7 +331,7 @@ def test_coefficients_of_a_graded_layer_are_those_of_its_media():
 
 
 def generator_at(medium: Medium, reference: Medium):
-    from wavesim.sectors import block_coefficients
+    from wavesim.material.sectors import block_coefficients
 
     return block_coefficients(medium, BLOCKS[0], scales(reference))
 

@@ -8,13 +8,13 @@ import known
 import numpy as np
 import pytest
 
-from wavesim.extraction.comparison import match
-from wavesim.extraction.fieldrecord import references
-from wavesim.extraction.harmonic import invert
-from wavesim.extraction.timewise import in_time, power, series
-from wavesim.planewave import block_frequencies
-from wavesim.sectors import BLOCKS
-from wavesim.stencils import modified_wavenumber
+from wavesim.grid.stencils import modified_wavenumber
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave.dispersion_relation import block_frequencies
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, power, series
+from wavesim.readings.dispersion.harmonic_inversion import invert
+from wavesim.records.of_field import references
+from wavesim.verdict.points import match
 
 
 def sinusoids(omega, decay, amplitude, count):

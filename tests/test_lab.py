@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim.cli import main
-from wavesim.extraction import labwork
-from wavesim.extraction.comparison import match
-from wavesim.extraction.fieldrecord import references
-from wavesim.extraction.points import BranchPoints, joined
-from wavesim.extraction.records import Layout
+from wavesim.cli import record_work as labwork
+from wavesim.cli.main import main
+from wavesim.readings.dispersion.points import BranchPoints, joined
+from wavesim.records.files import Layout
+from wavesim.records.of_field import references
+from wavesim.verdict.points import match
 
 CASE = str(Path(__file__).parent.parent / known.CASES["printed"])
 
@@ -173,7 +173,7 @@ def test_a_result_file_is_judged_against_both_references(tmp_path):
         '[bar]\ncells = 512\n[[sources]]\nfield = "phi1"\nposition = 0.032\n'
         "peak_frequency = 8e5\n[time]\nduration = 4e-5\nsamples = 400\n"
     )
-    from wavesim.problem import load
+    from wavesim.case.problem import load
     from wavesim.runner import run
 
     run(load(case), tmp_path / "out")

@@ -7,13 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from wavesim import layeredwave, planewave
-from wavesim.damping import Damping
-from wavesim.layered.barends import returned
+from wavesim import planewave
+from wavesim import layered as layeredwave
+from wavesim.layered.ends import returned
 from wavesim.layered.stack import Stack
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
+from wavesim.material.damping import Damping
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)

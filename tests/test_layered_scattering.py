@@ -11,15 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from media import any_media, media
 
-from wavesim import layeredwave, planewave
-from wavesim.damping import Damping
-from wavesim.layered import collocation
+from wavesim import planewave
+from wavesim import layered as layeredwave
+from wavesim.layered import graded_layer as collocation
 from wavesim.layered.section import generator
 from wavesim.layered.stack import Stack
-from wavesim.layered.star import star
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
+from wavesim.layered.star_product import star
+from wavesim.material.damping import Damping
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)

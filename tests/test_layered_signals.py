@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from collocated import coefficients
 
-from wavesim import layeredwave, planewave
-from wavesim.damping import Damping
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.source import Ricker
+from wavesim import planewave
+from wavesim import layered as layeredwave
+from wavesim.material.damping import Damping
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.sources import Ricker
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)

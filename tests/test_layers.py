@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from wavesim.damping import Damping
-from wavesim.layers import Layer, Layers, as_layers
-from wavesim.medium import PARAMETERS, Medium
+from wavesim.material.damping import Damping
+from wavesim.material.layers import Layer, Layers, as_layers
+from wavesim.material.medium import PARAMETERS, Medium
 
 SOFT = Medium(closure="consistent")
 STIFF = Medium(closure="consistent", G_n_a=9.0, density=2000.0, particle_radius=6e-4)

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import wavesim as ws
-from wavesim.damping import Damping, constant_quality
-from wavesim.extraction import labwork
-from wavesim.extraction.comparison import match
-from wavesim.extraction.decaying import WEAKEST, WEAKEST_RELAXING
-from wavesim.extraction.fieldrecord import block_record
-from wavesim.extraction.relations import OfMedium
-from wavesim.sectors import BLOCKS
+from wavesim.cli import record_work as labwork
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.sectors import BLOCKS
+from wavesim.readings.dispersion.decaying_waves import WEAKEST, WEAKEST_RELAXING
+from wavesim.records.of_field import block_record
+from wavesim.records.relations import OfMedium
+from wavesim.verdict.points import match
 
 LONGITUDINAL = BLOCKS[0]
 RAYLEIGH = Damping(mass=2e4, stiffness=1e-9)

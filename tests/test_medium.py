@@ -13,9 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wavesim.timedomain.operator  # noqa: F401 - registers the medium with jax
-from wavesim.equations import flux_form
-from wavesim.medium import CLOSURES, PARAMETERS, Medium, check_parameter
-from wavesim.tensors import average_stiffness, gradient_stiffness, relative_stiffness
+from wavesim.material.contact_tensors import (
+    average_stiffness,
+    gradient_stiffness,
+    relative_stiffness,
+)
+from wavesim.material.medium import CLOSURES, PARAMETERS, Medium, check_parameter
+from wavesim.material.wave_equations import flux_form
 
 POSITIVE = (
     "branch_length",

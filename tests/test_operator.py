@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 
-from wavesim.bar import Bar
-from wavesim.equations import CURVATURES, FIELDS, ROTATIONS, flux_form
-from wavesim.medium import Medium
-from wavesim.planewave import block_frequencies
-from wavesim.sectors import BLOCKS, scales
-from wavesim.source import Ricker
-from wavesim.stencils import ORDERS, difference_weights, modified_wavenumber
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import ORDERS, difference_weights, modified_wavenumber
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, scales
+from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
+from wavesim.planewave.dispersion_relation import block_frequencies
+from wavesim.sources import Ricker
 from wavesim.timedomain.integration import simulate
 from wavesim.timedomain.operator import (
     difference,

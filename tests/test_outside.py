@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavesim.extraction.comparison import match, match_in_space
-from wavesim.extraction.relations import Beam, Diatomic, MassInMass
-from wavesim.extraction.spacewise import in_space
-from wavesim.extraction.synthetic import Pulse, positions, synthesize
-from wavesim.extraction.timewise import in_time
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.relations import Beam, Diatomic, MassInMass
+from wavesim.records.synthetic import Pulse, positions, synthesize
+from wavesim.verdict.points import match, match_in_space
 
 A = 0.01
 CHAINS = {

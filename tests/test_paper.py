@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.medium import Medium
+from wavesim.figures.bands import band_figure
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import SECTORS
 from wavesim.paper import claims
 from wavesim.paper import reproduction as paper
-from wavesim.sectors import SECTORS
-from wavesim.spectral import bands
-from wavesim.spectral.bandfigure import band_figure
+from wavesim.planewave import bands
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from media import any_media, media, printed_media, twelve_by_twelve
 
 from wavesim import planewave
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS, SECTORS
-from wavesim.spectral import eigenproblem as spectral
-from wavesim.spectral import hyperbolicity, modes
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, SECTORS
+from wavesim.planewave import eigenproblem as spectral
+from wavesim.planewave import hyperbolicity
+from wavesim.planewave import mode_shapes as modes
 
 property_test = settings(deadline=None, derandomize=True, max_examples=60)
 k_bars = st.floats(0.02, 1.0)

@@ -10,11 +10,11 @@ from exact import modal_field
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavesim.bar import Bar
-from wavesim.medium import Medium
-from wavesim.plan import Plan, fastest, plan
-from wavesim.sectors import BLOCKS, block_form
-from wavesim.source import Ricker
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, block_form
+from wavesim.simulation.plan import Plan, fastest, plan
+from wavesim.sources import Ricker
 from wavesim.timedomain.integration import simulate, stream
 from wavesim.timedomain.kernels import convolution, convolve, convolve_all, kernels
 from wavesim.timedomain.operator import semi_discrete

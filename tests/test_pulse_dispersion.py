@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from pulses import lorentz, named, ricker, through
 
-from wavesim.damping import constant_quality, quality
-from wavesim.pulse.phasevelocity import dispersion
-from wavesim.pulse.pulserecord import PulseError, pulse_record
-from wavesim.pulse.spectralratio import attenuation_of_amplitudes, constant_quality_of_amplitudes
-from wavesim.pulse.unwrapping import OPEN, UNDRIVEN
-from wavesim.pulse.windows import Exponential, Gate, spectra
+from wavesim.material.damping import constant_quality, quality
+from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
+from wavesim.readings.pulse.phase_velocity import dispersion
+from wavesim.readings.pulse.signals import PulseError, pulse_record
+from wavesim.readings.pulse.spectral_ratio import (
+    attenuation_of_amplitudes,
+    constant_quality_of_amplitudes,
+)
+from wavesim.readings.pulse.spectral_windows import Exponential, Gate, spectra
 
 C, F = 2000.0, 5e5
 STEP = 1e-7

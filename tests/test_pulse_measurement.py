@@ -9,13 +9,13 @@ import test_architecture
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pulses import lorentz, named, ricker, through
 
-from wavesim.damping import constant_quality
-from wavesim.figures import GAP, STYLE
-from wavesim.pulse import pulsefigures
-from wavesim.pulse.loss import NOISY, UNDRIVEN, transmission_loss
-from wavesim.pulse.measurement import measure
-from wavesim.pulse.pulserecord import PulseError, pulse_record
-from wavesim.pulse.windows import Exponential, Gate, spectra
+from wavesim.figures import pulse_test as pulsefigures
+from wavesim.figures.endless import GAP, STYLE
+from wavesim.material.damping import constant_quality
+from wavesim.readings.pulse.measurement import measure
+from wavesim.readings.pulse.signals import PulseError, pulse_record
+from wavesim.readings.pulse.spectral_windows import Exponential, Gate, spectra
+from wavesim.readings.pulse.transmission_loss import NOISY, UNDRIVEN, transmission_loss
 
 C, F = 2000.0, 5e5
 STEP = 1e-7

@@ -1,6 +1,6 @@
 """Bars with layers, ends and losses in time, against the exact frequency domain.
 
-The exact route (``wavesim.layeredwave``) has no grid, no time step and no matrix in common with the
+The exact route (``wavesim.layered``) has no grid, no time step and no matrix in common with the
 simulation: it shares the medium, the loss law and the layers' places. Signals of every field at
 every receiver are compared over the whole record, in units of their largest value.
 """
@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from realbars import CELL, EVERYTHING, LOSSY, SOFT, STIFF, lossy
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.damping import Damping
-from wavesim.layeredwave import signals
-from wavesim.layers import Layer, Layers, as_layers
-from wavesim.source import GaussianDerivative, InitialField, Ricker, ToneBurst
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.layered import signals
+from wavesim.material.damping import Damping
+from wavesim.material.layers import Layer, Layers, as_layers
+from wavesim.sources import GaussianDerivative, InitialField, Ricker, ToneBurst
 from wavesim.timedomain.integration import simulate
 
 LENGTH = 0.032

@@ -6,11 +6,11 @@ import h5py
 import numpy as np
 import pytest
 
-from wavesim.extraction.record import RecordError, record
-from wavesim.extraction.records import Layout, from_arrays, read, write
-from wavesim.extraction.relations import MassInMass
-from wavesim.extraction.synthetic import Pulse, Spoil, positions, synthesize
-from wavesim.extraction.timewise import in_time
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.records.files import Layout, from_arrays, read, write
+from wavesim.records.record import RecordError, record
+from wavesim.records.relations import MassInMass
+from wavesim.records.synthetic import Pulse, Spoil, positions, synthesize
 
 CHAIN = MassInMass(0.01, 1e6, 0.01, 2e5, 0.005)
 T = np.linspace(0, 0.04, 1600)

@@ -12,18 +12,20 @@ import pytest
 from click.testing import CliRunner
 from madeup import LOSSY, PLACES, SOFT, STIFF, chain, field_of, plain_field, pulsed, reading_of
 
-from wavesim import cli, planewave, remedies
-from wavesim.bar import Bar, layered_bar
-from wavesim.extraction.relations import OfMedium
-from wavesim.field import Energy, Field
-from wavesim.finite import barremedies
-from wavesim.finite.barverdict import bar_notes, judge_bar
-from wavesim.finite.ringing import Ringing
-from wavesim.finite.twowaves import Scattered
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.source import Ricker, ToneBurst
-from wavesim.verdict import Check, energy_checks
+from wavesim import planewave
+from wavesim.cli import main as cli
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.readings.bar.eigenfrequencies import Ringing
+from wavesim.readings.bar.transmission import Scattered
+from wavesim.records.relations import OfMedium
+from wavesim.simulation.field import Energy, Field
+from wavesim.sources import Ricker, ToneBurst
+from wavesim.verdict import bar_remedies as barremedies
+from wavesim.verdict import remedies
+from wavesim.verdict.bar import bar_notes, judge_bar
+from wavesim.verdict.endless import Check, energy_checks
 
 LONGITUDINAL = BLOCKS[0]
 MEDIUM = Medium(closure="consistent", anisotropy=0.25)

@@ -23,10 +23,10 @@ from wavesim import (
     simulate,
     verdict,
 )
-from wavesim.case import CaseError
-from wavesim.cli import main
-from wavesim.plan import Plan, plan
-from wavesim.problem import load
+from wavesim.case.problem import load
+from wavesim.case.schema import CaseError
+from wavesim.cli.main import main
+from wavesim.simulation.plan import Plan, plan
 from wavesim.timedomain.assembly import equation_of, stepper_of
 from wavesim.timedomain.integration import stream
 

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavesim.bar import Bar
-from wavesim.equations import FIELDS, ROTATIONS
-from wavesim.medium import Medium
-from wavesim.sectors import excited_blocks, scales
-from wavesim.source import Ricker, excitation, excited_band
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import excited_blocks, scales
+from wavesim.material.wave_equations import FIELDS, ROTATIONS
+from wavesim.sources import Ricker, excitation, excited_band
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.operator import semi_discrete, to_fields
 

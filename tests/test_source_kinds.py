@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from wavesim.medium import Medium
-from wavesim.plan import highest_band
-from wavesim.planewave import block_frequencies
-from wavesim.sectors import excited_blocks
-from wavesim.source import (
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import excited_blocks
+from wavesim.planewave.dispersion_relation import block_frequencies
+from wavesim.simulation.plan import highest_band
+from wavesim.sources import (
     Chirp,
     GaussianDerivative,
     InitialField,

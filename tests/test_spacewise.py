@@ -6,15 +6,15 @@ import known
 import numpy as np
 import pytest
 
-from wavesim.extraction.comparison import match_in_space
-from wavesim.extraction.fieldrecord import block_record, references
-from wavesim.extraction.linefit import fit_line
-from wavesim.extraction.record import RecordError, record
-from wavesim.extraction.relations import OfMedium
-from wavesim.extraction.spacewise import in_space
-from wavesim.extraction.synthetic import Pulse, Spoil, positions, synthesize
-from wavesim.planewave import gaps
-from wavesim.sectors import BLOCKS
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave.dispersion_relation import gaps
+from wavesim.readings.dispersion.line_fit import fit_line
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.of_field import block_record, references
+from wavesim.records.record import RecordError, record
+from wavesim.records.relations import OfMedium
+from wavesim.records.synthetic import Pulse, Spoil, positions, synthesize
+from wavesim.verdict.points import match_in_space
 
 SCALE = float(known.MEDIUM.time_scale)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim.cli import main
+from wavesim.cli.main import main
 
 CASE = str(Path(__file__).parents[1] / "cases" / "isotropic.toml")
 
@@ -64,7 +64,7 @@ def test_paper_says_when_it_can_not_write(tmp_path):
 def test_the_spectral_side_shares_only_the_medium(module):
     """The check against it is worth something only if it knows no grid; nor does it draw."""
     forbidden = ["jax", "matplotlib"]
-    forbidden += ["wavesim.bar", "wavesim.stencils"]
+    forbidden += ["wavesim.grid.bar", "wavesim.grid.stencils"]
     forbidden += [f"wavesim.timedomain.{n}" for n in ("operator", "steppers", "integration")]
     code = f"import sys, wavesim.{module}; print([m for m in {forbidden} if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

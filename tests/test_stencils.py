@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from wavesim.stencils import (
+from wavesim.grid.stencils import (
     ORDERS,
     difference_weights,
     interpolation_weights,

@@ -21,12 +21,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 
-from wavesim.bar import Bar
-from wavesim.equations import CURVATURES, ROTATIONS
-from wavesim.medium import Medium
-from wavesim.plan import Plan, plan
-from wavesim.sectors import BLOCKS, block_form, scales
-from wavesim.source import Ricker
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, block_form, scales
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS
+from wavesim.simulation.plan import Plan, plan
+from wavesim.sources import Ricker
 from wavesim.timedomain.forcing import forcing
 from wavesim.timedomain.integration import NotFiniteError, simulate, stream
 from wavesim.timedomain.operator import from_fields, semi_discrete, to_fields

@@ -15,13 +15,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import BarycentricInterpolator
 
-from wavesim import resultfile, runner, storage
-from wavesim.equations import ROTATIONS
-from wavesim.field import Energy
-from wavesim.gathering import Gathering, deflated
-from wavesim.planewave import block_frequencies
-from wavesim.problem import load
-from wavesim.sectors import BLOCKS
+from wavesim import runner
+from wavesim.case.problem import load
+from wavesim.io import result_reader as resultfile
+from wavesim.io import result_writer as storage
+from wavesim.io.gathering import Gathering, deflated
+from wavesim.material.sectors import BLOCKS
+from wavesim.material.wave_equations import ROTATIONS
+from wavesim.planewave.dispersion_relation import block_frequencies
+from wavesim.simulation.field import Energy
 
 CELLS, RECEIVER = 64, 5.03e-3
 
@@ -321,7 +323,8 @@ def test_killed_run_resumes_bit_for_bit(small_case, small_run, tmp_path):
     out = tmp_path / "out"
     # The run pauses after its second chunk, so that the kill comes in the middle of it.
     program = (
-        "import sys, time; from wavesim import resultfile, storage; from wavesim.cli import main\n"
+        "import sys, time; from wavesim.io import result_writer as storage\n"
+        "from wavesim.cli.main import main\n"
         "append = storage.Results.append\n"
         "def slow(self, first, *rest):\n"
         "    append(self, first, *rest)\n"

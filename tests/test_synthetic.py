@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from wavesim.extraction.oscillator import driven
-from wavesim.extraction.record import RecordError
-from wavesim.extraction.relations import Beam, Diatomic, Given, MassInMass, OfMedium
-from wavesim.extraction.synthetic import Pulse, Spoil, positions, synthesize
-from wavesim.sectors import BLOCKS
+from wavesim.material.sectors import BLOCKS
+from wavesim.records.oscillator import driven
+from wavesim.records.record import RecordError
+from wavesim.records.relations import Beam, Diatomic, Given, MassInMass, OfMedium
+from wavesim.records.synthetic import Pulse, Spoil, positions, synthesize
 
 CHAIN = MassInMass(0.01, 1e6, 0.01, 2e5, 0.005)
 PAIR = Diatomic(0.01, 1e6, 0.01, 0.005)
@@ -135,7 +135,7 @@ def test_a_relation_of_ones_own_decays_as_it_says():
     def lossy(k):
         return np.stack([200 * k, 9e3 + 0 * k - 1j * (50 + 0.1 * k)], axis=1)
 
-    from wavesim.extraction.timewise import in_time
+    from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 
     t, x = np.linspace(0, 0.04, 1200), positions(64, 0.02)
     made = synthesize(lossy, t, x, Pulse(1500.0, 0.64), 1.28, ring=True)

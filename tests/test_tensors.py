@@ -15,14 +15,14 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavesim.medium import Medium
-from wavesim.tensors import (
+from wavesim.material.contact_tensors import (
     average_stiffness,
     direction_moments,
     fabric_moments,
     gradient_stiffness,
     relative_stiffness,
 )
+from wavesim.material.medium import Medium
 
 a, Gn, Gs = sp.symbols("a G_n G_s")
 F = sp.diag(a, -a / 2, -a / 2)

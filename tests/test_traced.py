@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from wavesim.bar import Bar, layered_bar
-from wavesim.damping import Damping
-from wavesim.layers import Layer, Layers, as_layers
-from wavesim.medium import Medium
-from wavesim.plan import plan
-from wavesim.sectors import BLOCKS
-from wavesim.source import Ricker
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.damping import Damping
+from wavesim.material.layers import Layer, Layers, as_layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.simulation.plan import plan
+from wavesim.sources import Ricker
 from wavesim.timedomain.generator import generator
 from wavesim.timedomain.integration import simulate
 from wavesim.timedomain.operator import semi_discrete

@@ -5,20 +5,20 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.bar import Bar
-from wavesim.extraction import transmission
-from wavesim.extraction.analysis import extract
-from wavesim.extraction.transmission import (
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.readings.dispersion import attenuation as transmission
+from wavesim.readings.dispersion.attenuation import (
     FEWEST_POINTS,
     attenuation,
     damped_transform,
     free_stretch,
     wavenumber_of_decay,
 )
-from wavesim.field import Field
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.source import Ricker
+from wavesim.readings.dispersion.extract import extract
+from wavesim.simulation.field import Field
+from wavesim.sources import Ricker
 
 LONGITUDINAL, TRANSVERSE = BLOCKS[0], BLOCKS[1]
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
-from wavesim.bar import Bar
-from wavesim.extraction.analysis import Measured, extract
-from wavesim.extraction.dispersion import LOBE_BINS, Ridge, Spectrum
-from wavesim.field import Energy, Field
-from wavesim.medium import Medium
-from wavesim.sectors import BLOCKS
-from wavesim.source import EXCITED, Ricker, excitation
-from wavesim.verdict import Branch, Check, hold, judge
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.readings.dispersion.extract import Measured, extract
+from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum
+from wavesim.simulation.field import Energy, Field
+from wavesim.sources import EXCITED, Ricker, excitation
+from wavesim.verdict.endless import Branch, Check, hold, judge
 
 LONGITUDINAL = BLOCKS[0]
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")

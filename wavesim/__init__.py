@@ -18,38 +18,38 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    "Medium": "wavesim.medium",
-    "Bar": "wavesim.bar",
-    "layered_bar": "wavesim.bar",
-    "Layer": "wavesim.layers",
-    "Layers": "wavesim.layers",
-    "Damping": "wavesim.damping",
-    "constant_quality": "wavesim.damping",
-    "Ricker": "wavesim.source",
-    "GaussianDerivative": "wavesim.source",
-    "ToneBurst": "wavesim.source",
-    "Chirp": "wavesim.source",
-    "Recorded": "wavesim.source",
-    "InitialField": "wavesim.source",
-    "Field": "wavesim.field",
+    "Medium": "wavesim.material.medium",
+    "Bar": "wavesim.grid.bar",
+    "layered_bar": "wavesim.grid.bar",
+    "Layer": "wavesim.material.layers",
+    "Layers": "wavesim.material.layers",
+    "Damping": "wavesim.material.damping",
+    "constant_quality": "wavesim.material.damping",
+    "Ricker": "wavesim.sources",
+    "GaussianDerivative": "wavesim.sources",
+    "ToneBurst": "wavesim.sources",
+    "Chirp": "wavesim.sources",
+    "Recorded": "wavesim.sources",
+    "InitialField": "wavesim.sources",
+    "Field": "wavesim.simulation.field",
     "simulate": "wavesim.timedomain.integration",
     "traced_fields": "wavesim.timedomain.traced",
-    "extract": "wavesim.extraction.analysis",
-    "hold": "wavesim.verdict",
-    "judge": "wavesim.verdict",
-    "read_bar": "wavesim.finite.reading",
-    "judge_bar": "wavesim.finite.barverdict",
-    "measure_pulses": "wavesim.pulse.measurement",
-    "load": "wavesim.problem",
-    "record": "wavesim.extraction.record",
-    "in_time": "wavesim.extraction.timewise",
-    "in_space": "wavesim.extraction.spacewise",
-    "synthesize": "wavesim.extraction.synthetic",
-    "fit": "wavesim.extraction.fit",
+    "extract": "wavesim.readings.dispersion.extract",
+    "hold": "wavesim.verdict.endless",
+    "judge": "wavesim.verdict.endless",
+    "read_bar": "wavesim.readings.bar.reading",
+    "judge_bar": "wavesim.verdict.bar",
+    "measure_pulses": "wavesim.readings.pulse.measurement",
+    "load": "wavesim.case.problem",
+    "record": "wavesim.records.record",
+    "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
+    "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
+    "synthesize": "wavesim.records.synthetic",
+    "fit": "wavesim.studies.medium_fit",
 }
 # Offered under a name that says more than the one at home.
 _NAMES = {"measure_pulses": "measure"}
-_MODULES = ("layeredwave", "planewave")
+_MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
 
 __all__ = [*_HOMES, *_MODULES]
 
@@ -58,7 +58,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), _NAMES.get(name, name))
     if name in _MODULES:
-        return importlib.import_module(f"wavesim.{name}")
+        return importlib.import_module(_MODULES[name])
     raise AttributeError(f"module 'wavesim' has no attribute {name!r}")
 
 

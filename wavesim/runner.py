@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from wavesim.problem import Problem
+from wavesim.case.problem import Problem
 
 Progress = Callable[[str, float], None]
 
@@ -75,7 +75,7 @@ def run(
     begun = time.perf_counter()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
-    from wavesim.resultfile import StorageError
+    from wavesim.io.result_reader import StorageError
 
     try:
         with ExitStack() as until_the_end:
@@ -126,12 +126,13 @@ def _run(
         now = time.perf_counter()
         timing[stage], clock = now - clock, now
 
-    from wavesim.figureprocess import FigureProcess
+    from wavesim.figures.process import FigureProcess
 
     # It loads what it needs while this process loads jax and compiles, on the other core.
     drawing = until_the_end.enter_context(FigureProcess())
     _keep_compiled()
-    from wavesim import resultfile, storage
+    from wavesim.io import result_reader as resultfile
+    from wavesim.io import result_writer as storage
     from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
 
     lap("import")
@@ -237,7 +238,7 @@ class Found:
 def _analysis(problem: Problem) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
     endless = problem.plan.endless
-    return "wavesim.verdict" if endless else "wavesim.finite.barverdict", "scipy.signal"
+    return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
 
 
 def measure(problem: Problem, field: Any) -> Found:
@@ -252,16 +253,16 @@ def measure(problem: Problem, field: Any) -> Found:
     """
     table = problem.case.analysis
     if problem.plan.endless:
-        from wavesim.extraction.analysis import extract
-        from wavesim.verdict import hold, judge
+        from wavesim.readings.dispersion.extract import extract
+        from wavesim.verdict.endless import hold, judge
 
         measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, problem.k_range) for m in measured]
         checks = judge(field, held)
         return Found(checks, held, held, {}, {}, notes(problem, checks))
-    from wavesim.finite.barverdict import bar_notes, judge_bar
-    from wavesim.finite.pulsetest import rows
-    from wavesim.finite.reading import read_bar
+    from wavesim.readings.bar.pulse_test import rows
+    from wavesim.readings.bar.reading import read_bar
+    from wavesim.verdict.bar import bar_notes, judge_bar
 
     reading = read_bar(field, table.frequencies, table.damping)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]}

@@ -17,7 +17,7 @@ import numpy as np
 from contestant import Solution
 from problem import Drive, Problem
 
-from wavesim.sectors import BLOCKS, grouped
+from wavesim.material.sectors import BLOCKS, grouped
 from wavesim.timedomain.operator import Operator, State, semi_discrete, to_fields
 from wavesim.timedomain.steppers import TERM
 

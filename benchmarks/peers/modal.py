@@ -17,8 +17,8 @@ from contestant import Solution
 from numpy.typing import NDArray
 from problem import COMPONENTS, Drive, Problem
 
-from wavesim.sectors import BLOCKS, block_form
-from wavesim.stencils import modified_wavenumber
+from wavesim.grid.stencils import modified_wavenumber
+from wavesim.material.sectors import BLOCKS, block_form
 
 Complex = NDArray[np.complex128]
 

@@ -9,7 +9,7 @@ from leapfrog import least_steps
 from problem import Problem
 
 import wavesim as ws
-from wavesim.plan import Plan, plan
+from wavesim.simulation.plan import Plan, plan
 from wavesim.timedomain.integration import Timing, stream
 from wavesim.timedomain.timestep import Precision
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.layered.resonance import eigenfrequencies
-from wavesim.layered.scattering import block_of
+from wavesim.layered.eigenfrequencies import eigenfrequencies
 from wavesim.layered.stack import Stack, keeps_gradient
-from wavesim.layers import Layers
+from wavesim.layered.transmission import block_of
+from wavesim.material.layers import Layers
 
 
 def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = None) -> Any:
@@ -87,7 +87,7 @@ def stop_bands(
         cell: the layers that are repeated, uniform each.
         sector: longitudinal, transverse2 or transverse3.
         band: lowest and highest ω, rad/s.
-        spacing: see :func:`wavesim.layered.resonance.resonances`.
+        spacing: see :func:`wavesim.layered.eigenfrequencies.resonances`.
 
     Returns:
         (lower, upper), rad/s, ascending; neighbours that touch are joined.
@@ -97,7 +97,7 @@ def stop_bands(
         eigenfrequencies(cell, block_of(sector), sign, sign, band, False, spacing)
         for sign in ("periodic", "antiperiodic")
     ]
-    from wavesim.layered.resonance import windows
+    from wavesim.layered.eigenfrequencies import windows
 
     marks = sorted({low, high, *np.concatenate(edges), *windows(cell, sector, band).ravel()})
     found: list[tuple[float, float]] = []

@@ -5,7 +5,7 @@ In SI, with I_φ = ρβ, I_B = ργ and exp(−iωt), a block obeys
     −ω² ι I_φ φ = ∂ₓσ + k,    σ = m (C_φφ φ′ − C_φB B),
     −ω² ι I_B B = m (C_Bφ φ′ − C_BB B) + ∂ₓV + Π,    V = m Γ ∂ₓB,
 
-with the loss law's m and ι (wavesim.damping). Where Γ is kept the state is v = −iω(φ, B) and
+with the loss law's m and ι (material/damping). Where Γ is kept the state is v = −iω(φ, B) and
 f = −(σ, V). With Γ → 0 the micro-curvature follows the rotation,
 
     B = X (C_Bφ φ′ + Π/m),  X = (C_BB − Ω² I_B)⁻¹,    σ = 𝒟 φ′ − C_φB X Π,
@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.damping import Damping
-from wavesim.equations import CURVATURES, ROTATIONS, flux_form
-from wavesim.medium import Medium
-from wavesim.sectors import Block, scales
+from wavesim.material.damping import Damping
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, scales
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
 
 
 @dataclass(frozen=True)

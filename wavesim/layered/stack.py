@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered import gaussian
-from wavesim.layered.collocation import graded
+from wavesim.layered import gaussian_load as gaussian
+from wavesim.layered.graded_layer import graded
 from wavesim.layered.section import (
     Section,
     Units,
@@ -21,11 +21,11 @@ from wavesim.layered.section import (
     units_of,
     with_impedance,
 )
-from wavesim.layered.slab import Waves, uniform, waves
-from wavesim.layered.star import Piece, jump, nothing, star
-from wavesim.layers import Layer, Layers
-from wavesim.sectors import Block
-from wavesim.spectral.bandedges import gradient_share
+from wavesim.layered.star_product import Piece, jump, nothing, star
+from wavesim.layered.uniform_layer import Waves, uniform, waves
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.sectors import Block
+from wavesim.planewave.band_edges import gradient_share
 
 # Above this share of Γ in ω² (planewave.gradient_share) a medium needs it kept.
 NEGLIGIBLE = 1e-9
@@ -81,7 +81,7 @@ class Stack:
 
     Args:
         layers: the bar.
-        block: one of wavesim.sectors.BLOCKS.
+        block: one of wavesim.material.sectors.BLOCKS.
         omega: ω in SI, shape (N,), real or complex, not 0, rad/s.
         kept: whether Γ is kept.
 

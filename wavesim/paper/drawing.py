@@ -10,12 +10,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.medium import Medium
-from wavesim.paper.claims import CLOSURES
-from wavesim.paper.study import A_VALUES, ETA_VALUES, K_BAR, Study
-from wavesim.planewave import block_frequencies
-from wavesim.sectors import blocks_of
-from wavesim.spectral.bandaxes import (
+from wavesim.figures.band_axes import (
     LINE_STYLES,
     SECTOR_COLOURS,
     TITLES,
@@ -24,7 +19,12 @@ from wavesim.spectral.bandaxes import (
     hatch_full_gaps,
     shade_gaps,
 )
-from wavesim.spectral.eigenproblem import Float
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import blocks_of
+from wavesim.paper.claims import CLOSURES
+from wavesim.paper.study import A_VALUES, ETA_VALUES, K_BAR, Study
+from wavesim.planewave.dispersion_relation import block_frequencies
+from wavesim.planewave.eigenproblem import Float
 
 SECTORS = ("longitudinal", "transverse2", "inplane")
 SECTOR_GAPS = {

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.equations import CURVATURES, ROTATIONS, flux_form
-from wavesim.medium import Closure, Medium
-from wavesim.sectors import BLOCKS
-from wavesim.spectral.appendix_c import DETERMINANTS, PRINTED, UNKNOWNS
+from wavesim.material.medium import Closure, Medium
+from wavesim.material.sectors import BLOCKS
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
+from wavesim.planewave.appendix_c import DETERMINANTS, PRINTED, UNKNOWNS
 
 Factors = tuple[float, float, float, float]
 

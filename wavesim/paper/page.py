@@ -7,7 +7,7 @@ from typing import Any
 
 from wavesim.paper.claims import CLOSURES, Claim
 from wavesim.paper.findings import Finding, appendix_c_findings, equation_findings
-from wavesim.spectral.appendix_c import PRINTED
+from wavesim.planewave.appendix_c import PRINTED
 
 SOURCE = (
     "Yu, P.; Liu, Y.; Shi, M.; Chen, Z. *Propagation Characteristics of Rotation Waves in "

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.medium import Medium, SpectralClosure
+from wavesim.figures import gap_map as surveyfigures
+from wavesim.material.medium import Medium, SpectralClosure
 from wavesim.paper import drawing as paperfigures
 from wavesim.paper.claims import CLOSURES, judge
 from wavesim.paper.findings import appendix_c_findings, equation_findings
 from wavesim.paper.page import GAPS, SOURCE, page
 from wavesim.paper.study import Study
-from wavesim.spectral import surveyfigures
-from wavesim.spectral.gapmap import family_gaps, gap_map
-from wavesim.spectral.hyperbolicity import NotHyperbolicError, check_hyperbolic
+from wavesim.planewave.gap_map import family_gaps, gap_map
+from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
 
 # Media that are tried for waves that grow: the default closure outside the range that the paper
 # studies, and the printed dispersion coefficients inside it.

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesim.material.sectors import BLOCKS
 from wavesim.paper.study import A_VALUES, K_BAR, Study
-from wavesim.planewave import group_velocity, long_wave_speed
-from wavesim.sectors import BLOCKS
-from wavesim.spectral.bandedges import full_gaps
-from wavesim.spectral.branches import follow
-from wavesim.spectral.eigenproblem import Float
+from wavesim.planewave.band_edges import full_gaps
+from wavesim.planewave.branches import follow
+from wavesim.planewave.dispersion_relation import group_velocity, long_wave_speed
+from wavesim.planewave.eigenproblem import Float
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesim.medium import Medium, SpectralClosure
-from wavesim.sectors import BLOCKS
-from wavesim.spectral.branches import follow
-from wavesim.spectral.eigenproblem import Float
-from wavesim.spectral.gapmap import family_gaps
+from wavesim.material.medium import Medium, SpectralClosure
+from wavesim.material.sectors import BLOCKS
+from wavesim.planewave.branches import follow
+from wavesim.planewave.eigenproblem import Float
+from wavesim.planewave.gap_map import family_gaps
 
 # Names of the paper for the branches: what each optical wave is at k = 0.
 PAPER_NAMES: dict[str, str] = {

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wavesim.sources.base import (
+from wavesim.sources.source import (
     Drive,
     Extent,
     Source,

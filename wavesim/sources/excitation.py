@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.sources.base import Source
-from wavesim.sources.initial import InitialField
+from wavesim.sources.initial_field import InitialField
+from wavesim.sources.source import Source
 
 
 def excitation(sources: Sequence[Source], omega: Any, k: Any = 0.0) -> Any:

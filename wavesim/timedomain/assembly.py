@@ -9,8 +9,8 @@ from typing import Any
 import diffrax
 import jax.numpy as jnp
 
-from wavesim.plan import Plan
-from wavesim.sectors import scales
+from wavesim.material.sectors import scales
+from wavesim.simulation.plan import Plan
 from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.barseries import Series, series
 from wavesim.timedomain.barwork import work

@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.medium import Medium
-from wavesim.sectors import Block, grouped, scales
-from wavesim.source import InitialField, Source
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, grouped, scales
+from wavesim.sources import InitialField, Source
 from wavesim.timedomain.generator import Generator
 from wavesim.timedomain.group import Group, State
 from wavesim.timedomain.material import module

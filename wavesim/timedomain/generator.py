@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.layers import Layers
-from wavesim.medium import Medium
-from wavesim.sectors import Block, grouped, scales
-from wavesim.stencils import difference_weights
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import difference_weights
+from wavesim.material.layers import Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, grouped, scales
 from wavesim.timedomain.banded import banded
 from wavesim.timedomain.group import Group, State, Strain
 from wavesim.timedomain.material import Losses, Profile, losses, profile

@@ -13,13 +13,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.field import Energy, Field
-from wavesim.layers import Layers
-from wavesim.medium import Medium
-from wavesim.plan import Plan, plan
-from wavesim.sectors import scales
-from wavesim.source import Source
+from wavesim.grid.bar import Bar
+from wavesim.material.layers import Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import scales
+from wavesim.simulation.field import Energy, Field
+from wavesim.simulation.plan import Plan, plan
+from wavesim.sources import Source
 from wavesim.timedomain.assembly import equation_of, stepper_of
 from wavesim.timedomain.operator import is_rotation, to_fields
 from wavesim.timedomain.program import observed, program

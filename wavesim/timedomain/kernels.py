@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.fft import next_fast_len
 
-from wavesim.sectors import BlockForm
-from wavesim.stencils import modified_wavenumber
+from wavesim.grid.stencils import modified_wavenumber
+from wavesim.material.sectors import BlockForm
 from wavesim.timedomain.timestep import (
     SHORTEST_RUN,
     chebyshev_series,

@@ -18,12 +18,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.closures import chain
-from wavesim.layers import Layer, Layers
-from wavesim.medium import Medium
-from wavesim.plan import absorption
-from wavesim.sectors import Block, BlockCoefficients, Scales, block_coefficients, scales
+from wavesim.grid.bar import Bar
+from wavesim.grid.summation_by_parts import chain
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, BlockCoefficients, Scales, block_coefficients, scales
+from wavesim.simulation.plan import absorption
 
 _SAMPLES = 12
 _NAMES = tuple(field.name for field in dataclasses.fields(BlockCoefficients))

@@ -19,11 +19,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.equations import ROTATIONS
-from wavesim.medium import PARAMETERS, Medium
-from wavesim.sectors import BLOCKS, Block, block_form, grouped, scales
-from wavesim.stencils import difference_weights
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import difference_weights
+from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.sectors import BLOCKS, Block, block_form, grouped, scales
+from wavesim.material.wave_equations import ROTATIONS
 
 # The scheme needs double precision; ``single.py`` has what may be rounded.
 jax.config.update("jax_enable_x64", True)

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import block_array, csr_array, diags_array
 
-from wavesim.bar import Bar
-from wavesim.layers import Layers
-from wavesim.sectors import BlockForm
+from wavesim.grid.bar import Bar
+from wavesim.material.layers import Layers
+from wavesim.material.sectors import BlockForm
 from wavesim.timedomain.group import Group
 from wavesim.timedomain.kernels import kernels, negligible
 from wavesim.timedomain.timestep import Schedule, chebyshev_series, cosine, series_degree

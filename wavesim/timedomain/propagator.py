@@ -18,9 +18,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.medium import Medium
-from wavesim.sectors import Block, block_form, grouped
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, block_form, grouped
 from wavesim.timedomain.kernels import Convolution, convolution, convolve, convolve_all, kernels
 from wavesim.timedomain.operator import State
 from wavesim.timedomain.response import PulseTables, add_pulses, pulse_work

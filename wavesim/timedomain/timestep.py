@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from wavesim.bar import Bar
-from wavesim.medium import Medium
-from wavesim.sectors import Block, block_form
-from wavesim.stencils import largest_modified_wavenumber
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import largest_modified_wavenumber
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, block_form
 
 Float = NDArray[np.float64]
 Solver = Literal["auto", "propagator", "chebyshev", "verlet"]

@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.bar import Bar
-from wavesim.layers import Layer, Layers, as_layers
-from wavesim.medium import PARAMETERS, Medium
-from wavesim.plan import Plan, fastest_loss, highest_band, highest_frequency
+from wavesim.grid.bar import Bar
+from wavesim.material.layers import Layer, Layers, as_layers
+from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.simulation.plan import Plan, fastest_loss, highest_band, highest_frequency
 from wavesim.timedomain.barequation import BarEquation, BarMotion
 from wavesim.timedomain.barseries import series
 from wavesim.timedomain.barstep import bar_schedule

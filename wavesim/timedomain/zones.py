@@ -13,9 +13,9 @@ import itertools
 import math
 from dataclasses import dataclass
 
-from wavesim.bar import Bar
-from wavesim.closures import closure
-from wavesim.layers import Layers
+from wavesim.grid.bar import Bar
+from wavesim.grid.summation_by_parts import closure
+from wavesim.material.layers import Layers
 from wavesim.timedomain.timestep import LONGEST_REACH, Schedule, reach_within, series_degree
 
 Span = tuple[int, int]  # of points, the last one not included

@@ -1,0 +1,1 @@
+"""The case file: its tables, its messages, and what it becomes."""

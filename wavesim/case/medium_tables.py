@@ -1,0 +1,264 @@
+"""[medium] and [[layers]] of a case file: parameters, losses, and the layers made of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import numbers
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+
+from wavesim.case.table import NotNegative, Table
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.layers import Grading, Layer, Layers
+from wavesim.material.medium import PARAMETERS, Closure, Medium, check_parameter
+
+LOSSES: tuple[str, ...] = (
+    "mass_damping",
+    "stiffness_damping",
+    "quality_factor",
+    "quality_band",
+)
+
+
+def _held(name: str, value: float) -> float:
+    try:
+        check_parameter(name, value)
+    except ValueError as error:
+        raise ValueError(str(error).split(": ", 1)[1]) from None
+    return value
+
+
+def _one_number(value: Any) -> Any:
+    """A loss key in a layer: a pair is told as what it is."""
+    if isinstance(value, list):
+        raise ValueError("can't be graded: a layer has one loss law; give one number")
+    return value
+
+
+def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
+    """A parameter in a layer: a number, or one for each end."""
+    assert info.field_name is not None
+    parts = value if isinstance(value, list) else [value]
+    if len(parts) not in (1, 2) or (isinstance(value, list) and len(value) != 2):
+        raise ValueError("must be a number, or a pair [at from, at to]")
+    for part in parts:
+        if isinstance(part, bool) or not isinstance(part, numbers.Real):
+            raise ValueError("must be a number, or a pair [at from, at to]")
+        _held(info.field_name, float(part))
+    return [float(part) for part in parts] if isinstance(value, list) else float(value)
+
+
+Loss = Annotated[float | None, Field(ge=0, allow_inf_nan=False)]
+LayerLoss = Annotated[Loss, BeforeValidator(_one_number)]
+Quality = Annotated[float | None, Field(gt=1, allow_inf_nan=False)]
+Band = list[float] | None
+Graded = Annotated[Any, BeforeValidator(_number_or_pair)]
+
+
+def _check_band(value: list[float] | None) -> list[float] | None:
+    if value is not None and not (len(value) == 2 and 0 < value[0] < value[1] < math.inf):
+        raise ValueError("must be two frequencies in Hz, [f1, f2] with 0 < f1 < f2")
+    return value
+
+
+def damping(losses: dict[str, Any]) -> Damping:
+    """The loss law of the loss keys of a table.
+
+    Args:
+        losses: {key: value or None} of :data:`LOSSES`.
+
+    Raises:
+        ValueError: a quality factor without its band, or a band without a quality factor.
+    """
+    quality, band = losses["quality_factor"], losses["quality_band"]
+    if quality is not None and band is None:
+        raise ValueError(
+            f"quality_factor = {quality:g}: needs quality_band; add quality_band = [f1, f2] (Hz)"
+        )
+    if band is not None and quality is None:
+        raise ValueError(
+            f"quality_band = {band}: is for a quality_factor; add it, or leave the band out"
+        )
+    law = Damping() if quality is None else constant_quality(quality, tuple(band))
+    return dataclasses.replace(
+        law, mass=losses["mass_damping"], stiffness=losses["stiffness_damping"]
+    )
+
+
+class MediumTable(Table):
+    """[medium]: the parameters of Table 1 and the losses; see :class:`Medium`."""
+
+    closure: Closure = "printed"
+    anisotropy: float = 0.0
+    stiffness_ratio: float = 0.5
+    branch_length: float = 1e-3
+    particle_radius: float = 5e-4
+    contact_density: float = 1e9
+    density: float = 1570.0
+    G_n_a: float = 5.0
+    G_n_r: float = 5.0
+    G_n_g: float = 1.25e-11
+    rotation_inertia: float | None = None
+    curvature_inertia: float | None = None
+    mass_damping: NotNegative = 0.0
+    stiffness_damping: NotNegative = 0.0
+    quality_factor: Quality = None
+    quality_band: Band = None
+
+    @field_validator(*PARAMETERS)
+    @classmethod
+    def _admissible(cls, value: float | None, info: Any) -> float | None:
+        return value if value is None else _held(info.field_name, value)
+
+    @field_validator("quality_band")
+    @classmethod
+    def _ordered(cls, value: list[float] | None) -> list[float] | None:
+        return _check_band(value)
+
+    def build(self) -> Medium:
+        """The medium."""
+        given = self.model_dump()
+        losses = {key: given.pop(key) for key in LOSSES}
+        return Medium(**given, damping=damping(losses))
+
+
+class LayerTable(Table):
+    """[[layers]]: from, to (m), grading, and any key of [medium], a pair where it is graded."""
+
+    start: Annotated[NotNegative, Field(alias="from")]
+    end: Annotated[NotNegative, Field(alias="to")]
+    grading: Grading = "smooth"
+    closure: Closure | None = None
+    anisotropy: Graded = None
+    stiffness_ratio: Graded = None
+    branch_length: Graded = None
+    particle_radius: Graded = None
+    contact_density: Graded = None
+    density: Graded = None
+    G_n_a: Graded = None
+    G_n_r: Graded = None
+    G_n_g: Graded = None
+    rotation_inertia: Graded = None
+    curvature_inertia: Graded = None
+    mass_damping: LayerLoss = None
+    stiffness_damping: LayerLoss = None
+    quality_factor: Annotated[Quality, BeforeValidator(_one_number)] = None
+    quality_band: Band = None
+
+    @field_validator("quality_band")
+    @classmethod
+    def _ordered(cls, value: list[float] | None) -> list[float] | None:
+        return _check_band(value)
+
+    @model_validator(mode="after")
+    def _thick(self) -> LayerTable:
+        if self.end <= self.start:
+            raise ValueError(
+                f"to = {self.end:g}: must be greater than from = {self.start:g}; a layer has a "
+                "thickness"
+            )
+        return self
+
+    def build(self, medium: MediumTable) -> Layer:
+        """The layer, with the defaults that [medium] gives.
+
+        Raises:
+            ValueError: the loss keys do not go together.
+        """
+        given = {
+            key: value
+            for key, value in self.model_dump(exclude={"start", "end", "grading"}).items()
+            if value is not None
+        }
+        whole = medium.model_dump() | given
+        law = damping({key: whole.pop(key) for key in LOSSES})
+        ends = [
+            Medium(
+                **{key: v[n] if isinstance(v, list) else v for key, v in whole.items()}, damping=law
+            )
+            for n in (0, 1)
+        ]
+        last = None if ends[0] == ends[1] else ends[1]
+        return Layer(self.start, self.end, ends[0], last, self.grading)
+
+
+def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, Any]:
+    """A layer's table with every default filled in.
+
+    Args:
+        layer: what the table was built into.
+        table: the table.
+        medium: [medium], which gives the loss keys that the table does not.
+    """
+    first, last = layer.medium, layer.last or layer.medium
+    values = {
+        name: [getattr(m, attribute) for m in (first, last)]
+        for name, attribute in (
+            *((name, name) for name in PARAMETERS[:-2]),
+            ("rotation_inertia", "beta"),
+            ("curvature_inertia", "gamma"),
+        )
+    }
+    losses = {
+        key: getattr(table, key) if getattr(table, key) is not None else getattr(medium, key)
+        for key in LOSSES
+    }
+    return (
+        {"from": layer.start, "to": layer.end, "grading": layer.grading, "closure": first.closure}
+        | {name: v[0] if v[0] == v[1] else v for name, v in values.items()}
+        | {key: value for key, value in losses.items() if value is not None}
+    )
+
+
+def check_follow(layers: Sequence[Layer], length: float) -> None:
+    """Hold the last of some layers to the one before it, and to the bar's end.
+
+    Args:
+        layers: the first layers of a bar, in order.
+        length: of the bar, m.
+
+    Raises:
+        ValueError: it leaves a stretch without a medium, overlaps the one before, or passes the
+            end of the bar.
+    """
+    layer = layers[-1]
+    reached = layers[-2].end if len(layers) > 1 else 0.0
+    slack = 1e-9 * length
+    if layer.start > reached + slack:
+        raise ValueError(
+            f"from = {layer.start:g}: no layer covers x = {reached:g} to {layer.start:g} m; begin "
+            f"this one at {reached:g}"
+        )
+    if layer.start < reached - slack:
+        raise ValueError(
+            f"from = {layer.start:g}: overlaps the layer before it, which ends at {reached:g} m; "
+            f"begin it at {reached:g}, and give layers from left to right"
+        )
+    if layer.end > length + slack:
+        raise ValueError(
+            f"to = {layer.end:g}: the bar ends at {length:g} m; end it there, or lengthen the bar"
+        )
+
+
+def check_whole(layers: Sequence[Layer], length: float) -> None:
+    """Hold the last layer's end to the bar's.
+
+    Raises:
+        ValueError: the bar goes on past it.
+    """
+    end = layers[-1].end
+    if end < length - 1e-9 * length:
+        raise ValueError(
+            f"to = {end:g}: no layer covers x = {end:g} to {length:g} m; end it with the bar, or "
+            "add a layer"
+        )
+
+
+def as_bar(layers: Sequence[Layer]) -> Layers | None:
+    """The layers as one bar; None where it is uniform."""
+    if not layers or (len(layers) == 1 and layers[0].last is None):
+        return None
+    return Layers(tuple(layers))

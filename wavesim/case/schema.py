@@ -1,0 +1,238 @@
+"""The case file: schema, validation and defaults. SI units; no jax.
+
+A case is TOML. Unknown keys are errors, every key has a default except where the schema says
+otherwise, and whatever is wrong is said in one message that names file, key, value and remedy.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from wavesim.case.medium_tables import LayerTable, MediumTable
+from wavesim.case.messages import sentence
+from wavesim.case.source_tables import SourceTable
+from wavesim.case.table import NotNegative, Positive, Table
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import ORDERS
+from wavesim.material.layers import End
+from wavesim.material.medium import Medium
+from wavesim.timedomain.timestep import Precision, Solver
+
+
+class CaseError(ValueError):
+    """A case can't be used; the message names file, key, value and remedy."""
+
+
+class BarTable(Table):
+    """[bar]: length (m) or cells is required; spacing (m) is an eighth of the branch length.
+
+    absorber is the length (m) of the absorbing layer at each absorbing end, inside the bar; None
+    stands for 8 branch lengths.
+    """
+
+    length: Positive | None = None
+    cells: Annotated[int, Field(gt=0)] | None = None
+    spacing: Positive | None = None
+    order: int = 8
+    left: End = "periodic"
+    right: End = "periodic"
+    absorber: Positive | None = None
+
+    @field_validator("order")
+    @classmethod
+    def _offered(cls, value: int) -> int:
+        if value not in ORDERS:
+            raise ValueError(f"must be one of {', '.join(map(str, ORDERS))}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_size(self) -> BarTable:
+        if (self.length is None) == (self.cells is None):
+            both = "both are given" if self.cells is not None else "neither is given"
+            raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
+        return self
+
+    @model_validator(mode="after")
+    def _ends_match(self) -> BarTable:
+        ends = {"left": self.left, "right": self.right}
+        if (self.left == "periodic") != (self.right == "periodic"):
+            side, other = ("right", "left") if self.left == "periodic" else ("left", "right")
+            raise ValueError(
+                f'{side} = "{ends[side]}": {other} is "periodic", and a bar is periodic at both '
+                f"ends or at neither; give {other} too"
+            )
+        if self.absorber is not None and "absorbing" not in ends.values():
+            raise ValueError(
+                f'absorber = {self.absorber:g}: neither end is "absorbing"; set left or right to '
+                "it, or leave absorber out"
+            )
+        return self
+
+    def build(self, medium: Medium) -> Bar:
+        """The bar, for a medium that gives the default spacing."""
+        spacing = self.spacing or medium.branch_length / 8
+        if self.cells is not None:
+            return Bar(self.cells, spacing, self.order)
+        assert self.length is not None
+        cells = round(self.length / spacing)
+        if abs(self.length / spacing - cells) > 1e-6:
+            raise ValueError(
+                f"length = {self.length:g}: must be a whole number of cells of spacing = "
+                f"{spacing:g} m; the nearest is {cells * spacing:g}"
+            )
+        return Bar(cells, spacing, self.order)
+
+
+class ReceiverTable(Table):
+    """[[receivers]]: a name and a position (m)."""
+
+    name: str
+    position: NotNegative
+
+    @field_validator("name")
+    @classmethod
+    def _usable(cls, value: str) -> str:
+        if not value.strip() or "/" in value or value.strip(".") == "":
+            raise ValueError("must be a name without '/', not blank and not only dots")
+        return value
+
+
+class TimeTable(Table):
+    """[time]: duration (s) is required."""
+
+    duration: Positive
+    solver: Solver = "auto"
+    step: Positive | Literal["auto"] = "auto"
+    samples: Annotated[int, Field(ge=2)] | Literal["auto"] = "auto"
+    precision: Precision = "double"
+
+
+class AnalysisTable(Table):
+    """[analysis]: what is read from the field.
+
+    k_min, k_max (rad/m) bound the branches that are judged, k̄ = 0.02 and 0.5 by default;
+    frequencies is the number of frequencies of the attenuation curve; damping is σT of its
+    exponential window.
+    """
+
+    k_min: Positive | None = None
+    k_max: Positive | None = None
+    frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
+    damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> AnalysisTable:
+        if self.k_min is not None and self.k_max is not None and self.k_min >= self.k_max:
+            raise ValueError(f"k_min = {self.k_min:g}: must be below k_max = {self.k_max:g}")
+        return self
+
+
+class Case(Table):
+    """A whole case file."""
+
+    title: str = ""
+    medium: MediumTable = MediumTable()
+    bar: BarTable
+    layers: list[LayerTable] = Field(default_factory=list)
+    sources: Annotated[list[SourceTable], Field(min_length=1)]
+    receivers: list[ReceiverTable] = Field(default_factory=list)
+    time: TimeTable
+    analysis: AnalysisTable = AnalysisTable()
+
+    @field_validator("receivers")
+    @classmethod
+    def _distinct(cls, value: list[ReceiverTable]) -> list[ReceiverTable]:
+        names = [receiver.name for receiver in value]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f'name = "{twice[0]}" is given twice; each receiver needs its own')
+        return value
+
+
+def read(path: str | Path, overrides: Sequence[str] = ()) -> Case:
+    """Read a case file and lay overrides over it.
+
+    Args:
+        path: of the TOML file.
+        overrides: "table.key=value", value in TOML; "sources.0.position=0.1" for a table of
+            an array.
+
+    Returns:
+        The case, validated table by table.
+
+    Raises:
+        CaseError: anything that can't be used.
+    """
+    name = str(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise CaseError(f"{name}: no such file; name a case file, such as one in cases/") from None
+    except OSError as error:
+        raise CaseError(f"{name}: can't be read: {error.strerror}; name a case file") from None
+    except UnicodeDecodeError as error:
+        raise CaseError(f"{name}: not a text file in UTF-8: {error.reason}") from None
+    return parse(text, name, overrides, Path(path).parent)
+
+
+def parse(text: str, name: str, overrides: Sequence[str] = (), folder: str | Path = ".") -> Case:
+    """As :func:`read`, from the text of a case file.
+
+    Args:
+        text: of the file.
+        name: of the file, for messages.
+        overrides: as :func:`read`.
+        folder: that the paths of recorded signals are taken from.
+    """
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise CaseError(f"{name}: not valid TOML: {error}") from None
+    for override in overrides:
+        _override(tables, override)
+    try:
+        return Case.model_validate(tables, context={"folder": Path(folder)})
+    except ValidationError as error:
+        raise CaseError(f"{name}: {sentence(Case, error)}") from None
+
+
+def _override(tables: dict[str, Any], override: str) -> None:
+    key, equals, value = override.partition("=")
+    parts = key.strip().split(".")
+    if not equals or not all(parts):
+        raise CaseError(f"--set {override}: must be table.key=value, such as bar.order=10")
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except tomllib.TOMLDecodeError:
+        parsed = {"value": value.strip()}
+    if len(parsed) > 1:
+        raise CaseError(f"--set {override!r}: must be one line; give --set once for each key")
+    table: Any = tables
+    for depth, part in enumerate(parts):
+        last = depth == len(parts) - 1
+        if isinstance(table, list):
+            if not part.isdigit() or int(part) >= len(table):
+                known = f"entries 0 to {len(table) - 1}" if table else "no entries"
+                raise CaseError(
+                    f"--set {override}: {'.'.join(parts[:depth])} has {known}, not {part!r}; "
+                    "name one that is there, or add it to the file"
+                )
+            if last:
+                table[int(part)] = parsed["value"]
+            else:
+                table = table[int(part)]
+        elif isinstance(table, dict):
+            if last:
+                table[part] = parsed["value"]
+            else:
+                table = table.setdefault(part, {})
+        else:
+            raise CaseError(
+                f"--set {override}: {'.'.join(parts[:depth])} is a value and has no keys; must be "
+                "table.key=value, such as bar.order=10"
+            )

@@ -1,0 +1,247 @@
+"""[[sources]] of a case file: a table for each kind, and the sources made of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+
+from wavesim.case.table import Finite, NotNegative, Positive, Table
+from wavesim.material.wave_equations import FIELDS, ROTATIONS
+from wavesim.sources import (
+    Chirp,
+    GaussianDerivative,
+    InitialField,
+    Recorded,
+    Ricker,
+    Source,
+    ToneBurst,
+    parameters,
+    read_csv,
+)
+from wavesim.sources.bursts import Window
+
+Side = Literal["left", "right"]
+SignalDrive = Literal["body", "moment", "rotation"]
+
+
+class _SourceTable(Table):
+    """What every source has."""
+
+    field: str
+
+    @field_validator("field")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value not in FIELDS:
+            raise ValueError(f"must be one of {', '.join(FIELDS)}")
+        return value
+
+    @field_validator("amplitude", check_fields=False)
+    @classmethod
+    def _moves(cls, value: float) -> float:
+        if value == 0:
+            raise ValueError("must not be 0, or nothing moves")
+        return value
+
+
+class _SignalTable(_SourceTable):
+    """What every source with a signal has."""
+
+    position: NotNegative | None = None
+    end: Side | None = None
+    drive: SignalDrive = "body"
+    amplitude: Finite = 1.0
+    width: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _placed(self) -> _SignalTable:
+        if self.drive == "body":
+            if self.end is not None:
+                raise ValueError(
+                    f'end = "{self.end}": is for drive = "moment" or "rotation"; give position '
+                    "(m), or a drive"
+                )
+            if self.position is None:
+                raise ValueError("position: required, but not given; add it")
+            return self
+        if self.position is not None:
+            raise ValueError(
+                f'position = {self.position:g}: drive = "{self.drive}" acts at an end; give end = '
+                '"left" or "right" in its place'
+            )
+        if self.end is None:
+            raise ValueError(
+                f'end: required with drive = "{self.drive}", but not given; add "left" or "right"'
+            )
+        if self.field not in ROTATIONS:
+            raise ValueError(
+                f'field = "{self.field}": drive = "{self.drive}" acts on a rotation; take one of '
+                f"{', '.join(ROTATIONS)}"
+            )
+        if self.width:
+            raise ValueError(
+                f'width = {self.width:g}: drive = "{self.drive}" acts at an end; leave it out'
+            )
+        return self
+
+    def _given(self, length: float) -> dict[str, Any]:
+        """Arguments of the source on a bar of a length, m."""
+        given = self.model_dump(exclude={"kind", "end", "file"})
+        if self.end is not None:
+            given["position"] = 0.0 if self.end == "left" else length
+        return given
+
+
+class RickerTable(_SignalTable):
+    """See :class:`wavesim.sources.Ricker`."""
+
+    kind: Literal["ricker"] = "ricker"
+    peak_frequency: Positive
+    delay: Finite | None = None
+
+    def build(self, length: float) -> Ricker:
+        """The source, on a bar of a length, m."""
+        return Ricker(**self._given(length))
+
+
+class GaussianDerivativeTable(_SignalTable):
+    """See :class:`wavesim.sources.GaussianDerivative`."""
+
+    kind: Literal["gaussian-derivative"]
+    peak_frequency: Positive
+    delay: Finite | None = None
+
+    def build(self, length: float) -> GaussianDerivative:
+        """The source, on a bar of a length, m."""
+        return GaussianDerivative(**self._given(length))
+
+
+class ToneBurstTable(_SignalTable):
+    """See :class:`wavesim.sources.ToneBurst`."""
+
+    kind: Literal["tone-burst"]
+    frequency: Positive
+    cycles: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 5.0
+    window: Window = "hann"
+    start: NotNegative = 0.0
+
+    def build(self, length: float) -> ToneBurst:
+        """The source, on a bar of a length, m."""
+        return ToneBurst(**self._given(length))
+
+
+class ChirpTable(_SignalTable):
+    """See :class:`wavesim.sources.Chirp`."""
+
+    kind: Literal["chirp"]
+    low: Positive
+    high: Positive
+    duration: Positive
+    taper: Annotated[float, Field(ge=0.01, le=0.5, allow_inf_nan=False)] = 0.1
+    start: NotNegative = 0.0
+
+    def build(self, length: float) -> Chirp:
+        """The source, on a bar of a length, m."""
+        return Chirp(**self._given(length))
+
+
+class RecordedTable(_SignalTable):
+    """See :class:`wavesim.sources.Recorded`; a file's samples stand in its place."""
+
+    kind: Literal["recorded"]
+    file: str | None = None
+    times: list[float] = Field(default_factory=list)
+    values: list[float] = Field(default_factory=list)
+    start: Finite | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, given: Any, info: ValidationInfo) -> Any:
+        if not isinstance(given, dict):
+            return given
+        if "file" not in given:
+            return given
+        inline = [name for name in ("times", "values") if name in given]
+        rest = {key: value for key, value in given.items() if key != "file"}
+        file = given["file"]
+        if inline:
+            raise ValueError(
+                f'file = "{file}": {inline[0]} is given too; give file, or times and values'
+            )
+        if not isinstance(file, str):
+            raise ValueError(f"file = {file}: must be text in quotes, the path of a CSV file")
+        folder = (info.context or {}).get("folder", Path())
+        try:
+            times, values = read_csv(folder / file)
+        except ValueError as error:
+            raise ValueError(f'file = "{file}": {error}') from None
+        return rest | {"times": times, "values": values}
+
+    @model_validator(mode="after")
+    def _sampled(self) -> RecordedTable:
+        if not (self.times or self.values):
+            raise ValueError(
+                "file: required, but not given; add the path of a CSV file of two columns, t in s "
+                "and value"
+            )
+        return self
+
+    def build(self, length: float) -> Recorded:
+        """The source, on a bar of a length, m."""
+        return Recorded(**self._given(length))
+
+
+class InitialTable(_SourceTable):
+    """See :class:`wavesim.sources.InitialField`."""
+
+    kind: Literal["initial"]
+    position: NotNegative
+    width: Positive
+    amplitude: Finite = 1.0
+
+    def build(self, length: float) -> InitialField:
+        """The source; the length is that of the bar, m."""
+        return InitialField(**self.model_dump(exclude={"kind"}))
+
+
+TABLES: dict[str, type[Table]] = {
+    "ricker": RickerTable,
+    "gaussian-derivative": GaussianDerivativeTable,
+    "tone-burst": ToneBurstTable,
+    "chirp": ChirpTable,
+    "recorded": RecordedTable,
+    "initial": InitialTable,
+}
+
+
+def _kind(given: Any) -> str:
+    """Which table a source is held to; what is no kind is told as such."""
+    if isinstance(given, Table):  # as when it is written
+        return str(getattr(given, "kind", ""))
+    kind = given.get("kind", "ricker") if isinstance(given, dict) else "ricker"
+    return kind if isinstance(kind, str) else ""
+
+
+SourceTable = Annotated[
+    Annotated[RickerTable, Tag("ricker")]
+    | Annotated[GaussianDerivativeTable, Tag("gaussian-derivative")]
+    | Annotated[ToneBurstTable, Tag("tone-burst")]
+    | Annotated[ChirpTable, Tag("chirp")]
+    | Annotated[RecordedTable, Tag("recorded")]
+    | Annotated[InitialTable, Tag("initial")],
+    Discriminator(_kind),
+]
+
+
+def resolved(table: Any, source: Source) -> dict[str, Any]:
+    """A source's table with every default filled in and a file's samples inlined.
+
+    Args:
+        table: one of the tables above.
+        source: what it was built into.
+    """
+    settled = parameters(source)
+    tables = table.model_dump() | {k: settled[k] for k in ("delay", "start") if k in settled}
+    return {key: value for key, value in tables.items() if value is not None}

@@ -1,1 +1,0 @@
-"""From records to branches, complex wavenumbers and material parameters."""

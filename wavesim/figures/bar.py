@@ -1,0 +1,279 @@
+"""Figures of what was read from a bar with layers or ends, beside the exact frequency domain."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wavesim.figures import pulse_test as pulsefigures
+from wavesim.figures.bar_section import bar_section
+from wavesim.figures.endless import (
+    FOUND,
+    GAP,
+    SYMBOLS,
+    THEORY,
+    Drawings,
+    second_axes,
+    tiles,
+)
+from wavesim.material.damping import quality
+from wavesim.material.layers import Layers
+from wavesim.material.medium import Medium
+from wavesim.material.wave_equations import ROTATIONS
+from wavesim.planewave.dispersion_relation import gaps
+from wavesim.readings.bar.bloch import Cells, exact_folded
+from wavesim.readings.bar.eigenfrequencies import Ringing
+from wavesim.readings.bar.excited_band import line
+from wavesim.readings.bar.pulse_test import PulseTest
+from wavesim.readings.bar.reading import Reading
+from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.simulation.field import Field
+from wavesim.verdict.bar import SIGNAL_TOLERANCE
+
+_KHZ = 1 / (2e3 * np.pi)
+_POINT: dict[str, Any] = {"ms": 3.2, "mfc": "white", "mew": 0.8, "ls": ""}
+_REFLECTED = "#2f6f9f"
+_LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
+_DEEPEST = -80.0
+_MOST_LABELS = 12
+_STYLES = ("-", "--", "-.", ":")
+# Of a signal no more periods are shown than can be told apart; of a difference so many points.
+_MOST_PERIODS = 90
+_MUCH = 0.7
+_MOST_POINTS = 400
+
+
+def _named(axes: Axes, low: float, high: float, name: str) -> None:
+    """Shade frequencies, in kHz, with a name at the top."""
+    axes.axvspan(low, high, **GAP)
+    axes.text(
+        (low + high) / 2, 0.97, name, rotation=90, ha="center", va="top", fontsize=7, bbox=_LABEL,
+        transform=axes.get_xaxis_transform(), clip_on=True,
+    )  # fmt: skip
+
+
+def _inner_media(layers: Layers) -> list[Medium]:
+    """Media of a specimen between two buffers, each once; a graded layer's two ends."""
+    inner = layers.layers[1:-1] or layers.layers
+    found = [m for layer in inner for m in (layer.medium, layer.last) if m is not None]
+    return list(dict.fromkeys(found))
+
+
+def _shade(axes: Axes, field: Field, sector: str, named: bool = True) -> None:
+    """Shade the local gaps of a specimen that is of one medium; of several, none."""
+    assert field.layers is not None
+    media = _inner_media(field.layers)
+    if len(media) > 1:
+        return
+    for gap in gaps(media[0], sector):
+        if gap.upper > gap.lower:
+            _named(axes, gap.lower * _KHZ, gap.upper * _KHZ, gap.name if named else "")
+
+
+def transmission(field: Field, found: Scattered) -> Figure:
+    """Transmission and reflection against frequency, and how far they are off."""
+    assert field.layers is not None
+    figure = Figure(figsize=(6.4, 5.4))
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+    f, judged = found.omega * _KHZ, found.judged
+    _shade(upper, field, found.sector)
+    fine = line(found.omega, found.sigma)
+    lines = exact_scattering(field.layers, found.sector, fine + 1j * found.sigma)
+    for label, value, exact, curve, colour, mark in (
+        ("T", found.T, found.T_exact, lines[0], FOUND, "o"),
+        ("R", found.R, found.R_exact, lines[1], _REFLECTED, "s"),
+    ):
+        level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
+        upper.plot(fine * _KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
+                   label=f"{label}, exact")  # fmt: skip
+        seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
+        upper.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
+        lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=colour, **_POINT)
+    upper.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
+    lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance")
+    lower.set_yscale("log")
+    lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * _KHZ:.3g} kHz",
+              ylabel="|measured − exact|")  # fmt: skip
+    second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
+    figure.legend(loc="outside upper center", ncols=5)
+    return figure
+
+
+def bloch(field: Field, found: Cells) -> Figure:
+    """Bloch wavenumber against frequency: phase and decay in one period."""
+    figure = Figure(figsize=(6.4, 5.0))
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    f, shown = found.omega * _KHZ, found.judged
+    assert field.layers is not None
+    fine = line(found.omega, found.sigma)
+    exact = exact_folded(field.layers, found.sector, fine + 1j * found.sigma)
+    for axes, part, label in (
+        (upper, np.real, "Re qL/π"),
+        (lower, np.imag, "Im qL"),
+    ):
+        scale = found.period / np.pi if part is np.real else found.period
+        axes.plot(fine * _KHZ, part(exact) * scale / found.period, "-", color=THEORY, lw=0.9,
+                  label="exact")  # fmt: skip
+        axes.plot(
+            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="measured", **_POINT
+        )
+        axes.set(ylabel=label, xlim=(f[0], f[-1]))
+    deep = np.imag(found.q_exact[shown]) * found.period if shown.any() else np.ones(1)
+    lower.set_ylim(0, 1.15 * float(np.nanmax(deep)))
+    lower.set_xlabel(f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * _KHZ:.3g} kHz")
+    handles, labels = upper.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    return figure
+
+
+def eigenfrequencies(field: Field, found: Ringing) -> Figure:
+    """Spectrum of the receivers with the exact eigenfrequencies on it, and the differences."""
+    figure = Figure(figsize=(6.4, 5.0))
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    f = found.omega * _KHZ
+    last = float(found.exact[-1] * _KHZ)
+    shown = f <= 1.08 * last
+    upper.plot(
+        f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6
+    )
+    for number, omega in enumerate(found.exact):
+        upper.axvline(omega * _KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
+                      label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
+    heights = np.interp(found.found, found.omega, found.level)
+    upper.plot(
+        found.found * _KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT
+    )
+    lower.plot(found.exact * _KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
+    lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":")
+    lower.set_yscale("log")
+    upper.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
+    lower.set(xlabel="ω/2π (kHz)", ylabel="|Δω|/ω")
+    handles, labels = upper.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    return figure
+
+
+def signals(field: Field, reading: Reading) -> Figure:
+    """Rotations at receivers, simulated and exact; below, how far all fields are off.
+
+    Of long records the signals' beginning is shown. The difference is over the whole record, the
+    largest of all fields, each in units of its own largest value there: what the verdict judges.
+    """
+    names = [name for name in field.names if name in ROTATIONS]
+    receivers = sorted(reading.exact, key=lambda name: field.receivers[name])
+    some = np.unique(np.linspace(0, len(receivers) - 1, _MOST_LABELS // len(names)).round())
+    shown = [receivers[int(i)] for i in some]
+    count = len(shown) * len(names)
+    figure = Figure(figsize=(7.4, 2.7 + min(1.0 * count, 8.2)))
+    *rows, below = figure.subplots(
+        count + 1, 1, height_ratios=[1.0] * count + [max(1.7, 0.3 * count)]
+    )
+    t = field.t * 1e6
+    pitch = max(s.peak_frequency if np.isfinite(s.peak_frequency) else 0 for s in field.sources)
+    end = _MOST_PERIODS / pitch * 1e6 if pitch else np.inf
+    end = end if end < _MUCH * t[-1] else t[-1]
+    for axes, (name, receiver) in zip(rows, ((n, r) for n in names for r in shown), strict=True):
+        exact = reading.exact[receiver][name]
+        measured = field.at(field.receivers[receiver], name)
+        size = float(np.abs(exact).max()) or 1.0
+        axes.plot(t, exact / size, "-", color=THEORY, lw=1.8, alpha=0.4, label="exact")
+        axes.plot(t, measured / size, "--", color=FOUND, lw=0.8, label="simulated")
+        axes.set(xlim=(0, end), ylim=(-1.15, 1.15), yticks=[-1, 0, 1])
+        axes.set_ylabel(SYMBOLS[name], rotation=0, labelpad=10)
+        if axes is not rows[-1]:
+            axes.set_xticklabels([])
+        axes.text(
+            1.01, 0.5, f"{receiver}\n{field.receivers[receiver] * 1e3:g} mm", va="center",
+            fontsize=7, transform=axes.transAxes,
+        )  # fmt: skip
+    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(receivers)))
+    tops = []
+    for number, receiver in enumerate(receivers):
+        at, worst = _worst_in_time(field, reading, receiver)
+        tops.append(worst.max())
+        below.plot(at * 1e6, worst, color=shades[number], ls=_STYLES[number % 4], lw=0.9,
+                   label=receiver if receiver in shown else None)  # fmt: skip
+    below.axhline(SIGNAL_TOLERANCE, color=THEORY, lw=0.9, ls=":", label="tolerance")
+    below.set_yscale("log")
+    top = max(10 * SIGNAL_TOLERANCE, 3 * float(np.nanmax(tops, initial=0.0)))
+    below.set(
+        xlim=(0, t[-1]), ylim=(1e-6 * min(top, 1e-2), top), xlabel="t (µs)",
+        ylabel="|simulated − exact|\nover peak, all fields",
+    )  # fmt: skip
+    below.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, handlelength=1.4)
+    part = f"; first {end:.3g} of {t[-1]:.3g} µs" if end < t[-1] else ""
+    more = f"; {len(shown)} of {len(receivers)} receivers" if len(shown) < len(receivers) else ""
+    rows[0].set_title(f"each signal to its own peak{part}{more}", fontsize=8)
+    handles, labels = rows[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    return figure
+
+
+def _worst_in_time(field: Field, reading: Reading, receiver: str) -> tuple[Any, Any]:
+    """Times, s, and the largest difference of any field about each, over the field's peak."""
+    worst: Any = np.zeros(len(field.t))
+    for name, exact in reading.exact[receiver].items():
+        off = np.abs(field.at(field.receivers[receiver], name) - exact)
+        worst = np.maximum(worst, off / (float(np.abs(exact).max()) or 1.0))
+    wide = -(-len(worst) // _MOST_POINTS)
+    return field.t[::wide], np.maximum(tiles(worst, 0, wide), 1e-18)
+
+
+def _pulse_drawings(test: PulseTest) -> Drawings:
+    result = test.result
+    shaded = [
+        (g.name, g.lower / 2 / np.pi, g.upper / 2 / np.pi) for g in test.gaps if g.upper > g.lower
+    ]
+    known = test.exact.loss
+    exact = known.omega / 2 / np.pi, np.where(known.valid, known.level, np.nan)
+    curves = {}
+    if test.k_exact is not None:
+        f = result.dispersion.omega / 2 / np.pi
+        other = test.exact.dispersion
+        curves = {
+            name: (f, getattr(other, name))
+            for name in ("phase_velocity", "group_velocity", "attenuation")
+        }
+    if test.medium is not None and test.medium.damping:
+        omega = result.dispersion.omega
+        curves["quality"] = omega / 2 / np.pi, quality(test.medium.damping, omega)
+    # One speed across several layers would be the speed of nothing.
+    line = "envelope" if test.medium is not None else None
+    name = test.name
+    record = result.record
+    arrived = np.concatenate([picks.time for picks in result.arrivals.values()])
+    span = float(record.t[0]), min(float(record.t[-1]), 3 * float(np.nanmax(arrived, initial=0.0)))
+    drawings: Drawings = {
+        f"arrivals_{name}": lambda: pulsefigures.record_section(result, line=line, span=span),
+        f"loss_{name}": lambda: pulsefigures.transmission(result, shaded, exact),
+    }
+    if test.medium is not None:
+        drawings[f"velocities_{name}"] = lambda: pulsefigures.velocities_and_losses(
+            result, shaded, curves
+        )
+    return drawings
+
+
+def of_reading(field: Field, reading: Reading) -> Drawings:
+    """Figures of a reading, by name, not drawn yet."""
+    sectors = [block.sector for block in field.blocks if block.rotations]
+    drawings: Drawings = {}
+    if sectors:
+        drawings["bar"] = lambda: bar_section(field, sectors)
+    if reading.exact and any(name in ROTATIONS for name in field.names):
+        drawings["signals"] = lambda: signals(field, reading)
+    for one in reading.scattered:
+        drawings[f"transmission_{one.sector}"] = lambda one=one: transmission(field, one)  # type: ignore[misc]
+    for two in reading.cells:
+        drawings[f"bloch_{two.sector}"] = lambda two=two: bloch(field, two)  # type: ignore[misc]
+    for three in reading.ringing:
+        drawings[f"eigenfrequencies_{three.sector}"] = lambda three=three: eigenfrequencies(  # type: ignore[misc]
+            field, three
+        )
+    for test in reading.pulses:
+        drawings |= _pulse_drawings(test)
+    return drawings

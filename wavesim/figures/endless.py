@@ -1,0 +1,263 @@
+"""Figures of what was measured of a run, and what all figures share: style, axes, writing.
+
+Nothing is computed here but what is drawn. Colour maps are perceptually uniform and run from light
+to dark, and lines differ by style as well as by colour, so that a figure can be read in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wavesim.material.medium import Medium
+from wavesim.material.wave_equations import FIELDS, ROTATIONS
+from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
+from wavesim.simulation.field import Field
+from wavesim.verdict.endless import Held
+
+STYLE: Any = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "figure.dpi": 160,
+    "savefig.dpi": 160,
+    "figure.constrained_layout.use": True,
+}
+MAP = matplotlib.colormaps["magma_r"].with_extremes(under=(1.0, 1.0, 1.0, 0.0))
+FOUND = "#c8102e"
+_HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
+THEORY = "#111111"
+GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
+LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
+_LEVEL = 120.0
+_LOWERED = str.maketrans("123", "₁₂₃")
+SYMBOLS = {
+    name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
+    for name in FIELDS
+}
+TITLES = {
+    "longitudinal": "longitudinal: φ₁, B₁₁, B₂₂ + B₃₃",
+    "transverse2": "transverse: φ₂, B₂₁, B₁₂",
+    "transverse3": "transverse: φ₃, B₃₁, B₁₃",
+    "inplane": "in-plane shear: B₂₃, B₃₂, B₂₂ − B₃₃",
+}
+
+
+def decibels(amplitude: Any, reference: float) -> np.ndarray:
+    """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
+    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
+
+
+def second_axes(axes: Axes, x: tuple[float, str] | None, y: tuple[float, str] | None) -> None:
+    """Put scaled axes opposite to the SI ones: (scaled units in one shown unit, label)."""
+    if x is not None:
+        top = axes.secondary_xaxis("top", functions=_scaling(x[0]))
+        top.set_xlabel(x[1])
+    if y is not None:
+        right = axes.secondary_yaxis("right", functions=_scaling(y[0]))
+        right.set_ylabel(y[1])
+
+
+def _scaling(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    return (lambda v: v * factor), (lambda v: v / factor)
+
+
+def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool = True) -> None:
+    """Shade a sector's gaps on an axis in kHz; upright where frequency runs along x."""
+    for gap in gaps(field.medium, sector):
+        if gap.upper <= gap.lower:
+            continue
+        low, high = gap.lower / 2e3 / np.pi, gap.upper / 2e3 / np.pi
+        (axes.axvspan if upright else axes.axhspan)(low, high, **GAP)
+        if not named:
+            continue
+        middle = (low + high) / 2
+        if upright:
+            axes.text(
+                middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7, bbox=LABEL,
+                transform=axes.get_xaxis_transform(), clip_on=True,
+            )  # fmt: skip
+        else:
+            axes.text(
+                0.985, middle, gap.name, ha="right", va="center", fontsize=7, bbox=LABEL,
+                transform=axes.get_yaxis_transform(), clip_on=True,
+            )  # fmt: skip
+
+
+def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
+    """Largest value in each of so many tiles, for a picture of a large array."""
+    for axis, most in enumerate(pixels):
+        values = tiles(values, axis, -(-values.shape[axis] // most))
+    return values
+
+
+def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
+    """Largest value in each tile of so many along an axis."""
+    if step <= 1:
+        return values
+    return np.asarray(
+        np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)
+    )
+
+
+def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
+    """2D spectrum of a sector with the theory over it and the recovered points on the theory."""
+    own = [h for h in held if h.measured.block.sector == sector]
+    found = own[0].measured.spectrum
+    size = min(len(h.measured.spectrum.omega) for h in own)
+    power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
+    medium = field.medium
+    figure = Figure(figsize=(5.6, 4.6))
+    axes = figure.subplots()
+    to_kHz = 1 / (2e3 * np.pi)
+    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * to_kHz
+    image = axes.imshow(
+        10 * np.log10(np.maximum(thin(power.T, (1200, 4096)) / (power.max() or 1.0), 1e-12)),
+        origin="lower",
+        aspect="auto",
+        extent=(-step_k / 2e3, (found.k[-1] + step_k / 2) / 1e3, 0, top),
+        cmap=MAP,
+        vmin=-80,
+        vmax=0,
+        interpolation="nearest",
+    )
+    shade_gaps(axes, field, sector, upright=False)
+    k = np.linspace(0, found.k[-1], 400)
+    for h in own:
+        exact = block_oscillations(medium, h.measured.block, k)
+        lines = axes.plot(k / 1e3, exact * to_kHz, color=THEORY, lw=0.8, path_effects=_HALO)
+        lines[0].set_label("plane-wave solver" if h is own[0] else None)
+        for branch in h.branches:
+            shown = branch.k > 0
+            every = max(1, int(shown.sum()) // 26)
+            axes.plot(
+                branch.k[shown][::every] / 1e3,
+                branch.omega[shown][::every] * to_kHz,
+                "o",
+                ms=3.6,
+                mfc="white",
+                mec=FOUND,
+                mew=0.9,
+                label="recovered" if branch is own[0].branches[0] else None,
+            )
+    axes.set(
+        xlim=(0, found.k[-1] / 1e3),
+        ylim=_extent(own, found.k[-1], medium, top),
+        xlabel="k (rad/mm)",
+        ylabel="ω/2π (kHz)",
+    )
+    second_axes(
+        axes,
+        (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
+        (2e3 * np.pi * medium.time_scale, "ω̄"),
+    )
+    axes.set_title(TITLES[sector])
+    axes.legend(loc="lower right")
+    figure.colorbar(image, ax=axes, label="power (dB)")
+    return figure
+
+
+def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:
+    """Frequencies (kHz) between which a dispersion figure is drawn: all branches, with room."""
+    ends = [block_oscillations(medium, h.measured.block, [0.0, k]) for h in own]
+    low, high = (edge(np.concatenate(ends, axis=1)) / (2e3 * np.pi) for edge in (np.min, np.max))
+    return (0.75 * low if low < top else 0.0), min(top, 1.08 * high)
+
+
+def attenuation(field: Field, held: Held) -> Figure:
+    """Level over distance and frequency, and complex wavenumber, measured and exact."""
+    curve, block = held.measured.attenuation, held.measured.block
+    assert curve is not None
+    assert held.k_exact is not None
+    medium = field.medium
+    figure = Figure(figsize=(6.2, 7.2))
+    level, loss, real = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1, 1))
+    frequency = curve.omega / (2e3 * np.pi)
+    shown = thin(curve.level.T, (600, 4096))
+    image = level.imshow(
+        np.maximum(shown, -_LEVEL),
+        origin="lower",
+        aspect="auto",
+        cmap=MAP,
+        vmin=-_LEVEL,
+        vmax=0,
+        extent=(
+            frequency[0], frequency[-1], curve.distance[0] * 1e3, curve.distance[-1] * 1e3
+        ),
+    )  # fmt: skip
+    level.set_ylabel("distance from source (mm)")
+    figure.colorbar(image, ax=level, label="level (dB)")
+    w = np.linspace(curve.omega[0], curve.omega[-1], 2000)
+    damped = wavenumber(medium, block.sector, w + 1j * curve.sigma)
+    plain = wavenumber(medium, block.sector, w)
+    to_decibels = 20 / np.log(10) * 1e-3
+    parts: tuple[tuple[Axes, Callable[[Any], Any], str], ...] = (
+        (loss, lambda k: np.imag(k) * to_decibels, "attenuation (dB/mm)"),
+        (real, lambda k: np.real(k) * 1e-3, "Re k (rad/mm)"),
+    )
+    for axes, part, label in parts:
+        shade_gaps(axes, field, block.sector, upright=True)
+        axes.plot(w / (2e3 * np.pi), part(plain), ":", color=THEORY, lw=0.9, label="exact, real ω")
+        axes.plot(w / (2e3 * np.pi), part(damped), "-", color=THEORY, lw=1.0, label="exact, ω + iσ")
+        axes.plot(
+            frequency, part(curve.k), "o", ms=3.2, mfc="white", mec=FOUND, mew=0.8,
+            label="measured, ω + iσ",
+        )  # fmt: skip
+        axes.set_ylabel(label)
+        top = np.nanmax(part(held.k_exact))
+        axes.set_ylim(-0.04 * top, 1.25 * top)
+    real.set_xlabel("ω/2π (kHz)")
+    loss.legend(loc="upper right")
+    second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
+    second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
+    second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
+    level.set_title(TITLES[block.sector] + f",  σ = {curve.sigma:.3g} rad/s")
+    return figure
+
+
+Drawings = dict[str, Callable[[], Figure]]
+
+
+def of_measurement(field: Field, held: Sequence[Held]) -> Drawings:
+    """Figures that show what was measured of a field, beside the theory, not drawn yet."""
+    drawings: Drawings = {}
+    for sector in dict.fromkeys(h.measured.block.sector for h in held):
+        drawings[f"dispersion_{sector}"] = lambda s=sector: dispersion(field, held, s)  # type: ignore[misc]
+    for h in held:
+        if h.k_exact is not None:
+            name = f"attenuation_{h.measured.block.sector}"
+            drawings[name] = lambda h=h: attenuation(field, h)  # type: ignore[misc]
+    return drawings
+
+
+def write(drawings: Drawings, folder: Path) -> list[Path]:
+    """Draw figures and write them.
+
+    Args:
+        drawings: of :func:`of_measurement` or ``wavesim.figures.field.of_field``.
+        folder: where to; made if need be.
+
+    Returns:
+        The files written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    with matplotlib.rc_context(STYLE):
+        for name, draw in drawings.items():
+            path = folder / f"{name}.png"
+            # What savefig does, without its drawing every figure once more to settle the layout.
+            FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            written.append(path)
+    return written

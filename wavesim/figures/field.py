@@ -1,0 +1,262 @@
+"""Figures of a field alone: space-time, receivers, energy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wavesim.figures.endless import (
+    FOUND,
+    MAP,
+    SYMBOLS,
+    THEORY,
+    TITLES,
+    Drawings,
+    decibels,
+    second_axes,
+    shade_gaps,
+    tiles,
+)
+from wavesim.material.sectors import SECTORS
+from wavesim.material.wave_equations import ROTATIONS
+from wavesim.simulation.field import Field
+
+_DECIBELS = 60.0
+_PIXELS = (900, 700)
+# Frames are read so many at a time that they fit into these bytes.
+_AT_ONCE = 64e6
+_STYLES = ("-", "--", "-.", ":")
+# Receivers named in a legend, and beside their traces, at most.
+_MOST_LABELS, _MOST_NAMES = 9, 24
+# Traces stand at their positions where the least step is this part of the mean one, and have one
+# scale where the smallest peak is this part of the largest.
+_UNEVEN, _ALIKE = 0.3, 0.25
+# A trace has arrived at this part of its peak, and is silent below that one.
+_ARRIVED, _SILENT = 0.05, 0.02
+_MOST_PERIODS = 30
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def _amplitude(field: Field, sector: str) -> np.ndarray:
+    """Largest amplitude of a sector in each tile of the record, (times, positions)."""
+    blocks = [block for block in field.blocks if block.sector == sector]
+    high, wide = (-(-n // p) for n, p in zip((len(field.t), field.bar.cells), _PIXELS, strict=True))
+    rows = high * max(1, int(_AT_ONCE / (32 * field.bar.cells * high)))
+    found = []
+    for low in range(0, len(field.t), rows):
+        square: Any = 0.0
+        for block in blocks:
+            for values, _ in field.components(block, slice(low, low + rows)):
+                values *= values
+                square = square + values[:, : field.bar.cells]
+        found.append(tiles(tiles(square, 0, high), 1, wide))
+    amplitude = np.sqrt(np.concatenate(found))
+    if not field.bar.uniform:
+        # A picture has even columns: each shows the tile that its place lies in.
+        x = field.bar.half_nodes[::wide]
+        even = (np.arange(len(x)) + 0.5) * field.bar.length / len(x)
+        amplitude = amplitude[:, np.clip(np.searchsorted(x, even) - 1, 0, len(x) - 1)]
+    return amplitude
+
+
+def spacetime(field: Field) -> Figure:
+    """Amplitude of every sector over position and time, in dB below its peak."""
+    sectors = [s for s in SECTORS if any(b.sector == s for b in field.blocks)]
+    columns = min(2, len(sectors))
+    rows = -(-len(sectors) // columns)
+    figure = Figure(figsize=(3.6 * columns + 0.8, 3.1 * rows + 0.3))
+    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    medium, bar = field.medium, field.bar
+    for axes in panels[len(sectors) :]:
+        axes.remove()
+    for axes, sector in zip(panels, sectors, strict=False):
+        amplitude = _amplitude(field, sector)
+        image = axes.imshow(
+            decibels(amplitude, float(amplitude.max()) or 1.0),
+            origin="lower",
+            aspect="auto",
+            extent=(0, bar.length * 1e3, 0, field.t[-1] * 1e6),
+            cmap=MAP,
+            vmin=-_DECIBELS,
+            vmax=0,
+            interpolation="nearest",
+        )
+        for edge in field.layers.interfaces if field.layers is not None else ():
+            axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
+        for source in field.sources:
+            if any(source.field in b.fields for b in field.blocks if b.sector == sector):
+                axes.plot(
+                    source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k"
+                )
+        axes.set(title=TITLES[sector], xlabel="x (mm)", ylabel="t (µs)")
+        second_axes(
+            axes,
+            (1e-3 / medium.length_scale, "x / l"),
+            (1e-6 / medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"),
+        )
+    figure.colorbar(
+        image,
+        ax=list(panels[: len(sectors)]),
+        label="amplitude (dB, peak of the panel = 0)",
+        shrink=0.8,
+    )
+    return figure
+
+
+def _power_of_ten(values: Any) -> tuple[float, str]:
+    """Factor that brings values to the order of one, and what it puts before their unit."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    power = int(np.floor(np.log10(largest))) if largest > 0 else 0
+    return 10.0**-power, f"10{str(power).translate(_RAISED)} " if power else ""
+
+
+def _end_taper(count: int) -> np.ndarray:
+    """1 over the record but for its last fifth, where it falls to 0 as a cosine.
+
+    It leaves early arrivals as they are, so that spectra at different distances compare. To load
+    scipy.signal for it would take longer than to draw with it.
+    """
+    whole = 2 * count - 1
+    left = np.arange(count)[::-1] / whole
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(left / 0.1, 1.0)))
+
+
+def receivers(field: Field) -> Figure:
+    """Record section of rotations (or, without any, the first field), and their spectra.
+
+    A trace stands at its receiver's position, or, where some stand much closer than others, in
+    their order. Traces have one scale where their peaks are alike, else each its own; the title
+    says which. Shown is the record until it falls silent, but no more periods than can be told
+    apart. The last fifth of the record is tapered for the spectra.
+    """
+    names = [n for n in field.names if n in ROTATIONS] or list(field.names[:1])
+    order = sorted(field.receivers.items(), key=lambda item: item[1])
+    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(order)))
+    tall = min(2.4 + 0.22 * max(0, len(order) - 4), 4.4, 11.2 / len(names))
+    figure = Figure(figsize=(8.2, 0.9 + tall * len(names)))
+    rows = figure.subplots(len(names), 2, squeeze=False, width_ratios=(1.25, 1))
+    for (section, spectrum), name in zip(rows, names, strict=True):
+        signals = np.array([field.at(position, name) for _, position in order])
+        f = np.fft.rfftfreq(4 * signals.shape[1], field.interval) / 1e3
+        tapered = signals * _end_taper(signals.shape[1])
+        power = np.abs(np.fft.rfft(tapered, 4 * signals.shape[1])) * field.interval * 1e6
+        for number, (label, x) in enumerate(order):
+            spectrum.plot(
+                f, power[number], color=shades[number], ls=_STYLES[number % 4], lw=0.9,
+                label=f"{label}, {x * 1e3:g} mm",
+            )  # fmt: skip
+        largest = float(power.max()) or 1.0
+        spectrum.set(xlim=(0, field.band / (2e3 * np.pi)), ylim=(1e-5 * largest, 2 * largest))
+        spectrum.set_yscale("log")
+        one_medium = field.layers is None or len(field.layers.layers) == 1
+        for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
+            if one_medium:
+                shade_gaps(spectrum, field, sector, upright=True)
+        spectrum.set_ylabel(f"|∫ {SYMBOLS[name]} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
+        pitch = float(f[np.argmax(np.sum(power**2, axis=0))]) * 1e3
+        _section(section, field, name, order, signals, shades, pitch)
+    handles, labels = rows[0, 1].get_legend_handles_labels()
+    # Of many receivers some: the others' colours lie between.
+    some = np.unique(np.linspace(0, len(labels) - 1, _MOST_LABELS).round().astype(int))
+    marks, told = rows[0, 0].get_legend_handles_labels()
+    figure.legend(
+        [handles[i] for i in some] + marks, [labels[i] for i in some] + told,
+        loc="outside upper center", ncols=5,
+    )  # fmt: skip
+    rows[-1, 0].set_xlabel("t (µs)")
+    rows[-1, 1].set_xlabel("ω/2π (kHz)")
+    second_axes(rows[0, 0], (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
+    second_axes(rows[0, 1], (2e3 * np.pi * field.medium.time_scale, "ω̄"), None)
+    return figure
+
+
+def _section(
+    axes: Axes, field: Field, name: str, order: Sequence[tuple[str, float]], signals: Any,
+    shades: Any, pitch: float,
+) -> None:  # fmt: skip
+    """Signals over time, set off by position, with the first arrival on each."""
+    x = np.array([position for _, position in order]) * 1e3
+    steps = np.diff(x)
+    placed = not len(steps) or float(steps.min()) >= _UNEVEN * float(steps.mean()) > 0
+    base = x if placed else np.arange(len(x), dtype=float)
+    step = float(np.diff(base).min()) if len(steps) else 1.0
+    peaks = np.abs(signals).max(axis=1)
+    alike = float(peaks.min()) >= _ALIKE * float(peaks.max())
+    scale = np.where(peaks > 0, peaks.max() if alike else peaks, 1.0)
+    first = np.argmax(np.abs(signals) >= _ARRIVED * np.maximum(peaks, 1e-300)[:, None], axis=1)
+    end = _last_shown(field, signals, peaks, first, pitch)
+    shown = field.t <= end * (1 + 1e-9)
+    traces = base[:, None] + 0.62 * step * signals[:, shown] / scale[:, None]
+    for number, trace in enumerate(traces):
+        axes.plot(field.t[shown] * 1e6, trace, color=shades[number], lw=0.8)
+    arrived = (peaks > 0) & (first > 0)
+    axes.plot(
+        field.t[first[arrived]] * 1e6, base[arrived], "|", color=FOUND, ms=9, mew=1.5, zorder=3,
+        label=f"first {100 * _ARRIVED:g} % of the peak",
+    )  # fmt: skip
+    every = -(-len(order) // _MOST_NAMES)
+    for number in range(0, len(order), every):
+        axes.text(
+            1.01, base[number], order[number][0], ha="left", va="center", fontsize=6.5,
+            color=shades[number], transform=axes.get_yaxis_transform(),
+        )  # fmt: skip
+    if not placed or len(x) <= _MOST_LABELS:
+        axes.set_yticks(base[::every], [f"{value:g}" for value in x[::every]])
+    factor, exponent = _power_of_ten(peaks)
+    low, high = (f"{value * factor:.3g}" for value in (peaks.min(), peaks.max()))
+    unit = f"{'× ' + exponent if exponent else ''}{field.unit(name)}"
+    told = f"one scale, peak {high}" if alike else f"each to its peak, {low} to {high}"
+    cut = "" if shown.all() else f"; first {end * 1e6:.3g} of {field.t[-1] * 1e6:.3g} µs"
+    axes.set_title(f"{SYMBOLS[name]}, {told} {unit}{cut}", fontsize=8)
+    axes.set(
+        ylabel=f"{'position' if placed else 'position, in order'} (mm)", xlim=(0, end * 1e6),
+        ylim=(base[0] - 0.85 * step, base[-1] + 0.85 * step),
+    )  # fmt: skip
+
+
+def _last_shown(field: Field, signals: Any, peaks: Any, first: Any, pitch: float) -> float:
+    """Until when a record section shows something that can be read, s."""
+    loud = (np.abs(signals) > _SILENT * np.maximum(peaks, 1e-300)[:, None]).any(axis=0)
+    if not loud.any():
+        return float(field.t[-1])
+    end = 1.05 * float(field.t[np.flatnonzero(loud)[-1]])
+    if pitch > 0:
+        end = min(end, float(field.t[first.max()]) + _MOST_PERIODS / pitch)
+    return min(end, float(field.t[-1]))
+
+
+def energy(field: Field) -> Figure:
+    """Kinetic and potential energy, the work of the sources, and what is lost."""
+    assert field.energy is not None
+    figure = Figure(figsize=(5.2, 3.2))
+    axes = figure.subplots()
+    factor, exponent = _power_of_ten(field.energy.total)
+    dissipated = field.energy.dissipated is not None
+    for name, style, colour, width in (
+        *([("dissipated", "-.", "#2f6f9f", 0.9)] if dissipated else []),
+        ("potential", "-", "#b9c4cf", 0.6),
+        ("kinetic", "--", "#5f7183", 0.6),
+        ("total", "-", THEORY, 1.2),
+        ("work", ":", FOUND, 2.4),
+    ):
+        y = getattr(field.energy, name) * factor
+        axes.plot(field.t * 1e6, y, style, color=colour, lw=width, label=name)
+    axes.set(xlabel="t (µs)", ylabel=f"energy per area of the section ({exponent}J/m²)")
+    second_axes(axes, (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
+    axes.legend()
+    return figure
+
+
+def of_field(field: Field) -> Drawings:
+    """Figures that show a field alone, by name, not drawn yet."""
+    drawings: Drawings = {"spacetime": lambda: spacetime(field)}
+    if field.receivers:
+        drawings["receivers"] = lambda: receivers(field)
+    if field.energy is not None:
+        drawings["energy"] = lambda: energy(field)
+    return drawings

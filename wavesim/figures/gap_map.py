@@ -1,0 +1,117 @@
+"""Figures beyond the paper's: gap maps over two parameters, and waves over directions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from wavesim.material.medium import Medium
+from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
+from wavesim.planewave.gap_map import GapMap
+
+_LABELS = {
+    "anisotropy": "anisotropy a",
+    "stiffness_ratio": "stiffness ratio η",
+    "branch_length": "branch length l (m)",
+    "particle_radius": "particle radius R (m)",
+    "contact_density": "contact density $N_p$ (1/m³)",
+    "density": "density ρ (kg/m³)",
+    "G_n_a": "$G_n^a$ (N·m)",
+    "G_n_r": "$G_n^r$ (N·m)",
+    "G_n_g": "$G_n^g$ (N·m)",
+    "rotation_inertia": "β (m²)",
+    "curvature_inertia": "γ (m⁴)",
+}
+
+
+def gap_map_figure(gaps: GapMap) -> Figure:
+    """Widths of the five gaps and of the widest full gap over two parameters, in kHz.
+
+    Contours are drawn over the colours, so that values can be read in grey; white is closed.
+
+    Args:
+        gaps: what :func:`wavesim.planewave.gap_map.gap_map` returned.
+    """
+    names = (*gaps.lower, "full")
+    x = np.ravel(getattr(gaps.medium, gaps.x))
+    y = np.ravel(getattr(gaps.medium, gaps.y))
+    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
+    panels = figure.subplots(2, 3, sharex=True, sharey=True)
+    for axes, name in zip(panels.flat, names, strict=True):
+        width = gaps.width(name) * 1e-3 / (2 * math.pi)
+        top = float(np.nanmax(width))
+        shown = np.ma.masked_invalid(np.where(width > 1e-6 * max(top, 1e-300), width, np.nan))
+        image = axes.pcolormesh(x, y, shown, cmap="viridis", vmin=0.0, shading="auto")
+        if top > 0:
+            levels = MaxNLocator(7).tick_values(0.0, top)[1:]
+            lines = axes.contour(x, y, shown.filled(0.0), levels, colors="white", linewidths=0.7)
+            axes.clabel(lines, fontsize=7, fmt="%.0f")
+        figure.colorbar(image, ax=axes, label="width (kHz)")
+        title = "widest full gap" if name == "full" else name
+        axes.set_title(title, fontsize=10)
+    for axes in panels[-1]:
+        axes.set_xlabel(_LABELS[gaps.x])
+    for axes in panels[:, 0]:
+        axes.set_ylabel(_LABELS[gaps.y])
+    figure.suptitle(f"closure {gaps.medium.closure}", fontsize=10)
+    return figure
+
+
+# Slowness is shown up to so many times the least: near an asymptote it has no bound.
+_SHOWN = 4.0
+
+
+def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 0.75)) -> Figure:
+    """Slowness and group velocity of the three waves over directions, one column a frequency.
+
+    Args:
+        medium: the medium, as closure "consistent".
+        omega_bars: frequencies ω̄; a wave that is evanescent in a direction leaves a break there.
+    """
+    theta = np.linspace(0.0, 2 * math.pi, 721)
+    colours = colormaps["viridis"]((0.05, 0.45, 0.72))
+    figure = Figure(figsize=(3.6 * len(omega_bars) + 0.6, 7.4), layout="constrained")
+    panels = figure.subplots(2, len(omega_bars), squeeze=False)
+    handles: list[Line2D] = []
+    for column, omega_bar in zip(panels.T, omega_bars, strict=True):
+        waves = directed_waves(medium, omega_bar / float(medium.time_scale), theta)
+        slowness = np.where(waves.slowness.imag == 0, waves.slowness.real, np.nan) * 1e6
+        shown = min(_SHOWN * float(np.nanmin(slowness)), 1.1 * float(np.nanmax(slowness)))
+        slowness = np.where(slowness < _SHOWN * np.nanmin(slowness), slowness, np.nan)
+        handles = []
+        for i, (colour, dash) in enumerate(zip(colours, ("-", "--", "-."), strict=True)):
+            label = POLARISATIONS[i]
+            handles += column[0].plot(
+                slowness[:, i] * np.cos(theta),
+                slowness[:, i] * np.sin(theta),
+                color=colour,
+                ls=dash,
+                lw=1.5,
+                label=label,
+            )
+            column[1].plot(*waves.group_velocity[:, i].T, color=colour, ls=dash, lw=1.5)
+        column[0].set_title(f"$\\bar\\omega$ = {omega_bar:g}", fontsize=10)
+        for axes, quantity in zip(
+            column, ("slowness {} (µs/m)", "group velocity {} (m/s)"), strict=True
+        ):
+            axes.set_aspect("equal", "box")
+            axes.set_xlabel(quantity.format("$x_1$"))
+            axes.axhline(0.0, color="0.85", lw=0.6, zorder=0)
+            axes.axvline(0.0, color="0.85", lw=0.6, zorder=0)
+        column[0].set(xlim=(-shown, shown), ylim=(-shown, shown))
+        reach = 1.1 * float(np.nanmax(np.abs(waves.group_velocity)))
+        column[1].set(xlim=(-reach, reach), ylim=(-reach, reach))
+        column[0].set_ylabel("slowness $x_2$ (µs/m)")
+        column[1].set_ylabel("group velocity $x_2$ (m/s)")
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.suptitle(
+        f"closure consistent, a = {float(medium.anisotropy):g}, "
+        f"η = {float(medium.stiffness_ratio):g}; $x_1$ is the axis of symmetry",
+        fontsize=10,
+    )
+    return figure

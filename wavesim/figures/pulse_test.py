@@ -1,0 +1,228 @@
+"""Figures of a pulse test: record section, transmission loss, velocities with attenuation and Q."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from wavesim.figures.endless import FOUND, GAP, THEORY
+from wavesim.readings.pulse.measurement import PulseResult
+
+Gaps = Sequence[tuple[str, float, float]]
+Curve = tuple[NDArray[Any], NDArray[Any]]
+
+_KHZ = 1 / (2e3 * np.pi)
+# By convention: mark, face, edge. They are told apart by shape and filling, not by colour alone.
+_MARKS = {
+    "first break": ("|", THEORY, THEORY),
+    "threshold": ("v", "white", "#0b3954"),
+    "envelope": ("o", "white", FOUND),
+    "correlation": ("x", "#0b3954", "#0b3954"),
+}
+_LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
+_POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mec": FOUND, "mew": 0.8}
+_MOST_POINTS = 90
+# Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
+# near the edges of a gap don't flatten all others.
+_WILD = 2.0
+
+
+def record_section(
+    result: PulseResult, conventions: Sequence[str] = ("first break", "envelope"),
+    line: str | None = "envelope", span: tuple[float, float] | None = None,
+) -> Figure:  # fmt: skip
+    """Signals, each to its own peak and set off by distance, with arrivals and the fitted line.
+
+    Args:
+        result: what was read.
+        conventions: whose arrivals are marked.
+        line: the convention whose velocity is drawn; None for none.
+        span: times shown, s; the whole record where None.
+    """
+    record = result.record
+    speed = result.velocities[line] if line is not None else None
+    low, high = span or (float(record.t[0]), float(record.t[-1]))
+    x = record.x * 1e3
+    room = float(np.min(np.diff(x))) * 0.48
+    figure = Figure(figsize=(6.6, 1.8 + 0.45 * min(max(len(x), 5), 12)))
+    axes = figure.subplots()
+    shown = (record.t >= low) & (record.t <= high)
+    for j, name in enumerate(record.names):
+        u = record.values[:, j] / (np.abs(record.values[:, j]).max() or 1.0)
+        axes.plot(record.t[shown] * 1e6, x[j] + room * u[shown], color="#55606b", lw=0.8)
+        if len(x) <= 12:
+            axes.text(
+                1.01, x[j], name, ha="left", va="center", fontsize=7,
+                transform=axes.get_yaxis_transform(),
+            )  # fmt: skip
+    if speed is not None and np.isfinite(speed.velocity):
+        ends = np.array([x[0] - 1.5 * room, x[-1] + 1.5 * room])
+        axes.plot(
+            (speed.intercept + ends * 1e-3 / speed.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
+            label=f"{line}: {_with_error(speed.velocity, speed.error)} m/s",
+        )  # fmt: skip
+    for convention in conventions:
+        mark, face, edge = _MARKS[convention]
+        picks = result.arrivals[convention]
+        axes.errorbar(
+            picks.time * 1e6, x, xerr=np.nan_to_num(picks.error) * 1e6, fmt=mark, mfc=face,
+            mec=edge, ecolor=edge, ms=11 if mark == "|" else 5.5, mew=1.4 if mark == "|" else 1.0,
+            elinewidth=0.8, label=convention, zorder=3,
+        )  # fmt: skip
+    axes.set(
+        xlim=(low * 1e6, high * 1e6), ylim=(x[0] - 2.2 * room, x[-1] + 2.2 * room),
+        xlabel="t (µs)", ylabel="position (mm)",
+    )  # fmt: skip
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = None) -> Figure:
+    """Transmission between two receivers against frequency.
+
+    Args:
+        result: what was read.
+        gaps: (name, lowest, highest frequency in Hz), shaded.
+        exact: (frequency in Hz, level in dB), drawn as a line.
+    """
+    loss = result.loss
+    frequency = loss.omega * _KHZ
+    figure = Figure(figsize=(6.2, 3.6))
+    axes = figure.subplots()
+    _shade(axes, gaps)
+    levels = [loss.level[loss.valid]]
+    if exact is not None:
+        axes.plot(exact[0] / 1e3, exact[1], "-", color=THEORY, lw=1.0, label="exact")
+    if np.isfinite(loss.floor).any():
+        name = "floor: noise, record's end"
+        axes.plot(frequency, loss.floor, ":", color="#55606b", lw=1.1, label=name)
+        levels.append(loss.floor[np.isfinite(loss.floor) & loss.valid])
+    axes.errorbar(
+        frequency[loss.valid], loss.level[loss.valid], np.nan_to_num(loss.error[loss.valid]),
+        fmt="o", ecolor=FOUND, elinewidth=0.8, label="measured", **_POINT,
+    )  # fmt: skip
+    refused = frequency[~loss.valid]
+    if len(refused):
+        axes.plot(
+            refused, np.full(len(refused), 0.03), "|", color="#55606b", ms=6, mew=0.8,
+            transform=axes.get_xaxis_transform(), label="does not count",
+        )  # fmt: skip
+    together = np.concatenate(levels)
+    if len(together):
+        low, high = float(together.min()), float(together.max())
+        axes.set_ylim(low - 0.16 * max(high - low, 1), high + 0.12 * max(high - low, 1))
+    axes.set(
+        xlim=_ends(frequency), xlabel="ω/2π (kHz)",
+        ylabel=f"|U({loss.last})/U({loss.first})| (dB)",
+    )  # fmt: skip
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure
+
+
+def velocities_and_losses(
+    result: PulseResult, gaps: Gaps = (), exact: Mapping[str, Curve] | None = None
+) -> Figure:
+    """Phase and group velocity, attenuation, and Q, against frequency, with their errors.
+
+    Args:
+        result: what was read.
+        gaps: (name, lowest, highest frequency in Hz), shaded.
+        exact: curves (frequency in Hz, SI values) under any of the keys "phase_velocity",
+            "group_velocity", "attenuation" (Np/m), "quality".
+    """
+    found, exact = result.dispersion, exact or {}
+    frequency = found.omega * _KHZ
+    figure = Figure(figsize=(6.2, 7.4))
+    speed, loss, factor = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1, 1))
+    every = max(1, -(-len(frequency) // _MOST_POINTS))
+    parts: tuple[tuple[Axes, str, str, str, str], ...] = (
+        (speed, "phase_velocity", "phase_error", "phase velocity", "o"),
+        (speed, "group_velocity", "group_error", "group velocity", "^"),
+        (loss, "attenuation", "attenuation_error", "", "o"),
+        (factor, "quality", "quality_error", "", "o"),
+    )
+    labels = {speed: "velocity (m/s)", loss: "attenuation (Np/m)", factor: "Q = ω/2α$v_g$"}
+    for axes, label in labels.items():
+        _shade(axes, gaps, named=axes is speed)
+        axes.set_ylabel(label)
+    seen: dict[Axes, list[Any]] = {speed: [], loss: [], factor: []}
+    for axes, name, error_name, label, mark in parts:
+        value, error = getattr(found, name), getattr(found, error_name)
+        # A ratio known to no better than half tells nothing; attenuation may well be 0.
+        counts = ~(error > 0.5 * np.abs(value)) | (name == "attenuation")
+        if axes is not loss:
+            for _, low, high in gaps:
+                counts &= (frequency < low / 1e3) | (frequency > high / 1e3)
+        own = np.flatnonzero(counts & np.isfinite(value))[::every]
+        shade = FOUND if mark == "o" else "#0b3954"
+        axes.errorbar(
+            frequency[own], value[own], np.nan_to_num(error[own]), fmt=mark, ecolor=shade,
+            elinewidth=0.8, label=label or None, **{**_POINT, "mec": shade},
+        )  # fmt: skip
+        seen[axes].append(value[own])
+        if name in exact:
+            at, curve = exact[name]
+            style = "-" if mark == "o" else "--"
+            axes.plot(
+                at / 1e3,
+                curve,
+                style,
+                color=THEORY,
+                lw=0.9,
+                label="exact" if mark == "o" else "group velocity, exact",
+            )
+    for axes, values in seen.items():
+        _limit(axes, np.concatenate(values))
+    entries: dict[str, Any] = {}
+    for axes in seen:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(name, handle)
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=4)
+    second = loss.secondary_yaxis("right", functions=_decibels())
+    second.set_ylabel("dB/m")
+    factor.set(xlim=_ends(frequency), xlabel="ω/2π (kHz)")
+    return figure
+
+
+def _with_error(value: float, error: float) -> str:
+    """A value to two digits of its error."""
+    if not (np.isfinite(error) and error > 0):
+        return f"{value:.6g}"
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{min(digits, 6)}f} ± {error:.{min(digits, 6)}f}"
+
+
+def _ends(frequency: NDArray[Any]) -> tuple[float, float]:
+    """Limits of the axis of frequency; a single one stands in the middle."""
+    low, high = float(frequency[0]), float(frequency[-1])
+    return (low, high) if high > low else (0.9 * low, 1.1 * low)
+
+
+def _decibels() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    per = 20 / np.log(10)
+    return (lambda v: v * per), (lambda v: v / per)
+
+
+def _limit(axes: Axes, values: NDArray[Any]) -> None:
+    if not len(values):
+        axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes)
+        axes.set_yticks([])
+        return
+    low, high = np.percentile(values, [_WILD, 100 - _WILD])
+    room = 0.15 * max(high - low, 0.05 * abs(high), 1e-300)
+    axes.set_ylim(low - room, high + 1.6 * room)
+
+
+def _shade(axes: Axes, gaps: Gaps, named: bool = True) -> None:
+    for name, low, high in gaps:
+        axes.axvspan(low / 1e3, high / 1e3, **GAP)
+        if named:
+            axes.text(
+                (low + high) / 2e3, 0.97, name, rotation=90, ha="center", va="top", fontsize=7,
+                bbox=_LABEL, transform=axes.get_xaxis_transform(), clip_on=True,
+            )  # fmt: skip

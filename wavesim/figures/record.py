@@ -1,0 +1,236 @@
+"""Figures of what was recovered from a record: spectrum, attenuation, and residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from wavesim.cli.record_work import Recovered
+from wavesim.figures.endless import FOUND, MAP, STYLE, THEORY
+from wavesim.planewave.dispersion_relation import gaps
+from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
+from wavesim.verdict.points import Matched, MatchedInSpace
+
+_HZ = 1 / (2 * np.pi)
+_GAP: dict[str, Any] = {"facecolor": "#7f8c99", "alpha": 0.22, "linewidth": 0}
+_SHADES = ("#0b3954", "#c8102e", "#e08e1b", "#2f7f4f", "#7a3e9d", "#555555")
+_MARKS = ("o", "s", "^", "D", "v", "P")
+_MOST_POINTS = 60
+_DECIBELS = 100.0
+
+
+def _unit(largest: float) -> tuple[float, str]:
+    """Factor and prefix that bring a quantity in Hz or 1/m to between 1 and 1000."""
+    for factor, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k")):
+        if largest * factor >= 1:
+            return factor, prefix
+    return 1.0, ""
+
+
+def _frequency(largest: float) -> tuple[float, str]:
+    factor, prefix = _unit(largest * _HZ)
+    return factor * _HZ, f"ω/2π ({prefix}Hz)"
+
+
+def _wavenumber(one: Recovered) -> tuple[float, str]:
+    medium = one.source.medium
+    if medium is not None:
+        return float(medium.length_scale) / (2 * np.pi), "k̄ = k l/2π"
+    return 1.0, "k (rad/m)"
+
+
+def spectrum(one: Recovered) -> Figure:
+    """Power over k and ω, the points with their 95 % bars, and theory where it is known."""
+    points, record = one.points, one.source.record
+    quiet = record.since(record.quiet_from)
+    k, channels = series(quiet, float(points.k.max(initial=0)) or None)
+    heights, per_bin = power(channels)
+    omega = np.arange(heights.shape[1]) * per_bin / quiet.interval
+    shown = points.take(points.valid)
+    top = 1.15 * float(shown.omega.max(initial=omega[-1] / 1.15))
+    kept = omega <= top
+    to_k, k_label = _wavenumber(one)
+    to_f, f_label = _frequency(top)
+    figure = Figure(figsize=(5.8, 4.6))
+    axes = figure.subplots()
+    image = axes.imshow(
+        10 * np.log10(np.maximum(heights[:, kept].T / heights.max(), 1e-15)),
+        origin="lower",
+        aspect="auto",
+        extent=(
+            (k[0] - k[0] / 2) * to_k, (k[-1] + k[0] / 2) * to_k, 0, omega[kept][-1] * to_f
+        ),
+        cmap=MAP,
+        vmin=-_DECIBELS,
+        vmax=0,
+        interpolation="nearest",
+    )  # fmt: skip
+    if one.source.theory is not None:
+        fine = np.linspace(k[0] / 10, k[-1], 400)
+        lines = axes.plot(
+            fine * to_k, np.real(one.source.theory[0].omega(fine)) * to_f, color=THEORY, lw=0.8
+        )
+        lines[0].set_label("theory")
+    for branch in points.branches:
+        own = points.take(points.branch == branch)
+        every = slice(None, None, max(1, len(own) // _MOST_POINTS))
+        axes.errorbar(
+            own.k[every] * to_k,
+            own.omega[every] * to_f,
+            own.bar[every] * to_f,
+            fmt=_MARKS[branch % 6],
+            ms=3.4,
+            mfc="white",
+            mec=_SHADES[branch % 6],
+            ecolor=_SHADES[branch % 6],
+            mew=0.9,
+            elinewidth=1.0,
+            label=f"branch {branch + 1}, 95 %",
+        )
+    lone = shown.take(shown.branch < 0)
+    if len(lone):
+        axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
+    axes.set(xlabel=k_label, ylabel=f_label, ylim=(0, top * to_f))
+    axes.set_title(f"{one.source.name}: recovered by {points.method}")
+    figure.legend(loc="outside lower center", ncols=3)
+    figure.colorbar(image, ax=axes, label="power (dB)")
+    return figure
+
+
+def residuals(one: Recovered) -> Figure:
+    """Relative error of each wave against the grid and against the continuum, with its bar."""
+    matched = one.matched
+    assert isinstance(matched, Matched)
+    to_k, label = _wavenumber(one)
+    references = (("against the continuum", True),)
+    if one.source.bar is not None:
+        references = (("against the grid's exact relation", False), *references)  # type: ignore[assignment]
+    figure = Figure(figsize=(4.2 * len(references) + 0.4, 3.9))
+    panels = np.atleast_1d(figure.subplots(1, len(references), sharey=True))
+    for axes, (title, continuum) in zip(panels, references, strict=True):
+        for b, name in enumerate(matched.names):
+            error = np.maximum(matched.error(continuum)[:, b], 1e-16)
+            every = slice(None, None, max(1, len(error) // (2 * _MOST_POINTS)))
+            shade = _SHADES[b % 6]
+            axes.plot(
+                matched.k[every] * to_k, error[every], _MARKS[b % 6], ms=3.2, mfc="white",
+                mec=shade, mew=0.9, label=name,
+            )  # fmt: skip
+            bar = (matched.bar / matched.omega)[:, b]
+            axes.plot(matched.k * to_k, bar, color=shade, lw=0.8, label=f"{name}, 95 % bar")
+        axes.set(yscale="log", xlabel=label)
+        axes.set_title(title)
+        axes.grid(alpha=0.25, lw=0.5)
+    panels[0].set_ylabel("|Δω|/ω")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.suptitle(one.source.name)
+    return figure
+
+
+def attenuation(one: Recovered) -> Figure:
+    """Attenuation and Re k with 95 % bands, theory at the same complex ω, and what was refused."""
+    points = one.points
+    to_f, f_label = _frequency(float(points.omega.real.max()))
+    figure = Figure(figsize=(6.0, 5.6))
+    loss, real = figure.subplots(2, 1, sharex=True)
+    frequency = points.omega.real * to_f
+    decibels = 20 / np.log(10)
+    parts: tuple[tuple[Any, Callable[[Any], Any], float, str], ...] = (
+        (loss, np.imag, decibels, "attenuation (dB/m)"),
+        (real, np.real, 1.0, "Re k (rad/m)"),
+    )
+    valid = points.valid
+    for axes, part, factor, label in parts:
+        for branch in points.branches:
+            own = points.branch == branch
+            middle, bar = factor * part(points.k[own]), factor * points.bar[own]
+            axes.fill_between(
+                frequency[own], middle - bar, middle + bar, color=FOUND, alpha=0.25, lw=0,
+                label="95 % band" if branch == 0 else None,
+            )  # fmt: skip
+        axes.plot(
+            frequency[valid], factor * part(points.k[valid]), "o", ms=3.4, mfc="white",
+            mec=FOUND, mew=0.9, label="measured",
+        )  # fmt: skip
+        if (~valid).any():
+            for number, at in enumerate(frequency[~valid]):
+                axes.axvline(
+                    at, color="#888888", lw=0.6, ls=":", label=None if number else "refused"
+                )
+        if one.source.theory is not None:
+            fine = np.linspace(points.omega.real.min(), points.omega.real.max(), 1500)
+            sigma = float(points.omega.imag[0])
+            exact = one.source.theory[0].wavenumber(fine + 1j * sigma)
+            axes.plot(
+                fine * to_f, factor * part(exact), color=THEORY, lw=0.9, label="theory, ω + iσ"
+            )
+            assert one.source.medium is not None
+            for gap in gaps(one.source.medium, one.source.block.sector):  # type: ignore[union-attr]
+                axes.axvspan(gap.lower * to_f, gap.upper * to_f, **_GAP)
+        axes.set_ylabel(label)
+        shown = factor * part(points.k[valid])
+        if len(shown):
+            room = 0.12 * max(float(np.ptp(shown)), 1e-300)
+            axes.set_ylim(shown.min() - room, shown.max() + room)
+    real.set_xlabel(f_label)
+    handles, labels = loss.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    loss.set_title(f"{one.source.name}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s")
+    return figure
+
+
+def wavenumber_residuals(one: Recovered) -> Figure:
+    """|Δk|/|k| against each reference, with the 95 % bar."""
+    matched = one.matched
+    assert isinstance(matched, MatchedInSpace)
+    points = matched.points
+    to_f, f_label = _frequency(float(points.omega.real.max()))
+    figure = Figure(figsize=(5.6, 3.9))
+    axes = figure.subplots()
+    if one.source.bar is not None:
+        axes.plot(
+            points.omega.real * to_f, np.maximum(matched.error(False), 1e-17), "o", ms=3.6,
+            mfc="white", mec=_SHADES[0], label="against the grid",
+        )  # fmt: skip
+    axes.plot(
+        points.omega.real * to_f, np.maximum(matched.error(True), 1e-17), "s", ms=3.2,
+        mfc="white", mec=_SHADES[1], label="against the continuum",
+    )  # fmt: skip
+    bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
+    axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
+    axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")
+    axes.set_title(one.source.name)
+    axes.grid(alpha=0.25, lw=0.5)
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def write(results: Sequence[Recovered], folder: Path) -> list[Path]:
+    """Write every figure of what was recovered; the files written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    drawings: dict[str, Callable[[], Figure]] = {}
+    for one in results:
+        name = one.source.label
+        if one.points.in_space:
+            drawings[f"attenuation_{name}"] = lambda one=one: attenuation(one)  # type: ignore[misc]
+            if one.matched is not None:
+                drawings[f"attenuation_{name}_residuals"] = lambda one=one: wavenumber_residuals(  # type: ignore[misc]
+                    one
+                )
+        else:
+            drawings[f"dispersion_{name}"] = lambda one=one: spectrum(one)  # type: ignore[misc]
+            if one.matched is not None:
+                drawings[f"dispersion_{name}_residuals"] = lambda one=one: residuals(one)  # type: ignore[misc]
+    written = []
+    with matplotlib.rc_context(STYLE):
+        for name, draw in drawings.items():
+            path = folder / f"{name}.png"
+            draw().savefig(path)
+            written.append(path)
+    return written

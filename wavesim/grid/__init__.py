@@ -1,0 +1,1 @@
+"""The bar's grid: differences, closures, nodes and half-nodes."""

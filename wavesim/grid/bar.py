@@ -1,0 +1,301 @@
+"""The bar: its grid and its ends. Geometry only, in metres."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.grid.stencils import difference_weights, interpolation_weights
+from wavesim.grid.summation_by_parts import chain
+from wavesim.material.layers import ENDS, End, Layers
+
+MINIMUM_CELLS = 16
+
+Float = NDArray[Any]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Differences:
+    """The difference D from nodes to half-nodes, by diagonals, and the norms of the points.
+
+    Row j of D takes node j + first + w, modulo their number, with factor diagonals[w, j]. With the
+    norms N (nodes) and H (half-nodes) −N⁻¹ Dᵀ H is the difference from half-nodes to nodes.
+
+    Attributes:
+        first: column of the first diagonal in row 0.
+        diagonals: shape (width, half-nodes), 1/m.
+        node_norm, half_norm: length that each point stands for, m.
+    """
+
+    first: int
+    diagonals: Float
+    node_norm: Float
+    half_norm: Float
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar on a staggered grid, with its ends.
+
+    Rotations φ live on the nodes x_i, φ′, B and σ on the half-nodes x_i + h/2. A periodic bar of N
+    cells has N nodes, any other N + 1, one at each end. A bar of layers has a stretch of cells of
+    its own size for each, so that every interface falls on a node (:func:`layered_bar`).
+
+    Args:
+        cells: N, number of cells, –, at least 16 and more than the stencil is wide.
+        spacing: h, m; the largest, where stretches differ.
+        order: order of the staggered differences, –, even, 2 to 12.
+        left, right: "periodic" (both), "fixed" (φ = 0), "free" (σ = 0) or "absorbing" (a matched
+            layer inside the bar). B is natural at fixed and free ends: Γ ∂ₓB = 0.
+        absorber: length of the layer at an absorbing end, m.
+        stretches: (cells, spacing) of each layer; empty where the grid is uniform.
+
+    Raises:
+        ValueError: a value is not admissible; the message names it.
+    """
+
+    cells: int
+    spacing: float
+    order: int = 8
+    left: End = "periodic"
+    right: End = "periodic"
+    absorber: float = 0.0
+    stretches: tuple[tuple[int, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        difference_weights(self.order)
+        if not self.spacing > 0:
+            raise ValueError(f"spacing = {self.spacing:g} m: must be greater than 0")
+        least = max(MINIMUM_CELLS, 2 * self.order)
+        if self.cells < least:
+            raise ValueError(
+                f"cells = {self.cells}: order {self.order} needs at least {least}; "
+                "lengthen the bar or refine the spacing"
+            )
+        for name in ("left", "right"):
+            if getattr(self, name) not in ENDS:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r}: must be one of {', '.join(ENDS)}"
+                )
+        if (self.left == "periodic") != (self.right == "periodic"):
+            raise ValueError(
+                f'left = "{self.left}", right = "{self.right}": a bar is periodic at both ends or '
+                "at none"
+            )
+        if self.stretches and self.cells != sum(cells for cells, _ in self.stretches):
+            raise ValueError(
+                f"cells = {self.cells}: the stretches have "
+                f"{sum(cells for cells, _ in self.stretches)}; make the bar with layered_bar"
+            )
+        absorbing = (self.left, self.right).count("absorbing")
+        if absorbing and not self.absorber > 0:
+            raise ValueError(
+                f"absorber = {self.absorber:g} m: an absorbing end needs a length greater than 0, "
+                "such as 8 branch lengths"
+            )
+        if absorbing * self.absorber > 0.8 * self.length:
+            raise ValueError(
+                f"absorber = {self.absorber:g} m: {absorbing} of them leave less than a fifth of "
+                f"the bar of {self.length:g} m; shorten them or lengthen the bar"
+            )
+        if not self.uniform or not self.periodic:
+            self.differences  # noqa: B018  (says which stretch is too short)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether its ends are joined."""
+        return self.left == "periodic"
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all cells are of one stretch."""
+        return len(self.stretches) <= 1
+
+    @property
+    def length(self) -> float:
+        """L, m: of a periodic bar x = L is x = 0 again."""
+        if self.stretches:
+            return sum(cells * spacing for cells, spacing in self.stretches)
+        return self.cells * self.spacing
+
+    @property
+    def _stretches(self) -> tuple[tuple[int, float], ...]:
+        return self.stretches or ((self.cells, self.spacing),)
+
+    @functools.cached_property
+    def _all_nodes(self) -> Float:
+        """N + 1 nodes, ends included."""
+        parts: list[Float] = [np.zeros(1)]
+        start = 0.0
+        for cells, spacing in self._stretches:
+            parts.append(start + np.arange(1, cells + 1) * spacing)
+            start += cells * spacing
+        return np.concatenate(parts)
+
+    @property
+    def nodes(self) -> Float:
+        """Positions of the rotations, shape (N,) or (N + 1,), m."""
+        return self._all_nodes[: self.cells] if self.periodic else self._all_nodes
+
+    @property
+    def half_nodes(self) -> Float:
+        """Positions of the micro-curvatures, shape (N,), m."""
+        if not self.stretches:
+            return (np.arange(self.cells) + 0.5) * self.spacing
+        return (self._all_nodes[1:] + self._all_nodes[:-1]) / 2
+
+    @property
+    def cell_sizes(self) -> Float:
+        """Length of each cell, shape (N,), m."""
+        return np.concatenate([np.full(cells, size) for cells, size in self._stretches])
+
+    @property
+    def wavenumbers(self) -> Float:
+        """Wavenumbers that the uniform periodic bar holds exactly, 0 to Nyquist, rad/m."""
+        return 2 * np.pi * np.arange(self.cells // 2 + 1) / self.length
+
+    @property
+    def clear(self) -> tuple[float, float]:
+        """The part of the bar that is no absorber, m."""
+        low = self.absorber if self.left == "absorbing" else 0.0
+        return low, self.length - (self.absorber if self.right == "absorbing" else 0.0)
+
+    @functools.cached_property
+    def differences(self) -> Differences:
+        """D and the norms, closures at ends and interfaces included."""
+        if self.uniform and self.periodic:
+            weights = np.array(difference_weights(self.order)) / self.spacing
+            stencil = np.concatenate([-weights[::-1], weights])
+            unit = np.full(self.cells, self.spacing)
+            diagonals = np.repeat(stencil[:, None], self.cells, axis=1)
+            return Differences(1 - self.order // 2, diagonals, unit, unit)
+        cells, spacings = zip(*self._stretches, strict=True)
+        made = chain(self.order, cells, spacings)
+        norm = made.node_norm.copy()
+        if self.periodic:
+            norm[0] += norm[-1]
+            norm = norm[:-1]
+        return Differences(made.first, made.diagonals, norm, made.half_norm)
+
+    def sampling(self, position: float, staggered: bool) -> tuple[Float, Index]:
+        """Weights and grid indices that interpolate a field at a position, to the bar's order.
+
+        Points are taken from one stretch only, as a field has kinks or jumps at interfaces; at an
+        interface from the one to its right, as :meth:`Layers.layer_at` does.
+
+        Args:
+            position: m, in [0, L].
+            staggered: True for a field on the half-nodes.
+
+        Raises:
+            ValueError: the position is outside the bar.
+        """
+        if not 0 <= position <= self.length * (1 + 1e-12):
+            raise ValueError(
+                f"position = {position:g} m: must be within the bar, 0 to {self.length:g} m"
+            )
+        first_cell, start = 0, 0.0
+        for cells, spacing in self._stretches:
+            end = start + cells * spacing
+            if position < end - 1e-9 * spacing or end >= self.length * (1 - 1e-12):
+                break
+            first_cell, start = first_cell + cells, end
+        first = start + 0.5 * spacing if staggered else start
+        weights, indices = interpolation_weights(position, first, spacing, self.order)
+        if not (self.uniform and self.periodic):
+            last = cells - 1 if staggered else cells
+            shift = max(0, -int(indices[0])) - max(0, int(indices[-1]) - last)
+            if shift:
+                weights, indices = interpolation_weights(
+                    position, first, spacing, self.order, shift
+                )
+            indices = indices + first_cell
+        return weights, indices % (self.cells if self.periodic or staggered else self.cells + 1)
+
+    def spread(self, position: float, width: float, staggered: bool) -> tuple[Float, Index]:
+        """Density that stands for δ(x − position), or for a Gaussian of that standard deviation.
+
+        A point is the transpose of the interpolation above in the norm of the grid, so that source
+        and receiver can be exchanged. A Gaussian exp(−(x−x_s)²/2w²)/(√(2π) w) is cut at 8.5 w
+        (1e-16), on a periodic bar laid round it if need be.
+
+        Args:
+            position: m, in [0, L].
+            width: w, m; 0 for a point.
+            staggered: True for a field on the half-nodes.
+
+        Returns:
+            Density (1/m) and the grid indices it stands at.
+
+        Raises:
+            ValueError: the position is outside the bar, or the Gaussian is too wide for it or
+                too narrow for the grid.
+        """
+        weights, indices = self.sampling(position, staggered)
+        if width == 0:
+            if self.uniform and self.periodic:
+                return weights / self.spacing, indices
+            norms = self.differences
+            return weights / (norms.half_norm if staggered else norms.node_norm)[indices], indices
+        if 17 * width > self.length:
+            raise ValueError(
+                f"width = {width:g} m: a Gaussian of 17 widths must fit into the bar of "
+                f"{self.length:g} m; take at most {0.99 * self.length / 17:.3g} m"
+            )
+        x = self.half_nodes if staggered else self.nodes
+        if self.periodic:
+            distance = (x - position + self.length / 2) % self.length - self.length / 2
+        else:
+            distance = x - position
+            if not 8.5 * width <= position <= self.length - 8.5 * width:
+                raise ValueError(
+                    f"width = {width:g} m: the Gaussian at {position:g} m stands out over an end "
+                    f"of the bar; take at most "
+                    f"{min(position, self.length - position) / 8.5:.3g} m, or move it inward"
+                )
+        indices = np.flatnonzero(np.abs(distance) <= 8.5 * width)
+        if not len(indices):
+            raise ValueError(
+                f"width = {width:g} m: no point of the grid lies within 8.5 widths of {position:g} "
+                f"m; take at least the cell size, or 0 for a point"
+            )
+        density = np.exp(-((distance[indices] / width) ** 2) / 2) / (np.sqrt(2 * np.pi) * width)
+        return density, indices
+
+
+def layered_bar(
+    layers: Layers,
+    spacing: float,
+    order: int = 8,
+    left: End = "free",
+    right: End = "free",
+    absorber: float = 0.0,
+) -> Bar:
+    """A bar whose grid fits its layers: each has a whole number of cells of its own size.
+
+    Args:
+        layers: what it is made of.
+        spacing: the cell size to come nearest to, m.
+        order, left, right, absorber: as of :class:`Bar`.
+
+    Raises:
+        ValueError: a layer is too thin for the order, or a value is not admissible.
+    """
+    stretches = []
+    for layer in layers.layers:
+        cells = max(1, round(layer.thickness / spacing))
+        stretches.append((cells, layer.thickness / cells))
+    return Bar(
+        sum(cells for cells, _ in stretches),
+        max(size for _, size in stretches),
+        order,
+        left,
+        right,
+        absorber,
+        tuple(stretches),
+    )

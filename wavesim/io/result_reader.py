@@ -1,0 +1,139 @@
+"""Reading result files, and the arrays of any other HDF5 file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from wavesim.case.problem import Problem
+from wavesim.simulation.field import Energy, Field
+
+
+class StorageError(RuntimeError):
+    """A file can't be written or is not what it should be; the message says which and why."""
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[h5py.File]:
+    if not path.is_file():
+        raise StorageError(f"{path}: no such file; run the case first")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
+    try:
+        if file.attrs.get("format") != "wavesim":
+            raise StorageError(f"{path}: is not a result of wavesim (attribute format)")
+        yield file
+    finally:
+        file.close()
+
+
+class _Lazy:
+    """A data set of which is read what is asked for."""
+
+    def __init__(self, path: Path, name: str) -> None:
+        self._path, self._name = path, name
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        with reading(self._path) as file:
+            return np.asarray(file[self._name][key])
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return np.asarray(self[()], dtype=dtype)
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What a result file says of itself.
+
+    Attributes:
+        case: the resolved case, TOML.
+        status: running, complete or failed.
+        frames: number of frames in it.
+    """
+
+    case: str
+    status: str
+    frames: int
+
+
+def describe(path: Path) -> Stored:
+    """What a result file says of itself.
+
+    Raises:
+        StorageError: it is not a result of wavesim.
+    """
+    with reading(path) as file:
+        return Stored(str(file.attrs["case"]), str(file.attrs["status"]), len(file["t"]))
+
+
+def read(path: Path, problem: Problem) -> Field:
+    """The field of a result file; its arrays are read when they are indexed.
+
+    Args:
+        path: of result.h5.
+        problem: of its case, as settled from :func:`describe`.
+
+    Raises:
+        StorageError: it is not a result of wavesim, or holds fewer than two frames.
+    """
+    settled = problem.plan
+    with reading(path) as file:
+        t = file["t"][()]
+        if len(t) < 2:
+            raise StorageError(f"{path}: holds {len(t)} frames; at least 2 are needed")
+        series = [part.name for part in fields(Energy) if part.name in file["energy"]]
+        energy = Energy(**{name: file[f"energy/{name}"][: len(t)] for name in series})
+        names = list(settled.fields)
+    return Field(
+        t=t,
+        values={name: _Lazy(path, f"fields/{name}") for name in names},
+        medium=settled.medium,
+        layers=settled.layers,
+        bar=settled.bar,
+        sources=settled.sources,
+        receivers=problem.receivers,
+        energy=energy,
+        stepper=settled.schedule.solver,
+        step=settled.step,
+        precision=settled.precision,
+    )
+
+
+def is_result(path: Path) -> bool:
+    """Whether a file is HDF5 that wavesim wrote."""
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("format") == "wavesim")
+    except OSError:
+        return False
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Every array of numbers in any HDF5 file, by its path within, up to three axes.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        StorageError: it can't be read as HDF5.
+    """
+    found: dict[str, np.ndarray] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.ndim <= 3 and item.dtype.kind in "fiub":
+            found[name] = item[()]
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(keep)
+    except OSError as error:
+        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
+    return found

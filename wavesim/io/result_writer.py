@@ -1,0 +1,349 @@
+"""result.h5: readable at any moment of a run and after a crash.
+
+The only importer of h5py. No file that a reader may see is ever changed in place: the frames of a
+run go to parts beside result.h5, written once each, and result.h5 itself, which presents them as
+one array, is written anew after each chunk and moved into place. A run that is killed, at whatever
+instant, so leaves a whole file of whole chunks. At the end the parts are gathered into result.h5,
+by threads, while figures are drawn.
+"""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import io
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from wavesim.case.problem import Problem
+from wavesim.io.gathering import COMPRESSED, Gathering
+from wavesim.io.result_reader import StorageError, reading
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS
+from wavesim.simulation.field import Energy
+from wavesim.simulation.plan import Plan
+from wavesim.sources import parameters
+
+if TYPE_CHECKING:  # what it needs takes half a second to import, and a run soon enough
+    from wavesim.verdict.endless import Held
+
+FORMAT_VERSION = 1
+FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
+_VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
+
+
+def versions() -> dict[str, str]:
+    """Versions of wavesim and of what its results depend on."""
+    return {name: importlib.metadata.version(name) for name in _VERSIONED}
+
+
+class Results:
+    """Writer of one result.h5.
+
+    Args:
+        path: of the file.
+        problem: what is run.
+
+    Every method raises StorageError if the file can't be written (a full disk, say).
+    """
+
+    def __init__(self, path: Path, problem: Problem) -> None:
+        self.path, self.problem = path, problem
+        self._parts = path.with_name(path.name + ".parts")
+        self._created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+        self._ends: list[int] = []
+        self._series: dict[str, np.ndarray] = {}
+        self._state: Sequence[np.ndarray] = ()
+        self._gathering: Gathering | None = None
+
+    @property
+    def _frames(self) -> int:
+        return self._ends[-1] if self._ends else 0
+
+    def create(self) -> None:
+        """Begin anew, replacing what an earlier run left."""
+        with self._writing():
+            shutil.rmtree(self._parts, ignore_errors=True)
+            self._parts.mkdir(parents=True)
+
+    def append(
+        self, first: int, values: dict[str, np.ndarray], energy: Energy, state: Sequence[np.ndarray]
+    ) -> None:
+        """Append frames and the state after them.
+
+        Args:
+            first: index of the first frame.
+            values: {field: (frames, N)}, SI.
+            energy: of these frames.
+            state: arrays to carry on from after the last of them.
+        """
+        end = first + len(energy.work)
+        names = [part.name for part in fields(energy) if getattr(energy, part.name) is not None]
+        series = {f"energy/{name}": getattr(energy, name) for name in (*names, "total")}
+        bar = self.problem.plan.bar
+        for name, data in values.items():
+            for receiver, position in self.problem.receivers.items():
+                weights, indices = bar.sampling(position, name not in ROTATIONS)
+                series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
+        with self._writing():
+            with _written(self._part(end)) as part:
+                for name, data in values.items():
+                    part[name] = data
+            self._ends.append(end)
+            self._series = {
+                name: np.concatenate([self._series.get(name, np.zeros(0)), data])
+                for name, data in series.items()
+            }
+            self._state = state
+            with _written(self.path) as file:
+                self._lay_out(file, "running")
+                for name in values:
+                    self._present(file, name)
+
+    @contextmanager
+    def gathering(self) -> Iterator[None]:
+        """While this lasts, gather all parts into the file to come; :meth:`finish` makes it so.
+
+        What was gathered is thrown away where it ends without that.
+        """
+        with self._writing():
+            self._room()
+        with reading(self.path) as before:
+            self._gathering = Gathering(self.path, before, self.problem.plan.fields)
+            try:
+                yield
+            finally:
+                self._gathering.abandon()
+                self._gathering = None
+
+    def finish(
+        self,
+        status: str,
+        held: Sequence[Held] = (),
+        tables: Mapping[str, tuple[np.ndarray, str]] | None = None,
+    ) -> None:
+        """Put the file of gathered parts in place, with what was measured beside the theory.
+
+        Args:
+            status: complete or failed.
+            held: every block that was measured.
+            tables: other arrays with their units, by path.
+        """
+        if not self._frames:
+            return
+        if self._gathering is None:
+            with self.gathering():
+                self.finish(status, held, tables)
+            return
+        with self._writing():
+            with self._gathering.file() as file:
+                self._lay_out(file, status)
+                for name in self.problem.plan.fields:
+                    self._label(file, name, file[f"fields/{name}"])
+                for h in held:
+                    _record_dispersion(file, h)
+                    if h.k_exact is not None:
+                        _record_attenuation(file, h)
+                for path, (values, unit) in (tables or {}).items():
+                    _put(file, path, values, unit)
+            shutil.rmtree(self._parts, ignore_errors=True)
+
+    def carry_on(self) -> tuple[int, list[np.ndarray]]:
+        """Last state of an interrupted run of the same case.
+
+        Returns:
+            Its frame and its arrays.
+
+        Raises:
+            StorageError: there is no such run, it failed, or it was another case.
+        """
+        with reading(self.path) as file:
+            if file.attrs["case"] != self.problem.resolved:
+                raise StorageError(
+                    f"{self.path}: was made by another case than this; run without --resume, or "
+                    "name another folder with --out"
+                )
+            if file.attrs["status"] == "failed":
+                raise StorageError(
+                    f"{self.path}: the integration failed, and would again; change the case and "
+                    "run without --resume"
+                )
+            self._created = str(file.attrs["created_utc"])
+            self._ends = file["restart/ends"][()].tolist()
+            missing = [e for e in self._ends if not self._part(e).is_file()]
+            if missing and file.attrs["status"] == "running":
+                raise StorageError(
+                    f"{self._part(missing[0])}: is missing, so that the run can't be resumed; run "
+                    "without --resume"
+                )
+            names = [f"energy/{name}" for name in file["energy"] if name != "t"]
+            for receiver in self.problem.receivers:
+                names += [f"receivers/{receiver}/{name}" for name in self.problem.plan.fields]
+            self._series = {name: file[name][()] for name in names}
+            group = file["restart/state"]
+            self._state = [group[str(n)][()] for n in range(len(group))]
+            return self._frames - 1, list(self._state)
+
+    def _part(self, end: int) -> Path:
+        """The part whose frames end before this one."""
+        return self._parts / f"{end:08d}.h5"
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        # h5py reports some failures to write as RuntimeError.
+        try:
+            yield
+        except StorageError:
+            raise
+        except (OSError, RuntimeError) as error:
+            what = getattr(error, "strerror", None) or str(error).partition("\n")[0]
+            raise StorageError(
+                f"{self.path}: can't be written: {what}; make room, or name another folder with "
+                "--out"
+            ) from error
+
+    def _room(self) -> None:
+        """Hold the file to come to the room on the disk; the HDF5 library dies of a full one."""
+        settled = self.problem.plan
+        needed = (
+            settled.stored.itemsize
+            * self._frames
+            * sum(len(self._axis(name)[1]) for name in settled.fields)
+        )
+        free = shutil.disk_usage(self.path.parent).free
+        if needed > free:
+            raise StorageError(
+                f"{self.path}: can't be written: it may need {needed / 1e6:.0f} MB, and the disk "
+                f"has {free / 1e6:.0f} MB left; make room and run again with --resume"
+            )
+
+    def _lay_out(self, file: h5py.File, status: str) -> None:
+        """Everything but the fields and what was measured."""
+        settled, axes = self.problem.plan, {"t": self.problem.plan.times[: self._frames]}
+        axes |= dict(self._axis(name) for name in (ROTATIONS[0], CURVATURES[0]))
+        file.attrs.update(
+            {
+                "format": "wavesim",
+                "format_version": FORMAT_VERSION,
+                "status": status,
+                "title": self.problem.case.title,
+                "case": self.problem.resolved,
+                "created_utc": self._created,
+                "fourier_convention": FOURIER_CONVENTION,
+            }
+            | versions()
+        )
+        for name, values in axes.items():
+            _put(file, name, values, "s" if name == "t" else "m")
+            file[name].make_scale(name)
+        for name, values in self._series.items():
+            _put(file, name, values, UNITS.get(name.rpartition("/")[2], "J/m²"))
+            file[name].dims[0].attach_scale(file["t"])
+        file["energy/t"] = h5py.SoftLink("/t")
+        for receiver, position in self.problem.receivers.items():
+            file[f"receivers/{receiver}"].attrs["position"] = position
+        self._sources(file.create_group("source"), settled)
+        file["restart/ends"] = self._ends
+        for number, array in enumerate(self._state):
+            file[f"restart/state/{number}"] = array
+
+    def _present(self, file: h5py.File, name: str) -> None:
+        """A field as one array, its frames in the parts."""
+        points = len(self._axis(name)[1])
+        layout = h5py.VirtualLayout((self._frames, points), self.problem.plan.stored)
+        for first, end in zip([0, *self._ends], self._ends, strict=False):
+            where = self._part(end).relative_to(self.path.parent)
+            layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, points))
+        self._label(file, name, file.create_virtual_dataset(f"fields/{name}", layout, np.nan))
+
+    def _axis(self, name: str) -> tuple[str, np.ndarray]:
+        """Where a field lives: name of the scale, and positions in m."""
+        bar = self.problem.plan.bar
+        return ("x", bar.nodes) if name in ROTATIONS else ("x_half", bar.half_nodes)
+
+    def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
+        data.attrs["units"] = UNITS[name]
+        data.dims[0].attach_scale(file["t"])
+        data.dims[1].attach_scale(file[self._axis(name)[0]])
+
+    def _sources(self, group: h5py.Group, settled: Plan) -> None:
+        t = settled.times
+        for number, source in enumerate(settled.sources):
+            entry = group.create_group(str(number))
+            entry.attrs["kind"] = source.kind
+            for name, value in parameters(source).items():
+                if isinstance(value, tuple):  # longer than an attribute may be
+                    entry[name] = value
+                else:
+                    entry.attrs[name] = value
+            entry["t"], entry["signal"] = t, source.signal(t)
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[h5py.File]:
+    """A new file, which takes the place of an old one once it is whole.
+
+    It is made in memory: no failure to write can upset the HDF5 library.
+    """
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        image = io.BytesIO()
+        with h5py.File(image, "w") as file:
+            yield file
+        temporary.write_bytes(image.getbuffer())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _put(group: h5py.Group, name: str, data: Any, unit: str) -> None:
+    group.create_dataset(name, data=data)
+    group[name].attrs["units"] = unit
+
+
+def _record_dispersion(file: h5py.File, held: Held) -> None:
+    block, found = held.measured.block, held.measured.spectrum
+    group = file.require_group(f"dispersion/{block.sector}")
+    if "power" in group:
+        # Blocks of one sector share the axes; their powers add.
+        size = min(len(group["omega"]), len(found.omega))
+        group["power"][:, :size] += found.power[:, :size]
+    else:
+        _put(group, "k", found.k, "rad/m")
+        _put(group, "omega", found.omega, "rad/s")
+        group.create_dataset("power", data=found.power, **COMPRESSED)
+        group["power"].attrs["units"] = "relative to the strongest of its block"
+        for axis, name in enumerate(("k", "omega")):
+            group[name].make_scale(name)
+            group["power"].dims[axis].attach_scale(group[name])
+    for branch in held.branches:
+        entry = group.create_group(f"branches/{branch.name}")
+        _put(entry, "k", branch.k, "rad/m")
+        _put(entry, "omega", branch.omega, "rad/s")
+        _put(entry, "omega_exact", branch.omega_exact, "rad/s")
+        _put(entry, "judged", branch.judged, "–")
+    for number, stray in enumerate(held.strays):
+        entry = group.create_group(f"branches/unidentified {number + 1} of {block.name}")
+        _put(entry, "k", stray.k, "rad/m")
+        _put(entry, "omega", stray.omega, "rad/s")
+
+
+def _record_attenuation(file: h5py.File, held: Held) -> None:
+    curve = held.measured.attenuation
+    assert curve is not None
+    group = file.require_group(f"attenuation/{held.measured.block.sector}")
+    _put(group, "omega", curve.omega, "rad/s")
+    _put(group, "k", curve.k, "rad/m")
+    _put(group, "k_exact", held.k_exact, "rad/m")
+    _put(group, "distance", curve.distance, "m")
+    group.create_dataset("level", data=curve.level, **COMPRESSED)
+    group["level"].attrs["units"] = "dB"
+    group.attrs["sigma"] = curve.sigma
+    group.attrs["meaning"] = "k at the complex frequency omega + i sigma (rad/s)"

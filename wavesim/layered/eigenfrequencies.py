@@ -1,0 +1,251 @@
+"""Eigenfrequencies of a finite bar: all of them in a band, by counting; with loss, from those."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from wavesim.layered.ends import check_ends, returned
+from wavesim.layered.mode_count import count, elements
+from wavesim.layered.stack import Stack, keeps_gradient
+from wavesim.layered.transmission import block_of
+from wavesim.layered.uniform_layer import waves
+from wavesim.material.damping import UNDAMPED, Damping
+from wavesim.material.layers import Layers
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block
+from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs
+from wavesim.planewave.eigenproblem import is_symmetric, spectral_form
+
+# Default smallest spacing, of the band's upper end.
+_SPACING = 1e-4
+
+
+def _media(layers: Layers) -> list[list[Medium]]:
+    """Media of each layer, sampled over it where it is graded."""
+    return [
+        [layer.at(layer.start + layer.thickness * float(s)) for s in np.linspace(0, 1, 65)]
+        if layer.last is not None
+        else [layer.medium]
+        for layer in layers.layers
+    ]
+
+
+def with_loss(layers: Layers, part: float) -> Layers:
+    """The bar with a part of its losses: all strengths and rates of loss times part."""
+
+    def weaker(medium: Medium) -> Medium:
+        own = medium.damping
+        law = (
+            UNDAMPED
+            if part == 0
+            else Damping(
+                mass=part * own.mass,
+                stiffness=part * own.stiffness,
+                unrelaxed=1 + part * (own.unrelaxed - 1),
+                rates=own.rates,
+                strengths=tuple(part * y for y in own.strengths),
+            )
+        )
+        return dataclasses.replace(medium, damping=law)
+
+    return Layers(
+        tuple(
+            dataclasses.replace(
+                layer,
+                medium=weaker(layer.medium),
+                last=None if layer.last is None else weaker(layer.last),
+            )
+            for layer in layers.layers
+        )
+    )
+
+
+def _edges(layers: Layers, block: Block, which: Any) -> list[Any]:
+    """Cutoffs or asymptotes over each layer, shape (samples, b), rad/s."""
+    return [
+        np.array([which(spectral_form(m, block)) / m.time_scale for m in media])
+        for media in _media(layers)
+    ]
+
+
+def windows(layers: Layers, sector: str, band: tuple[float, float]) -> Any:
+    """The parts of a band between asymptotes, shape (windows, 2), rad/s.
+
+    Over a graded layer an asymptote sweeps a range, in which the spectrum is continuous.
+    """
+    low, high = band
+    stops = [
+        (float(column.min()), float(column.max()))
+        for values in _edges(layers, block_of(sector), form_asymptotes)
+        for column in values.T
+    ]
+    found = []
+    for start, end in sorted(stops):
+        if end <= low or start >= high:
+            continue
+        if start > low:
+            found.append((low, start))
+        low = max(low, end)
+    if high > low:
+        found.append((low, high))
+    return np.array(found).reshape(-1, 2)
+
+
+def _density(layers: Layers, block: Block, omega: Any) -> Any:
+    """Eigenfrequencies per rad/s, about: Σ h dk/dω / π; shape of omega."""
+    total = np.zeros(len(omega))
+    step = 1e-6
+    for layer, media in zip(layers.layers, _media(layers), strict=True):
+        one = dataclasses.replace(layer, medium=media[0], last=None)
+        most = np.zeros(len(omega))
+        for medium in media[:: max(1, len(media) // 8)]:
+            single = Layers(
+                (dataclasses.replace(one, start=0.0, end=one.thickness, medium=medium),)
+            )
+            k = []
+            for factor in (1 - step, 1 + step):
+                stack = Stack(single, block, omega * factor, False)
+                here = stack.section(single.layers[0], 0.0)
+                k.append(waves(here, stack.scaled).k[:, 0].real / stack.units.length)
+            most = np.maximum(most, (k[1] - k[0]) / (2 * step * omega))
+        total += most * layer.thickness / np.pi
+    return total
+
+
+def _reach(layers: Layers, block: Block, low: float, high: float, spacing: float) -> float:
+    """How far into a window eigenfrequencies are at least a spacing apart, on average."""
+    omega = high - (high - low) * np.geomspace(1, 1e-5, 400)[1:]
+    sparse = np.flatnonzero(_density(layers, block, omega) * spacing <= 1)
+    # Waves are dense just above a cutoff too, but few: only the run up to the window's end counts.
+    last = int(sparse[-1]) if len(sparse) else 0
+    return high if last == len(omega) - 1 else float(omega[last])
+
+
+def eigenfrequencies(
+    layers: Layers,
+    block: Block,
+    left: str,
+    right: str,
+    band: tuple[float, float],
+    kept: bool,
+    spacing: float | None = None,
+) -> Any:
+    """Real eigenfrequencies of the lossless bar; see :func:`resonances`. Ascending, rad/s."""
+    low, high = band
+    if not 0 < low < high:
+        raise ValueError(f"band = ({low:g}, {high:g}): must be two frequencies, 0 < ω1 < ω2")
+    plain = with_loss(layers, 0.0)
+    media = [medium for group in _media(plain) for medium in group]
+    if kept and not all(is_symmetric(spectral_form(medium, block)) for medium in media):
+        raise ValueError("closure: with Γ eigenfrequencies are counted for 'consistent' alone")
+    spacing = _SPACING * high if spacing is None else spacing
+    found = []
+    parts_of_band = [(low, high)] if kept else windows(plain, block.sector, band)
+    for start, end in parts_of_band:
+        if not kept:
+            end = _reach(plain, block, start, end, spacing)
+            start = start * (1 + 1e-12)
+        if end > start:
+            found.append(_within(plain, block, left, right, (start, end), kept))
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def _within(
+    layers: Layers, block: Block, left: str, right: str, window: tuple[float, float], kept: bool
+) -> Any:
+    start, end = window
+    cut = _edges(layers, block, form_cutoffs)
+    bounds = _edges(layers, block, form_asymptotes)
+    has_cutoff = {}
+    for layer, c, a in zip(layers.layers, cut, bounds, strict=True):
+        floor = max([x for x in a.max(axis=0) if x <= start * (1 + 1e-9)], default=0.0)
+        inside = (c.max(axis=0) > floor * (1 + 1e-9)) & (c.min(axis=0) < end)
+        has_cutoff[id(layer)] = bool(inside.any())
+    parts = elements(Stack(layers, block, np.array([end]), kept))
+
+    def below(omega: Any) -> Any:
+        return count(Stack(layers, block, omega, kept), parts, left, right, has_cutoff)
+
+    first, last = below(np.array([start, end]))
+    wanted = np.arange(first, last)
+    low, high = np.full(len(wanted), start), np.full(len(wanted), end)
+    while len(wanted):
+        middle = (low + high) / 2
+        if ((middle <= low) | (middle >= high)).all():
+            break
+        trial, place = np.unique(middle, return_inverse=True)
+        over = below(trial)[place] > wanted
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return (low + high) / 2
+
+
+def resonances(
+    layers: Layers,
+    left: str,
+    right: str,
+    sector: str,
+    band: tuple[float, float],
+    gradient: bool | None = None,
+    spacing: float | None = None,
+) -> Any:
+    """All eigenfrequencies of a finite bar in a band, as often as they are.
+
+    Without Γ they pile up below each asymptote of each layer; where they are on average closer
+    than ``spacing`` the search stops, up to that asymptote. In the range that an asymptote
+    sweeps over a graded layer there are none but a continuum.
+
+    Args:
+        layers: the bar.
+        left, right: fixed, free, or both periodic.
+        sector: longitudinal, transverse2 or transverse3.
+        band: lowest and highest ω (its real part), rad/s, > 0.
+        gradient: whether Γ is kept; None lets planewave.gradient_share > 1e-9 of a layer decide.
+        spacing: smallest mean spacing, rad/s; 1e-4 of the band's upper end by default.
+
+    Returns:
+        ω, ascending, rad/s: real without loss, to rounding; complex with Im ω < 0 with loss, each
+        followed from its lossless one as the loss is brought up.
+
+    Raises:
+        ValueError: an end is not fixed, free or periodic; the sector has no rotation; the closure
+            is not symmetric where Γ is kept.
+    """
+    check_ends(left, right, ("fixed", "free", "periodic"))
+    kept = keeps_gradient(layers) if gradient is None else gradient
+    block = block_of(sector)
+    real = eigenfrequencies(layers, block, left, right, band, kept, spacing)
+    if not any(layer.medium.damping != UNDAMPED for layer in layers.layers):
+        return real
+    return damped(layers, left, right, block, real, kept)
+
+
+def damped(
+    layers: Layers, left: str, right: str, block: Block, real: Any, kept: bool, steps: int = 8
+) -> Any:
+    """Complex eigenfrequencies, from det(1 − S R) = 0 by secants, loss brought up in steps."""
+    omega, found = real.astype(complex), [real.astype(complex)]
+    for part in np.linspace(0, 1, steps + 1)[1:]:
+        lossy = with_loss(layers, float(part))
+
+        def residue(at: Any, lossy: Layers = lossy) -> Any:
+            stack = Stack(lossy, block, at, kept)
+            whole = stack.whole().whole
+            unit = np.eye(whole.shape[-1])
+            return np.linalg.det(unit - whole @ returned(stack, left, right))
+
+        guess = 2 * omega - found[-2] if len(found) > 1 else omega * (1 - 1e-6j)
+        before, now = guess * (1 + 1e-7), guess
+        value = residue(before)
+        for _ in range(30):
+            fresh = residue(now)
+            slope = fresh - value
+            step = np.where(slope == 0, 0, fresh * (now - before) / np.where(slope == 0, 1, slope))
+            before, value, now = now, fresh, now - step
+            if (np.abs(step) <= 1e-14 * np.abs(now)).all():
+                break
+        omega = now
+        found.append(omega)
+    return omega

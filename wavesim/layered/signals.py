@@ -1,0 +1,202 @@
+"""Signals at receivers on a layered bar, by the inverse transform of its exact response."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavesim.layered import gaussian_load as gaussian
+from wavesim.layered.ends import check_ends, returned, waves_at_ends
+from wavesim.layered.inverse_transform import contour
+from wavesim.layered.section import limit
+from wavesim.layered.source_loads import body_loads, drive_of, end_drives
+from wavesim.layered.stack import Load, Stack, keeps_gradient
+from wavesim.layered.star_product import inner, nothing, star, times
+from wavesim.material.layers import Layers
+from wavesim.material.sectors import Block, excited_blocks
+from wavesim.material.wave_equations import CURVATURES, ROTATIONS
+from wavesim.planewave.eigenproblem import solve, spectral_form
+
+
+def signals(
+    layers: Layers,
+    left: str,
+    right: str,
+    sources: Sequence[Any],
+    receivers: Mapping[str, float],
+    t: ArrayLike,
+    gradient: bool | None = None,
+) -> dict[str, dict[str, Any]]:
+    """What receivers record, from rest or from initial values at t = 0.
+
+    The response at ω + iσ_w is exact but for graded layers, which are good to 1e-10; the transform
+    (contour.py) leaves 1e-9 of the largest value, for sources whose spectrum falls that far.
+
+    Args:
+        layers: the bar.
+        left, right: its ends, of wavesim.material.layers.ENDS.
+        sources: with field, position, amplitude, width, spectrum(ω), band, and drive if not "body".
+        receivers: positions by name, m, from 0 to L.
+        t: times ≥ 0, shape (nt,), s.
+        gradient: whether Γ is kept; None lets planewave.gradient_share > 1e-9 of a layer decide.
+
+    Returns:
+        {receiver: {field: shape (nt,)}} of all fields of the blocks that are driven, rad and 1/m.
+
+    Raises:
+        ValueError: an end, a receiver, a source or a layer is not admissible; the message names it.
+    """
+    times_ = np.atleast_1d(np.asarray(t, dtype=float))
+    if not sources:
+        raise ValueError("sources = []: at least one source is needed")
+    if times_.min() < 0 or not times_.max() > 0:
+        raise ValueError("t: must be ≥ 0, and reach beyond 0")
+    kept = keeps_gradient(layers) if gradient is None else gradient
+    pulses = [source for source in sources if drive_of(source) != "initial"]
+    initial = [source for source in sources if drive_of(source) == "initial"]
+    tops = [_fastest(layers, source) for source in initial]
+    grid = contour(float(times_.max()), pulses, tops)
+    found = field_spectra(layers, left, right, sources, receivers, grid.omega, kept)
+    return {
+        name: {field: grid.signal(values, times_) for field, values in fields.items()}
+        for name, fields in found.items()
+    }
+
+
+def _fastest(layers: Layers, source: Any) -> float:
+    """Highest ω that an initial value sets in motion: that of k = 6.5/w, 1e-9 of its peak."""
+    media = [layer.medium for layer in layers.layers]
+    media += [layer.last for layer in layers.layers if layer.last is not None]
+    return max(
+        float(np.sqrt(solve(spectral_form(m, block), np.array([k])).squares.real.max()))
+        / m.time_scale
+        for m in media
+        for block in excited_blocks([source.field])
+        for k in [6.5 / source.width * m.length_scale]
+    )
+
+
+def field_spectra(
+    layers: Layers,
+    left: str,
+    right: str,
+    sources: Sequence[Any],
+    receivers: Mapping[str, float],
+    omega: ArrayLike,
+    gradient: bool,
+) -> dict[str, dict[str, Any]]:
+    """Spectra ∫ u e^{iωt} dt of the fields at receivers: as :func:`signals`, at given ω.
+
+    Args:
+        omega: ω, shape (N,), complex with Im ω ≥ 0, not 0, rad/s.
+
+    Returns:
+        {receiver: {field: shape (N,)}}, rad s and s/m.
+    """
+    check_ends(left, right)
+    for name, x in receivers.items():
+        if not 0 <= x <= layers.length:
+            raise ValueError(f"receiver {name!r} at {x:g} m: must be in 0 to {layers.length:g} m")
+    for source in sources:
+        if not 0 <= source.position <= layers.length:
+            raise ValueError(
+                f"position = {source.position:g} m: must be in 0 to {layers.length:g} m"
+            )
+    omega = np.atleast_1d(np.asarray(omega, dtype=complex))
+    found: dict[str, dict[str, Any]] = {name: {} for name in receivers}
+    for block in excited_blocks([source.field for source in sources]):
+        values = _block_spectra(layers, left, right, sources, receivers, omega, gradient, block)
+        for name, fields in values.items():
+            for field, spectrum in fields.items():
+                found[name][field] = found[name].get(field, 0) + spectrum
+    return found
+
+
+def _block_spectra(
+    layers: Layers,
+    left: str,
+    right: str,
+    sources: Sequence[Any],
+    receivers: Mapping[str, float],
+    omega: Any,
+    gradient: bool,
+    block: Block,
+) -> dict[str, dict[str, Any]]:
+    travels = gradient or bool(block.rotations)
+    stack = Stack(layers, block, omega, gradient)
+    loads = body_loads(stack, sources, left == "periodic")
+    if not travels:
+        return {name: _still(stack, loads, x) for name, x in receivers.items()}
+    n, count = len(stack.impedance), len(omega)
+    nodes, pieces = stack.pieces(tuple(receivers.values()), loads)
+    before, after = [nothing(count, n)], [nothing(count, n)]
+    for one in pieces:
+        before.append(star(before[-1], one))
+    for one in reversed(pieces):
+        after.append(star(one, after[-1]))
+    after.reverse()
+    entering = waves_at_ends(
+        before[-1], returned(stack, left, right), end_drives(stack, sources, left, right)
+    )
+    found = {}
+    for name, x in receivers.items():
+        j = nodes.index(x)
+        a, b = inner(before[j], after[j], entering[:, :n], entering[:, n:])
+        root = np.sqrt(stack.impedance)
+        found[name] = _fields(stack, loads, x, (a + b) / root, (a - b) * root)
+    return found
+
+
+def _named(block: Block, phi: Any, B: Any, curvature: float) -> dict[str, Any]:
+    """Fields in SI from a block's components, (N, p) and (N, b)."""
+    names = [*ROTATIONS, *CURVATURES]
+    values = np.concatenate(
+        [phi @ block.weights(ROTATIONS), B @ block.weights(CURVATURES) * curvature], axis=1
+    )
+    return {name: values[:, names.index(name)] for name in block.fields}
+
+
+def _double_moment(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int) -> Any:
+    """Π(x) on each micro-curvature, shape (N, b)."""
+    here = stack.section(stack.layers.layer_at(x), x)
+    total = np.zeros((len(stack.scaled), b), dtype=complex)
+    for load in loads:
+        at = x / stack.units.length
+        if load.component < p:
+            continue
+        if load.width == 0:
+            if abs(load.position - at) <= 1e-12 * max(at, 1.0):
+                raise ValueError(
+                    f"receiver at {x:g} m: there a point source makes the micro-curvature "
+                    "infinite; give the source a width"
+                )
+            continue
+        g = gaussian.density(at, load.position, load.width)
+        total[:, load.component - p] += g * load.on(here, stack.scaled)
+    return total
+
+
+def _fields(stack: Stack, loads: Sequence[Load], x: float, v: Any, f: Any) -> dict[str, Any]:
+    p, b = len(stack.block.rotations), len(stack.block.curvatures)
+    omega = stack.scaled
+    u = 1j * v / omega[:, None]
+    if stack.kept:
+        return _named(stack.block, u[:, :p], u[:, p:], stack.units.curvature)
+    here = stack.section(stack.layers.layer_at(x), x)
+    local = limit(here, omega)
+    pushed = _double_moment(stack, loads, x, p, b)
+    slope = (-f[:, 0] + np.sum(local.pX * pushed, axis=1)) / local.D
+    B = local.Xp * slope[:, None] + times(local.X, pushed) / local.modulus[:, None]
+    return _named(stack.block, u, B, stack.units.curvature)
+
+
+def _still(stack: Stack, loads: Sequence[Load], x: float) -> dict[str, Any]:
+    """A micro-curvature alone, without Γ: B = X Π/m where it is driven, and nowhere else."""
+    b = len(stack.block.curvatures)
+    here = stack.bare(stack.layers.layer_at(x), x)
+    local = limit(here, stack.scaled)
+    B = times(local.X, _double_moment(stack, loads, x, 0, b)) / local.modulus[:, None]
+    return _named(stack.block, np.zeros((len(B), 0)), B, stack.units.curvature)

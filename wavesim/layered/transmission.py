@@ -1,0 +1,131 @@
+"""Transmission and reflection of a layered stretch between two half-spaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavesim.layered.stack import Stack, keeps_gradient
+from wavesim.layered.uniform_layer import Waves
+from wavesim.material.layers import Layers
+from wavesim.material.sectors import Block, blocks_of
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """Amplitude ratios of rotation φ and power coefficients at each ω.
+
+    Reference planes are x = 0 (incident and reflected from the left, transmitted to the left) and
+    x = L (the other three). Index 0 of the modes is the wave of the closed form k(ω).
+
+    Attributes:
+        omega: rad/s, shape (N,).
+        T, R: transmitted and reflected over incident φ, from the left, shape (N,).
+        T_back, R_back: the same from the right.
+        power_T, power_R: energy flux transmitted and reflected over that incident, all modes that
+            carry energy together, shape (N,); NaN where the incident wave carries none or ω is
+            complex.
+        power_T_back, power_R_back: the same from the right.
+    """
+
+    omega: Any
+    T: Any
+    R: Any
+    T_back: Any
+    R_back: Any
+    power_T: Any
+    power_R: Any
+    power_T_back: Any
+    power_R_back: Any
+
+
+def block_of(sector: str) -> Block:
+    """The block of a sector with a rotation.
+
+    Raises:
+        ValueError: the sector has none, or is unknown.
+    """
+    blocks = blocks_of(sector)
+    if not blocks[0].rotations:
+        raise ValueError(
+            f"sector {sector!r}: nothing travels in it as Γ → 0; take longitudinal, transverse2 or "
+            "transverse3"
+        )
+    return blocks[0]
+
+
+def _primary(of: Waves) -> Any:
+    """Index of the wave of the closed form: the one with the smallest |k|, shape (N,)."""
+    return np.argmin(np.abs(of.k), axis=1)
+
+
+def transmission(
+    layers: Layers, sector: str, omega: ArrayLike, gradient: bool | None = None
+) -> Transmission:
+    """What a layered stretch lets through, between half-spaces of its first and its last medium.
+
+    Args:
+        layers: the stretch.
+        sector: longitudinal, transverse2 or transverse3.
+        omega: ω, shape (N,), real or complex with Im ω ≥ 0, not 0, rad/s.
+        gradient: whether Γ is kept; None lets planewave.gradient_share > 1e-9 of a layer decide.
+
+    Returns:
+        Amplitude ratios and power coefficients, which sum to 1 without loss.
+
+    Raises:
+        ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
+    """
+    kept = keeps_gradient(layers) if gradient is None else gradient
+    stack = Stack(layers, block_of(sector), np.atleast_1d(np.asarray(omega)), kept)
+    whole = stack.whole().whole
+    left, right = stack.end_waves(False), stack.end_waves(True)
+    n, rows = len(stack.impedance), np.arange(len(stack.scaled))
+    # Waves of the half-spaces that come in and that go out, as (a at 0, b at L), (b at 0, a at L).
+    incoming = np.zeros_like(whole)
+    outgoing = np.zeros_like(whole)
+    incoming[:, :n, :n], outgoing[:, :n, :n] = left.v + left.f, left.v - left.f
+    incoming[:, n:, n:] = right.mirror_v - right.mirror_f
+    outgoing[:, n:, n:] = right.mirror_v + right.mirror_f
+    back_in, back_out = np.zeros_like(whole), np.zeros_like(whole)
+    back_in[:, :n, :n], back_out[:, :n, :n] = (
+        left.mirror_v + left.mirror_f,
+        left.mirror_v - left.mirror_f,
+    )
+    back_in[:, n:, n:], back_out[:, n:, n:] = right.v - right.f, right.v + right.f
+    amplitudes = np.linalg.solve(back_out - whole @ back_in, whole @ incoming - outgoing)
+    first, last = _primary(left), n + _primary(right)
+    phi = np.concatenate([left.v[:, 0], right.v[:, 0]], axis=1)
+    flux = np.concatenate(
+        [np.sum((np.conj(w.f) * w.v).real, axis=1) for w in (left, right)], axis=1
+    )
+    carries = np.concatenate(
+        [np.abs(w.k.imag) <= 1e-9 * np.abs(w.k) for w in (left, right)], axis=1
+    )
+    flux = np.where(carries & (np.asarray(omega, dtype=complex).imag == 0).reshape(-1, 1), flux, 0)
+
+    def amplitude(to: Any, source: Any) -> Any:
+        return amplitudes[rows, to, source] * phi[rows, to] / phi[rows, source]
+
+    def power(side: slice, source: Any) -> Any:
+        sent = np.abs(amplitudes[rows, side, source]) ** 2 * flux[:, side]
+        incident = flux[rows, source]
+        return np.where(
+            incident > 0, sent.sum(axis=1) / np.where(incident > 0, incident, 1), np.nan
+        )
+
+    to_left, to_right = slice(0, n), slice(n, 2 * n)
+    return Transmission(
+        omega=stack.omega,
+        T=amplitude(last, first),
+        R=amplitude(first, first),
+        T_back=amplitude(first, last),
+        R_back=amplitude(last, last),
+        power_T=power(to_right, first),
+        power_R=power(to_left, first),
+        power_T_back=power(to_left, last),
+        power_R_back=power(to_right, last),
+    )

@@ -1,0 +1,1 @@
+"""What the waves travel in: media, tensors, wave equations, losses, layers."""

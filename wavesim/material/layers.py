@@ -1,0 +1,153 @@
+"""What a bar is made of, from its left end to its right: layers, uniform or graded, and its ends.
+
+Both routes share this: it holds no grid. Positions in m, from the left end.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from wavesim.material.medium import PARAMETERS, Medium
+
+End = Literal["periodic", "fixed", "free", "absorbing"]
+Grading = Literal["smooth", "linear"]
+
+ENDS: tuple[str, ...] = ("periodic", "fixed", "free", "absorbing")
+GRADINGS: tuple[str, ...] = ("smooth", "linear")
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A stretch of the bar, of one medium or graded from one to another.
+
+    Where it is graded every parameter p goes from that of ``medium`` at the start to that of
+    ``last`` at the end, p(s) = p₀ + (p₁ − p₀) w(s), s = (x − start)/(end − start), with
+
+        w = s³(10 − 15 s + 6 s²)  ("smooth", level to second order at both ends)  or  w = s.
+
+    Args:
+        start, end: where it begins and ends, m.
+        medium: its medium, or that at its start. Its closure and loss law hold throughout.
+        last: the medium at its end; None where it is uniform.
+        grading: "smooth" or "linear".
+
+    Raises:
+        ValueError: it has no thickness, or the two media differ in closure or in loss law.
+    """
+
+    start: float
+    end: float
+    medium: Medium
+    last: Medium | None = None
+    grading: Grading = "smooth"
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.start) and math.isfinite(self.end) and self.end > self.start):
+            raise ValueError(
+                f"from = {self.start:g}, to = {self.end:g}: must have a thickness greater than 0"
+            )
+        if self.grading not in GRADINGS:
+            raise ValueError(f"grading = {self.grading!r}: must be one of {', '.join(GRADINGS)}")
+        if self.last is not None and (
+            self.last.closure != self.medium.closure or self.last.damping != self.medium.damping
+        ):
+            raise ValueError("closure, damping: must be the same at both ends of a graded layer")
+
+    @property
+    def thickness(self) -> float:
+        """end − start, m."""
+        return self.end - self.start
+
+    def at(self, position: float) -> Medium:
+        """The medium at a position within the layer, m."""
+        if self.last is None:
+            return self.medium
+        s = min(max((position - self.start) / self.thickness, 0.0), 1.0)
+        w = s**3 * (10 - 15 * s + 6 * s**2) if self.grading == "smooth" else s
+        # β and γ stand for defaults where None: grade what they stand for.
+        ends: list[dict[str, Any]] = [
+            {name: getattr(medium, name) for name in PARAMETERS}
+            | {"rotation_inertia": medium.beta, "curvature_inertia": medium.gamma}
+            for medium in (self.medium, self.last)
+        ]
+        values = {name: (1 - w) * ends[0][name] + w * ends[1][name] for name in PARAMETERS}
+        return dataclasses.replace(self.medium, **values)
+
+
+@dataclass(frozen=True)
+class Layers:
+    """The layers of a bar, in order, without gaps or overlaps.
+
+    Args:
+        layers: at least one; the first starts at 0.
+
+    Raises:
+        ValueError: they do not follow each other; the message says where.
+    """
+
+    layers: tuple[Layer, ...]
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise ValueError("layers = []: at least one layer is needed")
+        reached = 0.0
+        for number, layer in enumerate(self.layers, start=1):
+            gap = layer.start - reached
+            if abs(gap) > 1e-9 * self.layers[-1].end:
+                what = "are left without a medium" if gap > 0 else "are in two layers"
+                low, high = sorted((reached, layer.start))
+                raise ValueError(
+                    f"from = {layer.start:g} (layer {number}): x = {low:g} to {high:g} m {what}; "
+                    f"begin it at {reached:g}"
+                )
+            reached = layer.end
+
+    @property
+    def length(self) -> float:
+        """Of the bar, m."""
+        return self.layers[-1].end
+
+    @property
+    def interfaces(self) -> tuple[float, ...]:
+        """Where one layer meets the next, m."""
+        return tuple(layer.end for layer in self.layers[:-1])
+
+    @property
+    def first(self) -> Medium:
+        """The medium at the left end, whose units the program scales by."""
+        return self.layers[0].at(0.0)
+
+    def layer_at(self, position: float) -> Layer:
+        """The layer that holds a position; at an interface the one to its right."""
+        for layer in self.layers:
+            if position < layer.end:
+                return layer
+        return self.layers[-1]
+
+    def at(self, position: float) -> Medium:
+        """The medium at a position, m."""
+        return self.layer_at(position).at(position)
+
+
+def as_layers(medium: Medium | Layers | Sequence[Layer], length: float) -> Layers:
+    """Layers of a bar from what a caller gives: a medium, layers, or a list of them.
+
+    Args:
+        medium: what the bar is made of.
+        length: of the bar, m.
+
+    Raises:
+        ValueError: layers do not follow each other, or do not end where the bar does.
+    """
+    if isinstance(medium, Medium):
+        return Layers((Layer(0.0, length, medium),))
+    layers = medium if isinstance(medium, Layers) else Layers(tuple(medium))
+    if abs(layers.length - length) > 1e-9 * length:
+        raise ValueError(
+            f"layers end at {layers.length:g} m, the bar at {length:g} m: they must end together"
+        )
+    return layers

@@ -1,0 +1,131 @@
+"""Where bands begin and end, in closed form: cutoffs, asymptotes, gaps, the full gap.
+
+Edges are meant in the limit Γ → 0. With Γ ≠ 0 the branch below a gap rises on from its asymptote
+as ω² + k²Γ/m_B, and reaches any frequency at some k; with Table 1 that is at wavelengths of 1e-6
+of a particle, where no continuum is meant. ``gradient_share`` says whether that limit is fair.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import BLOCKS, SECTORS, BlockForm, blocks_of
+from wavesim.planewave.eigenproblem import Float, spectral_form
+
+GAP_NAMES: dict[str, tuple[str, ...]] = {
+    "longitudinal": ("RLB1", "RLB2"),
+    "transverse2": ("RTB1", "RTB2"),
+    "transverse3": ("RTB1", "RTB2"),
+    "inplane": ("RSB",),
+}
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A band gap.
+
+    Attributes:
+        name: RLB1, RLB2, RTB1, RTB2 or RSB.
+        sector: longitudinal, transverse2, transverse3 or inplane.
+        lower, upper: edges, rad/s; equal where the gap is closed.
+    """
+
+    name: str
+    sector: str
+    lower: float
+    upper: float
+
+
+def _roots(matrix: Any) -> Float:
+    """√ of the eigenvalues of (..., b, b), ascending; NaN where one is not real and ≥ 0."""
+    values = np.linalg.eigvals(matrix)
+    size = np.abs(values).max(axis=-1, keepdims=True)
+    real = (np.abs(values.imag) <= 1e-7 * size) & (values.real >= -1e-11 * size)
+    squares = np.where(real, np.maximum(values.real, 0.0), np.nan)
+    return np.sqrt(np.sort(squares, axis=-1))
+
+
+def form_cutoffs(form: BlockForm) -> Float:
+    """ω(k = 0) of the optical branches: √ of the eigenvalues of c_bb. Shape (..., b), scaled."""
+    return _roots(form.c_bb)
+
+
+def form_asymptotes(form: BlockForm) -> Float:
+    """ω(k → ∞): √ of the eigenvalues of c_bb − c_bp c_pp⁻¹ c_pb. Shape (..., b), scaled."""
+    if not np.shape(form.c_pp)[-1]:
+        return _roots(form.c_bb)
+    return _roots(form.c_bb - form.c_bp @ np.linalg.solve(form.c_pp, form.c_pb))
+
+
+def cutoffs(medium: Medium, sector: str) -> Float:
+    """Optical cutoffs ω(k = 0): √ of the eigenvalues of C_BB/m_B. Ascending, rad/s."""
+    found = [form_cutoffs(spectral_form(medium, block)) for block in blocks_of(sector)]
+    return np.sort(np.concatenate(found)) / medium.time_scale
+
+
+def asymptotes(medium: Medium, sector: str) -> Float:
+    """Frequencies that branches tend to as k → ∞ with Γ → 0, D(ω²) = 0. Ascending, rad/s.
+
+    They are √ of the eigenvalues of (C_BB − C_Bφ C_φφ⁻¹ C_φB)/m_B.
+    """
+    found = [form_asymptotes(spectral_form(medium, block)) for block in blocks_of(sector)]
+    return np.sort(np.concatenate(found)) / medium.time_scale
+
+
+def gaps(medium: Medium, sector: str) -> list[Gap]:
+    """Band gaps of one sector, in the limit Γ → 0.
+
+    A gap of the longitudinal and transverse sectors runs from the asymptote of the branch below
+    to the cutoff of the branch above; RSB lies between the two frequencies of the in-plane
+    waves.
+
+    Returns:
+        One gap for each pair of neighbours; a closed gap has upper = lower.
+    """
+    upper = cutoffs(medium, sector)
+    if sector == "inplane":
+        edges = [(upper[0], upper[-1])]
+    else:
+        edges = list(zip(asymptotes(medium, sector), upper, strict=True))
+    return [
+        Gap(name, sector, float(low), float(max(low, high)))
+        for name, (low, high) in zip(GAP_NAMES[sector], edges, strict=True)
+    ]
+
+
+def full_gaps(medium: Medium) -> list[tuple[float, float]]:
+    """Frequency intervals in which no wave of any sector propagates, rad/s, ascending.
+
+    The in-plane waves have (nearly) one frequency each; where one falls into such an interval
+    it divides it.
+    """
+    stops = [[(gap.lower, gap.upper) for gap in gaps(medium, s)] for s in SECTORS if s != "inplane"]
+    common = stops[0]
+    for other in stops[1:]:
+        common = [(max(a, c), min(b, d)) for a, b in common for c, d in other]
+    lines = cutoffs(medium, "inplane")
+    free = []
+    for low, high in common:
+        marks = [low, *(w for w in lines if low < w < high), high]
+        free += [(float(a), float(b)) for a, b in itertools.pairwise(marks)]
+    tiny = 1e-12 * float(lines[-1])
+    return sorted((a, b) for a, b in free if b - a > tiny)
+
+
+def gradient_share(medium: Medium) -> float:
+    """Largest part that the gradient term has in ω² of a standing micro-curvature at k̄ = 1.
+
+    max (2π/l)² Γ / C_BB over the blocks, –. Gap edges, which neglect Γ, are good to about this.
+    """
+    share = 0.0
+    for block in BLOCKS:
+        form = spectral_form(medium, block)
+        gradient = np.abs(np.linalg.eigvals(form.gamma)).max() * (2 * math.pi) ** 2
+        share = max(share, float(gradient / np.abs(np.linalg.eigvals(form.c_bb)).min()))
+    return share

@@ -1,0 +1,138 @@
+"""The bands of a medium as plain data: the JSON object and the table of ``wavesim bands``."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import SECTORS, blocks_of
+from wavesim.planewave.dispersion_relation import (
+    Gap,
+    asymptotes,
+    block_frequencies,
+    cutoffs,
+    frequencies,
+    full_gaps,
+    gaps,
+)
+
+
+def _parameters(medium: Medium) -> dict[str, Any]:
+    values = dataclasses.asdict(medium)
+    values["rotation_inertia"] = float(medium.beta)
+    values["curvature_inertia"] = float(medium.gamma)
+    return values
+
+
+def default_k_max(medium: Medium) -> float:
+    """Largest wavenumber that is shown unless another is asked for: k̄ = 1, 2π/l, rad/m."""
+    return 2 * math.pi / float(medium.branch_length)
+
+
+def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> dict[str, Any]:
+    """Everything the plane-wave solver says about a medium, as an object that JSON can hold.
+
+    Args:
+        medium: the medium.
+        k_max: largest wavenumber, rad/m; k̄ = 1 by default.
+        points: number of wavenumbers, evenly from 0 to k_max.
+
+    Returns:
+        {"medium": parameters and closure, SI; "units": how ω̄ and k̄ are made of ω and k;
+        "sectors": {sector: {"k": (points,) rad/m, "omega": (points, 3) rad/s, ascending at
+        each k, "branches", "cutoffs", "asymptotes" (rad/s, ascending), "gaps": [{"name",
+        "lower", "upper"}] rad/s, upper = lower where closed}}; "full_gaps": [[lower, upper]]}.
+
+    Raises:
+        NotHyperbolicError: an ω(k) of the medium is not real.
+        ValueError: k_max is not positive or points is less than 2.
+    """
+    k_max = default_k_max(medium) if k_max is None else k_max
+    if not (math.isfinite(k_max) and k_max > 0):
+        raise ValueError(f"k_max = {k_max}: must be greater than 0 and finite (rad/m)")
+    if points < 2:
+        raise ValueError(f"points = {points}: must be 2 or more")
+    k = np.linspace(0.0, k_max, points)
+    sectors = {
+        sector: {
+            "k": k.tolist(),
+            "omega": frequencies(medium, sector, k).tolist(),
+            "branches": [name for block in blocks_of(sector) for name in block.branches],
+            "cutoffs": cutoffs(medium, sector).tolist(),
+            "asymptotes": asymptotes(medium, sector).tolist(),
+            "gaps": [
+                {"name": gap.name, "lower": gap.lower, "upper": gap.upper}
+                for gap in gaps(medium, sector)
+            ],
+        }
+        for sector in SECTORS
+    }
+    return {
+        "medium": _parameters(medium),
+        "units": {
+            "omega_bar_per_omega": float(medium.time_scale),
+            "k_bar_per_k": float(medium.length_scale) / (2 * math.pi),
+        },
+        "sectors": sectors,
+        "full_gaps": [[low, high] for low, high in full_gaps(medium)],
+    }
+
+
+def _row(
+    medium: Medium,
+    sector: str,
+    branch: str,
+    cutoff: float,
+    asymptote: float | None,
+    gap: Gap | None,
+) -> dict[str, Any]:
+    values = {
+        "cutoff": cutoff,
+        "asymptote": asymptote,
+        "gap_lower": gap.lower if gap else None,
+        "gap_upper": gap.upper if gap else None,
+    }
+    row: dict[str, Any] = {"sector": sector, "branch": branch, "gap": gap.name if gap else None}
+    for name, omega in values.items():
+        row[f"{name}_hz"] = None if omega is None else omega / (2 * math.pi)
+        row[f"{name}_bar"] = None if omega is None else omega * float(medium.time_scale)
+    return row
+
+
+def table(medium: Medium) -> list[dict[str, Any]]:
+    """One row for each distinct branch: where it starts, where it tends to, the gap above it.
+
+    Args:
+        medium: the medium.
+
+    Returns:
+        Rows, by sector and ascending in frequency, each with "sector" (the two transverse
+        sectors share theirs), "branch", "cutoff_hz", "cutoff_bar" (at k = 0, in Hz and as ω̄),
+        "asymptote_hz", "asymptote_bar" (k → ∞ with Γ → 0; None for a branch that rises without
+        end), "gap" (name of the gap above the branch), "gap_lower_hz", "gap_upper_hz",
+        "gap_lower_bar", "gap_upper_bar"; None where no gap is above.
+    """
+    rows = []
+    for sector, label in (
+        ("longitudinal", "longitudinal"),
+        ("transverse2", "transverse2, transverse3"),
+    ):
+        (block,) = blocks_of(sector)
+        starts = (0.0, *cutoffs(medium, sector).tolist())
+        ends = (*asymptotes(medium, sector).tolist(), None)
+        above = (*gaps(medium, sector), None)
+        for branch, start, end, gap in zip(block.branches, starts, ends, above, strict=True):
+            rows.append(_row(medium, label, branch, start, end, gap))
+    (shear,) = gaps(medium, "inplane")
+    lines = [
+        (float(block_frequencies(medium, block, 0.0)[0, 0]), block.branches[0])
+        for block in blocks_of("inplane")
+    ]
+    lines.sort(key=lambda line: float(f"{line[0]:.10g}"))  # two are equal but for rounding
+    for i, (line, branch) in enumerate(lines):
+        rows.append(_row(medium, "inplane", branch, line, line, None if i else shear))
+    return rows

@@ -1,0 +1,1 @@
+"""What is read off a field or a record."""

@@ -1,0 +1,109 @@
+"""Eigenfrequencies of a bar with reflecting ends, from how its receivers ring."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
+from scipy.signal import get_window
+
+from wavesim.layered.eigenfrequencies import resonances
+from wavesim.material.sectors import Block
+from wavesim.planewave.dispersion_relation import wavenumber
+from wavesim.readings.dispersion.spectrum import LOBE_BINS, WINDOW, Spectrum, analysed_from, peaks
+from wavesim.simulation.field import Field
+
+Float = NDArray[Any]
+
+_PADDING = 8
+# Judged where every layer's wave has this many cells to a wavelength at least.
+_CELLS = 20
+# A peak counts above this part of the strongest, and within this many bins of the theory.
+_LEAST = 1e-4
+_NEAR = 1.0
+
+
+@dataclass(frozen=True)
+class Ringing:
+    """Eigenfrequencies of one sector.
+
+    Attributes:
+        sector: whose.
+        exact: of the exact solver, those that stand clear of their neighbours, ascending, rad/s.
+        found: the peak next to each, rad/s; NaN where there is none.
+        omega, level: spectrum of the receivers together, rad/s and relative to its peak.
+        bin: resolution 2π/T, rad/s.
+    """
+
+    sector: str
+    exact: Float
+    found: Float
+    omega: Float
+    level: Float
+    bin: float
+
+
+def ringing(field: Field, block: Block) -> Ringing | None:
+    """Measure the eigenfrequencies of a bar that no wave leaves.
+
+    Args:
+        field: of a lossless bar with fixed, free or joined ends, with receivers.
+        block: one with a rotation.
+
+    Returns:
+        What was measured; None where the bar is no such bar or no eigenfrequency stands clear.
+    """
+    layers, bar = field.layers, field.bar
+    if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
+        return None
+    if any(layer.medium.damping for layer in layers.layers):
+        return None
+    (name,) = block.rotations[0]
+    first = analysed_from(field)
+    frames = len(field.t) - first
+    padded = next_fast_len(_PADDING * frames)
+    window = get_window(WINDOW, frames, fftbins=False)
+    omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
+    power = np.zeros(len(omega))
+    for position in field.receivers.values():
+        power += np.abs(rfft(field.at(position, name)[first:] * window, padded)) ** 2
+    width = 2 * np.pi / (frames * field.interval)
+    spectrum = Spectrum(np.zeros(1), omega, (power / power.max())[None], width)
+    tops, heights = peaks(spectrum, 0)
+    own = [source.excited for source in field.sources if source.field in block.fields]
+    band = max(min(low for low, _ in own), 2 * LOBE_BINS * width), _highest(field, block)
+    band = band[0], min(band[1], max(high for _, high in own), 0.9 * omega[-1])
+    if band[1] <= band[0]:
+        return None
+    exact = resonances(
+        layers, bar.left, bar.right, block.sector, band, spacing=2 * LOBE_BINS * width
+    )
+    apart = np.diff(np.concatenate([[-np.inf], exact, [np.inf]]))
+    clear = exact[np.minimum(apart[:-1], apart[1:]) >= 2 * LOBE_BINS * width]
+    found = np.full(len(clear), np.nan)
+    strong = tops[heights >= _LEAST**2]
+    for number, value in enumerate(clear):
+        if len(strong):
+            nearest = strong[np.argmin(np.abs(strong - value))]
+            if abs(nearest - value) <= _NEAR * width:
+                found[number] = nearest
+    if not len(clear):
+        return None
+    level = np.sqrt(spectrum.power[0])
+    return Ringing(block.sector, clear, found, omega, level, width)
+
+
+def _highest(field: Field, block: Block) -> float:
+    """Frequency up to which the grid has so many cells to each wavelength, rad/s."""
+    assert field.layers is not None
+    stretches = field.bar.stretches or ((field.bar.cells, field.bar.spacing),)
+    omega = np.linspace(0, np.pi / field.interval, 4001)[1:]
+    fine = np.ones(len(omega), bool)
+    for layer, (_, spacing) in zip(field.layers.layers, stretches, strict=True):
+        for medium in {layer.medium, layer.last or layer.medium}:
+            k = wavenumber(medium, block.sector, omega)
+            fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS
+    return float(omega[np.argmin(fine) - 1]) if not fine.all() and fine[0] else float(omega[-1])

@@ -1,0 +1,145 @@
+"""Transmission and reflection of what lies between two buffers, from the field in them.
+
+In a uniform buffer the field is U(x) = a e^{ik(x−x₀)} + b e^{−ik(x−x₀)} at each ω + iσ, with the
+buffer's own k(ω + iσ); a and b by least squares over all nodes of a stretch. With x₀ at the faces
+of the specimen, R = b/a in front of it and T = a behind over a before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.layered.transmission import transmission
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.sectors import Block
+from wavesim.planewave.dispersion_relation import wavenumber
+from wavesim.readings.bar.excited_band import JUDGED, contour, pulses
+from wavesim.readings.dispersion.attenuation import damped_transform
+from wavesim.simulation.field import Field
+
+Complex = NDArray[np.complex128]
+
+# Branch lengths that a fit keeps away from a source, a face and an absorber.
+_AWAY = 2.0
+_FEWEST_NODES = 8
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """What a specimen lets through and sends back, against frequency.
+
+    Attributes:
+        sector: of the wave.
+        omega: real part of the frequencies, shape (n,), rad/s.
+        sigma: their imaginary part σ, rad/s.
+        T, R: measured amplitude ratios of φ, at the specimen's faces, shape (n,).
+        T_exact, R_exact: the same of the exact solver at ω + iσ.
+        judged: where the source has more than 1 % of its peak spectrum and the wave in the buffers
+            propagates, shape (n,).
+    """
+
+    sector: str
+    omega: NDArray[Any]
+    sigma: float
+    T: Complex
+    R: Complex
+    T_exact: Complex
+    R_exact: Complex
+    judged: NDArray[np.bool_]
+
+
+def _amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
+    """a and b of a e^{ikx} + b e^{−ikx}, least squares at each frequency; transform (n, nodes)."""
+    found = []
+    for values, wave in zip(transform, k, strict=True):
+        # Each column to a largest entry of 1, as the waves grow or decay along the stretch.
+        design = np.stack([np.exp(1j * wave * x), np.exp(-1j * wave * x)], axis=1)
+        size = np.abs(design).max(axis=0)
+        found.append(np.linalg.lstsq(design / size, values, rcond=None)[0] / size)
+    a, b = np.array(found).T
+    return a, b
+
+
+def _stretch(field: Field, low: float, high: float) -> slice | None:
+    """Nodes within a stretch, away from its ends; None if they are too few."""
+    away = _AWAY * float(field.medium.length_scale)
+    nodes = field.bar.nodes
+    first, last = np.searchsorted(nodes, [low + away, high - away])
+    return slice(int(first), int(last)) if last - first >= _FEWEST_NODES else None
+
+
+def scattered(field: Field, block: Block, frequencies: int, damping: float) -> Scattered | None:
+    """Measure a specimen between buffers, the first and the last layer of a bar.
+
+    Args:
+        field: of a bar with two absorbing ends and two layers or more, its sources in the first.
+        block: one with a rotation.
+        frequencies: number of frequencies.
+        damping: σT of the exponential window.
+
+    Returns:
+        What was measured; None where the bar is no such bar, or its buffers are too short.
+    """
+    layers, bar = field.layers, field.bar
+    if layers is None or (bar.left, bar.right) != ("absorbing", "absorbing"):
+        return None
+    first, last = layers.layers[0], layers.layers[-1]
+    own = pulses(field, block)
+    if len(layers.layers) < 2 or first.last is not None or last.last is not None or not own:
+        return None
+    if any(source.position > first.end for source in own):
+        return None
+    low, high = bar.clear
+    source_end = max(source.position + 8.5 * source.width for source in own)
+    before = _stretch(field, source_end, first.end)
+    behind = _stretch(field, last.start, high)
+    if before is None or behind is None or source_end < low:
+        return None
+    omega, sigma, size = contour(field, own, frequencies, damping)
+    s = omega + 1j * sigma
+    (name,) = block.rotations[0]
+    k = [wavenumber(layer.medium, block.sector, s) for layer in (first, last)]
+    ends = []
+    for nodes, face, wave in ((before, first.end, k[0]), (behind, last.start, k[1])):
+        transform = damped_transform(field.part(name, points=nodes), field.t, omega, sigma)
+        ends.append(_amplitudes(transform, bar.nodes[nodes] - face, wave))
+    (a, b), (c, _) = ends
+    exact = exact_scattering(layers, block.sector, s)
+    carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
+    return Scattered(
+        block.sector,
+        omega,
+        sigma,
+        c / a,
+        b / a,
+        *exact,
+        (size >= JUDGED) & carried,
+    )
+
+
+def exact_scattering(layers: Layers, sector: str, omega: Complex) -> tuple[Complex, Complex]:
+    """T and R of what lies between the first and the last layer, at its faces.
+
+    Args:
+        layers: of the bar, its buffers uniform.
+        sector: of the wave.
+        omega: ω + iσ, shape (n,), rad/s.
+    """
+    first, last = layers.layers[0], layers.layers[-1]
+    # The exact solver has its planes at the ends of what it is given: buffers of no length, almost.
+    sliver = 1e-6 * min(first.thickness, last.thickness)
+    inside = [layer for layer in layers.layers if first.end <= layer.start < last.start]
+    cut = [Layer(0.0, sliver, first.medium)]
+    for layer in inside:
+        start = cut[-1].end
+        cut.append(Layer(start, start + layer.thickness, layer.medium, layer.last, layer.grading))
+    cut.append(Layer(cut[-1].end, cut[-1].end + sliver, last.medium))
+    exact = transmission(Layers(tuple(cut)), sector, omega)
+    there, behind = (
+        np.exp(-1j * wavenumber(layer.medium, sector, omega) * sliver) for layer in (first, last)
+    )
+    return exact.T * there * behind, exact.R * there**2

@@ -1,0 +1,274 @@
+"""ω at each wavenumber of a record: by harmonic inversion in time, or by the peaks of the FFT.
+
+Receivers round a periodic bar hold its wavenumbers exactly. On a stretch the transform in space
+is exact at every wavenumber while the waves have not come to its ends; where they have, a point
+is good only to the resolution of the aperture, and harmonic inversion is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
+from scipy.signal import get_window
+
+from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
+from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.records.record import Record, RecordError
+
+Float = NDArray[Any]
+
+METHODS = ("harmonic", "fft")
+# Part of the Nyquist frequency or wavenumber up to which a point counts.
+_NYQUIST = 0.97
+# Part of the record's largest value at the ends of a stretch above which waves have left it.
+_AT_ENDS = 3e-3
+_WORKERS = 2
+# Peaks of the FFT count above this part of the highest at their wavenumber (power), and above
+# this many times the median.
+_PEAK_FLOOR = 1e-8
+_ABOVE_MEDIAN = 40.0
+_PADDING = 2
+# A wave weaker than this part of the record's strongest is rounding.
+ROUNDING = 1e-12
+_CYCLES = 1.0
+# Half-width of the Blackman–Harris main lobe.
+LOBE_BINS = 4
+# A wave's k is known to this part of the aperture's resolution 2π/X.
+_OF_LOBE = 0.1
+
+
+def wavenumbers(record: Record) -> Float:
+    """Wavenumbers 2πm/X of a record up to Nyquist, without 0, rad/m."""
+    count = len(record.x)
+    return np.asarray(2 * np.pi * np.arange(1, count // 2 + 1) / (count * record.spacing))
+
+
+def series(record: Record, k_max: float | None = None, taper: bool = False) -> tuple[Float, Float]:
+    """Transform in space: k (n,) and real and imaginary parts as channels, (n, 2C, nt).
+
+        û(k, t) = Σ_x u(x, t) e^{−ikx}
+
+    Args:
+        record: with evenly spaced receivers.
+        k_max: highest wavenumber wanted, rad/m.
+        taper: weigh the receivers by a Hann window, for a stretch that waves leave.
+
+    Raises:
+        RecordError: the receivers are uneven, or hold fewer than three wavenumbers up to k_max.
+    """
+    if not record.even:
+        raise RecordError(
+            "receivers are not evenly spaced: ω at given k needs even spacing; measure k at given "
+            "ω instead (wavesim attenuation, or method 'space')"
+        )
+    k = wavenumbers(record)
+    kept = len(k) if k_max is None else int(np.searchsorted(k, k_max * (1 + 1e-9), side="right"))
+    if kept < 3:
+        raise RecordError(
+            f"the receivers tell {kept} wavenumbers apart"
+            + ("" if k_max is None else f" up to k_max = {k_max:.4g} rad/m")
+            + f", multiples of {k[0]:.4g} rad/m: at least 3 are needed; cover a longer stretch, "
+            "use more receivers, or measure k at given ω instead (wavesim attenuation)"
+        )
+    parts = []
+    window = get_window("hann", len(record.x)) if taper else np.ones(len(record.x))
+    for values in record.values:
+        hat = rfft(values * window, axis=1, workers=_WORKERS)[:, 1 : kept + 1]
+        parts += [hat.real.T, hat.imag.T]
+    return k[:kept], np.stack(parts, axis=1) / len(record.x)
+
+
+def in_time(
+    record: Record,
+    k_max: float | None = None,
+    method: str = "harmonic",
+    omega_max: float | None = None,
+    most: int = 12,
+    dynamic_range: float = DYNAMIC_RANGE,
+    damped: bool = True,
+) -> BranchPoints:
+    """Branch points of a record, ω and its error at each wavenumber; branches by continuity.
+
+    Args:
+        record: with evenly spaced receivers; only frames without a source are used.
+        k_max: highest wavenumber wanted, rad/m; Nyquist where None.
+        method: "harmonic", exact without noise and at the Cramér–Rao bound with it, or "fft", the
+            peaks of a windowed transform between its bins.
+        omega_max: highest frequency wanted, rad/s.
+        most: most waves at one wavenumber, –.
+        dynamic_range: weakest wave sought, over the strongest at its wavenumber, –; harmonic.
+        damped: False holds every decay to 0; harmonic.
+
+    Returns:
+        The points, ascending in k and ω.
+
+    Raises:
+        RecordError: the record can't be used so; the message names the remedy.
+        ValueError: no method has that name.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+    quiet = record.since(record.quiet_from)
+    k, channels = series(quiet, k_max, taper=method == "fft" and not record.ring)
+    cell = 2 * np.pi / (len(quiet.t) * quiet.interval)
+    missing = quiet.missing if len(quiet.missing) and quiet.missing.any() else None
+    if method == "harmonic":
+        if not record.ring:
+            _check_ends(quiet)
+        found = invert(channels, quiet.interval, most, dynamic_range, damped, missing)
+        points = _from_sinusoids(found, k)
+    else:
+        points = _from_peaks(channels, k, quiet.interval)
+    points = _judged(points, quiet, cell)
+    if omega_max is not None:
+        points = points.take(points.omega <= omega_max)
+    points = with_branches(points, k, cell)
+    if method == "fft" and not record.ring:
+        points = _with_aperture(points, record.aperture)
+    return points
+
+
+def _with_aperture(points: BranchPoints, aperture: float) -> BranchPoints:
+    """Errors with what the width of the aperture's main lobe leaves open in k."""
+    error = points.error.copy()
+    for branch in points.branches:
+        own = np.flatnonzero(points.branch == branch)
+        slope = np.gradient(points.omega[own], points.k[own])
+        error[own] = np.hypot(error[own], np.abs(slope) * _OF_LOBE * 2 * np.pi / aperture)
+    return replace(points, error=error)
+
+
+def with_branches(points: BranchPoints, k: Float, cell: float) -> BranchPoints:
+    """The points with valid ones joined into branches over the wavenumbers k."""
+    branch = np.full(len(points), -1)
+    valid = np.flatnonzero(points.valid)
+    step = np.searchsorted(k, points.k[valid] * (1 - 1e-12))
+    branch[valid] = join(step, points.omega[valid], points.amplitude[valid], cell)
+    return replace(points, branch=branch)
+
+
+def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
+    reason = np.where(found.resolved, "", "not told apart from a neighbour or from noise")
+    settled = found.settled[found.series]
+    reason = np.where(found.resolved & ~settled, "more waves than sought at this k", reason)
+    return BranchPoints(
+        "harmonic",
+        k[found.series],
+        found.omega,
+        found.decay,
+        found.amplitude,
+        found.omega_error,
+        found.residual[found.series],
+        found.resolved & settled,
+        reason.astype(object),
+        np.full(len(found.omega), -1),
+    )
+
+
+def _judged(points: BranchPoints, record: Record, cell: float) -> BranchPoints:
+    """The validity rules that every method shares."""
+    points = points.refused(points.omega < cell, "less than one period in the record: lengthen it")
+    points = points.refused(
+        points.omega > _NYQUIST * np.pi / record.interval,
+        "at the Nyquist frequency: sample more often",
+    )
+    points = points.refused(
+        points.amplitude < ROUNDING * points.amplitude.max(initial=0.0),
+        "as weak as the rounding of the record's strongest wave",
+    )
+    if points.method == "fft":
+        points = points.refused(
+            points.omega < LOBE_BINS * cell, "in the window's main lobe about ω = 0: lengthen it"
+        )
+    nyquist = np.inf if record.lattice else _NYQUIST
+    points = points.refused(
+        points.k > nyquist * np.pi / record.spacing,
+        "at the Nyquist wavenumber: space receivers closer",
+    )
+    if not record.ring and points.method == "fft":
+        points = points.refused(points.k < 2 * np.pi / record.aperture, "longer than the aperture")
+    return points
+
+
+def _check_ends(record: Record) -> None:
+    """Refuse a stretch that waves have left."""
+    ends = float(np.sqrt(np.mean(record.values[..., [0, -1]] ** 2)))
+    peak = float(np.abs(record.values).max())
+    if ends > 2 * record.noise + _AT_ENDS * peak:
+        raise RecordError(
+            f"waves reach the ends of the receivers ({100 * ends / max(peak, 1e-290):.2g} % of the "
+            "peak there): ω at given k can't be had exactly; measure k at given ω (wavesim "
+            "attenuation), or take --method fft, which is good to the aperture's resolution"
+        )
+
+
+def power(channels: Float) -> tuple[Float, float]:
+    """Power Σ_c |∫ y_c w e^{iωt} dt|² over both directions, shape (n, nω), and ω per bin·Δt.
+
+    Args:
+        channels: of :func:`series`, shape (n, 2C, nt).
+    """
+    count = channels.shape[-1]
+    padded = next_fast_len(_PADDING * count, real=True)
+    window = get_window("blackmanharris", count, fftbins=False)
+    window *= 2 / window.sum()
+    total = np.zeros((len(channels), padded // 2 + 1))
+    for c in range(channels.shape[1]):
+        hat = rfft(channels[:, c] * window, padded, axis=-1, workers=_WORKERS)
+        total += hat.real**2 + hat.imag**2
+    return total, 2 * np.pi / padded
+
+
+def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
+    """Peaks of the windowed FFT, placed by a parabola through their logarithm.
+
+    The error is half the difference between that and the middle of the peak by a parabola through
+    the points two bins off: 0 for a lone sinusoid but for the window's shape, and more where
+    another is near.
+    """
+    heights, per_bin = power(channels)
+    logarithm = np.log(np.maximum(heights, 1e-300))
+    middle = logarithm[:, 2:-2]
+    peak = (middle > logarithm[:, 1:-3]) & (middle >= logarithm[:, 3:-1])
+    floor = np.log(_PEAK_FLOOR) + logarithm.max(axis=1, keepdims=True)
+    noise = np.log(_ABOVE_MEDIAN) + np.median(logarithm, axis=1, keepdims=True)
+    row, at = np.nonzero(peak & (middle > np.maximum(floor, noise)))
+    at = at + 2
+    near, top = _vertex(*(logarithm[row, at + d] for d in (-1, 0, 1)))
+    far, _ = _vertex(*(logarithm[row, at + d] for d in (-2, 0, 2)))
+    snr = np.exp(np.median(logarithm, axis=1))[row] / np.exp(top)
+    error = np.sqrt((near - 2 * far) ** 2 / 4 + _SHAPE**2 + 4 * snr) * per_bin / interval
+    total = heights.sum(axis=1)[row]
+    lobe = sum(heights[row, np.clip(at + d, 0, heights.shape[1] - 1)] for d in range(-8, 9))
+    explained = np.bincount(row, lobe / total, len(k))
+    return BranchPoints(
+        "fft",
+        k[row],
+        (at + near) * per_bin / interval,
+        np.zeros(len(row)),
+        np.exp(top / 2),
+        error,
+        np.clip(1 - explained, 0, 1)[row],
+        np.ones(len(row), bool),
+        np.full(len(row), "", object),
+        np.full(len(row), -1),
+    )
+
+
+# Error of the parabola through the logarithm of a Blackman–Harris peak padded twice, in its bins.
+_SHAPE = 2e-3
+
+
+def _vertex(left: Float, middle: Float, right: Float) -> tuple[Float, Float]:
+    bend = left - 2 * middle + right
+    bend = np.where(bend < 0, bend, -1e-300)
+    shift = np.clip(0.5 * (left - right) / bend, -1, 1)
+    return shift, middle - 0.25 * (left - right) * shift
+
+
+__all__ = ["METHODS", "in_time", "power", "series", "wavenumbers", "with_branches"]

@@ -1,0 +1,212 @@
+"""From a field to ω(k): windowed 2D FFT, ridges between the bins, branches by continuity.
+
+Nothing here knows the dispersion relation: the ridges are the peaks of the spectrum, and branches
+are peaks joined from one wavenumber to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import fft, next_fast_len, rfft
+from scipy.optimize import linear_sum_assignment
+
+from wavesim.material.sectors import Block
+from wavesim.simulation.field import MOST_WAVENUMBERS, Field
+
+Float = NDArray[Any]
+
+# 4-term Blackman–Harris: side lobes at −92 dB, main lobe of ±4 bins (Harris, Proc. IEEE 66, 51
+# (1978)). A peak counts above −80 dB of the strongest at its wavenumber.
+WINDOW = "blackmanharris"
+LOBE_BINS = 4
+_FLOOR = 1e-8
+_PADDING = 8
+# Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
+_AT_ONCE = 64e6
+# A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
+_LONGEST_BREAK = 3
+_SHORTEST_BRANCH = 5
+# The second point of a branch may lie this part of the way to the first one's nearest neighbour.
+_BEGINNING = 0.45
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Power of one block's motion over wavenumber and frequency.
+
+    Attributes:
+        k: wavenumbers, shape (nk,), rad/m.
+        omega: angular frequencies, even, shape (nω,), rad/s.
+        power: shape (nk, nω), relative to the strongest entry.
+        bin: frequency resolution 2π/T of the record, rad/s.
+    """
+
+    k: Float
+    omega: Float
+    power: Float
+    bin: float
+
+
+@dataclass(frozen=True)
+class Ridge:
+    """One branch recovered from a spectrum.
+
+    Attributes:
+        k: wavenumbers at which it was found, ascending, rad/m.
+        omega: its frequency there, rad/s.
+        power: height of its peak there, relative to the spectrum's strongest.
+    """
+
+    k: Float
+    omega: Float
+    power: Float
+
+
+def analysed_from(field: Field) -> int:
+    """First frame of the analysis: the first without a source, if that leaves half the record."""
+    quiet = int(np.searchsorted(field.t, field.quiet_from))
+    return quiet if quiet <= len(field.t) // 2 else 0
+
+
+def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None = None) -> Spectrum:
+    """2D FFT of a block's components: exact in space on a periodic bar, windowed in time.
+
+        P(|k|, ω) = Σ_components Σ_±k |∫∫ q w(t) e^{−i(kx−ωt)} dx dt|²
+
+    Args:
+        field: the field.
+        block: one of its blocks.
+        k_max: highest wavenumber wanted, rad/m.
+        omega_max: highest frequency wanted, rad/s; the Nyquist frequency of the frames where None.
+
+    Returns:
+        The spectrum, at the wavenumbers that the bar holds (of more than 2048 up to k_max at every
+        second, third, …), padded eightfold in time.
+
+    Raises:
+        ValueError: the bar holds fewer than three wavenumbers up to k_max.
+    """
+    k = field.bar.wavenumbers
+    count = int(np.searchsorted(k, k_max, side="right"))
+    if count < 3:
+        raise ValueError(
+            f"k_max = {k_max:.4g} rad/m: the bar of {field.bar.length:.4g} m holds only multiples "
+            f"of {k[1]:.4g} rad/m; raise k_max or lengthen the bar"
+        )
+    first = analysed_from(field)
+    frames = len(field.t) - first
+    from scipy.signal import get_window  # half a second to import, for those who only draw
+
+    window = get_window(WINDOW, frames, fftbins=False)
+    padded = next_fast_len(_PADDING * frames)
+    omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
+    kept = len(omega)
+    if omega_max is not None:
+        kept = min(kept, int(np.searchsorted(omega, omega_max, side="right")) + 1)
+    taken = slice(0, count, -(-count // MOST_WAVENUMBERS))
+    k = k[taken]
+    power = np.zeros((len(k), kept))
+    width = max(1, int(_AT_ONCE / (32 * padded)))
+    for in_space in _in_space(field, block, first, taken):
+        in_space *= window
+        for low in range(0, len(k), width):
+            in_time = np.abs(fft(in_space[low : low + width], padded)) ** 2
+            power[low : low + width] += in_time[:, :kept]
+            power[low : low + width, 1:] += in_time[:, : padded - kept : -1]
+    power /= max(power.max(), 1e-300)
+    return Spectrum(k, omega[:kept], power, 2 * np.pi / (frames * field.interval))
+
+
+def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[np.complex128]:
+    """Fourier coefficients over x of a block's components, shape (components, wavenumbers, frames).
+
+    Args:
+        field: the field.
+        block: one of its blocks.
+        first: frame to begin with.
+        taken: which of the bar's wavenumbers.
+    """
+    count, frames = len(field.bar.wavenumbers[taken]), len(field.t)
+    components = len(block.rotations + block.curvatures)
+    found = np.empty((components, count, frames - first), complex)
+    rows = max(1, int(_AT_ONCE / (16 * components * field.bar.cells)))
+    for low in range(first, frames, rows):
+        some = slice(low, min(low + rows, frames))
+        for at, (values, _) in enumerate(field.components(block, some)):
+            found[at, :, low - first : some.stop - first] = rfft(values, axis=1)[:, taken].T
+    return found
+
+
+def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
+    """Frequencies and heights of the peaks at one wavenumber, by a parabola through log power.
+
+    Args:
+        found: the spectrum.
+        index: of the wavenumber.
+
+    Returns:
+        Frequencies (rad/s), ascending, and power at the peaks.
+    """
+    from scipy.signal import find_peaks
+
+    height = np.log(np.maximum(found.power[index], 1e-300))
+    at, _ = find_peaks(height, height=height.max() + np.log(_FLOOR))
+    left, middle, right = height[at - 1], height[at], height[at + 1]
+    round_top = left + right < 2 * middle  # a plateau, as of nothing at all, is no peak
+    at, left, middle, right = at[round_top], left[round_top], middle[round_top], right[round_top]
+    shift = 0.5 * (left - right) / (left - 2 * middle + right)
+    top = middle - 0.25 * (left - right) * shift
+    return found.omega[0] + (at + shift) * (found.omega[1] - found.omega[0]), np.exp(top)
+
+
+def ridges(found: Spectrum) -> list[Ridge]:
+    """Branches of a spectrum: its peaks, joined over k by continuity of ω and of its slope.
+
+    At each wavenumber the peaks are assigned to the branches so far with the least total distance
+    from their straight continuation; a peak further off than two bins and the last slope begins a
+    branch of its own. A branch of one point has no slope yet: it may go nearly half-way to the peak
+    next to it.
+
+    Args:
+        found: the spectrum.
+
+    Returns:
+        The branches, ascending in their median frequency.
+    """
+    tracks: list[list[tuple[int, float, float]]] = []
+    room: dict[int, float] = {}
+    for index in range(1, len(found.k)):
+        omega, power = peaks(found, index)
+        live = [track for track in tracks if index - track[-1][0] - 1 <= _LONGEST_BREAK]
+        taken = set()
+        if live and len(omega):
+            guess = np.array([_continued(track, index) for track in live])
+            distance = np.abs(guess[:, :1] - omega)
+            first = [room[id(track)] if len(track) == 1 else 0.0 for track in live]
+            reach = 2 * found.bin + guess[:, 1:] + np.array(first)[:, None]
+            rows, columns = linear_sum_assignment(np.minimum(distance, 2 * reach))
+            for row, column in zip(rows, columns, strict=True):
+                if distance[row, column] <= reach[row, 0]:
+                    live[row].append((index, omega[column], power[column]))
+                    taken.add(column)
+        for column in set(range(len(omega))) - taken:
+            tracks.append([(index, omega[column], power[column])])
+            others = np.abs(np.delete(omega, column) - omega[column])
+            room[id(tracks[-1])] = _BEGINNING * min(omega[column], others.min(initial=np.inf))
+    kept = [np.array(track) for track in tracks if len(track) >= _SHORTEST_BRANCH]
+    branches = [Ridge(found.k[t[:, 0].astype(int)], t[:, 1], t[:, 2]) for t in kept]
+    return sorted(branches, key=lambda branch: float(np.median(branch.omega)))
+
+
+def _continued(track: list[tuple[int, float, float]], index: int) -> tuple[float, float]:
+    """Where a branch is expected next, and how far from there it may be."""
+    last, omega, _ = track[-1]
+    if len(track) == 1:
+        return omega, 0.0
+    before, earlier, _ = track[-2]
+    change = (omega - earlier) / (last - before) * (index - last)
+    return omega + change, abs(change)

@@ -1,0 +1,1 @@
+"""A pulse-transmission test, read from the signals of a few receivers alone."""

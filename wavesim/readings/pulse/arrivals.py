@@ -1,0 +1,208 @@
+"""Arrival times at a receiver, by four conventions, each with its standard error.
+
+Errors are those of white noise with the standard deviation seen before the arrival. They leave out
+what a convention does to a pulse that changes its shape: conventions then differ, and that is no
+error of any of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.signal import correlate
+
+from wavesim.readings.pulse.first_break import AT_THE_END, DETECTED, WEAK, envelope, onset
+from wavesim.readings.pulse.signals import PulseError, PulseRecord
+from wavesim.simulation.bandlimited import between, slope, top
+
+Float = NDArray[Any]
+
+CONVENTIONS = ("first break", "threshold", "envelope", "correlation")
+# A threshold must be this many deviations high, or noise crosses it first.
+_ABOVE_NOISE = 4.0
+# The parabola goes through the samples above this part of the envelope's peak.
+_CAP = 0.9
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Arrival times by one convention.
+
+    Attributes:
+        convention: its name.
+        time: shape (m,), s; NaN where there is none.
+        error: standard error for the noise of the record, shape (m,), s; NaN where unknown.
+        reason: why there is none, or no error; "" where there are both.
+    """
+
+    convention: str
+    time: Float
+    error: Float
+    reason: tuple[str, ...]
+
+
+Pick = tuple[float, float, str]
+
+
+def threshold(values: Float, fraction: float, noise: float) -> Pick:
+    """First time at which |u| reaches a part of its peak, between samples, in samples.
+
+    Args:
+        values: u, shape (nt,).
+        fraction: of the largest |u|, –, between 0 and 1.
+        noise: standard deviation, unit of u; NaN where unknown.
+
+    Returns:
+        (position, error s √(1 + fraction²)/|u′|, reason).
+    """
+    at = int(np.argmax(np.abs(values)))
+    if values[at] == 0:
+        return np.nan, np.nan, "the signal is 0"
+    if not 0 < at < len(values) - 1:
+        return np.nan, np.nan, AT_THE_END
+    sign = np.sign(values[at])
+    peak = float(between(sign * values, top(sign * values, at)))
+    level = fraction * peak
+    if level < _ABOVE_NOISE * noise:
+        return np.nan, np.nan, "the threshold lies in the noise: raise the fraction"
+    after = int(np.argmax(np.abs(values) >= level))
+    if after == 0:
+        return np.nan, np.nan, "the threshold is passed when the record begins: begin it earlier"
+    sign = np.sign(values[after])
+    place = float(
+        brentq(lambda at: float(sign * between(values, at)) - level, after - 1, after, xtol=1e-9)
+    )
+    steep = abs(slope(values, place))
+    return place, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
+
+
+def envelope_peak(values: Float, noise: float) -> Pick:
+    """Peak of the envelope: parabola by least squares through its logarithm near the top.
+
+    It goes through the samples about the largest that lie above 0.9 of it, three at least. In the
+    logarithm each has the error noise/envelope.
+
+    Args:
+        values: u, shape (nt,).
+        noise: standard deviation, unit of u; NaN where unknown.
+
+    Returns:
+        (position, error, reason), in samples.
+    """
+    size = envelope(values)
+    at = int(np.argmax(size))
+    if not size[at] > 0:
+        return np.nan, np.nan, "the signal is 0"
+    if not 0 < at < len(values) - 1:
+        return np.nan, np.nan, AT_THE_END
+    if size[at] < DETECTED * noise:
+        return np.nan, np.nan, WEAK
+    low_side = np.flatnonzero(size[:at] < _CAP * size[at])
+    high_side = np.flatnonzero(size[at:] < _CAP * size[at])
+    low = min(at - 1, int(low_side[-1]) + 1 if len(low_side) else 0)
+    high = max(at + 1, at + int(high_side[0]) - 1 if len(high_side) else len(size) - 1)
+    s = np.arange(low, high + 1) - at
+    design = np.stack([np.ones_like(s), s, s**2], axis=1).astype(float)
+    inverse = np.linalg.pinv(design)
+    c = inverse @ np.log(size[low : high + 1])
+    if not c[2] < 0:
+        return np.nan, np.nan, "the envelope has no peak: it is flat"
+    place = -c[1] / (2 * c[2])
+    # place = −c₁/2c₂: its derivatives by c₁ and c₂, through the parabola's own covariance.
+    gradient = np.array([0, -1 / (2 * c[2]), c[1] / (2 * c[2] ** 2)])
+    error = float(np.linalg.norm(gradient @ inverse)) * noise / float(size[at])
+    return at + float(place), error, _unless_known(noise)
+
+
+def correlation(values: Float, reference: Float, noise: float, reference_noise: float) -> Pick:
+    """Lag of the largest cross-correlation c(τ) = Σ u(t + τ) r(t), between samples, in samples.
+
+    With u = a r(t − τ) + n, E = Σ ṙ² = −c″(τ)/a, which noise doesn't bias, and
+    var τ = [s_u² E + N s_u² s_r² π²/3]/(aE)²: the noise of u, and that of both together. The
+    noise of r alone shifts all receivers alike, and is left out.
+
+    Args:
+        values: u, shape (nt,).
+        reference: r, shape (nt,), on the same times.
+        noise, reference_noise: standard deviations; NaN where unknown.
+
+    Returns:
+        (lag, error, reason).
+    """
+    c = correlate(values, reference, mode="full", method="fft")
+    at = int(np.argmax(c))
+    own = float(np.nan_to_num(reference_noise))
+    energy = float(np.sum(reference**2)) - len(reference) * own**2
+    if not (energy > 0 and c[at] > 0):
+        return np.nan, np.nan, "nothing in common with the reference"
+    # White noise in both: c has the deviation s √(Σ r²) where nothing is in common.
+    if c[at] < DETECTED * noise * np.sqrt(np.sum(reference**2)):
+        return np.nan, np.nan, WEAK
+    lag = top(c, at)
+    bend = -float(between(c, lag - 0.1) - 2 * between(c, lag) + between(c, lag + 0.1)) / 0.01
+    a = float(between(c, lag)) / energy
+    if not bend > 0:
+        return np.nan, np.nan, AT_THE_END
+    variance = noise**2 * bend / a + len(values) * (noise * own * np.pi) ** 2 / 3
+    return lag - (len(reference) - 1), float(np.sqrt(variance)) / bend, _unless_known(noise)
+
+
+def _unless_known(noise: float) -> str:
+    return "" if np.isfinite(noise) else "no error: the record begins too shortly before the signal"
+
+
+def arrivals(
+    record: PulseRecord,
+    convention: str,
+    fraction: float = 0.5,
+    reference: Float | None = None,
+) -> Arrivals:
+    """Arrival at every receiver by one convention.
+
+    Args:
+        record: the signals.
+        convention: "first break", "threshold", "envelope" or "correlation".
+        fraction: of the peak, for the threshold, –.
+        reference: signal to correlate with, shape (nt,), on the record's times (the source's, say);
+            that of the first receiver where None. Times are the lag plus the time at which the
+            reference's envelope peaks.
+
+    Returns:
+        The arrivals.
+
+    Raises:
+        PulseError: the convention is unknown, or fraction or reference are not admissible.
+    """
+    if convention not in CONVENTIONS:
+        raise PulseError(f"convention = {convention!r}: take one of {', '.join(CONVENTIONS)}")
+    if not 0 < fraction < 1:
+        raise PulseError(f"fraction = {fraction:g}: must lie between 0 and 1")
+    if reference is not None and np.shape(reference) != record.t.shape:
+        raise PulseError(
+            f"reference: shape {np.shape(reference)}; must be sampled as the signals, "
+            f"{len(record.t)}"
+        )
+    zero = 0.0
+    own = record.values[:, 0] if reference is None else np.asarray(reference, float)
+    own_noise = float(record.noise[0]) if reference is None else 0.0
+    if convention == "correlation":
+        zero = envelope_peak(own, own_noise)[0]
+    picks: list[Pick] = []
+    for u, noise in zip(record.values.T, record.noise.tolist(), strict=True):
+        if convention == "first break":
+            picks.append(onset(u))
+        elif convention == "threshold":
+            picks.append(threshold(u, fraction, noise))
+        elif convention == "envelope":
+            picks.append(envelope_peak(u, noise))
+        else:
+            picks.append(correlation(u, own, noise, own_noise))
+    place, error, reason = zip(*picks, strict=True)
+    step = record.interval
+    return Arrivals(
+        convention, record.t[0] + step * (np.array(place) + zero), step * np.array(error), reason
+    )

@@ -1,0 +1,215 @@
+"""A pulse test read whole: arrivals, velocities, dispersion, attenuation, Q, transmission loss."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
+from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
+from wavesim.readings.pulse.signals import PulseRecord, pulse_record
+from wavesim.readings.pulse.spectral_ratio import (
+    ConstantQuality,
+    attenuation_of_amplitudes,
+    constant_quality_of_amplitudes,
+)
+from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
+from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
+from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
+
+Float = NDArray[Any]
+
+_TAPER = 0.05
+_MOST_FREQUENCIES = 400
+# Whose velocity gives the travel times of the spectral ratio: the first that there is.
+_FOR_TRAVEL_TIME = ("correlation", "envelope", "threshold", "first break")
+
+
+@dataclass(frozen=True)
+class PulseResult:
+    """All that was read.
+
+    Attributes:
+        record: the signals.
+        window: through which spectra were taken.
+        arrivals, velocities: by convention.
+        spectra: of the receivers, n frequencies.
+        dispersion: complex k and what follows.
+        amplitude_attenuation, amplitude_error: α by amplitudes alone, shape (n,), Np/m.
+        constant_quality: Q by the spectral ratio over all n frequencies.
+        loss: between the receivers named.
+    """
+
+    record: PulseRecord
+    window: Window
+    arrivals: dict[str, Arrivals]
+    velocities: dict[str, Velocity]
+    spectra: Spectra
+    dispersion: Dispersion
+    amplitude_attenuation: Float
+    amplitude_error: Float
+    constant_quality: ConstantQuality
+    loss: Loss
+
+    def rows(self) -> dict[str, list[dict[str, Any]]]:
+        """Plain tables, for JSON or print: units stand in the names, None where there is no number.
+
+        Returns:
+            "arrivals", "velocities", "quality" and "frequencies", a list of rows each.
+        """
+        record, found, loss = self.record, self.dispersion, self.loss
+        picks = [
+            {"receiver": name, "position_m": record.x[j], "convention": convention,
+             "time_s": one.time[j], "error_s": one.error[j], "reason": one.reason[j]}
+            for convention, one in self.arrivals.items()
+            for j, name in enumerate(record.names)
+        ]  # fmt: skip
+        speeds = [
+            {"convention": convention, "velocity_m_s": one.velocity, "error_m_s": one.error,
+             "intercept_s": one.intercept, "scatter_s": one.scatter, "receivers": one.used,
+             "reason": one.reason}
+            for convention, one in self.velocities.items()
+        ]  # fmt: skip
+        q = self.constant_quality
+        ratio = {"quality": q.quality, "error": q.error, "inverse": q.inverse,
+                 "inverse_error": q.inverse_error, "amplitudes": q.used,
+                 "reason": q.reason}  # fmt: skip
+        columns: dict[str, Any] = {
+            "frequency_Hz": found.omega / (2 * np.pi),
+            "sigma_rad_s": np.full(len(found.omega), found.sigma),
+            "damped_re_k_rad_m": found.damped.real,
+            "damped_im_k_rad_m": found.damped.imag,
+            "damped_k_error_rad_m": found.damped_error,
+            "phase_velocity_m_s": found.phase_velocity,
+            "phase_velocity_error_m_s": found.phase_error,
+            "group_velocity_m_s": found.group_velocity,
+            "group_velocity_error_m_s": found.group_error,
+            "attenuation_Np_m": found.attenuation,
+            "attenuation_dB_m": found.decibels,
+            "attenuation_error_Np_m": found.attenuation_error,
+            "quality": found.quality,
+            "quality_error": found.quality_error,
+            "modulus_quality": found.modulus_quality,
+            "reason": found.reason,
+            "amplitude_attenuation_Np_m": self.amplitude_attenuation,
+            "amplitude_attenuation_error_Np_m": self.amplitude_error,
+            "loss_dB": loss.level,
+            "loss_error_dB": loss.error,
+            "loss_floor_dB": loss.floor,
+            "loss_reason": loss.reason,
+        }
+        each = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        tables = {"arrivals": picks, "velocities": speeds, "quality": [ratio], "frequencies": each}
+        return {name: [_plain(row) for row in table] for name, table in tables.items()}
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of Python alone, None for what is not finite."""
+    result: dict[str, Any] = {}
+    for name, value in row.items():
+        if isinstance(value, str | int):
+            result[name] = value
+        else:
+            result[name] = float(value) if math.isfinite(value) else None
+    return result
+
+
+def measure(
+    t: ArrayLike,
+    signals: Mapping[str, ArrayLike],
+    positions: Mapping[str, float],
+    window: Window | None = None,
+    omega: ArrayLike | None = None,
+    through: tuple[str, str] | None = None,
+    fraction: float = 0.5,
+    source: ArrayLike | None = None,
+    quiet_until: float | None = None,
+    k_max: float | None = None,
+    expected: tuple[float, float] | None = None,
+) -> PulseResult:
+    """Read a pulse test.
+
+    Args:
+        t: times, even, shape (nt,), s; may start anywhere.
+        signals: of each receiver, shape (nt,) each, one unit, without an offset; 2 to about 20
+            receivers, all on one side of the source, ascending away from it.
+        positions: x of each, m.
+        window: for spectra; where None a gate over the whole record, of which the last 5 %
+            fade.
+        omega: ω of all spectral results, ascending, shape (n,), rad/s; where None, as dense as
+            the window resolves, but 400 at most, over the band about the peak of the source's
+            spectrum in which that is above 1 % of the peak, and the first receiver above noise.
+        through: names of the input and output of the transmission loss; the first and the last
+            receiver where None.
+        fraction: of the peak, for arrival by threshold, –.
+        source: the source's signal, shape (nt,), which receivers are correlated with and whose
+            spectrum says what was driven; the first receiver's where None.
+        quiet_until: time before which there is only noise at every receiver, s; three quarters of
+            the time to each first break where None.
+        k_max: largest |Re k| that can be, rad/m, and
+        expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s: either resolves
+            the phases' ambiguity, see :mod:`wavesim.readings.pulse.phase_unwrapping`.
+
+    Returns:
+        The result.
+
+    Raises:
+        PulseError: something is not admissible; the message names it.
+    """
+    record = pulse_record(t, signals, positions, quiet_until)
+    if window is None:
+        length = float(record.t[-1] - record.t[0])
+        # The opening flank lies before the record: a pulse may come early in it.
+        start = float(record.t[0]) - length * _TAPER / (1 - _TAPER)
+        window = Gate(start, float(record.t[-1]), _TAPER)
+    known = None if source is None else np.asarray(source, float)
+    picks = {name: arrivals(record, name, fraction, known) for name in CONVENTIONS}
+    speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}
+    grid = _band(record, window, known) if omega is None else np.asarray(omega, float)
+    seen = spectra(record, window, grid, known)
+    alpha, alpha_error = attenuation_of_amplitudes(seen)
+    speed = next(
+        (speeds[n].velocity for n in _FOR_TRAVEL_TIME if math.isfinite(speeds[n].velocity)),
+        math.nan,
+    )
+    if seen.sigma:
+        nothing = "the spectral ratio over frequency needs a gate"
+        quality = ConstantQuality(math.nan, math.nan, math.nan, math.nan, 0, nothing)
+    else:
+        quality = constant_quality_of_amplitudes(seen, record.x / speed)
+    ends = through or (record.names[0], record.names[-1])
+    return PulseResult(
+        record,
+        window,
+        picks,
+        speeds,
+        seen,
+        dispersion(record, window, grid, k_max, expected, known),
+        alpha,
+        alpha_error,
+        quality,
+        transmission_loss(record, seen, *ends),
+    )
+
+
+def _band(record: PulseRecord, window: Window, source: Float | None) -> Float:
+    """Frequencies that are driven about the peak of the source's spectrum, above noise there."""
+    nyquist = np.pi / record.interval
+    trial = np.linspace(0, 0.98 * nyquist, 513)[1:]
+    coarse = spectra(record, window, trial, source)
+    counts = coarse.driven if source is not None else coarse.driven & coarse.above[:, 0]
+    counts = counts if counts.any() else coarse.driven
+    lost = np.flatnonzero(~counts)
+    peak = int(np.argmax(np.where(counts, coarse.source, -1)))
+    place = int(np.searchsorted(lost, peak))
+    first = int(lost[place - 1]) + 1 if place else 0
+    last = int(lost[place]) - 1 if place < len(lost) else len(trial) - 1
+    low, high = trial[first], trial[max(first, last)]
+    step = max(2 * np.pi / coarse.duration, float(high - low) / (_MOST_FREQUENCIES - 1))
+    low = max(float(low), step)
+    return np.arange(low, max(float(high), low + step / 2), step)

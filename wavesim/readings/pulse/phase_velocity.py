@@ -1,0 +1,214 @@
+"""Complex wavenumber, phase and group velocity, attenuation and Q from the spectra of receivers.
+
+Between receivers one wave runs towards larger x, U ∝ e^{ikx}, with k = k(ω + iσ); σ = 0 through a
+gate. What holds at real ω follows by the first two terms of the series
+
+    k(ω) ≈ k − iσ k′ − σ² k″/2,      k′ = dk/dω, a local parabola along ω
+
+(which fails close to a band edge, where k(ω) branches). From it c = ω/Re k, v_g = 1/Re k′,
+α = Im k, and two quality factors, which must not be mixed up:
+
+    Q_M = −Re M/Im M = Re k²/Im k²,     M ∝ ω²/k²: exact for a wave with one modulus M
+    Q_E = ω/(2 α v_g)                    energy held over energy lost in a radian
+
+Q_M is (ω/2αc)(1 − (αc/ω)²) with the phase velocity c. The energy lost in a length is 2α times the
+flow v_g E, hence Q_E; for a medium in which structure disperses waves and one loss law holds for
+all stiffnesses and inertias, k = k₀(ω√(ι/m)), so α = ω k₀′/2Q to first order in 1/Q and Q_E is the
+law's Q, while Q_M is not. Without structural dispersion both agree to the order 1/Q. In a gap
+decay is not loss, and neither means anything: Q is left out where |Im k| > |Re k|.
+
+Sachse & Pao, J. Appl. Phys. 49, 4320 (1978); Carcione, Wave Fields in Real Media, 2.3 (2015).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.dispersion.line_fit import fit_line, unknowns
+from wavesim.readings.pulse.phase_unwrapping import FINE, HIDDEN, Guess, resolve
+from wavesim.readings.pulse.signals import PulseRecord
+from wavesim.readings.pulse.spectral_windows import Spectra, Window, spectra
+from wavesim.readings.pulse.velocity import weighted_line
+
+Float = NDArray[Any]
+Complex = NDArray[np.complex128]
+
+DECIBELS_PER_NEPER = 20 / np.log(10)
+# Frequencies in the parabola along ω.
+_SPAN = 7
+# Deviations of the noise that explain a difference.
+_EXPLAINED = 3.0
+
+
+@dataclass(frozen=True)
+class Dispersion:
+    """What one wave between the receivers does, at n frequencies.
+
+    Attributes:
+        omega: shape (n,), rad/s.
+        sigma: σ of the window, rad/s.
+        damped: k at ω + iσ, as fitted, shape (n,), rad/m; NaN where not measurable.
+        damped_error: its standard error, of real and imaginary part alike, shape (n,), rad/m.
+        k: k at real ω, shape (n,), rad/m; the same without σ.
+        k_error: of real and imaginary part alike, shape (n,), rad/m: noise, and with σ the size
+            of the series' last term.
+        phase_velocity, phase_error: c and its standard error, shape (n,), m/s.
+        group_velocity, group_error: v_g and its standard error, shape (n,), m/s.
+        attenuation, attenuation_error: α and its standard error, shape (n,), Np/m.
+        quality, quality_error: Q_E = ω/(2αv_g) and its standard error, shape (n,), –.
+        modulus_quality: Q_M = Re k²/Im k², shape (n,), –.
+        intercept: of the phase at ω = 0, turns; see ``phase_unwrapping.py``.
+        reason: why there is no k, n of them; "" where there is one.
+    """
+
+    omega: Float
+    sigma: float
+    damped: Complex
+    damped_error: Float
+    k: Complex
+    k_error: Float
+    phase_velocity: Float
+    phase_error: Float
+    group_velocity: Float
+    group_error: Float
+    attenuation: Float
+    attenuation_error: Float
+    quality: Float
+    quality_error: Float
+    modulus_quality: Float
+    intercept: float
+    reason: tuple[str, ...]
+
+    @property
+    def decibels(self) -> Float:
+        """α, dB/m."""
+        return DECIBELS_PER_NEPER * self.attenuation
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where there is a k, shape (n,)."""
+        return np.array([not reason for reason in self.reason])
+
+
+def dispersion(
+    record: PulseRecord,
+    window: Window,
+    omega: Float,
+    k_max: float | None = None,
+    expected: tuple[float, float] | None = None,
+    source: Float | None = None,
+) -> Dispersion:
+    """Measure k(ω) and what follows from it.
+
+    Args:
+        record: the signals, of one wave that runs towards larger x: no echo within a gate.
+        window: a gate, or an exponential.
+        omega: ω, ascending, shape (n,), rad/s.
+        k_max: largest |Re k| that can be, rad/m; see ``phase_unwrapping.py``.
+        expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s.
+        source: the source's signal, shape (nt,); see ``spectral_windows.spectra``.
+
+    Returns:
+        The dispersion.
+
+    Raises:
+        PulseError: the frequencies or the gate are not admissible.
+    """
+    seen = spectra(record, window, omega, source)
+    step = FINE * 2 * np.pi / (len(record.t) * record.interval)
+    highest = min(omega[-1] + 2 * step, 0.999 * np.pi / record.interval)
+    fine = spectra(record, window, np.arange(step, highest, step), source)
+    guess = resolve(seen, fine, k_max, expected)
+    return derived(seen, guess, *wavenumber(seen, guess))
+
+
+def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
+    """k at ω + iσ by least squares of U against e^{ikx}, and the standard error of its parts."""
+    rows = np.flatnonzero(np.isfinite(guess.k))
+    k = np.full(len(seen.omega), complex(np.nan, np.nan))
+    error = np.full(len(k), np.nan)
+    if not len(rows):
+        return k, error
+    used, U = guess.used[rows], seen.values[rows]
+    size = np.log(np.maximum(np.abs(U), 1e-290))
+    decay = -weighted_line(np.broadcast_to(seen.x, U.shape), size, used * np.abs(U) ** 2)[0]
+    fit = fit_line(U, seen.x, used, 1, False, (guess.k[rows] + 1j * decay)[:, None])
+    k[rows] = fit.k[:, 0]
+    noise = np.where(used, seen.noise[rows], 0)
+    count = used.sum(axis=1)
+    # With no receiver to spare nothing is left over, and the noise must be known.
+    own = np.where((count > unknowns(1, False))[:, None], np.nan_to_num(noise), noise)
+    power = np.maximum(np.sum(own**2, axis=1) / count, fit.residual)
+    error[rows] = np.sqrt(power / 2) * fit.unit[:, 0]
+    return k, error
+
+
+def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispersion:
+    """All that follows from k(ω + iσ)."""
+    omega, sigma = seen.omega, seen.sigma
+    k1, e1, k2, e2 = _parabola(omega, damped, error, seen.duration)
+    if sigma:
+        k = damped - 1j * sigma * k1 - sigma**2 * k2 / 2
+        k_error = np.sqrt(
+            error**2 + (sigma * e1) ** 2 + (sigma**2 * e2 / 2) ** 2
+            + np.abs(sigma**2 * k2 / 2) ** 2
+        )  # fmt: skip
+        k1 = k1 - 1j * sigma * k2
+        e1 = np.hypot(e1, sigma * e2)
+    else:
+        k, k_error = damped, error
+    with np.errstate(divide="ignore", invalid="ignore"):
+        phase, group = omega / k.real, 1 / k1.real
+        lossy = (k.imag > 0) & (k.imag < np.abs(k.real))
+        quality = np.where(lossy, omega * k1.real / (2 * k.imag), np.nan)
+        modulus = np.where(lossy, (k**2).real / (k**2).imag, np.nan)
+        quality_error = np.abs(quality) * np.hypot(k_error / k.imag, e1 / k1.real)
+        phase_error = phase**2 / omega * k_error
+        group_error = group**2 * e1
+    reason = [
+        why or ("" if np.isfinite(value) else HIDDEN)
+        for why, value in zip(guess.reason, damped, strict=True)
+    ]
+    return Dispersion(
+        omega, sigma, damped, error, k, k_error, phase, phase_error, group, group_error,
+        k.imag.copy(), k_error, quality, quality_error, modulus, guess.intercept, tuple(reason),
+    )  # fmt: skip
+
+
+def _parabola(
+    omega: Float, k: Complex, error: Float, duration: float
+) -> tuple[Complex, Float, Complex, Float]:
+    """k′, k″ by a parabola through the frequencies about each, and their errors.
+
+    Neighbours closer than the window resolves, 2π/T, share their noise: errors grow by the √ of
+    how many share it. To that comes by how much a cubic gives another slope, as far as noise
+    doesn't explain it. NaN where a neighbour is missing; at the ends it leans inwards.
+    """
+    n = len(omega)
+    first, second = np.full((2, n), complex(np.nan, np.nan))
+    e1, e2 = np.full((2, n), np.nan)
+    span = min(_SPAN, n)
+    if span < 4:
+        return first, e1, second, e2
+    for i in range(n):
+        low = min(max(i - span // 2, 0), n - span)
+        own = slice(low, low + span)
+        if not np.isfinite(k[own]).all():
+            continue
+        s = omega[own] - omega[i]
+        scale = np.abs(s).max()
+        powers = (s / scale)[:, None] ** np.arange(4)
+        inverse, cubic = np.linalg.pinv(powers[:, :3]), np.linalg.pinv(powers)
+        _, b, c = inverse @ k[own]
+        first[i], second[i] = b / scale, 2 * c / scale**2
+        shared = max(1.0, 2 * np.pi / duration / float(np.mean(np.diff(omega[own]))))
+        deviations = np.sqrt(((inverse * error[own]) ** 2).sum(axis=1) * shared)
+        apart = cubic[1] - inverse[1]
+        noise = np.sqrt(((apart * error[own]) ** 2).sum() * shared)
+        bias = max(0.0, float(np.abs(apart @ k[own]) - _EXPLAINED * noise))
+        e1[i], e2[i] = np.hypot(deviations[1], bias) / scale, 2 * deviations[2] / scale**2
+    return first, e1, second, e2

@@ -1,0 +1,128 @@
+"""Attenuation and constant Q from amplitudes at several distances, without phases.
+
+At each frequency ln A(x) = const − αx. For Q that doesn't depend on frequency, α = πf/(Qc) and
+
+    ln A_j(f) = s(f) + g_j − π f τ_j/Q
+
+with the source's spectrum s, a gain g_j of each receiver, and the travel time τ_j: with two
+receivers, the slope of ln(A₂/A₁) against f is −π(τ₂ − τ₁)/Q, the classic spectral ratio. All
+receivers are fitted at once; s(f) is projected out frequency by frequency.
+
+Tonn, Geophys. Prospect. 39, 1 (1991).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavesim.readings.pulse.signals import PulseError
+from wavesim.readings.pulse.spectral_windows import Spectra
+from wavesim.readings.pulse.velocity import weighted_line
+
+Float = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class ConstantQuality:
+    """Q by the spectral ratio.
+
+    Attributes:
+        quality: Q, –; infinite or negative where amplitudes don't fall with frequency.
+        error: its standard error to first order, –; NaN where nothing tells it.
+        inverse, inverse_error: 1/Q, which the error is normal in, and its standard error, –.
+        used: amplitudes that count.
+        reason: why there is none, or "".
+    """
+
+    quality: float
+    error: float
+    inverse: float
+    inverse_error: float
+    used: int
+    reason: str = ""
+
+
+def _logarithms(seen: Spectra) -> tuple[Float, Float, bool]:
+    """ln A, the weights 1/variance, and whether these come from a known noise; shape (n, m)."""
+    size = np.abs(seen.values)
+    used = seen.above & seen.driven[:, None]
+    logarithm = np.log(np.maximum(size, 1e-290))
+    known = bool(np.isfinite(seen.noise).all() and (seen.noise > 0).all())
+    # Of the noise only the part along U changes ln|U|: half of its variance.
+    weight = 2 * (size / seen.noise) ** 2 if known else np.ones_like(size)
+    return logarithm, np.where(used, weight, 0), known
+
+
+def attenuation_of_amplitudes(seen: Spectra) -> tuple[Float, Float]:
+    """α(ω) from the slope of ln A against x.
+
+    Args:
+        seen: the spectra; with σ > 0, α is that at ω + iσ.
+
+    Returns:
+        α and its standard error, shape (n,), Np/m; the error by the noise, or by the scatter about
+        the line where that is larger or the noise is unknown. NaN where fewer than two receivers
+        count, the error also where it can't be told.
+    """
+    logarithm, weight, known = _logarithms(seen)
+    x = np.broadcast_to(seen.x, logarithm.shape)
+    b, a, variance = weighted_line(x, logarithm, weight)
+    left = (weight * (logarithm - a[:, None] - b[:, None] * x) ** 2).sum(axis=1)
+    spare = (weight > 0).sum(axis=1) - 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = np.where(spare > 0, left / np.maximum(spare, 1), 1.0 if known else np.nan)
+    factor = np.maximum(excess, 1) if known else excess
+    return -b, np.sqrt(variance * factor)
+
+
+def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> ConstantQuality:
+    """Q from the slope of ln A against f, over all receivers and all frequencies of the spectra.
+
+    The velocity's own change with frequency, which a constant Q entails, is neglected: it makes
+    Q wrong by a part of the order 1/πQ.
+
+    Args:
+        seen: the spectra, over a band without gaps, through a gate (σ = 0).
+        travel_time: τ_j, shape (m,), s; a time common to all is of no account.
+
+    Returns:
+        Q. Frequencies closer than the window resolves share their noise, and count accordingly.
+
+    Raises:
+        PulseError: the spectra come from an exponential window.
+    """
+    if seen.sigma:
+        raise PulseError("window: the spectral ratio over frequency needs a gate; give one")
+    logarithm, weight, known = _logarithms(seen)
+    weight = np.where((weight > 0).sum(axis=1)[:, None] >= 2, weight, 0)
+    tau = np.asarray(travel_time, float) - np.asarray(travel_time, float)[0]
+    frequency = seen.omega / (2 * np.pi)
+    columns = [-np.pi * frequency[:, None] * tau]
+    columns += [np.eye(len(tau))[j] * np.ones_like(weight) for j in range(1, len(tau))]
+    total = np.maximum(weight.sum(axis=1, keepdims=True), 1e-290)
+
+    def projected(part: Float) -> Float:
+        away = part - (weight * part).sum(axis=1, keepdims=True) / total
+        return np.asarray((np.sqrt(weight) * away).ravel())
+
+    design = np.stack([projected(column) for column in columns], axis=1)
+    data = projected(logarithm)
+    count = int((weight > 0).sum())
+    spare = count - int((weight > 0).any(axis=1).sum()) - len(tau)
+    if spare < 1 or not np.isfinite(tau).all():
+        nothing = "too few amplitudes above the noise, or no travel times"
+        return ConstantQuality(np.nan, np.nan, np.nan, np.nan, count, nothing)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-290)
+    inverse = np.linalg.pinv(design / scale)
+    solution = inverse @ data
+    excess = float(np.sum((data - design / scale @ solution) ** 2)) / spare
+    shared = max(1.0, 2 * np.pi / seen.duration / float(np.mean(np.diff(seen.omega))))
+    variance = float(np.sum(inverse[0] ** 2)) * shared * (max(1.0, excess) if known else excess)
+    one, error = float(solution[0] / scale[0]), float(np.sqrt(variance) / scale[0])
+    return ConstantQuality(
+        1 / one if one else np.inf, error / one**2 if one else np.nan, one, error, count
+    )

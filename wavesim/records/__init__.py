@@ -1,0 +1,1 @@
+"""A space-time record, ours or anybody's, and records of known truth."""

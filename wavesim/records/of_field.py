@@ -1,0 +1,51 @@
+"""The record of one block of a simulated field, for the methods that take any record."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from wavesim.material.sectors import Block
+from wavesim.records.record import Record, record
+from wavesim.records.relations import OfMedium
+from wavesim.simulation.field import Field
+
+
+def block_record(field: Field, block: Block) -> Record:
+    """One block's components on the grid, a ring.
+
+    Components that live on half-nodes are given at the nodes half a cell before: a shift that all
+    their waves share, which changes no frequency and no wavenumber.
+
+    Args:
+        field: the field.
+        block: one of ``field.blocks``.
+
+    Returns:
+        The record, in the units of ``Field.components``.
+    """
+    parts = [values for values, _ in field.components(block)]
+    names = [next(iter(c)) for c in block.rotations + block.curvatures]
+    own = tuple(s.position for s in field.sources if s.field in block.fields)
+    made = record(
+        np.stack(parts),
+        field.t,
+        field.bar.nodes,
+        names=names,
+        ring=True,
+        quiet_from=field.quiet_from,
+        sources=own,
+    )
+    if field.precision == "double":
+        return made
+    note = (
+        "single precision: rounding is a weak field of waves, and ω(k) of it is not judged; take "
+        '[time] precision = "double" for that'
+    )
+    return dataclasses.replace(made, notes=(*made.notes, note))
+
+
+def references(field: Field, block: Block) -> tuple[OfMedium, OfMedium]:
+    """Relations of the continuum and of the field's grid."""
+    return OfMedium(field.medium, block), OfMedium(field.medium, block, field.bar)

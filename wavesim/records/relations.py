@@ -1,0 +1,243 @@
+"""Dispersion relations as functions: of a medium, of its grid, and classical ones in closed form.
+
+A relation gives ω of its branches at real k, how strongly a unit source at a point excites each,
+and where it is known k at complex ω. The classical ones are from outside the model of the
+program: they check extraction, not physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import difference_weights
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block
+from wavesim.planewave.complex_frequency import damped
+from wavesim.planewave.dispersion_relation import block_frequencies, wavenumber
+from wavesim.planewave.eigenproblem import solve, spectral_form
+
+Float = NDArray[Any]
+Complex = NDArray[np.complex128]
+
+
+class Relation(Protocol):
+    """ω(k) of some waves."""
+
+    def omega(self, k: Float) -> Any:
+        """ω of each branch, shape (n, branches), rad/s, at k of shape (n,), rad/m.
+
+        Complex ω − iγ where waves decay in time.
+        """
+
+    def weights(self, k: Float) -> Float:
+        """Part of each branch in the response to a source of its own kind, (n, branches), –."""
+
+    def wavenumber(self, omega: Complex) -> Complex:
+        """k (Im k ≥ 0) at ω of shape (n,), rad/m; Im ω > 0 picks the outgoing one."""
+
+
+def outgoing(k: Any) -> Complex:
+    """The root of ±k that decays towards +x."""
+    return np.asarray(np.where(np.imag(k) < 0, -k, k))
+
+
+@dataclass(frozen=True)
+class Given:
+    """A relation given as a function, all branches excited alike.
+
+    Args:
+        function: ω of k: arrays (n,) to (n,) or (n, branches), rad/m to rad/s; complex ω − iγ
+            where waves decay in time.
+    """
+
+    function: Callable[[Float], Any]
+
+    def omega(self, k: Float) -> Float:
+        """ω of each branch."""
+        found = np.asarray(self.function(k))
+        return found[:, None] if found.ndim == 1 else found
+
+    def weights(self, k: Float) -> Float:
+        """All branches alike."""
+        size = self.omega(k).shape
+        return np.full(size, 1 / size[1])
+
+    def wavenumber(self, omega: Complex) -> Complex:
+        """Not known."""
+        raise ValueError("a relation given as a function of k has no k(ω) of its own")
+
+
+@dataclass(frozen=True)
+class OfMedium:
+    """Waves of one block of a medium, the source and the record on its first component.
+
+    Args:
+        medium: the medium.
+        block: one of ``wavesim.material.sectors.BLOCKS``.
+        bar: with a bar, its exact semi-discrete relation: the medium's at k̃(k) of the bar's
+            stencil, k̃ = (2/h) Σ c_j sin((j−½)kh).
+    """
+
+    medium: Medium
+    block: Block
+    bar: Bar | None = None
+
+    def modified(self, k: Any) -> Any:
+        """k̃(k) of the stencil, real or complex; k itself without a bar."""
+        if self.bar is None:
+            return k
+        h = self.bar.spacing
+        weights = difference_weights(self.bar.order)
+        return sum(2 / h * c * np.sin((j - 0.5) * k * h) for j, c in enumerate(weights, 1))
+
+    def stretch(self, k: Any) -> Any:
+        """dk̃/dk = Σ (2j−1) c_j cos((j−½)kh); 1 without a bar."""
+        if self.bar is None:
+            return np.ones_like(k)
+        h = self.bar.spacing
+        weights = difference_weights(self.bar.order)
+        return sum((2 * j - 1) * c * np.cos((j - 0.5) * k * h) for j, c in enumerate(weights, 1))
+
+    def omega(self, k: Float) -> Any:
+        """ω of each branch, ascending; ω − iγ of a medium with losses, Ω(ω) = ω₀(k̃(k))."""
+        lossless = block_frequencies(self.medium, self.block, self.modified(np.asarray(k)))
+        return damped(self.medium.damping, lossless) if self.medium.damping else lossless
+
+    def weights(self, k: Float) -> Float:
+        """Left times right eigenvector on the first component."""
+        scaled = np.asarray(self.modified(np.asarray(k))) * self.medium.length_scale
+        modes = solve(spectral_form(self.medium, self.block), scaled)
+        return np.asarray((modes.left * modes.right)[:, 0].real)
+
+    def wavenumber(self, omega: Complex) -> Complex:
+        """k(ω) in the limit Γ → 0; with a bar, solved for its stencil by Newton's method."""
+        exact = wavenumber(self.medium, self.block.sector, np.asarray(omega))
+        if self.bar is None:
+            return exact
+        k = exact.copy()
+        for _ in range(30):
+            k = k - (self.modified(k) - exact) / self.stretch(k)
+        return np.asarray(k)
+
+
+@dataclass(frozen=True)
+class Beam:
+    """Bernoulli–Euler beam: ω = c k², no gap (Graff, Wave Motion in Elastic Solids, §3.1).
+
+    Args:
+        stiffness: c = √(EI/ρA), m²/s.
+    """
+
+    stiffness: float
+
+    def omega(self, k: Float) -> Float:
+        """ω = c k²."""
+        return (self.stiffness * np.asarray(k) ** 2)[:, None]
+
+    def weights(self, k: Float) -> Float:
+        """One branch."""
+        return np.ones((len(k), 1))
+
+    def wavenumber(self, omega: Complex) -> Complex:
+        """k = √(ω/c), the travelling one; ik is the other."""
+        return outgoing(np.sqrt(np.asarray(omega, complex) / self.stiffness))
+
+
+@dataclass(frozen=True)
+class MassInMass:
+    """Chain of masses m₁, each with a mass m₂ on a spring inside, recorded on m₁.
+
+        4 sin²(ka/2) K = m(ω) ω²,    m(ω) = m₁ + m₂ ω₂²/(ω₂² − ω²),  ω₂² = k₂/m₂
+
+    (Huang, Sun & Huang, Int. J. Eng. Sci. 47, 610 (2009).) A gap where m(ω) < 0 and above.
+
+    Args:
+        spacing: a, m.
+        spring, inner_spring: K and k₂, N/m.
+        mass, inner_mass: m₁ and m₂, kg.
+    """
+
+    spacing: float
+    spring: float
+    mass: float
+    inner_spring: float
+    inner_mass: float
+
+    def _squares(self, k: Float) -> tuple[Float, Float]:
+        stiff = 4 * self.spring * np.sin(np.asarray(k) * self.spacing / 2) ** 2 / self.mass
+        inner, ratio = self.inner_spring / self.inner_mass, self.inner_mass / self.mass
+        half = (stiff + inner * (1 + ratio)) / 2
+        # The smaller root from the product of both, which loses nothing at long waves.
+        upper = half + np.sqrt(half**2 - stiff * inner)
+        return np.stack([stiff * inner / upper, upper], axis=-1), np.full_like(stiff, inner)
+
+    def omega(self, k: Float) -> Float:
+        """Acoustic and optical branch."""
+        return np.sqrt(self._squares(k)[0])
+
+    def weights(self, k: Float) -> Float:
+        """Part of each mode on the outer mass: 1/(1 + (m₂/m₁)(ω₂²/(ω₂² − ω²))²)."""
+        squares, inner = self._squares(k)
+        ratio = inner[:, None] / (inner[:, None] - squares)
+        return 1 / (1 + self.inner_mass / self.mass * ratio**2)
+
+    def wavenumber(self, omega: Complex) -> Complex:
+        """k = (2/a) arcsin √(m(ω) ω²/4K)."""
+        square = np.asarray(omega, complex) ** 2
+        inner = self.inner_spring / self.inner_mass
+        effective = self.mass + self.inner_mass * inner / (inner - square)
+        return outgoing(
+            2 / self.spacing * np.arcsin(np.sqrt(effective * square / (4 * self.spring)))
+        )
+
+
+@dataclass(frozen=True)
+class Diatomic:
+    """Chain of alternating masses m₁, m₂ on equal springs K, recorded on m₁, a apart.
+
+        m₁m₂ω⁴ − 2K(m₁ + m₂)ω² + 4K² sin²(ka/2) = 0
+
+    (Brillouin, Wave Propagation in Periodic Structures, ch. IV.)
+
+    Args:
+        spacing: a, between two masses m₁, m.
+        spring: K, N/m.
+        mass, other_mass: m₁ and m₂, kg.
+    """
+
+    spacing: float
+    spring: float
+    mass: float
+    other_mass: float
+
+    def _squares(self, k: Float) -> Float:
+        half = self.spring * (1 / self.mass + 1 / self.other_mass)
+        product = (
+            4 * self.spring**2 * np.sin(np.asarray(k) * self.spacing / 2) ** 2
+            / (self.mass * self.other_mass)
+        )  # fmt: skip
+        upper = half + np.sqrt(half**2 - product)
+        return np.stack([product / upper, upper], axis=-1)
+
+    def omega(self, k: Float) -> Float:
+        """Acoustic and optical branch."""
+        return np.sqrt(self._squares(k))
+
+    def weights(self, k: Float) -> Float:
+        """Part of each mode on m₁: d(ω²)/d(2K/m₁), (ω² − 2K/m₂)/(2ω² − 2K/m₁ − 2K/m₂)."""
+        squares = self._squares(k)
+        one, two = 2 * self.spring / self.mass, 2 * self.spring / self.other_mass
+        return (squares - two) / (2 * squares - one - two)
+
+    def wavenumber(self, omega: Complex) -> Complex:
+        """k = (2/a) arcsin √((2K(m₁ + m₂)ω² − m₁m₂ω⁴)/4K²)."""
+        square = np.asarray(omega, complex) ** 2
+        inside = 2 * self.spring * (self.mass + self.other_mass) * square
+        inside = inside - self.mass * self.other_mass * square**2
+        return outgoing(2 / self.spacing * np.arcsin(np.sqrt(inside) / (2 * self.spring)))

@@ -1,0 +1,303 @@
+"""What the terminal shows: the verdict, the bands and what is known before a run, as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wavesim.case.parts import highest_frequency
+from wavesim.case.problem import Problem
+from wavesim.grid.bar import Bar
+from wavesim.material.damping import quality
+from wavesim.material.layers import Layers
+from wavesim.simulation.plan import Plan, highest_band, media
+from wavesim.sources import GaussianDerivative, Recorded, Ricker, Source
+
+_MOST_LAYERS = 8
+# Rounding above the tolerance of a wavenumber is warned of.
+_ROUNDED = 1e-3
+
+
+def _table(*headings: str, title: str = "") -> Table:
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == headings[0] else "right")
+    return table
+
+
+def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
+    """Print checks as a table, pass or FAIL, and below it what to change for each that fails."""
+    table = _table("check", "measured", "reference", "tolerance", "unit", "")
+    for check in checks:
+        mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
+        numbers = [_number(check[key]) for key in ("measured", "reference", "tolerance")]
+        table.add_row(check["name"], *numbers, check["unit"], mark)
+    console.print(table)
+    for check in checks:
+        if check.get("remedy"):
+            console.print(Text("FAIL", "bold red"), f"{_short(check['name'])}: {check['remedy']}.")
+
+
+def _short(name: str) -> str:
+    """A check's name without what was compared."""
+    for mark in (": |", ": difference", " over "):
+        name = name.split(mark)[0]
+    return name
+
+
+def verdict(console: Console, summary: dict[str, Any]) -> None:
+    """Print the checks of a run, one line each, and how many passed.
+
+    Args:
+        console: where to.
+        summary: contents of summary.json.
+    """
+    checks = summary["checks"]
+    show_checks(console, checks)
+    passed = sum(check["passed"] for check in checks)
+    timing = summary["timing"]
+    console.print(
+        f"{passed} of {len(checks)} checks passed.  "
+        f"{summary['stepper']}, {summary['precision']} precision, {summary['steps']} steps, "
+        f"{summary['operator_products']} products; seconds: "
+        + ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in timing.items())
+        + f"; peak memory {summary['peak_memory_bytes'] / 2**20:.0f} MiB"
+    )
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return "none"
+    if value == int(value) and abs(value) < 1e5:
+        return f"{value:.0f}"
+    return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
+
+
+def survey(console: Console, problem: Problem) -> None:
+    """Print what can be said of a case before integrating."""
+    settled = problem.plan
+    medium, bar, steps = settled.medium, settled.bar, settled.schedule
+    frame = settled.duration / (steps.frames - 1)
+    size = steps.frames * len(settled.fields) * bar.cells * settled.stored.itemsize
+    kHz = 1e-3 / (2 * math.pi)
+    rows = [
+        ("title", problem.case.title or "–"),
+        ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
+                   f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
+        *([("layers", _layers(settled.layers))] if len(settled.layers.layers) > 1 else []),
+        ("losses", _losses(settled.layers)),
+        ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
+                f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
+        ("ends", _ends(bar)),
+        ("grid carries", f"peak frequencies to {_carried(settled) / 1e3:.5g} kHz"),
+        ("sources", ", ".join(map(_source, settled.sources))),
+        ("integrated", ", ".join(settled.fields)),
+        ("time", f"{settled.duration:.6g} s, {steps.frames} frames of {frame:.4g} s (Nyquist "
+                 f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / settled.duration:.4g} kHz"),
+        ("stepper", f"{steps.solver}, {_steps(settled)}; {steps.operator_products} products"),
+        ("precision", _precision(settled)),
+        ("judged", f"k = {problem.k_range[0]:.5g} to {problem.k_range[1]:.5g} rad/m, every "
+                   f"{2 * math.pi / bar.length:.4g} rad/m" if settled.endless
+                   else "receivers, against the exact solution in the frequency domain"),
+        ("result file", f"at most {size / 1e6:.4g} MB"),
+    ]  # fmt: skip
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, text in rows:
+        table.add_row(Text(name, "bold"), text)
+    console.print(table)
+
+
+def _steps(settled: Plan) -> str:
+    steps = settled.schedule
+    if not any(leg.stride for leg in steps.legs):
+        return f"{steps.steps} steps of {settled.step:.4g} s"
+    return f"{steps.steps} steps: of {settled.step:.4g} s while sources act, then one a frame"
+
+
+def _precision(settled: Plan) -> str:
+    if settled.precision == "double":
+        return "double"
+    return f"single, fields within {settled.rounding:.2g} of the largest; energy is not judged"
+
+
+def _layers(layers: Layers) -> str:
+    shown = [
+        f"{layer.start * 1e3:.6g} to {layer.end * 1e3:.6g} mm{', graded' if layer.last else ''}"
+        for layer in layers.layers[:_MOST_LAYERS]
+    ]
+    more = len(layers.layers) - len(shown)
+    return "; ".join(shown) + (f"; and {more} more" if more else "")
+
+
+def _losses(layers: Layers) -> str:
+    laws = dict.fromkeys(layer.medium.damping for layer in layers.layers if layer.medium.damping)
+    if not laws:
+        return "none"
+    told = []
+    for law in laws:
+        parts = [f"α = {law.mass:g} 1/s"] if law.mass else []
+        parts += [f"β = {law.stiffness:g} s"] if law.stiffness else []
+        if law.rates:
+            middle = math.sqrt(law.rates[0] * law.rates[-1])
+            parts.append(
+                f"Q = {float(quality(law, middle)):.4g} at {middle / 2e3 / math.pi:.4g} kHz, "
+                f"{len(law.rates)} relaxations"
+            )
+        told.append(", ".join(parts))
+    return "; ".join(told)
+
+
+def _ends(bar: Bar) -> str:
+    if bar.periodic:
+        return "periodic"
+    long = f" over {bar.absorber * 1e3:g} mm"
+    return ", ".join(
+        f"{side} {end}{long if end == 'absorbing' else ''}"
+        for side, end in (("left", bar.left), ("right", bar.right))
+    )
+
+
+def _carried(settled: Plan) -> float:
+    """Highest peak frequency that the grid carries in every layer, Hz."""
+    return min(highest_frequency(medium, settled.bar) for medium in media(settled.layers))
+
+
+def warnings(problem: Problem) -> list[str]:
+    """What will make a run of a case less than it could be; each with its remedy."""
+    settled = problem.plan
+    frame = settled.duration / (settled.schedule.frames - 1)
+    band = highest_band(settled.sources, settled.medium)
+    found = []
+    if math.pi / frame < band:
+        needed = math.ceil(settled.duration * band / math.pi) + 1
+        found.append(
+            f"[time] samples = {settled.schedule.frames}: the frames alias the sources' band "
+            f"(to {band / 2e3 / math.pi:.4g} kHz); take at least {needed}"
+        )
+    late = [s for s in settled.sources if s.end > settled.duration]
+    if late:
+        found.append(
+            f"[time] duration = {settled.duration:g}: the {late[0].field} source acts until "
+            f"{late[0].end:.4g} s; lengthen the run"
+        )
+    if settled.rounding > _ROUNDED:
+        found.append(
+            f'[time] precision = "single": rounding may come to {settled.rounding:.2g} of the '
+            'largest value, which no check allows for; take "double", or a shorter duration'
+        )
+    for source in settled.sources:
+        found += _begins_with_a_jump(source)
+    return found + _absorbed(problem)
+
+
+def _absorbed(problem: Problem) -> list[str]:
+    """What stands in an absorbing layer, and absorbers that are too short."""
+    bar = problem.plan.bar
+    low, high = bar.clear
+    found = []
+    for key, places in (
+        ("[[sources]] position", [s.position for s in problem.plan.sources]),
+        ("[[receivers]] position", list(problem.receivers.values())),
+    ):
+        inside = [x for x in places if not low <= x <= high]
+        if inside:
+            found.append(
+                f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
+                f"the medium; move it into {low:g} to {high:g} m"
+            )
+    room = 2 * float(problem.plan.medium.length_scale)
+    free = (
+        low + room if bar.left == "absorbing" else 0.0,
+        high - room if bar.right == "absorbing" else bar.length,
+    )
+    near = [x for x in problem.plan.layers.interfaces if not free[0] <= x <= free[1]]
+    if near:
+        found.append(
+            f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
+            "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
+        )
+    least = 4 * max(float(medium.branch_length) for medium in media(problem.plan.layers))
+    if 0 < bar.absorber < least:
+        found.append(
+            f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "
+            f"1e-4; take at least {least:g}"
+        )
+    return found
+
+
+def _source(source: Source) -> str:
+    pitch = source.peak_frequency
+    at = f", {pitch / 1e3:.5g} kHz" if math.isfinite(pitch) else ""
+    kind = "" if source.kind == "ricker" else f"{source.kind} on "
+    return f"{kind}{source.field} at {source.position:g} m{at}"
+
+
+def _begins_with_a_jump(source: Source) -> list[str]:
+    if isinstance(source, Ricker | GaussianDerivative):
+        # From three quarters of the way to its onset on, a pulse is below 1e-8 of its peak.
+        least = 0.75 * (source.peak_time - source.onset)
+        if source.peak_time < least * (1 - 1e-9):
+            return [
+                f"[[sources]] delay = {source.peak_time:g}: the pulse begins with a jump; take at "
+                f"least {least:.3g} s"
+            ]
+    if isinstance(source, Recorded) and source.onset < 0:
+        jump = abs(source.signal(0.0)) / abs(source.signal(source.peak_time))
+        if jump > 1e-8:
+            return [
+                f"[[sources]] start = {source.first:g}: the recorded signal begins with a jump of "
+                f"{jump:.1e} of its peak at t = 0; taper it, or take at least "
+                f"{2 * source.interval:.3g} s"
+            ]
+    return []
+
+
+def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[Any]) -> None:
+    """Print the branches and gaps of a medium.
+
+    Args:
+        console: where to.
+        rows: of ``wavesim.planewave.bands.table``.
+        full_gaps: [(lower, upper)] in Hz and ω̄: (low, high, low_bar, high_bar).
+    """
+    table = _table("sector", "branch", "cutoff", "", "asymptote", "", "gap above", "", "")
+    table.columns[1].justify = "left"
+    for column in table.columns:
+        column.no_wrap = True
+    table.add_row("", "", "kHz", "ω̄", "kHz", "ω̄", "", "kHz", "ω̄", style="dim")
+    for row in rows:
+        table.add_row(
+            row["sector"].replace(", transverse", ", "),
+            row["branch"],
+            *_pair(row["cutoff_hz"], row["cutoff_bar"]),
+            *_pair(row["asymptote_hz"], row["asymptote_bar"]),
+            row["gap"] or "",
+            *(
+                (
+                    f"{row['gap_lower_hz'] / 1e3:.2f} – {row['gap_upper_hz'] / 1e3:.2f}",
+                    f"{row['gap_lower_bar']:.4f} – {row['gap_upper_bar']:.4f}",
+                )
+                if row["gap"]
+                else ("", "")
+            ),
+        )
+    console.print(table)
+    if not full_gaps:
+        console.print("At every frequency some wave propagates.")
+    for low, high, low_bar, high_bar in full_gaps:
+        console.print(
+            f"No wave propagates between {low / 1e3:.2f} and {high / 1e3:.2f} kHz "
+            f"(ω̄ {low_bar:.4f} – {high_bar:.4f})."
+        )
+
+
+def _pair(hertz: float | None, bar: float | None) -> tuple[str, str]:
+    if hertz is None or bar is None:
+        return ("rises", "")
+    return f"{hertz / 1e3:.2f}", f"{bar:.4f}"

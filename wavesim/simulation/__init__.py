@@ -1,0 +1,1 @@
+"""What is simulated, and the space-time field that comes of it."""

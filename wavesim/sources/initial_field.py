@@ -1,0 +1,99 @@
+"""A field given at t = 0, at rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavesim.sources.source import Drive, Source, check_place, namespace
+
+
+@dataclass(frozen=True)
+class InitialField(Source):
+    """A field at rest at t = 0: amplitude · exp(−(x − x_s)²/2w²).
+
+    It is what a body moment of the inertia times amplitude · δ′(t) leaves behind, so that its
+    spectrum is amplitude · (−iω). All frequencies are excited alike; what it excites is limited in
+    wavenumber, by exp(−k²w²/2), and its band is therefore infinite.
+
+    Args:
+        field: the field, phi1 … B33.
+        position: x_s, m.
+        width: w, standard deviation, m, > 0.
+        amplitude: rad for a rotation, 1/m for a micro-curvature.
+
+    Raises:
+        ValueError: a value is not admissible; the message names it.
+    """
+
+    field: str
+    position: float
+    width: float
+    amplitude: float = 1.0
+    drive: Drive = "initial"
+
+    def __post_init__(self) -> None:
+        check_place(self, ("initial",))
+        if not (self.width > 0 and math.isfinite(self.width)):
+            raise ValueError(f"width = {self.width:g} m: must be > 0")
+
+    @property
+    def kind(self) -> str:
+        """initial."""
+        return "initial"
+
+    @property
+    def peak_frequency(self) -> float:
+        """Infinite: its spectrum rises with ω."""
+        return math.inf
+
+    @property
+    def peak_time(self) -> float:
+        """0 s."""
+        return 0.0
+
+    @property
+    def onset(self) -> float:
+        """0 s."""
+        return 0.0
+
+    @property
+    def end(self) -> float:
+        """0 s: it acts no more."""
+        return 0.0
+
+    @property
+    def band(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    @property
+    def excited(self) -> tuple[float, float]:
+        """All frequencies."""
+        return 0.0, math.inf
+
+    @property
+    def spectral_end(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    @property
+    def strongest(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    @property
+    def highest_wavenumber(self) -> float:
+        """Wavenumber above which exp(−k²w²/2) is below 3 %, rad/m."""
+        return math.sqrt(2 * math.log(1 / 0.03)) / self.width
+
+    def signal(self, t: Any) -> Any:
+        """0: there is no signal."""
+        return namespace(t).zeros_like(t)
+
+    def spectrum(self, omega: Any) -> Any:
+        """amplitude · (−iω), unit of the amplitude over s; see :meth:`Source.spectrum`."""
+        return -1j * self.amplitude * np.asarray(omega)

@@ -1,0 +1,236 @@
+"""What every source has: a field, a place, a way to drive, a signal and its transform."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.material.wave_equations import FIELDS, ROTATIONS
+
+Drive = Literal["body", "moment", "rotation", "initial"]
+
+SIGNAL_DRIVES: tuple[str, ...] = ("body", "moment", "rotation")
+END_DRIVES: tuple[str, ...] = ("moment", "rotation")
+
+# A frequency counts as excited where the spectrum is above this part of its peak.
+EXCITED = 1e-3
+# The band of a source ends where its spectrum falls below this part of its peak for good.
+IN_BAND = 0.03
+
+
+class Source(abc.ABC):
+    """A source: amplitude · s(t) on one field at one place.
+
+    By its ``drive`` the signal is
+
+    - "body": a body moment (on a rotation φ_i) or a body double moment (on a micro-curvature
+      B_ij), amplitude · s(t) · δ(x − position), or a Gaussian of standard deviation width in place
+      of δ; N·m/m² on a rotation, N on a micro-curvature;
+    - "moment": the surface moment on a free end, N·m/m²; position is that of the end;
+    - "rotation": the rotation φ_i of a fixed end, rad; position is that of the end;
+    - "initial": none; the field itself at t = 0, see ``InitialField``.
+
+    Every kind is a frozen dataclass and hashable, so that jax takes it as static.
+    """
+
+    if TYPE_CHECKING:  # fields of the dataclasses, or properties of them
+
+        @property
+        def field(self) -> str:
+            """The field it drives, phi1 … B33."""
+
+        @property
+        def position(self) -> float:
+            """x_s, m."""
+
+        @property
+        def amplitude(self) -> float:
+            """By which s(t), of order 1, is multiplied."""
+
+        @property
+        def width(self) -> float:
+            """Standard deviation of a Gaussian in x, m; 0 is a point."""
+
+        @property
+        def drive(self) -> Drive:
+            """How it drives."""
+
+        @property
+        def peak_frequency(self) -> float:
+            """The dominant frequency, Hz."""
+
+    @property
+    @abc.abstractmethod
+    def kind(self) -> str:
+        """Its name in a case file."""
+
+    @property
+    @abc.abstractmethod
+    def peak_time(self) -> float:
+        """Time of its peak, or of its middle, s."""
+
+    @property
+    @abc.abstractmethod
+    def onset(self) -> float:
+        """Time until which it is below 1e-15 of its peak, s."""
+
+    @property
+    @abc.abstractmethod
+    def end(self) -> float:
+        """Time from which on it is below 1e-15 of its peak, s."""
+
+    @property
+    @abc.abstractmethod
+    def band(self) -> float:
+        """Angular frequency above which its spectrum is below 3 % of its peak, rad/s."""
+
+    @property
+    @abc.abstractmethod
+    def excited(self) -> tuple[float, float]:
+        """Lowest and highest angular frequency that count as excited, rad/s."""
+
+    @property
+    @abc.abstractmethod
+    def spectral_end(self) -> float:
+        """Angular frequency from which on its spectrum is rounding, rad/s.
+
+        Infinite where a derivative of the signal jumps: its spectrum then falls as a power of ω.
+        """
+
+    @property
+    @abc.abstractmethod
+    def strongest(self) -> float:
+        """Largest |spectrum| at real ω, unit of the amplitude times s."""
+
+    @abc.abstractmethod
+    def signal(self, t: Any) -> Any:
+        """amplitude · s(t).
+
+        Args:
+            t: times, numpy or jax array of any shape, s.
+
+        Returns:
+            Shape of t, unit of the amplitude.
+        """
+
+    @abc.abstractmethod
+    def spectrum(self, omega: Any) -> Any:
+        """Fourier transform ∫ amplitude · s(t) e^{iωt} dt, entire in ω.
+
+        Args:
+            omega: angular frequencies, real or complex, any shape, rad/s.
+
+        Returns:
+            Shape of omega, complex, unit of the amplitude times s.
+        """
+
+    @property
+    def staggered(self) -> bool:
+        """Whether the field it drives lives on the half-nodes."""
+        return self.field not in ROTATIONS
+
+
+def check_place(source: Source, drives: tuple[str, ...] = SIGNAL_DRIVES) -> None:
+    """Hold what all kinds have in common to what is admissible.
+
+    Args:
+        source: of any kind.
+        drives: those that its kind offers.
+
+    Raises:
+        ValueError: a value is not admissible; the message names it.
+    """
+    if source.field not in FIELDS:
+        raise ValueError(f"field = {source.field!r}: must be one of {', '.join(FIELDS)}")
+    if source.width < 0:
+        raise ValueError(f"width = {source.width:g} m: must be 0 (a point) or greater")
+    if source.drive not in drives:
+        raise ValueError(f"drive = {source.drive!r}: must be one of {', '.join(drives)}")
+    if source.drive in END_DRIVES:
+        if source.staggered:
+            raise ValueError(
+                f"field = {source.field!r}: a drive {source.drive!r} acts on a rotation at an "
+                f"end; take one of {', '.join(ROTATIONS)}"
+            )
+        if source.width != 0:
+            raise ValueError(
+                f"width = {source.width:g} m: must be 0 for drive {source.drive!r}, which acts at "
+                "an end"
+            )
+
+
+def parameters(source: Source) -> dict[str, Any]:
+    """Every parameter of a source by name, with times in place of None."""
+    values = {f.name: getattr(source, f.name) for f in dataclasses.fields(cast(Any, source))}
+    settled = {"delay": source.peak_time, "start": getattr(source, "first", None)}
+    return values | {name: settled[name] for name in settled if values.get(name, 0) is None}
+
+
+def check_positive(source: Source, *units: tuple[str, str]) -> None:
+    """Hold parameters to what is finite and greater than 0.
+
+    Args:
+        source: of any kind.
+        units: the parameters' names, each with its unit.
+
+    Raises:
+        ValueError: one is not; the message names it.
+    """
+    for name, unit in units:
+        value = getattr(source, name)
+        if not (value > 0 and math.isfinite(value)):
+            raise ValueError(f"{name} = {value:g} {unit}: must be > 0")
+
+
+def namespace(t: Any) -> Any:
+    """numpy or jax.numpy, after the array; numpy for a plain number."""
+    return t.__array_namespace__() if hasattr(t, "__array_namespace__") else np
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Where a spectrum is, read off its size on a grid of frequencies.
+
+    Attributes:
+        peak: ω of its largest value, rad/s.
+        strongest: that value.
+        band: the first point of the grid above which it stays below 3 % of that, rad/s.
+        excited: the first and last point between which it is above 1e-3 of that, rad/s.
+    """
+
+    peak: float
+    strongest: float
+    band: float
+    excited: tuple[float, float]
+
+
+def extent(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
+    """Read the extent off a grid; the largest value by a parabola through three points.
+
+    Args:
+        omega: even grid from 0 to where size stays below 1e-3 of its peak, rad/s.
+        size: |spectrum| there.
+    """
+    at = int(np.argmax(size))
+    peak, strongest = omega[at], size[at]
+    if 0 < at < len(size) - 1:
+        before, after = size[at - 1], size[at + 1]
+        bend = before - 2 * strongest + after
+        if bend < 0:
+            shift = (before - after) / (2 * bend)
+            peak, strongest = peak + shift * omega[1], strongest - (before - after) * shift / 4
+    last = len(omega) - 1
+    in_band = np.nonzero(size >= IN_BAND * strongest)[0]
+    heard = np.nonzero(size >= EXCITED * strongest)[0]
+    return Extent(
+        float(peak),
+        float(strongest),
+        float(omega[min(in_band[-1] + 1, last)]),
+        (float(omega[max(heard[0] - 1, 0)]), float(omega[min(heard[-1] + 1, last)])),
+    )

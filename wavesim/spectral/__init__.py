@@ -1,1 +1,0 @@
-"""The plane-wave side: bands, complex wavenumbers, gaps. Knows no grid and no jax."""

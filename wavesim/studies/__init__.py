@@ -1,0 +1,1 @@
+"""From many points or runs back to a medium."""

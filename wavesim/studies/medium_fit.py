@@ -1,0 +1,278 @@
+"""From recovered points back to the material: least squares for chosen parameters of the medium.
+
+    minimise Σ |(ω_b(k_i; θ) − ω_i)/e_i|²  or  Σ |(k(ω_i; θ) − k_i)/e_i|²
+
+with exact derivatives. From ω² v = K(k; θ) v and its left eigenvector u, uᵀv = 1,
+
+    ∂ω²/∂θ = uᵀ (∂K/∂θ) v,    ∂k/∂θ = −uᵀ (∂K/∂θ) v / uᵀ (∂K/∂k) v,
+
+and ∂K/∂θ is taken through the constitutive tensors by forward differentiation. Jax is loaded
+only when a fit is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.sectors import BLOCKS, Block, BlockForm, block_form
+from wavesim.planewave.eigenproblem import stiffness, stiffness_slope
+from wavesim.readings.dispersion.points import BAR, BranchPoints
+from wavesim.records.relations import OfMedium
+
+Float = NDArray[Any]
+
+_BOUNDS = {"anisotropy": (-1.0, 2.0)}
+# Rounds of naming the points' branches anew by the parameters found.
+_ROUNDS = 6
+
+
+class FitError(ValueError):
+    """A fit can't be made; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Points of one block.
+
+    Attributes:
+        block: the block.
+        points: recovered; only valid ones are used.
+        grid: the stencil that they obey, as an order and a spacing in ``OfMedium``; None for the
+            continuum.
+    """
+
+    block: Block
+    points: BranchPoints
+    grid: Any = None
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Parameters of a medium with their uncertainties.
+
+    Attributes:
+        medium: with the fitted values.
+        values: {parameter: value}, SI.
+        errors: {parameter: standard error}, SI.
+        covariance: shape (p, p), in the order of values.
+        chi_square: Σ of squared residuals over degrees of freedom; about 1 where the medium and
+            the points' errors are right. Errors are stretched by its root where it is above 1.
+        points: number of points used.
+    """
+
+    medium: Medium
+    values: dict[str, float]
+    errors: dict[str, float]
+    covariance: Float
+    chi_square: float
+    points: int
+
+    @property
+    def bars(self) -> dict[str, float]:
+        """Half-widths of the 95 % bars."""
+        return {name: BAR * error for name, error in self.errors.items()}
+
+
+def fit(
+    observed: Sequence[Observed],
+    start: Medium,
+    parameters: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> Fitted:
+    """Fit parameters of a medium to recovered points.
+
+    Args:
+        observed: points by block; their branches are named anew as the fit goes, so that only
+            roughly the right medium is needed to start from.
+        start: the medium with first guesses, and with all that is known.
+        parameters: names of the parameters to fit, such as ("anisotropy", "stiffness_ratio").
+        bounds: limits of parameters, SI.
+
+    Returns:
+        The fit.
+
+    Raises:
+        FitError: a parameter is unknown, or the points can't tell the parameters apart.
+    """
+    unknown = [name for name in parameters if name not in PARAMETERS]
+    if unknown or not parameters:
+        raise FitError(
+            f"parameters = {', '.join(unknown) or 'none'}: must be of {', '.join(PARAMETERS)}"
+        )
+    limits = dict(_BOUNDS) | dict(bounds or {})
+    low = np.array([limits.get(name, (0.0, np.inf))[0] for name in parameters])
+    high = np.array([limits.get(name, (0.0, np.inf))[1] for name in parameters])
+    first = np.array([float(getattr(start, name)) for name in parameters])
+    unit = np.where(np.abs(first) > 0, np.abs(first), 1.0)
+    kept = [replace(o, points=o.points.take(o.points.valid)) for o in observed]
+    total = sum(len(o.points) * (2 if o.points.in_space else 1) for o in kept)
+    if total <= len(parameters):
+        raise FitError(
+            f"{total} valid points for {len(parameters)} parameters: more points are needed"
+        )
+    scaled = np.clip(first / unit, low / unit, high / unit)
+    names = _named(kept, start)
+    for _ in range(_ROUNDS):
+        model = _Model(kept, start, tuple(parameters), unit, names)
+        answer = least_squares(
+            model.residuals,
+            scaled,
+            jac=model.slopes,
+            bounds=(low / unit, high / unit),
+            x_scale="jac",
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+        )
+        scaled = answer.x
+        again = _named(kept, model.medium(scaled))
+        if all(np.array_equal(a, b) for a, b in zip(names, again, strict=True)):
+            break
+        names = again
+    singular = np.linalg.svd(answer.jac, compute_uv=False)
+    if not singular[-1] > 1e-9 * singular[0]:
+        raise FitError(
+            f"the points do not tell {', '.join(parameters)} apart (condition "
+            f"{singular[0] / max(singular[-1], 1e-300):.1e}): fit fewer, or add points of other "
+            "branches or sectors"
+        )
+    chi_square = 2 * answer.cost / (total - len(parameters))
+    covariance = np.linalg.inv(answer.jac.T @ answer.jac) * max(1.0, chi_square)
+    covariance = covariance * unit[:, None] * unit
+    values: dict[str, Any] = dict(zip(parameters, map(float, scaled * unit), strict=True))
+    errors = dict(zip(parameters, map(float, np.sqrt(np.diag(covariance))), strict=True))
+    return Fitted(replace(start, **values), values, errors, covariance, chi_square, total)
+
+
+def _relation(one: Observed, medium: Medium) -> OfMedium:
+    return OfMedium(medium, one.block, one.grid)
+
+
+def _named(observed: Sequence[Observed], medium: Medium) -> list[Any]:
+    """Branch of each point: that of most of its joined branch's points, by nearness."""
+    names = []
+    for one in observed:
+        points = one.points
+        if points.in_space:
+            names.append(np.zeros(len(points), int))
+            continue
+        exact = np.real(_relation(one, medium).omega(points.k))
+        nearest = np.argmin(np.abs(exact - points.omega[:, None]), axis=1)
+        for branch in points.branches:
+            own = points.branch == branch
+            nearest[own] = np.bincount(nearest[own]).argmax()
+        names.append(nearest)
+    return names
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Residuals and their derivatives at scaled parameters."""
+
+    observed: Sequence[Observed]
+    start: Medium
+    parameters: tuple[str, ...]
+    unit: Float
+    names: list[Any]
+
+    def medium(self, scaled: Float) -> Medium:
+        values: dict[str, Any] = dict(
+            zip(self.parameters, map(float, scaled * self.unit), strict=True)
+        )
+        return replace(self.start, **values)
+
+    def residuals(self, scaled: Float) -> Float:
+        medium = self.medium(scaled)
+        parts = []
+        for one, name in zip(self.observed, self.names, strict=True):
+            points, relation = one.points, _relation(one, medium)
+            if points.in_space:
+                # The standard error is that of |k|: each part has its half of the variance.
+                off = (relation.wavenumber(points.omega) - points.k) / points.error * np.sqrt(2)
+                parts += [off.real, off.imag]
+            else:
+                exact = relation.omega(points.k)[np.arange(len(points)), name].real
+                parts.append((exact - points.omega) / points.error)
+        return np.concatenate(parts)
+
+    def slopes(self, scaled: Float) -> Float:
+        medium = self.medium(scaled)
+        parts = []
+        for one, name in zip(self.observed, self.names, strict=True):
+            points = one.points
+            form, tangents = _tangents(medium, one.block, self.parameters, self.start)
+            length, time = float(self.start.length_scale), float(self.start.time_scale)
+            relation = _relation(one, medium)
+            if points.in_space:
+                k = OfMedium(medium, one.block).wavenumber(points.omega)
+                right, left = _mode(form, k * length, (points.omega * time) ** 2)
+                rise = _form(left, stiffness_slope(form, k * length), right)
+                grid = relation.wavenumber(points.omega)
+                ratio = relation.stretch(grid)
+                columns = []
+                for tangent in tangents:
+                    change = -_form(left, stiffness(tangent, k * length), right) / rise
+                    off = change / length / ratio / points.error * np.sqrt(2)
+                    columns.append(np.concatenate([off.real, off.imag]))
+            else:
+                k = relation.modified(points.k) * length
+                omega = relation.omega(points.k)[np.arange(len(points)), name] * time
+                right, left = _mode(form, k, omega**2)
+                columns = [
+                    (_form(left, stiffness(tangent, k), right) / (2 * omega)).real
+                    / time
+                    / points.error
+                    for tangent in tangents
+                ]
+            parts.append(np.stack(columns, axis=1))
+        return np.concatenate(parts) * self.unit
+
+
+def _form(left: Any, matrix: Any, right: Any) -> Any:
+    return np.einsum("ni,nij,nj->n", left, matrix, right)
+
+
+def _mode(form: BlockForm, k: Any, square: Any) -> tuple[Any, Any]:
+    """Right and left eigenvector of K(k) with the eigenvalue nearest to ω², uᵀv = 1."""
+    values, vectors = np.linalg.eig(stiffness(form, k))
+    at = np.argmin(np.abs(values - square[:, None]), axis=1)
+    inverse = np.linalg.inv(vectors)
+    row = np.arange(len(at))
+    return vectors[row, :, at], inverse[row, at, :]
+
+
+def _tangents(
+    medium: Medium, block: Block, parameters: tuple[str, ...], start: Medium
+) -> tuple[BlockForm, list[BlockForm]]:
+    """Scaled coefficients of a block, in the units of the start, and their derivatives."""
+    at = [float(getattr(medium, name)) for name in parameters]
+    form, slopes = _differentiated(start, block.name, parameters)(at)
+    tangents = [
+        BlockForm(*(np.asarray(slope[i]) for slope in slopes)) for i in range(len(parameters))
+    ]
+    return BlockForm(*(np.asarray(part) for part in form)), tangents
+
+
+@lru_cache(maxsize=64)
+def _differentiated(start: Medium, name: str, parameters: tuple[str, ...]) -> Any:
+    """Function from parameters to a block's coefficients and their derivatives, compiled once."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    (block,) = (b for b in BLOCKS if b.name == name)
+    parts = tuple(BlockForm.__dataclass_fields__)
+
+    def coefficients(values: Any) -> Any:
+        given = dict(zip(parameters, values, strict=True))
+        form = block_form(replace(start, **given), block, start)
+        return tuple(jax.numpy.asarray(getattr(form, part), float) for part in parts)
+
+    return jax.jit(lambda values: (coefficients(values), jax.jacfwd(coefficients)(values)))

@@ -1,0 +1,1 @@
+"""What was measured beside what is exact: checks, and what to change."""

@@ -1,0 +1,251 @@
+"""The verdict on a bar with layers or ends: its reading against the exact frequency domain."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wavesim.material.damping import quality
+from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
+from wavesim.readings.bar.bloch import Cells
+from wavesim.readings.bar.eigenfrequencies import Ringing
+from wavesim.readings.bar.excited_band import JUDGED, pulses
+from wavesim.readings.bar.pulse_test import PulseTest
+from wavesim.readings.bar.reading import Reading
+from wavesim.readings.bar.transmission import Scattered
+from wavesim.simulation.field import Field
+from wavesim.simulation.plan import REFLECTION, fastest
+from wavesim.verdict import bar_remedies as barremedies
+from wavesim.verdict import remedies
+from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
+
+_KHZ = 1 / (2e3 * np.pi)
+SIGNAL_TOLERANCE = 1e-4
+AMPLITUDE_TOLERANCE = 1e-3
+DECIBEL_TOLERANCE = 1.0
+RESONANCE_TOLERANCE = 1e-6
+BLOCH_TOLERANCE = 1e-3
+# Arrivals agree to this part of a period of the source's peak frequency.
+ARRIVAL_TOLERANCE = 1e-3
+# ω/2αv_g is the law's Q to the first order in 1/Q.
+QUALITY_TOLERANCE = 0.02
+_FAR = 10.0
+# Transmission is held to decibels down to here.
+_DEEPEST = 1e-3
+
+
+def judge_bar(field: Field, reading: Reading) -> list[Check]:
+    """All checks of a run.
+
+    Args:
+        field: the field.
+        reading: what was measured of it, beside the exact solver.
+
+    Returns:
+        The checks; none about what the record is too short, or the bar too simple, to tell.
+    """
+    checks = []
+    for receiver, errors in reading.error.items():
+        worst = _worst(errors)
+        label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
+        remedy = barremedies.of_signal(field, receiver)
+        checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE, remedy=remedy))
+    for scattered in reading.scattered:
+        checks += _scattered_checks(field, scattered)
+    for cells in reading.cells:
+        checks += _cell_checks(field, cells)
+    for ringing in reading.ringing:
+        checks += _ringing_checks(field, ringing)
+    for pulse in reading.pulses:
+        checks += _pulse_checks(field, pulse)
+    return checks + energy_checks(field)
+
+
+def _worst(errors: dict[str, float]) -> str:
+    """Name of the largest error; what is not a number is larger than any."""
+    return max(errors, key=lambda name: math.inf if math.isnan(errors[name]) else errors[name])
+
+
+def _scattered_checks(field: Field, found: Scattered) -> list[Check]:
+    judged = found.judged
+    count = int(judged.sum())
+    if not count:
+        return []
+    checks = []
+    for name, measured, exact in (
+        ("T", found.T, found.T_exact),
+        ("R", found.R, found.R_exact),
+    ):
+        error = np.abs(measured - exact)
+        label = f"{found.sector} {name}: |Δ{name}| of the incident wave, {count} frequencies"
+        remedy = barremedies.of_scattering(field, found, error)
+        worst = float(error[judged].max())
+        checks.append(Check(label, worst, 0.0, AMPLITUDE_TOLERANCE, remedy=remedy))
+    deep = judged & (np.abs(found.T_exact) >= _DEEPEST)
+    if deep.any():
+        error = np.where(deep, np.abs(20 * np.log10(np.abs(found.T / found.T_exact))), 0.0)
+        label = f"{found.sector} T down to −60 dB: difference, {deep.sum()} frequencies"
+        remedy = barremedies.of_scattering(field, found, error)
+        worst = float(error[deep].max())
+        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
+    return checks
+
+
+def _cell_checks(field: Field, found: Cells) -> list[Check]:
+    judged = found.judged
+    if not judged.any():
+        return []
+    # cos(qL) grows as e^{Im qL}: an error counts against it where it is large.
+    size = np.maximum(np.abs(found.cosine_exact), 1.0)
+    worst = float((np.abs(found.cosine - found.cosine_exact) / size)[judged].max())
+    label = f"{found.sector} Bloch wave: |Δcos qL|, {judged.sum()} frequencies"
+    return [Check(label, worst, 0.0, BLOCH_TOLERANCE, remedy=barremedies.of_grid(field))]
+
+
+def _ringing_checks(field: Field, found: Ringing) -> list[Check]:
+    heard = np.isfinite(found.found)
+    label = f"{found.sector} eigenfrequencies"
+    error = np.abs(found.found / found.exact - 1)[heard]
+    off = bool((error > RESONANCE_TOLERANCE).any())
+    remedy = barremedies.of_eigenfrequencies(field, off)
+    checks = [Check(f"{label} heard", int(heard.sum()), len(heard), 0.0, "modes", remedy)]
+    if heard.any():
+        worst, remedy = float(error.max()), remedies.finer(field)
+        checks.append(
+            Check(f"{label}: |Δω|/ω, maximum", worst, 0.0, RESONANCE_TOLERANCE, remedy=remedy)
+        )
+    return checks
+
+
+def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
+    checks = []
+    own = [s for s in field.sources if s.field == pulse.name] or list(field.sources)
+    allowed = ARRIVAL_TOLERANCE / own[0].peak_frequency
+    for convention in ("threshold", "envelope"):
+        found, known = (r.arrivals[convention].time for r in (pulse.result, pulse.exact))
+        there = np.isfinite(known)
+        if there.any():
+            # One that is not found is not a number, and so fails.
+            worst = float(np.abs(found - known)[there].max())
+            label = f"{pulse.name} arrival, {convention}: |Δt|, {there.sum()} receivers"
+            remedy = barremedies.of_arrival(field, found, known)
+            checks.append(Check(label, worst, 0.0, allowed, "s", remedy))
+    loss, exact = pulse.result.loss, pulse.exact.loss
+    both = loss.valid & exact.valid
+    if both.any():
+        worst = float(np.abs(loss.level - exact.level)[both].max())
+        label = (
+            # Across an interface a ratio of levels holds its impedance step, and is no loss.
+            f"{pulse.name} {'loss' if pulse.medium is not None else 'level'}, {loss.first} to "
+            f"{loss.last}: difference, {both.sum()} frequencies"
+        )
+        remedy = barremedies.of_grid(field)
+        checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
+    if pulse.k_exact is not None:
+        k = pulse.result.dispersion.damped
+        known = np.isfinite(k)
+        if known.any():
+            error = np.abs(k / pulse.k_exact - 1)
+            worst = float(error[known].max())
+            label = f"{pulse.name} k between receivers: |Δk|/|k|, {known.sum()} frequencies"
+            omega = pulse.result.dispersion.omega + 1j * pulse.result.dispersion.sigma
+            remedy = barremedies.of_one_wave(field, pulse, omega, error)
+            checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
+        checks += _quality_checks(field, pulse)
+    return checks
+
+
+def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
+    """Q as an experimenter reads it, beside that of the loss law over the bands."""
+    found = pulse.result.dispersion
+    if pulse.medium is None or not pulse.medium.damping:
+        return []
+    law = quality(pulse.medium.damping, found.omega)
+    passes = np.isfinite(found.quality) & (found.quality > 0)
+    # What is read at ω + iσ tells of real ω only away from where k(ω) branches.
+    away = _FAR * found.sigma
+    passes &= found.omega > away
+    for gap in pulse.gaps:
+        passes &= (found.omega < gap.lower - away) | (found.omega > gap.upper + away)
+    if not passes.any():
+        return []
+    ratio = float(np.median((found.quality / law)[passes]))
+    label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
+    remedy = barremedies.of_one_wave(field, pulse)
+    return [Check(label, ratio, 1.0, QUALITY_TOLERANCE, remedy=remedy)]
+
+
+def bar_notes(reading: Reading, field: Field) -> list[str]:
+    """What a reader should know beside the checks."""
+    found = []
+    if not field.receivers:
+        found.append(
+            "no receiver: nothing was held against the exact solver; add [[receivers]] to compare "
+            "signals"
+        )
+    hidden = [name for name in field.receivers if name not in reading.exact]
+    if hidden:
+        found.append(
+            f"receiver {hidden[0]} stands in an absorbing layer and was not compared; move it into "
+            f"{field.bar.clear[0]:.4g} to {field.bar.clear[1]:.4g} m"
+        )
+    if field.energy is not None and not energy_checks(field):
+        found.append(
+            'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
+            'take "consistent" to have it judged'
+        )
+    return found + _too_short(reading, field) + _near_cutoffs(field)
+
+
+def _too_short(reading: Reading, field: Field) -> list[str]:
+    """Bars that ring, of which the record is too short to tell one eigenfrequency."""
+    layers, bar = field.layers, field.bar
+    if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
+        return []
+    if reading.ringing or any(layer.medium.damping for layer in layers.layers):
+        return []
+    if not any(block.rotations for block in field.blocks):
+        return []
+    last = float(field.t[-1])
+    return [
+        f"no eigenfrequency was judged: a record of {last:.3g} s does not tell one from the next; "
+        "lengthen [time] duration"
+    ]
+
+
+def _near_cutoffs(field: Field) -> list[str]:
+    """Where absorbing ends send back more than a thousandth of what the sources drive.
+
+    A wave of phase velocity c comes back with R^(c_∞/c): a long wave just above a cutoff, whose
+    phase velocity is high, all but whole.
+    """
+    layers, bar = field.layers, field.bar
+    media = (
+        {
+            medium
+            for end, medium in (("left", layers.at(0.0)), ("right", layers.at(layers.length)))
+            if getattr(bar, end) == "absorbing"
+        }
+        if layers
+        else set()
+    )
+    told = []
+    for block in (block for block in field.blocks if block.rotations):
+        driven = pulses(field, block)
+        for medium in media:
+            for cutoff in cutoffs(medium, block.sector):
+                omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
+                loud = max((abs(s.spectrum(cutoff)) / s.strongest for s in driven), default=0.0)
+                slowness = wavenumber(medium, block.sector, omega).real / omega
+                back = REFLECTION ** (slowness * fastest(medium))
+                if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
+                    until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
+                    told.append(f"{block.sector} {cutoff * _KHZ:.5g} to {until * _KHZ:.5g} kHz")
+    if not told:
+        return []
+    return [
+        "an absorbing end sends back more than 1e-3 of waves just above a cutoff, which are long: "
+        + ", ".join(dict.fromkeys(told))
+        + "; keep the sources' band off them, or take stiffer media at the ends"
+    ]

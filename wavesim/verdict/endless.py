@@ -1,0 +1,323 @@
+"""The verdict: what was measured, held against the plane-wave solver; numbers and pass or fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
+from wavesim.readings.dispersion.extract import Measured
+from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge
+from wavesim.simulation.field import Field
+from wavesim.sources import EXCITED, excitation
+from wavesim.verdict import remedies
+
+Float = NDArray[Any]
+
+MEDIAN_TOLERANCE = 1e-3
+MAXIMUM_TOLERANCE = 1e-2
+WAVENUMBER_TOLERANCE = 1e-3
+ENERGY_TOLERANCE = 1e-9
+ENERGY_AFTER_TOLERANCE = 1e-10
+# Where something is lost its power is integrated over the steps, to order 12.
+LOSSY_TOLERANCE = 1e-8
+# A wave is present where its branch was found at this part of the wavenumbers it is judged at.
+_PRESENT = 0.9
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the verdict.
+
+    Attributes:
+        name: what was checked.
+        measured, reference: in the unit named; an error has reference 0.
+        tolerance: largest |measured − reference| that passes.
+        unit: of the three numbers.
+        remedy: what to change in the case if it falls short; "" where nothing is known.
+    """
+
+    name: str
+    measured: float
+    reference: float
+    tolerance: float
+    unit: str = "–"
+    remedy: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the measured value is within the tolerance; never where it is not a number."""
+        return bool(abs(self.measured - self.reference) <= self.tolerance)
+
+    def row(self) -> dict[str, Any]:
+        """As summary.json has it: with whether it passed, and the remedy only if it did not."""
+        found = asdict(self) | {"passed": self.passed}
+        if self.passed or not self.remedy:
+            del found["remedy"]
+        return found
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One branch of the theory with what was found of it.
+
+    Attributes:
+        name: LA, LO1, …
+        k: wavenumbers at which it was found, rad/m.
+        omega: found there, rad/s.
+        omega_exact: of the plane-wave solver there, rad/s.
+        judged: where it was excited, clear of its neighbours and within the judged range.
+        expected: number of wavenumbers of the bar at which it is judged.
+    """
+
+    name: str
+    k: Float
+    omega: Float
+    omega_exact: Float
+    judged: NDArray[np.bool_]
+    expected: int
+
+    @property
+    def error(self) -> Float:
+        """|ω/ω_exact − 1| where judged."""
+        return np.abs(self.omega / self.omega_exact - 1)[self.judged]
+
+    @property
+    def present(self) -> bool:
+        """Whether it was found at nine tenths of the wavenumbers where it is judged."""
+        return self.expected > 0 and int(self.judged.sum()) >= _PRESENT * self.expected
+
+
+@dataclass(frozen=True)
+class Held:
+    """What was measured of one block, beside the theory.
+
+    Attributes:
+        measured: the measurement.
+        branches: one for each branch of the theory.
+        strays: ridges that belong to no branch.
+        k_exact: plane-wave k(ω + iσ) at the frequencies of the attenuation, rad/m.
+    """
+
+    measured: Measured
+    branches: list[Branch]
+    strays: list[Ridge]
+    k_exact: NDArray[np.complex128] | None
+
+
+def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held:
+    """Put the theory beside the measurement of one block.
+
+    A ridge is taken for the branch that it lies nearest to; a branch is judged where its
+    frequency was excited, stands the window's main lobe clear of its neighbours and of ω = 0,
+    and its wavenumber is in the judged range.
+
+    Args:
+        field: the field.
+        measured: of one block.
+        k_range: judged wavenumbers, rad/m.
+    """
+    block, found = measured.block, measured.spectrum
+    exact = block_oscillations(field.medium, block, found.k)
+    clear = _clear(exact, LOBE_BINS * found.bin)
+    sources = [s for s in field.sources if s.field in block.fields]
+    inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
+    covered = (excitation(sources, exact, found.k[:, None]) >= EXCITED) & (exact <= found.omega[-1])
+    judged = clear & covered & inside[:, None]
+    branches, strays = [], []
+    owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
+    for number, name in enumerate(block.branches):
+        own = [r for r, o in zip(measured.ridges, owner, strict=True) if o == number]
+        points = sorted(
+            (k, w, p) for r in own for k, w, p in zip(r.k, r.omega, r.power, strict=True)
+        )
+        k, omega = np.array([p[0] for p in points]), np.array([p[1] for p in points])
+        at = np.searchsorted(found.k, k)
+        branches.append(
+            Branch(
+                name,
+                k,
+                omega,
+                exact[at, number],
+                judged[at, number],
+                int(judged[:, number].sum()),
+            )
+        )
+    strays = [r for r, o in zip(measured.ridges, owner, strict=True) if o is None]
+    curve = measured.attenuation
+    k_exact = None
+    if curve is not None:
+        k_exact = wavenumber(field.medium, block.sector, curve.omega + 1j * curve.sigma)
+    return Held(measured, branches, strays, k_exact)
+
+
+def _clear(exact: Float, distance: float) -> NDArray[np.bool_]:
+    """Where each branch is this far from its neighbours and from its mirror at −ω."""
+    mirrored = np.concatenate([-exact[:, :1], exact, np.full((len(exact), 1), np.inf)], axis=1)
+    gap = np.diff(mirrored, axis=1)
+    return np.asarray((gap[:, :-1] >= distance) & (gap[:, 1:] >= distance))
+
+
+def _nearest(ridge: Ridge, k: Float, exact: Float) -> int | None:
+    """Number of the branch a ridge is nearest to; None if another is nearly as near."""
+    distance = np.median(np.abs(exact[np.searchsorted(k, ridge.k)] - ridge.omega[:, None]), axis=0)
+    order = np.argsort(distance)
+    if len(order) > 1 and distance[order[0]] > 0.5 * distance[order[1]]:
+        return None
+    return int(order[0])
+
+
+def judge(field: Field, held: Sequence[Held]) -> list[Check]:
+    """All checks of a run.
+
+    Args:
+        field: the field.
+        held: every block, beside the theory.
+
+    Returns:
+        The checks; none about what the record is too short to tell.
+    """
+    checks = []
+    expected = [b for h in held for b in h.branches if b.expected]
+    if expected:
+        present = sum(b.present for b in expected)
+        bins = f"frequency bins of {1e-3 / field.t[-1]:.3g} kHz do not tell all waves apart"
+        missing = ", ".join(
+            f"{h.measured.block.sector} {b.name}"
+            for h in held
+            for b in h.branches
+            if b.expected and not b.present
+        )
+        remedy = remedies.longer_run(field, f"{bins} (missing: {missing})")
+        checks.append(Check("waves present", present, len(expected), 0.0, "waves", remedy))
+        strays = sum(len(h.strays) for h in held)
+        remedy = remedies.longer_run(field, bins)
+        checks.append(Check("ridges of no wave", strays, 0, 0.0, "ridges", remedy))
+    for h in held:
+        checks += _branch_checks(field, h)
+    checks += _gap_edge_checks(field, held)
+    for h in held:
+        checks += _wavenumber_checks(field, h)
+    return checks + energy_checks(field)
+
+
+def _branch_checks(field: Field, h: Held) -> list[Check]:
+    checks = []
+    for number, branch in enumerate(h.branches):
+        if not branch.expected:
+            continue
+        found = branch.error if branch.judged.any() else np.array([np.nan])
+        label = f"{h.measured.block.sector} {branch.name}: |Δω|/ω"
+        for name, value, tolerance in (
+            ("median", float(np.median(found)), MEDIAN_TOLERANCE),
+            ("maximum", float(np.max(found)), MAXIMUM_TOLERANCE),
+        ):
+            remedy = ""
+            if not value <= tolerance:
+                k = branch.k[branch.judged]
+                remedy = remedies.of_frequencies(field, h.measured.block, k, number, value)
+            checks.append(Check(f"{label}, {name}", value, 0.0, tolerance, remedy=remedy))
+    return checks
+
+
+def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
+    """Edges of each gap as the recovered branches show them over the judged k, to one bin.
+
+    Over a finite range a branch does not reach its asymptote, so these are not the gap's own edges.
+    """
+    checks = []
+    for sector in dict.fromkeys(h.measured.block.sector for h in held):
+        blocks = [h for h in held if h.measured.block.sector == sector]
+        branches = [b for h in blocks for b in h.branches if b.judged.any()]
+        if sector == "inplane":
+            # The two relations of the in-plane sector, the lower first.
+            branches = sorted(
+                {round(float(b.omega_exact[0]), 0): b for b in branches}.values(),
+                key=lambda b: float(b.omega_exact[0]),
+            )
+        elif len(branches) < len(blocks[0].branches):
+            continue
+        step = blocks[0].measured.spectrum.bin / (2 * np.pi)
+        for gap, lower, upper in zip(
+            gaps(field.medium, sector), branches, branches[1:], strict=False
+        ):
+            for side, branch, edge in (("lower", lower, np.max), ("upper", upper, np.min)):
+                j = branch.judged
+                found, exact = edge(branch.omega[j]), edge(branch.omega_exact[j])
+                name = f"{sector} {gap.name} {side} edge, at judged k"
+                remedy = ""
+                if not abs(found - exact) <= 2 * np.pi * step:
+                    block, number = next(
+                        (h.measured.block, i)
+                        for h in blocks
+                        for i, own in enumerate(h.branches)
+                        if own is branch
+                    )
+                    off = float(abs(found / exact - 1))
+                    remedy = remedies.of_frequencies(field, block, branch.k[j], number, off)
+                values = (float(found / 2 / np.pi), float(exact / 2 / np.pi), step)
+                checks.append(Check(name, *values, "Hz", remedy))
+    return checks
+
+
+def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
+    """Complex wavenumber, in each gap and in the bands."""
+    curve, exact = h.measured.attenuation, h.k_exact
+    if curve is None or exact is None:
+        return []
+    error = np.abs(curve.k / exact - 1)
+    sector = h.measured.block.sector
+    in_bands = np.ones(len(error), bool)
+    parts = []
+    for gap in gaps(field.medium, sector):
+        inside = (curve.omega > gap.lower) & (curve.omega < gap.upper)
+        in_bands &= ~inside
+        parts.append((f"in {gap.name}", inside))
+    parts.append(("in the bands", in_bands))
+    checks = []
+    for label, where in parts:
+        known = error[where & np.isfinite(error)]
+        if len(known):
+            name = f"{sector} k {label}: |Δk|/|k|, {len(known)} of {where.sum()} frequencies"
+            worst = float(known.max())
+            remedy = ""
+            if not worst <= WAVENUMBER_TOLERANCE:
+                there = np.where(where, error, np.nan)
+                omega = curve.omega + 1j * curve.sigma
+                remedy = remedies.of_wavenumbers(field, h.measured.block, omega, there)
+            checks.append(Check(name, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
+    return checks
+
+
+def energy_checks(field: Field) -> list[Check]:
+    """Energy balance in double precision, where the closure conserves energy in every layer."""
+    energy = field.energy if field.precision == "double" else None
+    layers = field.layers.layers if field.layers else ()
+    media = [medium for layer in layers for medium in (layer.medium, layer.last) if medium]
+    conserved = all(m.closure == "consistent" or m.anisotropy == 0 for m in media or [field.medium])
+    if energy is None or not conserved:
+        return []
+    scale = float(energy.total.max())
+    if scale == 0:
+        return []
+    lost = 0.0 if energy.dissipated is None else energy.dissipated
+    begun = energy.total[0] if any(s.drive == "initial" for s in field.sources) else 0.0
+    difference = energy.total + lost - energy.work - begun
+    balance = float(np.abs(difference).max()) / scale
+    # Verlet conserves a nearby energy, off by up to (hω)²/4 for motion at ω.
+    drift = (field.band * field.step) ** 2 / 4 if field.stepper == "verlet" else 0.0
+    remedy = remedies.of_energy(field)
+    if energy.dissipated is not None:
+        name = "energy + dissipated − work over energy"
+        return [Check(name, balance, 0.0, LOSSY_TOLERANCE, remedy=remedy)]
+    name = "energy − work over energy"
+    checks = [Check(name, balance, 0.0, max(drift, ENERGY_TOLERANCE), remedy=remedy)]
+    after = energy.total[field.t >= field.quiet_from]
+    if len(after) > 1:
+        change, allowed = float(np.ptp(after)) / scale, max(drift, ENERGY_AFTER_TOLERANCE)
+        checks.append(Check("energy after the pulse", change, 0.0, allowed, remedy=remedy))
+    return checks
