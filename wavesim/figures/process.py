@@ -107,7 +107,7 @@ def serve() -> None:
     """What the process does: load, have drawn, answer with the files or with what went wrong."""
     receive, answer = sys.stdin.buffer, sys.stdout.buffer
     sys.stdout = sys.stderr
-    from wavesim import fieldfigures  # noqa: F401  those that draw find it loaded
+    from wavesim.figures import field  # noqa: F401  those that draw find it loaded
 
     begun = []
     try:
