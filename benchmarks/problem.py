@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_weights
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, BlockForm, block_form, scales
+from wavesim.material.scaling import BlockCoefficients, block_coefficients, scales
+from wavesim.material.sectors import BLOCKS
 from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
 from wavesim.sources import Ricker
 
@@ -87,9 +88,10 @@ class Problem:
         return replace(self.medium, G_n_g=0.0)
 
     @cached_property
-    def forms(self) -> tuple[BlockForm, ...]:
+    def forms(self) -> tuple[BlockCoefficients, ...]:
         """Coefficients of the six blocks, as the peers use them: without Γ."""
-        return tuple(block_form(self.without_gradient, block) for block in BLOCKS)
+        units = scales(self.without_gradient)
+        return tuple(block_coefficients(self.without_gradient, block, units) for block in BLOCKS)
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:

@@ -11,10 +11,10 @@ from wavesim.material.damping import constant_quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import BLOCKS
+from wavesim.material.wave_equations import fastest_speed
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading
 from wavesim.simulation.field import Field
-from wavesim.simulation.plan import fastest
 from wavesim.sources import Ricker
 
 SOFT = Medium(closure="consistent")
@@ -42,7 +42,7 @@ def chain(*stretches, start=0.0):
     return Layers(tuple(found))
 
 
-SPEED = 0.9 * fastest(STIFF)
+SPEED = 0.9 * fastest_speed(STIFF)
 
 
 def pulsed(layers, right, places, source=None, echo=0.0, absorber=0.0, t=T):

@@ -72,9 +72,8 @@ def test_contraction_with_the_direction_is_the_turned_body_along_its_axis(medium
     """Waves along n(θ) = waves along x₁ of the body turned by −θ: ω² to 1e-13 of the largest."""
     tensors = direction.scaled_tensors(medium)
     Q = turn(-theta)
-    back = direction.ScaledTensors(
-        *(turned(getattr(tensors, n), Q) for n in ("rotation", "coupling", "curvature", "gradient"))
-    )
+    names = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
+    back = direction.BlockCoefficients(*(turned(getattr(tensors, name), Q) for name in names))
     k = np.array([2 * np.pi * k_bar])
     one = direction.solve(direction.direction_form(medium, theta), k).squares
     two = direction.solve(direction._contract(back, np.array([1.0, 0.0, 0.0])), k).squares

@@ -16,7 +16,8 @@ import pytest
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import BLOCKS
 from wavesim.readings.dispersion import spectrum as dispersion
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, peaks, ridges, spectrum
 from wavesim.simulation.field import Field

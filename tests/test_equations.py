@@ -16,7 +16,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, SECTORS, block_form, blocks_of, excited_blocks, scales
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import BLOCKS, SECTORS, blocks_of, excited_blocks
 from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, UNITS, flux_form
 
 a, el = sp.symbols("a l")
@@ -332,7 +333,7 @@ def test_scaled_blocks_are_the_equations_in_si(medium, kl):
     whole = whole / unit[:, None] * unit[None, :]
     size = np.abs(whole).max()
     for number, block in enumerate(BLOCKS):
-        form = block_form(medium, block)
+        form = block_coefficients(medium, block, scales(medium))
         mine = [i for i, (owner, _) in enumerate(owners) if owner == number]
         p = len(block.rotations)
         K = np.zeros((len(mine), len(mine)))
@@ -360,7 +361,7 @@ def test_frequencies_of_the_blocks_are_those_of_the_twelve_equations(medium, kl)
     assert np.abs(expected.imag).max() < 1e-6 * size
     made = []
     for block in BLOCKS:
-        form = block_form(medium, block)
+        form = block_coefficients(medium, block, scales(medium))
         matrix = np.block(
             [
                 [kl**2 * form.c_pp, -kl * form.c_pb],
@@ -378,7 +379,7 @@ def test_frequencies_of_the_blocks_are_those_of_the_twelve_equations(medium, kl)
 def test_scaled_blocks_are_symmetric_in_the_consistent_closure(medium):
     medium = dataclasses.replace(medium, closure="consistent")
     for block in BLOCKS:
-        form = block_form(medium, block)
+        form = block_coefficients(medium, block, scales(medium))
         if block.rotations:
             same(form.c_bp, form.c_pb.T, 2e-15)
         same(form.c_bb, form.c_bb.T, 1e-15)
@@ -392,7 +393,8 @@ def test_reference_medium_sets_the_units():
     for block in BLOCKS:
         si = []
         for units_of in (medium, reference):
-            form, unit = block_form(medium, block, units_of), scales(units_of)
+            unit = scales(units_of)
+            form = block_coefficients(medium, block, unit).per_inertia()
             per = unit.time**2
             si.append(
                 (

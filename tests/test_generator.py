@@ -17,7 +17,8 @@ from wavesim.grid.summation_by_parts import chain
 from wavesim.layered import resonances
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import BLOCKS
 from wavesim.planewave.dispersion_relation import gaps, wavenumber
 from wavesim.timedomain.banded import banded
 
@@ -331,7 +332,7 @@ def test_coefficients_of_a_graded_layer_are_those_of_its_media():
 
 
 def generator_at(medium: Medium, reference: Medium):
-    from wavesim.material.sectors import block_coefficients
+    from wavesim.material.scaling import block_coefficients
 
     return block_coefficients(medium, BLOCKS[0], scales(reference))
 

@@ -15,7 +15,8 @@ from jax.flatten_util import ravel_pytree
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import ORDERS, difference_weights, modified_wavenumber
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import BLOCKS
 from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.sources import Ricker

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, block_form
-from wavesim.simulation.plan import Plan, fastest, plan
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import BLOCKS
+from wavesim.material.wave_equations import fastest_speed
+from wavesim.simulation.plan import Plan, plan
 from wavesim.sources import Ricker
 from wavesim.timedomain.integration import simulate, stream
 from wavesim.timedomain.kernels import convolution, convolve, convolve_all, kernels
@@ -134,10 +136,16 @@ def test_the_reach_is_bounded(anisotropy, ratio, order, step, cells_to_length):
     """The kernels end within reach_within, which plans and pulse windows rely on."""
     medium = Medium(anisotropy=anisotropy, stiffness_ratio=ratio, closure="consistent")
     bar = Bar(4096, medium.branch_length / cells_to_length, order)
-    speed = fastest(medium) * medium.time_scale / bar.spacing
+    speed = fastest_speed(medium) * medium.time_scale / bar.spacing
     for block in BLOCKS[:2]:
         bound = spectral_bound(medium, bar, [block])
-        kernel = kernels(block_form(medium, block), 1 / cells_to_length, order, step, bound)
+        kernel = kernels(
+            block_coefficients(medium, block, scales(medium)),
+            1 / cells_to_length,
+            order,
+            step,
+            bound,
+        )
         assert (kernel.shape[-1] - 1) / 2 <= reach_within(step, speed)
 
 
@@ -147,7 +155,7 @@ def test_a_short_bar_takes_the_recurrence():
     assert plan(medium, Bar(64, CELL), SOURCES[:1], 1e-6, 9).schedule.solver == "chebyshev"
     with pytest.raises(ValueError, match=r"solver = 'propagator': needs at least \d+ cells, the"):
         plan(medium, Bar(64, CELL), SOURCES[:1], 1e-6, 9, solver="propagator")
-    kernel = kernels(block_form(medium, BLOCKS[0]), 0.125, 8, 4.0, 330.0)
+    kernel = kernels(block_coefficients(medium, BLOCKS[0], scales(medium)), 0.125, 8, 4.0, 330.0)
     with pytest.raises(ValueError, match="too far for a bar of 150"):
         convolution([kernel], 150)
 
@@ -161,4 +169,4 @@ def test_long_intervals_are_divided():
     assert made.step * made.steps_per_frame == pytest.approx(200)
     # One step fewer would reach too far.
     longer = made.step * made.steps_per_frame / (made.steps_per_frame - 1)
-    assert reach_within(longer, fastest(medium) * medium.time_scale / CELL) > 160
+    assert reach_within(longer, fastest_speed(medium) * medium.time_scale / CELL) > 160

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import excited_blocks, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import excited_blocks
 from wavesim.material.wave_equations import FIELDS, ROTATIONS
 from wavesim.sources import Ricker, excitation, excited_band
 from wavesim.timedomain.forcing import forcing

@@ -23,7 +23,8 @@ from jax.flatten_util import ravel_pytree
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, block_form, scales
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import BLOCKS
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS
 from wavesim.simulation.plan import Plan, plan
 from wavesim.sources import Ricker
@@ -556,4 +557,7 @@ def test_components_are_the_scaled_unknowns():
             np.testing.assert_allclose(
                 values[-1], part[0], rtol=0, atol=1e-14 * np.abs(values).max()
             )
-    assert block_form(field.medium, field.blocks[0]).c_pp.shape == (1, 1)
+    assert block_coefficients(field.medium, field.blocks[0], scales(field.medium)).c_pp.shape == (
+        1,
+        1,
+    )

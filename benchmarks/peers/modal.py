@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from problem import COMPONENTS, Drive, Problem
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.sectors import BLOCKS, block_form
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import BLOCKS
 
 Complex = NDArray[np.complex128]
 
@@ -30,7 +31,7 @@ class _Modes:
     """One block: frequencies (k, modes), vectors, and its driven modes."""
 
     def __init__(self, problem: Problem, number: int, first: int, k: np.ndarray) -> None:
-        form = block_form(problem.medium, BLOCKS[number])
+        form = block_coefficients(problem.medium, BLOCKS[number], scales(problem.medium))
         wave = modified_wavenumber(k, problem.spacing, problem.bar.order)
         p, size = len(form.c_pp), len(form.c_pp) + len(form.c_bb)
         # D acts as i k̃ e^{ikh/2}; with i e^{ikh/2} taken into B̂ the matrices are real, and

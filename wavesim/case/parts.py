@@ -19,8 +19,8 @@ from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers
 from wavesim.material.medium import Medium
+from wavesim.material.wave_equations import fastest_speed
 from wavesim.planewave.dispersion_relation import check_hyperbolic
-from wavesim.simulation.plan import fastest
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
 # A grid carries what it slows down by no more than this.
@@ -263,7 +263,7 @@ def highest_frequency(medium: Medium, bar: Bar) -> float:
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    return fastest(medium) * _largest_phase(bar) / bar.spacing / (2 * math.pi)
+    return fastest_speed(medium) * _largest_phase(bar) / bar.spacing / (2 * math.pi)
 
 
 def _largest_phase(bar: Bar) -> float:

@@ -59,8 +59,7 @@ def _named(axes: Axes, low: float, high: float, name: str) -> None:
 def _inner_media(layers: Layers) -> list[Medium]:
     """Media of a specimen between two buffers, each once; a graded layer's two ends."""
     inner = layers.layers[1:-1] or layers.layers
-    found = [m for layer in inner for m in (layer.medium, layer.last) if m is not None]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
 
 
 def _shade(axes: Axes, field: Field, sector: str, named: bool = True) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.layered.eigenfrequencies import eigenfrequencies
-from wavesim.layered.stack import Stack, keeps_gradient
+from wavesim.layered.stack import Stack
 from wavesim.layered.transmission import block_of
 from wavesim.material.layers import Layers
+from wavesim.planewave.band_edges import keeps_gradient
 
 
 def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = None) -> Any:

@@ -9,28 +9,20 @@ import numpy as np
 
 from wavesim.layered.ends import check_ends, returned
 from wavesim.layered.mode_count import count, elements
-from wavesim.layered.stack import Stack, keeps_gradient
+from wavesim.layered.stack import Stack
 from wavesim.layered.transmission import block_of
 from wavesim.layered.uniform_layer import waves
 from wavesim.material.damping import UNDAMPED, Damping
-from wavesim.material.layers import Layers
+from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import Block
-from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs
-from wavesim.planewave.eigenproblem import is_symmetric, spectral_form
+from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs, keeps_gradient
+from wavesim.planewave.eigenproblem import spectral_form
 
 # Default smallest spacing, of the band's upper end.
 _SPACING = 1e-4
-
-
-def _media(layers: Layers) -> list[list[Medium]]:
-    """Media of each layer, sampled over it where it is graded."""
-    return [
-        [layer.at(layer.start + layer.thickness * float(s)) for s in np.linspace(0, 1, 65)]
-        if layer.last is not None
-        else [layer.medium]
-        for layer in layers.layers
-    ]
+# Places at which a graded layer is looked at for the range that its band edges sweep.
+_FINE = 65
 
 
 def with_loss(layers: Layers, part: float) -> Layers:
@@ -67,7 +59,7 @@ def _edges(layers: Layers, block: Block, which: Any) -> list[Any]:
     """Cutoffs or asymptotes over each layer, shape (samples, b), rad/s."""
     return [
         np.array([which(spectral_form(m, block)) / m.time_scale for m in media])
-        for media in _media(layers)
+        for media in (layer.sampled(_FINE) for layer in layers.layers)
     ]
 
 
@@ -98,13 +90,10 @@ def _density(layers: Layers, block: Block, omega: Any) -> Any:
     """Eigenfrequencies per rad/s, about: Σ h dk/dω / π; shape of omega."""
     total = np.zeros(len(omega))
     step = 1e-6
-    for layer, media in zip(layers.layers, _media(layers), strict=True):
-        one = dataclasses.replace(layer, medium=media[0], last=None)
+    for layer in layers.layers:
         most = np.zeros(len(omega))
-        for medium in media[:: max(1, len(media) // 8)]:
-            single = Layers(
-                (dataclasses.replace(one, start=0.0, end=one.thickness, medium=medium),)
-            )
+        for medium in layer.sampled():
+            single = as_layers(medium, layer.thickness)
             k = []
             for factor in (1 - step, 1 + step):
                 stack = Stack(single, block, omega * factor, False)
@@ -138,8 +127,7 @@ def eigenfrequencies(
     if not 0 < low < high:
         raise ValueError(f"band = ({low:g}, {high:g}): must be two frequencies, 0 < ω1 < ω2")
     plain = with_loss(layers, 0.0)
-    media = [medium for group in _media(plain) for medium in group]
-    if kept and not all(is_symmetric(spectral_form(medium, block)) for medium in media):
+    if kept and not plain.conserves_energy:
         raise ValueError("closure: with Γ eigenfrequencies are counted for 'consistent' alone")
     spacing = _SPACING * high if spacing is None else spacing
     found = []
@@ -217,7 +205,7 @@ def resonances(
     kept = keeps_gradient(layers) if gradient is None else gradient
     block = block_of(sector)
     real = eigenfrequencies(layers, block, left, right, band, kept, spacing)
-    if not any(layer.medium.damping != UNDAMPED for layer in layers.layers):
+    if all(layer.medium.damping == UNDAMPED for layer in layers.layers):
         return real
     return damped(layers, left, right, block, real, kept)
 

@@ -66,10 +66,11 @@ def one_wave_stiffness(own: Any, omega: Any, thickness: float, z: float) -> tupl
 
 def clamped_bound(one: Section) -> float:
     """√ of the least of J/I_φ and Γ/I_B: a clamped element has ω ≥ this π/h."""
-    parts = [float(np.linalg.eigvalsh(one.gamma).min()) / one.inertia_b]
+    own = one.own
+    parts = [float(np.linalg.eigvalsh(own.gamma).min()) / own.i_B]
     if one.rotations:
-        static = one.c_pp - one.c_pb @ np.linalg.solve(one.c_bb, one.c_bp)
-        parts.append(float(static[0, 0]) / one.inertia_p)
+        static = own.c_pp - own.c_pb @ np.linalg.solve(own.c_bb, own.c_bp)
+        parts.append(float(static[0, 0]) / own.i_phi)
     return math.sqrt(min(parts))
 
 

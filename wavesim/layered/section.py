@@ -26,50 +26,22 @@ import numpy as np
 
 from wavesim.material.damping import Damping
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, scales
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
-
-
-@dataclass(frozen=True)
-class Units:
-    """What one unit is in SI: m, s, 1/m, N·m/m² (σ), N (V), all of a reference medium."""
-
-    length: float
-    time: float
-    curvature: float
-    moment: float
-
-    @property
-    def double_moment(self) -> float:
-        """Unit of V, N: that of σ over that of B, so that fB and σφ are one energy."""
-        return self.moment / self.curvature
-
-
-def units_of(medium: Medium) -> Units:
-    """Units of a medium: l, τ, 1/(r l), ρβ l/τ²."""
-    own = scales(medium)
-    return Units(own.length, own.time, own.curvature, float(own.moment * own.length))
+from wavesim.material.scaling import BlockCoefficients, Scales, block_coefficients
+from wavesim.material.sectors import Block
 
 
 @dataclass(frozen=True)
 class Section:
-    """Coefficients of one block in one medium, in the units of a reference.
+    """One block in one medium, in the units of a reference.
 
     Attributes:
-        inertia_p, inertia_b: I_φ, I_B.
-        c_pp, c_pb, c_bp, c_bb, gamma: shapes (p, p), (p, b), (b, p), (b, b), (b, b).
+        own: its coefficients, without m and ι.
         damping: the loss law; frequency: what one unit of it is, rad/s.
         kept: whether Γ is kept.
         impedance: z of each unknown, shape (n,).
     """
 
-    inertia_p: float
-    inertia_b: float
-    c_pp: Any
-    c_pb: Any
-    c_bp: Any
-    c_bb: Any
-    gamma: Any
+    own: BlockCoefficients
     damping: Damping
     frequency: float
     kept: bool
@@ -78,20 +50,20 @@ class Section:
     @property
     def rotations(self) -> int:
         """p, how many rotations the block has: 0 or 1."""
-        return len(self.c_pp)
+        return len(self.own.c_pp)
 
     @property
     def size(self) -> int:
         """n, how many pairs of waves: p + b with Γ, p without."""
-        return self.rotations + (len(self.c_bb) if self.kept else 0)
+        return self.rotations + (len(self.own.c_bb) if self.kept else 0)
 
     @cached_property
     def natural_impedance(self) -> Any:
         """√(I_φ C_φφ) and √(I_B Γ_jj), shape (n,): what z is made of."""
-        own = np.sqrt(self.inertia_p * np.diag(self.c_pp))
+        of_phi = np.sqrt(self.own.i_phi * np.diag(self.own.c_pp))
         if not self.kept:
-            return own
-        return np.concatenate([own, np.sqrt(self.inertia_b * np.diag(self.gamma))])
+            return of_phi
+        return np.concatenate([of_phi, np.sqrt(self.own.i_B * np.diag(self.own.gamma))])
 
     def losses(self, omega: Any) -> tuple[Any, Any]:
         """(m, ι) at scaled ω, shape of omega each."""
@@ -100,27 +72,10 @@ class Section:
         )
 
 
-def section(medium: Medium, block: Block, units: Units, kept: bool) -> Section:
-    """Coefficients of a block in a medium, in given units; z is left to the caller."""
-    flux = flux_form(medium)
-    own = medium.branch_length**2 * medium.contact_density
-    rotation, curvature = block.weights(ROTATIONS), block.weights(CURVATURES)
-    inertia = units.moment * units.time**2 / units.length
-    per_pp = own / (units.length * units.moment)
-    per_pb = own * units.curvature / units.moment
-    per_bb = own * units.curvature**2 * units.length / units.moment
-    return Section(
-        inertia_p=medium.density * medium.beta / inertia,
-        inertia_b=medium.density * medium.gamma * units.curvature**2 / inertia,
-        c_pp=per_pp * (rotation @ flux.C_phi_phi @ rotation.T),
-        c_pb=per_pb * (rotation @ flux.C_phi_B @ curvature.T),
-        c_bp=per_pb * (curvature @ flux.C_B_phi @ rotation.T),
-        c_bb=per_bb * (curvature @ flux.C_B_B @ curvature.T),
-        gamma=per_bb / units.length**2 * (curvature @ flux.Gamma @ curvature.T),
-        damping=medium.damping,
-        frequency=1 / units.time,
-        kept=kept,
-    )
+def section(medium: Medium, block: Block, units: Scales, kept: bool) -> Section:
+    """A block in a medium, in given units; z is left to the caller."""
+    own = block_coefficients(medium, block, units)
+    return Section(own, medium.damping, frequency=1 / units.time, kept=kept)
 
 
 def with_impedance(one: Section, impedance: Any) -> Section:
@@ -142,14 +97,15 @@ class Limit:
 
 def limit(one: Section, omega: Any) -> Limit:
     """The micro-curvature eliminated; omega (N,), scaled, complex."""
+    own = one.own
     m, iota = one.losses(omega)
     square = omega**2 * iota / m
-    X = np.linalg.inv(one.c_bb - square[:, None, None] * one.inertia_b * np.eye(len(one.c_bb)))
+    X = np.linalg.inv(own.c_bb - square[:, None, None] * own.i_B * np.eye(len(own.c_bb)))
     if not one.rotations:
-        empty = np.zeros((len(omega), len(one.c_bb)))
+        empty = np.zeros((len(omega), len(own.c_bb)))
         return Limit(X, np.zeros(len(omega)), empty, empty, m, iota)
-    pX, Xp = (one.c_pb @ X)[:, 0, :], (X @ one.c_bp)[:, :, 0]
-    return Limit(X, m * (one.c_pp[0, 0] - pX @ one.c_bp[:, 0]), pX, Xp, m, iota)
+    pX, Xp = (own.c_pb @ X)[:, 0, :], (X @ own.c_bp)[:, :, 0]
+    return Limit(X, m * (own.c_pp[0, 0] - pX @ own.c_bp[:, 0]), pX, Xp, m, iota)
 
 
 def halves(one: Section, omega: Any) -> tuple[Any, Any]:
@@ -162,27 +118,27 @@ def halves(one: Section, omega: Any) -> tuple[Any, Any]:
     Returns:
         Shapes (N, n, n), weighted by √z.
     """
-    p, n = one.rotations, one.size
+    own, p, n = one.own, one.rotations, one.size
     P = np.zeros((len(omega), n, n), dtype=complex)
     Q = np.zeros_like(P)
     at = 1j * omega
     if not one.kept:
         local = limit(one, omega)
         P[:, 0, 0] = at / local.D
-        Q[:, 0, 0] = at * local.inertia * one.inertia_p
+        Q[:, 0, 0] = at * local.inertia * own.i_phi
     else:
         m, iota = one.losses(omega)
-        relaxed, unit = one.c_bb, np.eye(len(one.c_bb))
+        relaxed, unit = own.c_bb, np.eye(len(own.c_bb))
         if p:
-            relaxed = relaxed - one.c_bp @ one.c_pb / one.c_pp
-            P[:, 0, 0] = at / (m * one.c_pp[0, 0])
-            P[:, 0, 1:] = one.c_pb / one.c_pp
-            P[:, 1:, 0] = -one.c_bp[:, 0] / one.c_pp[0, 0]
-            Q[:, 0, 0] = at * iota * one.inertia_p
+            relaxed = relaxed - own.c_bp @ own.c_pb / own.c_pp
+            P[:, 0, 0] = at / (m * own.c_pp[0, 0])
+            P[:, 0, 1:] = own.c_pb / own.c_pp
+            P[:, 1:, 0] = -own.c_bp[:, 0] / own.c_pp[0, 0]
+            Q[:, 0, 0] = at * iota * own.i_phi
         dynamic = m[:, None, None] * relaxed
-        dynamic -= (omega**2 * iota * one.inertia_b)[:, None, None] * unit
+        dynamic -= (omega**2 * iota * own.i_B)[:, None, None] * unit
         P[:, p:, p:] = -(1j / omega)[:, None, None] * dynamic
-        Q[:, p:, p:] = (at / m)[:, None, None] * np.linalg.inv(one.gamma)
+        Q[:, p:, p:] = (at / m)[:, None, None] * np.linalg.inv(own.gamma)
     even, odd = weights(one)
     return P * (even[:, None] / odd), Q * (odd[:, None] / even)
 

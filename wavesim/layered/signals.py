@@ -13,11 +13,12 @@ from wavesim.layered.ends import check_ends, returned, waves_at_ends
 from wavesim.layered.inverse_transform import contour
 from wavesim.layered.section import limit
 from wavesim.layered.source_loads import body_loads, drive_of, end_drives
-from wavesim.layered.stack import Load, Stack, keeps_gradient
+from wavesim.layered.stack import Load, Stack
 from wavesim.layered.star_product import inner, nothing, star, times
 from wavesim.material.layers import Layers
 from wavesim.material.sectors import Block, excited_blocks
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS
+from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.eigenproblem import solve, spectral_form
 
 
@@ -68,12 +69,10 @@ def signals(
 
 def _fastest(layers: Layers, source: Any) -> float:
     """Highest ω that an initial value sets in motion: that of k = 6.5/w, 1e-9 of its peak."""
-    media = [layer.medium for layer in layers.layers]
-    media += [layer.last for layer in layers.layers if layer.last is not None]
     return max(
         float(np.sqrt(solve(spectral_form(m, block), np.array([k])).squares.real.max()))
         / m.time_scale
-        for m in media
+        for m in layers.media
         for block in excited_blocks([source.field])
         for k in [6.5 / source.width * m.length_scale]
     )

@@ -44,7 +44,6 @@ def body_loads(stack: Stack, sources: Sequence[Any], periodic: bool) -> list[Loa
         drive = drive_of(source)
         if drive not in ("body", "initial") or source.field not in stack.block.fields:
             continue
-        rotation = source.field in ROTATIONS
         width = float(source.width)
         if drive == "initial" and width == 0:
             raise ValueError("width = 0 m: an initial value needs a width; give one > 0")
@@ -52,9 +51,9 @@ def body_loads(stack: Stack, sources: Sequence[Any], periodic: bool) -> list[Loa
         if drive == "initial":
             # The value is not normalised; φ̈ + ω₀²φ = φ(0) δ′(t), whose transform is −iω φ(0).
             strength = strength * (units.time**2 * math.sqrt(2 * math.pi) * width / units.length)
-            strength = strength / (1 if rotation else units.curvature)
+            strength = strength / units.unit(source.field)
         else:
-            strength = strength / (units.moment if rotation else units.double_moment)
+            strength = strength / (units.force(source.field) * units.length)
         length = stack.layers.length
         for shift in (0.0, -length, length) if periodic and width else (0.0,):
             x = (float(source.position) + shift) / units.length
@@ -88,7 +87,7 @@ def end_drives(stack: Stack, sources: Sequence[Any], left: str, right: str) -> A
         g = np.asarray(source.spectrum(stack.omega), dtype=complex)
         root = math.sqrt(stack.impedance[0])
         if drive == "moment":
-            p[:, n if at_right else 0] += g / (stack.units.moment * root)
+            p[:, n if at_right else 0] += g / (stack.units.energy * root)
         else:
             p[:, n if at_right else 0] += -1j * stack.scaled * root * g
     return p

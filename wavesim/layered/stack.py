@@ -14,28 +14,16 @@ from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.graded_layer import graded
 from wavesim.layered.section import (
     Section,
-    Units,
     generator,
     limit,
     section,
-    units_of,
     with_impedance,
 )
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
 from wavesim.material.layers import Layer, Layers
+from wavesim.material.scaling import Scales, scales
 from wavesim.material.sectors import Block
-from wavesim.planewave.band_edges import gradient_share
-
-# Above this share of Γ in ω² (planewave.gradient_share) a medium needs it kept.
-NEGLIGIBLE = 1e-9
-
-
-def keeps_gradient(layers: Layers) -> bool:
-    """Whether Γ matters in some layer: planewave.gradient_share above 1e-9."""
-    media = [layer.medium for layer in layers.layers]
-    media += [layer.last for layer in layers.layers if layer.last is not None]
-    return any(gradient_share(medium) > NEGLIGIBLE for medium in media)
 
 
 @dataclass(frozen=True)
@@ -59,7 +47,7 @@ class Load:
         """Strength with the local inertia, shape (N,)."""
         if not self.inertial:
             return self.strength
-        own = one.inertia_p if self.component < one.rotations else one.inertia_b
+        own = one.own.i_phi if self.component < one.rotations else one.own.i_B
         return self.strength * own * one.losses(omega)[1]
 
 
@@ -98,7 +86,7 @@ class Stack:
         if (np.asarray(self.omega) == 0).any():
             raise ValueError("omega = 0: must not be 0; take a small ω for the static limit")
         for layer in self.layers.layers if self.kept else ():
-            gamma = self.bare(layer, layer.start).gamma
+            gamma = self.bare(layer, layer.start).own.gamma
             if np.linalg.cond(gamma) > 1e12:
                 raise ValueError(
                     f"G_n_g = {layer.medium.G_n_g:g}, stiffness_ratio = "
@@ -106,9 +94,9 @@ class Stack:
                 )
 
     @cached_property
-    def units(self) -> Units:
+    def units(self) -> Scales:
         """Units of the medium at the left end."""
-        return units_of(self.layers.first)
+        return scales(self.layers.first)
 
     @cached_property
     def scaled(self) -> Any:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.layered.stack import Stack, keeps_gradient
+from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
 from wavesim.material.layers import Layers
 from wavesim.material.sectors import Block, blocks_of
+from wavesim.planewave.band_edges import keeps_gradient
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from wavesim.material.medium import PARAMETERS, Medium
 
 End = Literal["periodic", "fixed", "free", "absorbing"]
@@ -18,6 +20,8 @@ Grading = Literal["smooth", "linear"]
 
 ENDS: tuple[str, ...] = ("periodic", "fixed", "free", "absorbing")
 GRADINGS: tuple[str, ...] = ("smooth", "linear")
+# Places at which a graded layer is looked at where the medium at every point is meant.
+GRADES = 9
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,12 @@ class Layer:
     def thickness(self) -> float:
         """end − start, m."""
         return self.end - self.start
+
+    def sampled(self, places: int = GRADES) -> tuple[Medium, ...]:
+        """Its medium, or those at so many places from its start to its end where it is graded."""
+        if self.last is None:
+            return (self.medium,)
+        return tuple(self.at(float(x)) for x in np.linspace(self.start, self.end, places))
 
     def at(self, position: float) -> Medium:
         """The medium at a position within the layer, m."""
@@ -115,6 +125,30 @@ class Layers:
     def interfaces(self) -> tuple[float, ...]:
         """Where one layer meets the next, m."""
         return tuple(layer.end for layer in self.layers[:-1])
+
+    @property
+    def uniform(self) -> bool:
+        """Whether it is one layer that is not graded."""
+        return len(self.layers) == 1 and self.layers[0].last is None
+
+    @property
+    def media(self) -> tuple[Medium, ...]:
+        """Its media from left to right, each once; of a graded layer those at nine places."""
+        found = [medium for layer in self.layers for medium in layer.sampled()]
+        try:
+            return tuple(dict.fromkeys(found))
+        except TypeError:  # numbers that jax holds have no hash
+            return tuple(found)
+
+    @property
+    def lossy(self) -> bool:
+        """Whether anything is lost in a layer."""
+        return any(layer.medium.damping for layer in self.layers)
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether the equations of every layer conserve energy, losses apart."""
+        return all(medium.conserves_energy for medium in self.media)
 
     @property
     def first(self) -> Medium:

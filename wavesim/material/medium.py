@@ -106,6 +106,11 @@ class Medium:
         return self.curvature_inertia
 
     @property
+    def conserves_energy(self) -> bool:
+        """Whether its equations conserve energy, losses apart: all closures do where a = 0."""
+        return self.closure == "consistent" or bool(self.anisotropy == 0)
+
+    @property
     def length_scale(self) -> Any:
         """Unit of length l (m): k̄ = k l/2π."""
         return self.branch_length

@@ -126,3 +126,10 @@ def flux_form(medium: Medium) -> FluxForm:
         C_B_B=in_curvature_equations,
         Gamma=N[:, :, 0, :, :, 0].reshape(9, 9),
     )
+
+
+def fastest_speed(medium: Medium) -> float:
+    """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
+    flux = flux_form(medium)
+    unrelaxed = medium.damping.unrelaxed
+    return float(np.sqrt(unrelaxed * np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))

@@ -27,7 +27,7 @@ from wavesim.material.contact_tensors import (
     relative_stiffness,
 )
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BlockForm, scales
+from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
 from wavesim.planewave.eigenproblem import Complex, Eigenmodes, Float, solve
 
@@ -41,42 +41,26 @@ KINDS: dict[str, tuple[str, ...]] = {
 POLARISATIONS: tuple[str, ...] = ("longitudinal", "transverse2", "transverse3")
 
 
-@dataclass(frozen=True)
-class ScaledTensors:
-    """Scaled tensors of a medium: x in l, t in √(4πρR⁵/3G_n^a), B in 1/(r l).
+def scaled_tensors(medium: Medium) -> BlockCoefficients:
+    """The tensors of Appendix B in scaled form, whatever the medium's closure.
 
-    Attributes:
-        rotation: J + M, of φ on φ, shape (3, 3, 3, 3).
-        coupling: M, of B on φ and of φ on B, shape (3, 3, 3, 3).
-        curvature: M, of B on B, shape (3, 3, 3, 3).
-        gradient: N, shape (3,)*6.
+    Args:
+        medium: whose own units are used.
+
+    Returns:
+        J + M as c_pp, M as c_pb, c_bp and c_bb, each (3, 3, 3, 3), and N as gamma, (3,)*6.
     """
-
-    rotation: Any
-    coupling: Any
-    curvature: Any
-    gradient: Any
-
-
-def scaled_tensors(medium: Medium) -> ScaledTensors:
-    """The tensors J + M, M, N of Appendix B in scaled form, whatever the medium's closure."""
-    units = scales(medium)
     J, M = average_stiffness(medium), relative_stiffness(medium)
-    per_phi = units.time**2 / (medium.density * medium.beta) / units.length
-    per_B = units.time**2 / (medium.density * medium.gamma)
-    return ScaledTensors(
-        rotation=per_phi / units.length * (J + M),
-        coupling=per_phi * units.curvature * M,
-        curvature=per_B * M,
-        gradient=per_B / units.length**2 * gradient_stiffness(medium),
-    )
+    inertias = medium.density * medium.beta, medium.density * medium.gamma
+    tensors = BlockCoefficients(J + M, M, M, M, gradient_stiffness(medium), *inertias)
+    return tensors.scaled(scales(medium))
 
 
 def _normal(theta: float) -> Float:
     return np.array([math.cos(theta), math.sin(theta), 0.0])
 
 
-def direction_form(medium: Medium, theta: float) -> BlockForm:
+def direction_form(medium: Medium, theta: float) -> BlockCoefficients:
     """Scaled coefficients of the twelve fields for waves along n(θ).
 
     Args:
@@ -89,22 +73,22 @@ def direction_form(medium: Medium, theta: float) -> BlockForm:
     return _contract(scaled_tensors(medium), _normal(theta))
 
 
-def _contract(tensors: ScaledTensors, n: Float) -> BlockForm:
-    coupling = np.einsum("ijkl,j->ikl", tensors.coupling, n).reshape(3, 9)
-    return BlockForm(
-        c_pp=np.einsum("ijkl,j,l->ik", tensors.rotation, n, n),
+def _contract(tensors: BlockCoefficients, n: Float) -> BlockCoefficients:
+    coupling = np.einsum("ijkl,j->ikl", tensors.c_pb, n).reshape(3, 9)
+    return BlockCoefficients(
+        c_pp=np.einsum("ijkl,j,l->ik", tensors.c_pp, n, n),
         c_pb=coupling,
         c_bp=coupling.T,
-        c_bb=tensors.curvature.reshape(9, 9),
-        gamma=np.einsum("ijklmn,k,n->ijlm", tensors.gradient, n, n).reshape(9, 9),
+        c_bb=tensors.c_bb.reshape(9, 9),
+        gamma=np.einsum("ijklmn,k,n->ijlm", tensors.gamma, n, n).reshape(9, 9),
     )
 
 
-def kind_form(form: BlockForm, kind: str) -> BlockForm:
+def kind_form(form: BlockCoefficients, kind: str) -> BlockCoefficients:
     """The part of the twelve fields' coefficients that holds one of KINDS."""
     p = [i for i, name in enumerate(ROTATIONS) if name in KINDS[kind]]
     b = [i for i, name in enumerate(CURVATURES) if name in KINDS[kind]]
-    return BlockForm(
+    return BlockCoefficients(
         form.c_pp[np.ix_(p, p)],
         form.c_pb[np.ix_(p, b)],
         form.c_bp[np.ix_(b, p)],
@@ -156,12 +140,12 @@ def group_velocity(medium: Medium, theta: float, k: ArrayLike) -> Float:
     tensors = scaled_tensors(medium)
     wave = scaled[:, None] * _normal(theta)
     slopes = np.zeros((len(scaled), 3, 12, 12))
-    rotation = np.einsum("ijkl,nl->njik", tensors.rotation, wave)
+    rotation = np.einsum("ijkl,nl->njik", tensors.c_pp, wave)
     slopes[:, :, :3, :3] = rotation + np.swapaxes(rotation, -1, -2)
-    coupling = tensors.coupling.transpose(1, 0, 2, 3).reshape(3, 3, 9)
+    coupling = tensors.c_pb.transpose(1, 0, 2, 3).reshape(3, 3, 9)
     slopes[:, :, :3, 3:] = -coupling
     slopes[:, :, 3:, :3] = -np.swapaxes(coupling, -1, -2)
-    gradient = np.einsum("ijklmx,nx->nkijlm", tensors.gradient, wave).reshape(-1, 3, 9, 9)
+    gradient = np.einsum("ijklmx,nx->nkijlm", tensors.gamma, wave).reshape(-1, 3, 9, 9)
     slopes[:, :, 3:, 3:] = gradient + np.swapaxes(gradient, -1, -2)
     rising = np.einsum("nam,njab,nbm->nmj", modes.left, slopes[:, :2], modes.right)
     omega = np.sqrt(np.maximum(modes.squares, 0.0))[..., None]
@@ -207,10 +191,10 @@ def directed_waves(medium: Medium, omega: float, theta: ArrayLike) -> DirectedWa
     angles = np.atleast_1d(np.asarray(theta, dtype=float))
     tensors = scaled_tensors(medium)
     square = (omega * float(medium.time_scale)) ** 2
-    inner = tensors.curvature.reshape(9, 9) - square * np.eye(9)
-    coupling = tensors.coupling.reshape(9, 9)
+    inner = tensors.c_bb.reshape(9, 9) - square * np.eye(9)
+    coupling = tensors.c_pb.reshape(9, 9)
     back = np.linalg.solve(inner, coupling.T)
-    effective = tensors.rotation - (coupling @ back).reshape(3, 3, 3, 3)
+    effective = tensors.c_pp - (coupling @ back).reshape(3, 3, 3, 3)
     change = -(back.T @ back).reshape(3, 3, 3, 3)  # dD/dω²
     normals = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
     christoffel = np.einsum("ijkl,nj,nl->nik", effective, normals, normals)

@@ -18,7 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, BlockForm, scales
+from wavesim.material.scaling import BlockCoefficients, scales
+from wavesim.material.sectors import Block
 
 
 @dataclass(frozen=True)
@@ -136,15 +137,15 @@ DETERMINANTS: dict[str, Determinant] = {
 }
 
 
-def block_form(medium: Medium, block: Block) -> BlockForm:
-    """Scaled coefficients of one block with the coefficients of Appendix C.
+def printed_coefficients(medium: Medium, block: Block) -> BlockCoefficients:
+    """Scaled coefficients of one block by Appendix C, in the medium's own units.
 
     Args:
         medium: the medium; its closure is not looked at.
         block: one of ``wavesim.material.sectors.BLOCKS``.
 
     Returns:
-        The coefficients in the unknowns of ``wavesim.material.sectors.block_form``.
+        The coefficients, as ``wavesim.material.scaling.block_coefficients`` gives those of others.
     """
 
     def matrix(names: Any) -> np.ndarray:
@@ -152,19 +153,19 @@ def block_form(medium: Medium, block: Block) -> BlockForm:
         values = [PRINTED[name].value(medium) if name else 0.0 for name in flat.ravel()]
         return np.array(values, dtype=float).reshape(flat.shape)
 
-    printed, units = DETERMINANTS[block.name], scales(medium)
+    printed = DETERMINANTS[block.name]
     back = np.linalg.inv(UNKNOWNS[block.name])
     rotations = len(block.rotations)
-    per_area = medium.branch_length**2 * medium.contact_density / medium.density
-    per_phi = per_area / medium.beta * units.time**2 / units.length
-    per_B = per_area / medium.gamma * units.time**2
+    per_contacts = medium.branch_length**2 * medium.contact_density
     row = matrix(printed.row).reshape(rotations, len(back))
     column = matrix(printed.column).reshape(len(back), rotations)
     phi = matrix([printed.phi] * rotations).reshape(rotations, rotations)
-    return BlockForm(
-        c_pp=per_phi / units.length * phi,
-        c_pb=per_phi * units.curvature * (row @ back),
-        c_bp=per_B / (units.curvature * units.length) * (back.T @ column),
-        c_bb=per_B * (back.T @ matrix(printed.constant) @ back),
-        gamma=per_B / units.length**2 * (back.T @ matrix(printed.square) @ back),
-    )
+    return BlockCoefficients(
+        c_pp=per_contacts * phi,
+        c_pb=per_contacts * (row @ back),
+        c_bp=per_contacts * (back.T @ column),
+        c_bb=per_contacts * (back.T @ matrix(printed.constant) @ back),
+        gamma=per_contacts * (back.T @ matrix(printed.square) @ back),
+        i_phi=medium.density * medium.beta,
+        i_B=medium.density * medium.gamma,
+    ).scaled(scales(medium))

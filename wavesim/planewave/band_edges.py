@@ -14,9 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, SECTORS, BlockForm, blocks_of
+from wavesim.material.scaling import BlockCoefficients
+from wavesim.material.sectors import BLOCKS, SECTORS, blocks_of
 from wavesim.planewave.eigenproblem import Float, spectral_form
+
+# A gradient term with a share below this is left out.
+NEGLIGIBLE = 1e-9
 
 GAP_NAMES: dict[str, tuple[str, ...]] = {
     "longitudinal": ("RLB1", "RLB2"),
@@ -51,12 +56,12 @@ def _roots(matrix: Any) -> Float:
     return np.sqrt(np.sort(squares, axis=-1))
 
 
-def form_cutoffs(form: BlockForm) -> Float:
+def form_cutoffs(form: BlockCoefficients) -> Float:
     """ω(k = 0) of the optical branches: √ of the eigenvalues of c_bb. Shape (..., b), scaled."""
     return _roots(form.c_bb)
 
 
-def form_asymptotes(form: BlockForm) -> Float:
+def form_asymptotes(form: BlockCoefficients) -> Float:
     """ω(k → ∞): √ of the eigenvalues of c_bb − c_bp c_pp⁻¹ c_pb. Shape (..., b), scaled."""
     if not np.shape(form.c_pp)[-1]:
         return _roots(form.c_bb)
@@ -129,3 +134,8 @@ def gradient_share(medium: Medium) -> float:
         gradient = np.abs(np.linalg.eigvals(form.gamma)).max() * (2 * math.pi) ** 2
         share = max(share, float(gradient / np.abs(np.linalg.eigvals(form.c_bb)).min()))
     return share
+
+
+def keeps_gradient(layers: Layers) -> bool:
+    """Whether the gradient term counts in a bar: its share is above 1e-9 in some medium of it."""
+    return any(gradient_share(medium) > NEGLIGIBLE for medium in layers.media)

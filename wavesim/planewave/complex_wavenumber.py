@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, BlockForm, blocks_of
+from wavesim.material.scaling import BlockCoefficients
+from wavesim.material.sectors import Block, blocks_of
 from wavesim.planewave.complex_frequency import seen
 from wavesim.planewave.eigenproblem import Complex, Float, spectral_form
 
@@ -91,16 +92,16 @@ def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
     return _closed_form(spectral_form(medium, block), scaled) / medium.length_scale
 
 
-def _closed_form(form: BlockForm, omega: Any) -> Complex:
+def _closed_form(form: BlockCoefficients, omega: Any) -> Complex:
     """k(ω) with Γ → 0, scaled: det(s P − Q) is then linear in s, with no pole at a cutoff."""
-    without = BlockForm(form.c_pp, form.c_pb, form.c_bp, form.c_bb, 0 * form.gamma)
+    without = BlockCoefficients(form.c_pp, form.c_pb, form.c_bp, form.c_bb, 0 * form.gamma)
     values, rates = _polynomial(without, omega**2)
     with np.errstate(divide="ignore", invalid="ignore"):
         square = -values[:, 0] / values[:, 1]
         return _outward(square, -(rates[:, 0] + rates[:, 1] * square) / values[:, 1])
 
 
-def _polynomial(form: BlockForm, square: Any) -> tuple[Any, Any]:
+def _polynomial(form: BlockCoefficients, square: Any) -> tuple[Any, Any]:
     """Coefficients of F = det(s P − Q) in s and those of ∂F/∂ω², ascending; (n, m + 1) each.
 
     The determinant is linear in each row: a coefficient is the sum over the ways to take that
@@ -124,7 +125,7 @@ def _polynomial(form: BlockForm, square: Any) -> tuple[Any, Any]:
     return values, rates
 
 
-def _degree(form: BlockForm) -> int:
+def _degree(form: BlockCoefficients) -> int:
     rotations = np.shape(form.c_pp)[-1]
     size = np.abs(form.gamma).max()
     return rotations + (int(np.linalg.matrix_rank(form.gamma / size, tol=1e-12)) if size else 0)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, BlockForm, blocks_of
+from wavesim.material.scaling import BlockCoefficients
+from wavesim.material.sectors import Block, blocks_of
 from wavesim.planewave.band_edges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
 from wavesim.planewave.complex_frequency import damped
 from wavesim.planewave.complex_wavenumber import ComplexWaves, complex_waves, wavenumber
@@ -118,7 +119,7 @@ def damped_frequencies(medium: Medium, sector: str, k: ArrayLike) -> Complex:
     return damped(medium.damping, frequencies(medium, sector, k))
 
 
-def scaled_group_velocity(form: BlockForm, k: Float, modes: Eigenmodes) -> Float:
+def scaled_group_velocity(form: BlockCoefficients, k: Float, modes: Eigenmodes) -> Float:
     """∂ω/∂k = uᵀ(dK/dk)v / 2ω of solved modes, shape (n, m), scaled.
 
     At k = 0 a branch with ω = 0 starts with the long-wave speed; an optical one is at rest.
@@ -133,7 +134,7 @@ def scaled_group_velocity(form: BlockForm, k: Float, modes: Eigenmodes) -> Float
     return speed
 
 
-def _scaled_long_wave_speed(form: BlockForm) -> float:
+def _scaled_long_wave_speed(form: BlockCoefficients) -> float:
     # A pseudo-inverse, as at η = 0 a micro-curvature that couples to nothing costs no energy.
     static = form.c_pp - form.c_pb @ np.linalg.pinv(form.c_bb, rcond=1e-12) @ form.c_bp
     return float(np.sqrt(static[0, 0]))

@@ -1,4 +1,4 @@
-"""The eigenproblem of plane waves, in the scaled form of ``wavesim.material.sectors``.
+"""The eigenproblem of plane waves, in the scaled form of ``wavesim.material.scaling``.
 
 With φ = Φ e^{i(kx−ωt)} and B = i b e^{i(kx−ωt)} a block of the wave equations becomes the real
 eigenvalue problem ω² v = K(k) v,
@@ -17,20 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material import sectors
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, BlockForm
+from wavesim.material.scaling import BlockCoefficients, block_coefficients, scales
+from wavesim.material.sectors import Block
 from wavesim.planewave import appendix_c
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-def spectral_form(medium: Medium, block: Block) -> BlockForm:
-    """Scaled coefficients of a block for any closure, "appendix_c" included."""
+def spectral_form(medium: Medium, block: Block) -> BlockCoefficients:
+    """Coefficients of a block in the medium's own units, for any closure, "appendix_c" included."""
     if medium.closure == "appendix_c":
-        return appendix_c.block_form(medium, block)
-    return sectors.block_form(medium, block)
+        return appendix_c.printed_coefficients(medium, block)
+    return block_coefficients(medium, block, scales(medium))
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def _assemble(pp: Any, pb: Any, bp: Any, bb: Any) -> Float:
     return matrix
 
 
-def stiffness(form: BlockForm, k: Any) -> Float:
+def stiffness(form: BlockCoefficients, k: Any) -> Float:
     """K(k), shape (..., m, m); k of shape (...), scaled."""
     k = np.asarray(k)[..., None, None]
     return _assemble(
@@ -67,14 +67,14 @@ def stiffness(form: BlockForm, k: Any) -> Float:
     )
 
 
-def stiffness_slope(form: BlockForm, k: Any) -> Float:
+def stiffness_slope(form: BlockCoefficients, k: Any) -> Float:
     """dK/dk, shape (..., m, m); k of shape (...), scaled."""
     k = np.asarray(k)[..., None, None]
     one = np.ones_like(k)
     return _assemble(2 * k * form.c_pp, -one * form.c_pb, -one * form.c_bp, 2 * k * form.gamma)
 
 
-def is_symmetric(form: BlockForm) -> bool:
+def is_symmetric(form: BlockCoefficients) -> bool:
     """Whether the coefficients are symmetric to rounding, so that an energy is conserved."""
     return all(
         np.allclose(one, np.swapaxes(other, -1, -2), rtol=1e-13, atol=1e-15 * np.abs(one).max())
@@ -96,7 +96,7 @@ def _general(matrix: Float) -> Eigenmodes:
     return Eigenmodes(values, right, np.swapaxes(np.linalg.inv(right), -1, -2))
 
 
-def _by_symmetrising(form: BlockForm, k: Float) -> Eigenmodes:
+def _by_symmetrising(form: BlockCoefficients, k: Float) -> Eigenmodes:
     """A block with one rotation whose couplings there and back differ.
 
     Once c_bb + k² γ is diagonal, K is an arrow: −k u_i in the row of φ, −k v_i in its column.
@@ -128,7 +128,7 @@ def _by_symmetrising(form: BlockForm, k: Float) -> Eigenmodes:
     return Eigenmodes(squares, right, left)
 
 
-def solve(form: BlockForm, k: Float) -> Eigenmodes:
+def solve(form: BlockCoefficients, k: Float) -> Eigenmodes:
     """All plane waves of a block at given wavenumbers.
 
     ω² is the Rayleigh quotient uᵀ K v of the modes found: for the acoustic branch at long waves
@@ -150,6 +150,6 @@ def solve(form: BlockForm, k: Float) -> Eigenmodes:
     return Eigenmodes(squares, modes.right, modes.left)
 
 
-def slope(form: BlockForm, k: Float, modes: Eigenmodes) -> Any:
+def slope(form: BlockCoefficients, k: Float, modes: Eigenmodes) -> Any:
     """d(ω²)/dk = uᵀ (dK/dk) v of each mode, shape (n, m), scaled."""
     return np.sum(modes.left * (stiffness_slope(form, k) @ modes.right), axis=-2)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, Block, BlockForm
+from wavesim.material.scaling import BlockCoefficients
+from wavesim.material.sectors import BLOCKS, Block
 from wavesim.planewave.eigenproblem import Eigenmodes, Float, is_symmetric, solve, spectral_form
 
 # ω² that is negative, or complex, by less than these of the largest |ω²| at its k is rounding, or
@@ -79,7 +80,7 @@ def _least(function: Callable[[Float], Float], low: float, high: float) -> float
     return float(x[i])
 
 
-def fastest_growth(form: BlockForm) -> tuple[float, float]:
+def fastest_growth(form: BlockCoefficients) -> tuple[float, float]:
     """The wavenumber of fastest growth of a block and Im ω there, both scaled; (0, 0) if none.
 
     Real ω² turn complex only where two of them meet, so besides a scan over k from 0 far into

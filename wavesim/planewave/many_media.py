@@ -11,12 +11,12 @@ The four media a, η ∈ {0, 1} therefore determine those of all, and no equatio
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
 from wavesim.material.medium import PARAMETERS, Medium, check_parameter
-from wavesim.material.sectors import Block, BlockForm, scales
+from wavesim.material.scaling import BlockCoefficients, scales
+from wavesim.material.sectors import Block
 from wavesim.planewave.eigenproblem import spectral_form
 
 
@@ -28,23 +28,20 @@ def _check(medium: Medium) -> None:
             check_parameter(name, float(np.max(value)))
 
 
-def _factors(medium: Medium) -> dict[str, Any]:
+def _factors(medium: Medium) -> BlockCoefficients:
     """What each scaled coefficient goes with, apart from a and η."""
-    units = scales(medium)
-    per_phi = units.time**2 * medium.branch_length**2 * medium.contact_density
-    per_phi = per_phi / (medium.density * medium.beta)
-    per_B = per_phi * medium.beta / medium.gamma
-    length, curvature = units.length, units.curvature
-    return {
-        "c_pp": per_phi / length**2 * (medium.G_n_a + medium.G_n_r),
-        "c_pb": per_phi / length * curvature * medium.G_n_r,
-        "c_bp": per_B / (length * curvature) * medium.G_n_r,
-        "c_bb": per_B * medium.G_n_r,
-        "gamma": per_B * medium.G_n_g,
-    }
+    per_contacts = medium.branch_length**2 * medium.contact_density
+    relative = per_contacts * medium.G_n_r
+    return BlockCoefficients(
+        c_pp=per_contacts * (medium.G_n_a + medium.G_n_r),
+        c_pb=relative,
+        c_bp=relative,
+        c_bb=relative,
+        gamma=per_contacts * medium.branch_length**2 * medium.G_n_g,
+    ).scaled(scales(medium))
 
 
-def block_forms(medium: Medium, block: Block) -> BlockForm:
+def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
     """Scaled coefficients of one block in every medium of a family, each in its own units.
 
     Args:
@@ -73,10 +70,11 @@ def block_forms(medium: Medium, block: Block) -> BlockForm:
     weights = {(i, j): (a if i else 1 - a) * (eta if j else 1 - eta) for i, j in corners}
     shape = np.broadcast_shapes(*(np.shape(getattr(medium, n)) for n in PARAMETERS))
     made = {}
-    for name, factor in wanted.items():
-        ratio = np.broadcast_to(np.asarray(factor / at_corner[name], float), shape)
+    for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma"):
+        ratio = getattr(wanted, name) / getattr(at_corner, name)
+        ratio = np.broadcast_to(np.asarray(ratio, float), shape)
         made[name] = sum(
             (weight * ratio)[..., None, None] * getattr(corners[corner], name)
             for corner, weight in weights.items()
         )
-    return BlockForm(**made)
+    return BlockCoefficients(**made)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS
 from wavesim.planewave.dispersion_relation import scaled_group_velocity
 from wavesim.planewave.eigenproblem import Complex, Float, is_symmetric, solve, spectral_form

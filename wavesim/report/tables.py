@@ -16,7 +16,7 @@ from wavesim.case.problem import Problem
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layers
-from wavesim.simulation.plan import Plan, highest_band, media
+from wavesim.simulation.plan import Plan, highest_band
 from wavesim.sources import GaussianDerivative, Recorded, Ricker, Source
 
 _MOST_LAYERS = 8
@@ -165,7 +165,7 @@ def _ends(bar: Bar) -> str:
 
 def _carried(settled: Plan) -> float:
     """Highest peak frequency that the grid carries in every layer, Hz."""
-    return min(highest_frequency(medium, settled.bar) for medium in media(settled.layers))
+    return min(highest_frequency(medium, settled.bar) for medium in settled.layers.media)
 
 
 def warnings(problem: Problem) -> list[str]:
@@ -222,7 +222,7 @@ def _absorbed(problem: Problem) -> list[str]:
             f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
             "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
         )
-    least = 4 * max(float(medium.branch_length) for medium in media(problem.plan.layers))
+    least = 4 * max(float(medium.branch_length) for medium in problem.plan.layers.media)
     if 0 < bar.absorber < least:
         found.append(
             f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "

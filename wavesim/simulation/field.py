@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS, Block, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import BLOCKS, Block
 from wavesim.material.wave_equations import ROTATIONS, UNITS
 from wavesim.simulation.bandlimited import between
 from wavesim.sources import Source

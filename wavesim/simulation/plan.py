@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from wavesim.grid.bar import Bar
-from wavesim.material.layers import Layer, Layers, as_layers
+from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import Block, excited_blocks
-from wavesim.material.wave_equations import flux_form
+from wavesim.material.wave_equations import fastest_speed
+from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.dispersion_relation import (
     block_frequencies,
     check_hyperbolic,
-    gradient_share,
 )
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.barstep import bar_schedule
@@ -34,10 +33,6 @@ from wavesim.timedomain.zones import banded
 
 # Highest frequency of a stretch with closures over that of an endless one, at most.
 _ENDS = 1.05
-# Positions at which a graded layer is looked at for its fastest wave.
-_GRADES = 9
-# A gradient term that takes less than this part in ω² at k̄ = 1 is left out of a real bar.
-NEGLIGIBLE_GRADIENT = 1e-9
 # Amplitudes of sources up to this, and down to its inverse, leave room in float32 for their field.
 _RANGE = 1e20
 # Frames in one chunk: as many as fit into about this many bytes, within these limits.
@@ -78,23 +73,17 @@ class Plan:
     @property
     def endless(self) -> bool:
         """Whether it stands for an endless bar of one medium: joined ends, one uniform layer."""
-        (layer, *others) = self.layers.layers
-        return self.bar.periodic and not others and layer.last is None
+        return self.bar.periodic and self.layers.uniform
 
     @property
     def with_gradient(self) -> bool:
         """Whether the gradient term is kept."""
-        return not self.real or any(
-            gradient_share(medium) > NEGLIGIBLE_GRADIENT for medium in media(self.layers)
-        )
+        return not self.real or keeps_gradient(self.layers)
 
     @property
     def balanced(self) -> bool:
         """Whether the closure conserves energy in every layer, losses apart."""
-        return all(
-            medium.closure == "consistent" or medium.anisotropy == 0
-            for medium in media(self.layers)
-        )
+        return self.layers.conserves_energy
 
     @property
     def step(self) -> float:
@@ -175,14 +164,14 @@ def plan(
             f"layers: {len(layers.layers)} given for a grid of {max(len(bar.stretches), 1)} "
             "stretches; make the bar with layered_bar(layers, spacing)"
         )
-    for one in media(layers):
+    for one in layers.media:
         check_hyperbolic(one)
     blocks = excited_blocks([source.field for source in sources])
     unit = float(reference.time_scale)
     longest = step if step is None else step / unit
     if is_plain(layers, bar, sources):
         bound = spectral_bound(reference, bar, blocks)
-        speed = fastest(reference) * unit / bar.spacing
+        speed = fastest_speed(reference) * unit / bar.spacing
         # Strides are not in single precision.
         ends = [math.inf if precision == "single" else source.end for source in sources]
         about = (solver, longest, speed, bar.cells, max(ends) / unit)
@@ -192,9 +181,9 @@ def plan(
         band = highest_band(sources, reference) * unit
         loss = fastest_loss(layers, bar, radius)
         speed = max(
-            fastest(one) * unit / size
+            fastest_speed(one) * unit / size
             for layer, (_, size) in zip(layers.layers, stretches(bar), strict=True)
-            for one in media(Layers((moved(layer),)))
+            for one in layer.sampled()
         )
         steps = bar_schedule(radius, loss, band, duration / unit, frames, solver, longest, speed)
         if loss == 0 and solver != "chebyshev":
@@ -218,33 +207,17 @@ def plan(
 
 def is_plain(layers: Layers, bar: Bar, sources: Sequence[Source]) -> bool:
     """Whether a bar is uniform, periodic and lossless, driven by body moments from rest."""
-    (layer, *others) = layers.layers
     return (
         bar.periodic
-        and not others
-        and layer.last is None
-        and not layer.medium.damping
+        and layers.uniform
+        and not layers.lossy
         and all(source.drive == "body" for source in sources)
     )
-
-
-def media(layers: Layers) -> list[Medium]:
-    """The media of a bar, a graded layer's at a few places."""
-    found = []
-    for layer in layers.layers:
-        places = np.linspace(layer.start, layer.end, 1 if layer.last is None else _GRADES)
-        found += [layer.at(float(place)) for place in places]
-    return found
 
 
 def stretches(bar: Bar) -> tuple[tuple[int, float], ...]:
     """(cells, spacing) of each stretch of a bar."""
     return bar.stretches or ((bar.cells, bar.spacing),)
-
-
-def moved(layer: Layer) -> Layer:
-    """A layer moved to x = 0."""
-    return dataclasses.replace(layer, start=0.0, end=layer.thickness)
 
 
 def highest_frequency(
@@ -264,7 +237,7 @@ def highest_frequency(
     squares = []
     for layer, (_, spacing) in zip(layers.layers, stretches(bar), strict=True):
         unrelaxed = layer.medium.damping.unrelaxed
-        for medium in media(Layers((moved(layer),))):
+        for medium in layer.sampled():
             bound = spectral_bound(medium, bar, blocks, spacing=spacing)
             ratio = (reference.time_scale / medium.time_scale) ** 2
             squares.append(unrelaxed * ratio * bound)
@@ -298,7 +271,7 @@ def absorption(layers: Layers, bar: Bar, end: str) -> float:
     if getattr(bar, end) != "absorbing":
         return 0.0
     medium = layers.at(0.0 if end == "left" else layers.length)
-    return -4 * fastest(medium) * math.log(REFLECTION) / (2 * bar.absorber)
+    return -4 * fastest_speed(medium) * math.log(REFLECTION) / (2 * bar.absorber)
 
 
 def highest_band(sources: Sequence[Source], medium: Medium) -> float:
@@ -329,10 +302,3 @@ def default_samples(sources: Sequence[Source], medium: Medium, duration: float) 
         if math.isinf(source.spectral_end) and math.isfinite(source.band):
             highest = max(highest, 3 * source.excited[1])
     return max(2, math.ceil(duration * highest / math.pi) + 1)
-
-
-def fastest(medium: Medium) -> float:
-    """Speed of the fastest wave at short wavelengths, c_∞ = √(C_φφ/m_φ), m/s."""
-    flux = flux_form(medium)
-    unrelaxed = medium.damping.unrelaxed
-    return float(np.sqrt(unrelaxed * np.linalg.eigvalsh(flux.C_phi_phi).max() / flux.m_phi))

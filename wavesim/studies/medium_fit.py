@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from wavesim.material.medium import PARAMETERS, Medium
-from wavesim.material.sectors import BLOCKS, Block, BlockForm, block_form
+from wavesim.material.scaling import BlockCoefficients, block_coefficients, scales
+from wavesim.material.sectors import BLOCKS, Block
 from wavesim.planewave.eigenproblem import stiffness, stiffness_slope
 from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.records.relations import OfMedium
@@ -240,7 +241,7 @@ def _form(left: Any, matrix: Any, right: Any) -> Any:
     return np.einsum("ni,nij,nj->n", left, matrix, right)
 
 
-def _mode(form: BlockForm, k: Any, square: Any) -> tuple[Any, Any]:
+def _mode(form: BlockCoefficients, k: Any, square: Any) -> tuple[Any, Any]:
     """Right and left eigenvector of K(k) with the eigenvalue nearest to ω², uᵀv = 1."""
     values, vectors = np.linalg.eig(stiffness(form, k))
     at = np.argmin(np.abs(values - square[:, None]), axis=1)
@@ -251,14 +252,15 @@ def _mode(form: BlockForm, k: Any, square: Any) -> tuple[Any, Any]:
 
 def _tangents(
     medium: Medium, block: Block, parameters: tuple[str, ...], start: Medium
-) -> tuple[BlockForm, list[BlockForm]]:
+) -> tuple[BlockCoefficients, list[BlockCoefficients]]:
     """Scaled coefficients of a block, in the units of the start, and their derivatives."""
     at = [float(getattr(medium, name)) for name in parameters]
     form, slopes = _differentiated(start, block.name, parameters)(at)
     tangents = [
-        BlockForm(*(np.asarray(slope[i]) for slope in slopes)) for i in range(len(parameters))
+        BlockCoefficients(*(np.asarray(slope[i]) for slope in slopes))
+        for i in range(len(parameters))
     ]
-    return BlockForm(*(np.asarray(part) for part in form)), tangents
+    return BlockCoefficients(*(np.asarray(part) for part in form)), tangents
 
 
 @lru_cache(maxsize=64)
@@ -268,11 +270,11 @@ def _differentiated(start: Medium, name: str, parameters: tuple[str, ...]) -> An
 
     jax.config.update("jax_enable_x64", True)
     (block,) = (b for b in BLOCKS if b.name == name)
-    parts = tuple(BlockForm.__dataclass_fields__)
+    parts = tuple(BlockCoefficients.__dataclass_fields__)
 
     def coefficients(values: Any) -> Any:
         given = dict(zip(parameters, values, strict=True))
-        form = block_form(replace(start, **given), block, start)
+        form = block_coefficients(replace(start, **given), block, scales(start)).per_inertia()
         return tuple(jax.numpy.asarray(getattr(form, part), float) for part in parts)
 
     return jax.jit(lambda values: (coefficients(values), jax.jacfwd(coefficients)(values)))

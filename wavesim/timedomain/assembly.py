@@ -9,7 +9,7 @@ from typing import Any
 import diffrax
 import jax.numpy as jnp
 
-from wavesim.material.sectors import scales
+from wavesim.material.scaling import scales
 from wavesim.simulation.plan import Plan
 from wavesim.timedomain.barequation import BarEquation
 from wavesim.timedomain.barseries import Series, series

@@ -12,7 +12,8 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, grouped, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block, grouped
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.generator import Generator
 from wavesim.timedomain.group import Group, State

@@ -16,7 +16,8 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, grouped, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block, grouped
 from wavesim.sources import Source
 from wavesim.timedomain.operator import Operator, State
 

@@ -14,7 +14,8 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_weights
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, grouped, scales
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block, grouped
 from wavesim.timedomain.banded import banded
 from wavesim.timedomain.group import Group, State, Strain
 from wavesim.timedomain.material import Losses, Profile, losses, profile

@@ -16,7 +16,7 @@ import numpy as np
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import scales
+from wavesim.material.scaling import scales
 from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.plan import Plan, plan
 from wavesim.sources import Source

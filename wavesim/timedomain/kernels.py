@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.sectors import BlockForm
+from wavesim.material.scaling import BlockCoefficients
 from wavesim.timedomain.timestep import (
     SHORTEST_RUN,
     chebyshev_series,
@@ -36,7 +36,7 @@ _NEGLIGIBLE = 1e-16
 _STAYS = 4
 
 
-def symbol(form: BlockForm, phase: np.ndarray, spacing: float, order: int) -> np.ndarray:
+def symbol(form: BlockCoefficients, phase: np.ndarray, spacing: float, order: int) -> np.ndarray:
     """L acting on exp(i j phase) over grid indices j, nodes and half-nodes counted alike.
 
     Args:
@@ -60,7 +60,9 @@ def symbol(form: BlockForm, phase: np.ndarray, spacing: float, order: int) -> np
     return matrix
 
 
-def kernels(form: BlockForm, spacing: float, order: int, step: float, bound: float) -> np.ndarray:
+def kernels(
+    form: BlockCoefficients, spacing: float, order: int, step: float, bound: float
+) -> np.ndarray:
     """C, S and LS over one step as convolution kernels on an endless grid.
 
     Args:
@@ -106,7 +108,7 @@ def negligible(step: float, bound: float) -> float:
 
 
 def _ring_kernel(
-    form: BlockForm, spacing: float, order: int, bound: float, series: np.ndarray, ring: int
+    form: BlockCoefficients, spacing: float, order: int, bound: float, series: np.ndarray, ring: int
 ) -> np.ndarray:
     """Kernels on a ring of so many cells, by Chebyshev sums of the symbol."""
     phase = 2 * np.pi * np.fft.fftfreq(ring)

@@ -22,7 +22,8 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.summation_by_parts import chain
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, BlockCoefficients, Scales, block_coefficients, scales
+from wavesim.material.scaling import BlockCoefficients, Scales, block_coefficients, scales
+from wavesim.material.sectors import Block
 from wavesim.simulation.plan import absorption
 
 _SAMPLES = 12

@@ -22,7 +22,8 @@ import numpy as np
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_weights
 from wavesim.material.medium import PARAMETERS, Medium
-from wavesim.material.sectors import BLOCKS, Block, block_form, grouped, scales
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import BLOCKS, Block, grouped
 from wavesim.material.wave_equations import ROTATIONS
 
 # The scheme needs double precision; ``single.py`` has what may be rounded.
@@ -201,7 +202,10 @@ def semi_discrete(
     weights = tuple(c / spacing for c in difference_weights(bar.order))
     groups = []
     for stacked in grouped(blocks):
-        forms = [block_form(medium, block, reference) for block in stacked]
+        forms = [
+            block_coefficients(medium, block, scales(reference or medium)).per_inertia()
+            for block in stacked
+        ]
         coefficients = {
             name: _stack([getattr(form, name) for form in forms])
             for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")

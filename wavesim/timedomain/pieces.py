@@ -17,7 +17,7 @@ from scipy.sparse import block_array, csr_array, diags_array
 
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
-from wavesim.material.sectors import BlockForm
+from wavesim.material.scaling import BlockCoefficients
 from wavesim.timedomain.group import Group
 from wavesim.timedomain.kernels import kernels, negligible
 from wavesim.timedomain.timestep import Schedule, chebyshev_series, cosine, series_degree
@@ -122,11 +122,11 @@ def _reach(kernel: np.ndarray) -> int:
     return (kernel.shape[-1] - 1) // 2
 
 
-def _form(group: Group, block: int, j: int) -> BlockForm:
+def _form(group: Group, block: int, j: int) -> BlockCoefficients:
     """Coefficients of a block over its inertias at cell j, away from closures."""
     c = group.c
     i_phi, i_B = c.m_phi[block, j] / group.node_norm[j], c.i_B[block, j]
-    return BlockForm(
+    return BlockCoefficients(
         c.c_pp[..., block, j] / i_phi,
         c.c_pb[..., block, j] / i_phi,
         c.c_bp[..., block, j] / i_B,

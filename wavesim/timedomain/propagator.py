@@ -20,7 +20,8 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, block_form, grouped
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import Block, grouped
 from wavesim.timedomain.kernels import Convolution, convolution, convolve, convolve_all, kernels
 from wavesim.timedomain.operator import State
 from wavesim.timedomain.response import PulseTables, add_pulses, pulse_work
@@ -118,6 +119,8 @@ def block_kernels(
 
     def of_block(block: Block) -> np.ndarray:
         bound = spectral_bound(medium, bar, [block])
-        return kernels(block_form(medium, block), spacing, bar.order, step, bound)
+        return kernels(
+            block_coefficients(medium, block, scales(medium)), spacing, bar.order, step, bound
+        )
 
     return [[of_block(block) for block in stacked] for stacked in grouped(blocks)]

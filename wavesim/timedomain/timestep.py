@@ -23,7 +23,8 @@ from scipy.fft import dct
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import largest_modified_wavenumber
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, block_form
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.sectors import Block
 
 Float = NDArray[np.float64]
 Solver = Literal["auto", "propagator", "chebyshev", "verlet"]
@@ -77,7 +78,7 @@ def spectral_bound(
     k = largest_modified_wavenumber((spacing or bar.spacing) / length, bar.order)
     bounds = []
     for block in blocks:
-        form = block_form(medium, block, reference)
+        form = block_coefficients(medium, block, scales(reference or medium)).per_inertia()
         matrix = np.block(
             [
                 [k**2 * form.c_pp, -k * form.c_pb],

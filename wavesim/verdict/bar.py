@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from wavesim.material.damping import quality
+from wavesim.material.wave_equations import fastest_speed
 from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
@@ -15,7 +16,7 @@ from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
-from wavesim.simulation.plan import REFLECTION, fastest
+from wavesim.simulation.plan import REFLECTION
 from wavesim.verdict import bar_remedies as barremedies
 from wavesim.verdict import remedies
 from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
@@ -203,7 +204,7 @@ def _too_short(reading: Reading, field: Field) -> list[str]:
     layers, bar = field.layers, field.bar
     if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
         return []
-    if reading.ringing or any(layer.medium.damping for layer in layers.layers):
+    if reading.ringing or layers.lossy:
         return []
     if not any(block.rotations for block in field.blocks):
         return []
@@ -238,7 +239,7 @@ def _near_cutoffs(field: Field) -> list[str]:
                 omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
                 loud = max((abs(s.spectrum(cutoff)) / s.strongest for s in driven), default=0.0)
                 slowness = wavenumber(medium, block.sector, omega).real / omega
-                back = REFLECTION ** (slowness * fastest(medium))
+                back = REFLECTION ** (slowness * fastest_speed(medium))
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
                     until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
                     told.append(f"{block.sector} {cutoff * _KHZ:.5g} to {until * _KHZ:.5g} kHz")

@@ -32,8 +32,7 @@ def absorber(field: Field) -> str | None:
     bar, layers = field.bar, field.layers
     if not bar.absorber or layers is None:
         return None
-    media = [m for layer in layers.layers for m in (layer.medium, layer.last) if m is not None]
-    least = _ABSORBER * max(float(medium.branch_length) for medium in media)
+    least = _ABSORBER * max(float(medium.branch_length) for medium in layers.media)
     if bar.absorber >= least * (1 - 1e-9):
         return None
     return (

@@ -296,9 +296,7 @@ def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
 def energy_checks(field: Field) -> list[Check]:
     """Energy balance in double precision, where the closure conserves energy in every layer."""
     energy = field.energy if field.precision == "double" else None
-    layers = field.layers.layers if field.layers else ()
-    media = [medium for layer in layers for medium in (layer.medium, layer.last) if medium]
-    conserved = all(m.closure == "consistent" or m.anisotropy == 0 for m in media or [field.medium])
+    conserved = (field.layers or field.medium).conserves_energy
     if energy is None or not conserved:
         return []
     scale = float(energy.total.max())

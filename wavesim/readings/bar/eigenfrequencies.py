@@ -59,7 +59,7 @@ def ringing(field: Field, block: Block) -> Ringing | None:
     layers, bar = field.layers, field.bar
     if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
         return None
-    if any(layer.medium.damping for layer in layers.layers):
+    if layers.lossy:
         return None
     (name,) = block.rotations[0]
     first = analysed_from(field)
@@ -103,7 +103,7 @@ def _highest(field: Field, block: Block) -> float:
     omega = np.linspace(0, np.pi / field.interval, 4001)[1:]
     fine = np.ones(len(omega), bool)
     for layer, (_, spacing) in zip(field.layers.layers, stretches, strict=True):
-        for medium in {layer.medium, layer.last or layer.medium}:
+        for medium in layer.sampled(2):
             k = wavenumber(medium, block.sector, omega)
             fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS
     return float(omega[np.argmin(fine) - 1]) if not fine.all() and fine[0] else float(omega[-1])
