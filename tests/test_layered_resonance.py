@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from wavesim import planewave
 from wavesim import layered as layeredwave
+from wavesim import planewave
 from wavesim.layered.ends import returned
 from wavesim.layered.stack import Stack
 from wavesim.material.damping import Damping

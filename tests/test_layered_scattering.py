@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from media import any_media, media
 
-from wavesim import planewave
 from wavesim import layered as layeredwave
+from wavesim import planewave
 from wavesim.layered import graded_layer as collocation
 from wavesim.layered.section import generator
 from wavesim.layered.stack import Stack

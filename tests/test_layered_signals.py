@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from collocated import coefficients
 
-from wavesim import planewave
 from wavesim import layered as layeredwave
+from wavesim import planewave
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
