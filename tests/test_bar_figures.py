@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from wavesim.figures import bar as barfigures
 from wavesim.figures import field as fieldfigures
 from wavesim.figures.bar_section import bar_section
-from wavesim.figures.endless import STYLE
+from wavesim.figures.style import STYLE
 from wavesim.grid.bar import layered_bar
 from wavesim.layered.bloch import bloch
 from wavesim.layered.transmission import transmission

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from wavesim import planewave
 from wavesim.figures import endless as figures
 from wavesim.figures import field as fieldfigures
+from wavesim.figures import style
 from wavesim.figures.process import FigureProcess
 from wavesim.simulation.field import Field
 from wavesim.sources import Ricker
@@ -27,7 +28,7 @@ TO_KHZ = 1 / (2e3 * np.pi)
 def drawn(small_run, small_held):
     """Every figure of the small run, by name, laid out but not written."""
     _, _, field = small_run
-    with matplotlib.rc_context(figures.STYLE):
+    with matplotlib.rc_context(style.STYLE):
         made = {
             "spacetime": fieldfigures.spacetime(field),
             "dispersion": figures.dispersion(field, small_held, "longitudinal"),
@@ -51,7 +52,7 @@ def spans(axes, upright):
     found = []
     for patch in axes.patches:
         box = patch.get_extents().transformed(axes.transData.inverted())
-        if patch.get_zorder() == figures.GAP["zorder"]:
+        if patch.get_zorder() == style.GAP["zorder"]:
             found.append((box.x0, box.x1) if upright else (box.y0, box.y1))
     return sorted(found)
 
@@ -204,25 +205,25 @@ def test_picture_of_the_spectrum_lies_on_its_axes(drawn, small_held):
 
 def test_colours_are_readable_in_grey():
     """Lightness of the map falls all the way, so that it prints in grey."""
-    colours = figures.MAP(np.linspace(0, 1, 64))[:, :3]
+    colours = style.MAP(np.linspace(0, 1, 64))[:, :3]
     lightness = colours @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(lightness) < 0).all()
 
 
 def test_decibels():
     np.testing.assert_allclose(
-        figures.decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
+        style.decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
     )
 
 
 def test_thinning_keeps_the_largest():
     values = np.zeros((1000, 900))
     values[777, 555] = 3.0
-    thin = figures.thin(values, (90, 70))
+    thin = style.thin(values, (90, 70))
     assert thin.shape[0] <= 90
     assert thin.shape[1] <= 70
     assert thin.max() == 3.0
-    np.testing.assert_array_equal(figures.thin(values[:80, :60], (90, 70)), values[:80, :60])
+    np.testing.assert_array_equal(style.thin(values[:80, :60], (90, 70)), values[:80, :60])
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-300])
@@ -241,7 +242,7 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
         full.receivers,
     )
     held = [hold(made, m, (125.0, 3142.0)) for m in extract(made)]
-    with matplotlib.rc_context(figures.STYLE):
+    with matplotlib.rc_context(style.STYLE):
         for figure in (
             fieldfigures.spacetime(made),
             figures.dispersion(made, held, "longitudinal"),
@@ -260,7 +261,7 @@ def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
     np.testing.assert_array_equal(fieldfigures._amplitude(field, "inplane"), whole)
     blocks = [b for b in field.blocks if b.sector == "inplane"]
     parts = [values for b in blocks for values, _ in field.components(b)]
-    plain = figures.thin(np.sqrt(np.sum(np.square(parts), axis=0)), (37, 41))
+    plain = style.thin(np.sqrt(np.sum(np.square(parts), axis=0)), (37, 41))
     np.testing.assert_allclose(whole, plain, rtol=1e-14)
 
 
@@ -273,7 +274,7 @@ def process(folder, field, held=None):
 def test_process_draws_what_this_one_would(small_run, tmp_path):
     """The same files, to the byte."""
     _, _, field = small_run
-    here = figures.write(fieldfigures.of_field(field), tmp_path / "here")
+    here = style.write(fieldfigures.of_field(field), tmp_path / "here")
     there = process(tmp_path / "there", field)
     assert [p.name for p in there] == [p.name for p in here]
     for a, b in zip(here, there, strict=True):

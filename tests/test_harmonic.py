@@ -14,7 +14,7 @@ from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, power, series
 from wavesim.readings.dispersion.harmonic_inversion import invert
 from wavesim.records.of_field import references
-from wavesim.verdict.points import match
+from wavesim.verdict.recovered_points import match
 
 
 def sinusoids(omega, decay, amplitude, count):

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from wavesim.cli import record_work as labwork
 from wavesim.cli.main import main
 from wavesim.readings.dispersion.points import BranchPoints, joined
 from wavesim.records.files import Layout
 from wavesim.records.of_field import references
-from wavesim.verdict.points import match
+from wavesim.records.of_medium import RecordOfMedium
+from wavesim.verdict.recovered_points import match
 
 CASE = str(Path(__file__).parent.parent / known.CASES["printed"])
 
@@ -187,7 +187,7 @@ def test_a_result_file_is_judged_against_both_references(tmp_path):
 
 
 def test_every_name_of_a_block_makes_a_file_of_its_own():
-    names = [labwork.Source(b.name, None).label for b in known.simulated("printed").blocks]
+    names = [RecordOfMedium(b.name, None).label for b in known.simulated("printed").blocks]
     assert len(set(names)) == 6
     assert not set("".join(names)) & set("[]()")
     assert Layout().sources == ()

@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 import wavesim as ws
-from wavesim.cli import record_work as labwork
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.sectors import BLOCKS
 from wavesim.readings.dispersion.decaying_waves import WEAKEST, WEAKEST_RELAXING
 from wavesim.records.of_field import block_record
+from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.relations import OfMedium
-from wavesim.verdict.points import match
+from wavesim.verdict import record as verdict
+from wavesim.verdict.recovered_points import match
 
 LONGITUDINAL = BLOCKS[0]
 RAYLEIGH = Damping(mass=2e4, stiffness=1e-9)
@@ -67,7 +68,7 @@ def test_without_a_grid_it_is_that_of_the_plane_wave_solver():
 
 @pytest.fixture(scope="module", params=["rayleigh", "quality"])
 def lossy(request):
-    """A source as labwork makes it of a result.h5, of a run on a ring with losses."""
+    """A record as it is made of a result.h5, of a run on a ring with losses."""
     law = RAYLEIGH if request.param == "rayleigh" else constant_quality(60.0, (5e4, 2e6))
     sources = [
         ws.Ricker("phi1", 0.032, 8e5),
@@ -75,14 +76,14 @@ def lossy(request):
     ]
     field = ws.simulate(medium(law), BAR, sources, duration=7e-5)
     record = block_record(field, LONGITUDINAL)
-    return labwork.Source("longitudinal", record, field.medium, LONGITUDINAL, BAR)
+    return RecordOfMedium("longitudinal", record, field.medium, LONGITUDINAL, BAR)
 
 
 def test_every_wave_is_found_and_none_is_false(lossy):
     """Against the grid Re ω to 1e-4 of the width (3e-3 where relaxations are about); measured 9e-6
     and 7e-5. Of ω that is 1e-11 in the median without relaxations."""
-    results = labwork.dispersion([lossy])
-    checks = labwork.checks(results)
+    results = verdict.dispersion([lossy])
+    checks = verdict.checks(results)
     assert len(checks) == 4
     assert [check.name for check in checks if not check.passed] == []
     relaxing = bool(lossy.medium.damping.rates)
@@ -92,10 +93,10 @@ def test_every_wave_is_found_and_none_is_false(lossy):
     assert one.matched.present.sum() > 120
     error = one.matched.error(False)
     assert np.nanmedian(error) < (1e-7 if relaxing else 1e-11)
-    notes = one.source.record.notes
+    notes = one.origin.record.notes
     assert "is not sought" in notes[-1]
     assert ("relaxations outlast them" in notes[-1]) == (
-        len(one.source.record.t) < len(lossy.record.t)
+        len(one.origin.record.t) < len(lossy.record.t)
     )
     # And how it decays, which no check is about: γ as the relation has it.
     points = one.points.take(one.points.valid)
@@ -108,11 +109,11 @@ def test_every_wave_is_found_and_none_is_false(lossy):
 def test_the_lossless_relation_would_not_do(lossy):
     """What was reported before as misses and errors: ω₀ differs from Re ω by more than 1e-4 of the
     width, by far where the modulus is dispersive."""
-    (one,) = labwork.dispersion([lossy])
+    (one,) = verdict.dispersion([lossy])
     bare = dataclasses.replace(lossy.medium, damping=Damping())
     unit = 2 * np.pi / float(bare.length_scale)
     wrong = match(
-        one.points, one.source.record, LONGITUDINAL.branches,
+        one.points, one.origin.record, LONGITUDINAL.branches,
         OfMedium(bare, LONGITUDINAL), OfMedium(bare, LONGITUDINAL, BAR), (0.02 * unit, unit),
         5 * WEAKEST_RELAXING,
     )  # fmt: skip
@@ -122,6 +123,6 @@ def test_the_lossless_relation_would_not_do(lossy):
 
 def test_attenuation_of_a_lossy_bar_holds_as_well(lossy):
     """Complex k at ω + iσ against k₀(Ω(ω)), on the grid and off it; tolerance of the command."""
-    checks = labwork.checks(labwork.attenuation([lossy]))
+    checks = verdict.checks(verdict.attenuation([lossy]))
     assert len(checks) == 2
     assert all(check.passed for check in checks)

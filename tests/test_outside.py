@@ -12,7 +12,7 @@ from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.relations import Beam, Diatomic, MassInMass
 from wavesim.records.synthetic import Pulse, positions, synthesize
-from wavesim.verdict.points import match, match_in_space
+from wavesim.verdict.recovered_points import match, match_in_space
 
 A = 0.01
 CHAINS = {

@@ -5,13 +5,13 @@ import pytest
 from pulses import lorentz, named, ricker, through
 
 from wavesim.material.damping import constant_quality, quality
-from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
-from wavesim.readings.pulse.phase_velocity import dispersion
-from wavesim.readings.pulse.signals import PulseError, pulse_record
-from wavesim.readings.pulse.spectral_ratio import (
+from wavesim.readings.pulse.attenuation_and_quality import (
     attenuation_of_amplitudes,
     constant_quality_of_amplitudes,
 )
+from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
+from wavesim.readings.pulse.phase_velocity import dispersion
+from wavesim.readings.pulse.signals import PulseError, pulse_record
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate, spectra
 
 C, F = 2000.0, 5e5

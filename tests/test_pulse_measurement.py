@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pulses import lorentz, named, ricker, through
 
 from wavesim.figures import pulse_test as pulsefigures
-from wavesim.figures.endless import GAP, STYLE
+from wavesim.figures.style import GAP, STYLE
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.signals import PulseError, pulse_record
@@ -247,14 +247,13 @@ def test_figure_of_velocities_and_losses(which, request):
 
 
 def test_it_knows_signals_alone():
-    """No module but that of the figures reaches the theory, a solver, jax or matplotlib; the grid
-    only as the module of the transform, extraction/transmission.py, names a field."""
+    """No module of the room reaches the theory, a solver, a field, jax or matplotlib."""
     here = [p.stem for p in test_architecture.PATHS.values() if p.parent.name == "pulse"]
     assert len(here) > 8
-    for name in set(here) - {"pulsefigures"}:
+    for name in here:
         own, others = test_architecture.GRAPH[name]
         assert not others & {"jax", "matplotlib", "h5py"}
-        assert own <= {*here, "bandlimited", "transmission", "linefit"}, name
+        assert own <= {*here, "bandlimited", "damped_transform", "line_fit"}, name
         assert not test_architecture.reached(name) & {
             "planewave", "eigenproblem", "evanescent", "verdict", "operator", "integration"
         }  # fmt: skip

@@ -22,7 +22,6 @@ from wavesim.readings.bar.transmission import Scattered
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Energy, Field
 from wavesim.sources import Ricker, ToneBurst
-from wavesim.verdict import bar_remedies as barremedies
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import bar_notes, judge_bar
 from wavesim.verdict.endless import Check, energy_checks
@@ -121,20 +120,20 @@ def slab(absorber=8e-3, receivers=None, frequency=3e5):
 
 def test_a_signal_that_is_off():
     """By a face: away from it. Else, if the absorber is short, that; else the grid."""
-    far, near = (barremedies.of_signal(slab(), name) for name in "ab")
+    far, near = (remedies.of_signal(slab(), name) for name in "ab")
     assert far.startswith("take [bar] spacing = 6.25e-05 or finer (now 0.000125 m)")
     assert "[[sources]] peak_frequency below 300000" in far
     assert near.startswith(
         'move [[receivers]] "b" more than 0.001 m (8 cells) from the interface or end at 0.02 m '
         "(now at 0.0205)"
     )
-    short = barremedies.of_signal(slab(1e-3), "b")
+    short = remedies.of_signal(slab(1e-3), "b")
     assert short == (
         "lengthen [bar] absorber to 0.008 (now 0.001 m): below 0.004 it reflects too much"
     )
-    assert barremedies.absorber(slab(4e-3)) is None
+    assert remedies.absorber(slab(4e-3)) is None
     burst = dataclasses.replace(slab(), sources=(ToneBurst("phi1", 0.01, 3e5, window="hann"),))
-    assert 'window = "cos4"' in barremedies.of_grid(burst)
+    assert 'window = "cos4"' in remedies.of_grid(burst)
 
 
 def test_transmission_that_is_off_close_below_an_asymptote_of_a_buffer():
@@ -142,14 +141,14 @@ def test_transmission_that_is_off_close_below_an_asymptote_of_a_buffer():
     omega = np.array([0.5, 0.8, 0.98]) * edge
     half = np.full(3, 0.5 + 0j)
     found = Scattered("longitudinal", omega, 1e5, half, half, half, half, np.ones(3, bool))
-    told = barremedies.of_scattering(slab(), found, np.array([0.0, 1e-4, 1e-2]))
+    told = remedies.of_scattering(slab(), found, np.array([0.0, 1e-4, 1e-2]))
     assert f"furthest off at {omega[2] / 2e3 / np.pi:.4g} kHz, close below an asymptote" in told
     assert "[[sources]] peak_frequency below 300000" in told
-    told = barremedies.of_scattering(slab(), found, np.array([0.0, 1e-2, 1e-4]))
+    told = remedies.of_scattering(slab(), found, np.array([0.0, 1e-2, 1e-4]))
     assert f"furthest off at {omega[1] / 2e3 / np.pi:.4g} kHz: take [bar] spacing" in told
     # Where nothing judged is off there.
     only = dataclasses.replace(found, judged=np.array([True, True, False]))
-    assert "asymptote" not in barremedies.of_scattering(slab(), only, np.array([0.0, 1e-4, 1e-2]))
+    assert "asymptote" not in remedies.of_scattering(slab(), only, np.array([0.0, 1e-4, 1e-2]))
 
 
 def test_eigenfrequencies_not_heard():
@@ -170,23 +169,23 @@ def test_eigenfrequencies_not_heard():
 def test_readings_of_a_pulse_test_that_are_off():
     """Behind a gate an echo; with an absorbing end the record's end; by the grid if it explains."""
     gated, test = pulsed(chain((0.06, STIFF)), "free", PLACES)
-    assert barremedies.of_one_wave(gated, test).startswith("lengthen [bar] length (now 0.06 m)")
+    assert remedies.of_one_wave(gated, test).startswith("lengthen [bar] length (now 0.06 m)")
     open_, test = pulsed(chain((0.06, LOSSY)), "absorbing", PLACES, absorber=8e-3)
-    assert barremedies.of_one_wave(open_, test).startswith("lengthen [time] duration to 0.0002")
+    assert remedies.of_one_wave(open_, test).startswith("lengthen [time] duration to 0.0002")
     found = test.result.dispersion
     omega = found.omega + 1j * found.sigma
     (block,) = [b for b in BLOCKS if b.sector == "longitudinal"]
     coarse = dataclasses.replace(open_, bar=dataclasses.replace(open_.bar, order=2))
     exact, slow = (OfMedium(LOSSY, block, bar).wavenumber(omega) for bar in (None, coarse.bar))
     error = np.abs(slow / exact - 1)
-    assert "[bar] spacing" in barremedies.of_one_wave(coarse, test, omega, error)
-    assert "[time] duration" in barremedies.of_one_wave(open_, test, omega, error)
+    assert "[bar] spacing" in remedies.of_one_wave(coarse, test, omega, error)
+    assert "[time] duration" in remedies.of_one_wave(open_, test, omega, error)
     short, test = pulsed(chain((0.06, LOSSY)), "absorbing", PLACES, absorber=1e-3)
-    assert "[bar] absorber to 0.008" in barremedies.of_one_wave(short, test)
+    assert "[bar] absorber to 0.008" in remedies.of_one_wave(short, test)
     known = np.array([1e-5, 2e-5])
-    told = barremedies.of_arrival(open_, np.array([1e-5, np.nan]), known)
+    told = remedies.of_arrival(open_, np.array([1e-5, np.nan]), known)
     assert told.startswith("lengthen [time] duration")
-    assert "[bar] spacing" in barremedies.of_arrival(open_, known + 1e-6, known)
+    assert "[bar] spacing" in remedies.of_arrival(open_, known + 1e-6, known)
 
 
 def test_a_record_too_short_for_eigenfrequencies_is_noted():

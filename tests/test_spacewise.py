@@ -14,7 +14,7 @@ from wavesim.records.of_field import block_record, references
 from wavesim.records.record import RecordError, record
 from wavesim.records.relations import OfMedium
 from wavesim.records.synthetic import Pulse, Spoil, positions, synthesize
-from wavesim.verdict.points import match_in_space
+from wavesim.verdict.recovered_points import match_in_space
 
 SCALE = float(known.MEDIUM.time_scale)
 

@@ -8,11 +8,11 @@ from wavesim import planewave
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import BLOCKS
-from wavesim.readings.dispersion import attenuation as transmission
-from wavesim.readings.dispersion.attenuation import (
+from wavesim.readings.damped_transform import damped_transform
+from wavesim.readings.dispersion import decay_along_ring as transmission
+from wavesim.readings.dispersion.decay_along_ring import (
     FEWEST_POINTS,
     attenuation,
-    damped_transform,
     free_stretch,
     wavenumber_of_decay,
 )

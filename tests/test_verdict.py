@@ -13,7 +13,7 @@ from wavesim.readings.dispersion.extract import Measured, extract
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum
 from wavesim.simulation.field import Energy, Field
 from wavesim.sources import EXCITED, Ricker, excitation
-from wavesim.verdict.endless import Branch, Check, hold, judge
+from wavesim.verdict.endless import Branch, Check, hold, judge, tables
 
 LONGITUDINAL = BLOCKS[0]
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")
@@ -254,3 +254,21 @@ def test_energy_of_verlet_is_held_to_its_own_drift():
         balance, _ = judge(made, [])
         assert balance.tolerance == pytest.approx(bound, rel=1e-12)
         assert balance.passed is passes
+
+
+def test_what_is_stored_of_blocks_of_one_sector_shares_its_axes_and_adds_its_powers():
+    one, other = (measured(exact(0)) for _ in range(2))
+    power = [np.full((80, n), float(n)) for n in (3, 2)]
+    shown = [
+        dataclasses.replace(m, spectrum=dataclasses.replace(m.spectrum, power=p))
+        for m, p in zip((one, other), power, strict=True)
+    ]
+    held = [hold(field(), m, K_RANGE) for m in shown]
+    stored = tables(held)
+    np.testing.assert_array_equal(
+        stored["dispersion/longitudinal/power"][0], np.tile([5.0, 5.0, 3.0], (80, 1))
+    )
+    values, unit = stored["dispersion/longitudinal/branches/LA/omega_exact"]
+    np.testing.assert_allclose(values, exact(0).omega, rtol=1e-14)
+    assert unit == "rad/s"
+    assert not any(path.startswith("attenuation") for path in stored)

@@ -65,16 +65,16 @@ def _medium(case: str | None, sources: Sequence[Any] = ()) -> Any:
 
 def _extract(options: dict[str, Any], work: Callable[[Any], Any]) -> None:
     """Read, extract, fit, show, write: what both commands do."""
-    from wavesim.cli import record_work as labwork
+    from wavesim.cli import record_work
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
+    from wavesim.records.of_medium import of_file
     from wavesim.records.record import RecordError
     from wavesim.studies.medium_fit import FitError
 
     file = options["file"]
     try:
-        found = labwork.sources(
-            Path(file), _layout(options), _medium(options["medium"]), options["sector"]
-        )
+        medium = _medium(options["medium"])
+        found = of_file(Path(file), _layout(options), medium, options["sector"])
     except RecordError as error:
         stop(str(error), BAD_INPUT)
     fit = None
@@ -85,12 +85,12 @@ def _extract(options: dict[str, Any], work: Callable[[Any], Any]) -> None:
             if start is None:
                 stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
             names = [name.strip() for name in options["parameters"].split(",")]
-            fit = labwork.fitted(results, start, names)
+            fit = record_work.fitted(results, start, names)
     except (RecordError, NotHyperbolicError) as error:
         stop(f"{file}: {error}", BAD_INPUT)
     except FitError as error:
         stop(f"--fit {options['parameters']}: {error}", BAD_INPUT)
-    answer = labwork.summary(results, fit)
+    answer = record_work.summary(results, fit)
     if options["as_json"]:
         click.echo(json.dumps(answer, ensure_ascii=False))
     else:
@@ -175,7 +175,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
         (folder / f"{kind}.json").write_text(text + "\n", encoding="utf-8")
         for one in results:
             columns = one.points.columns()
-            path = folder / f"{kind}_{one.source.label}.csv"
+            path = folder / f"{kind}_{one.origin.label}.csv"
             with path.open("w", newline="", encoding="utf-8") as file:
                 table = csv.writer(file)
                 table.writerow(columns)
@@ -195,9 +195,9 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
     """Branches ω(k) of the space-time record FILE: result.h5, other HDF5, NPZ or CSV."""
 
     def work(found: Any) -> Any:
-        from wavesim.cli import record_work as labwork
+        from wavesim.verdict import record
 
-        return labwork.dispersion(found, method, k_max, most=most, damped=not undamped)
+        return record.dispersion(found, method, k_max, most=most, damped=not undamped)
 
     _extract(given, work)
 
@@ -223,9 +223,9 @@ def attenuation(
         stop(f"--band {band[0]:g} {band[1]:g}: must ascend, from above 0 Hz", BAD_INPUT)
 
     def work(found: Any) -> Any:
-        from wavesim.cli import record_work as labwork
+        from wavesim.verdict import record
 
-        return labwork.attenuation(found, band, frequencies, damping, pairs, clear)
+        return record.attenuation(found, band, frequencies, damping, pairs, clear)
 
     _extract(given, work)
 

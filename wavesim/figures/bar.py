@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import pulse_test as pulsefigures
 from wavesim.figures.bar_section import bar_section
-from wavesim.figures.endless import (
+from wavesim.figures.style import (
     FOUND,
     GAP,
     SYMBOLS,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from wavesim.figures.endless import FOUND, TITLES
+from wavesim.figures.style import FOUND, TITLES
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import PARAMETERS, Medium

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.endless import (
+from wavesim.figures.style import (
     FOUND,
     MAP,
     SYMBOLS,

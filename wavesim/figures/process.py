@@ -152,15 +152,18 @@ def _answer(message: Any, answer: Connection) -> None:
 
 
 def _drawn(folder: Path, field: Field, held: Any, share: slice) -> list[Path]:
-    from wavesim.figures import endless as figures
-    from wavesim.figures import field as fieldfigures
+    from wavesim.figures.style import write
 
     if held is None:
-        drawings = fieldfigures.of_field(field)
+        from wavesim.figures.field import of_field
+
+        drawings = of_field(field)
     elif isinstance(held, list):
-        drawings = figures.of_measurement(field, held)
+        from wavesim.figures.endless import of_measurement
+
+        drawings = of_measurement(field, held)
     else:
         from wavesim.figures.bar import of_reading
 
         drawings = of_reading(field, held)
-    return figures.write(dict(list(drawings.items())[share]), folder)
+    return write(dict(list(drawings.items())[share]), folder)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from wavesim.figures.endless import FOUND, GAP, THEORY
+from wavesim.figures.style import FOUND, GAP, THEORY
 from wavesim.readings.pulse.measurement import PulseResult
 
 Gaps = Sequence[tuple[str, float, float]]

@@ -10,11 +10,11 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.cli.record_work import Recovered
-from wavesim.figures.endless import FOUND, MAP, STYLE, THEORY
+from wavesim.figures.style import FOUND, MAP, STYLE, THEORY
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
-from wavesim.verdict.points import Matched, MatchedInSpace
+from wavesim.verdict.record import Recovered
+from wavesim.verdict.recovered_points import Matched, MatchedInSpace
 
 _HZ = 1 / (2 * np.pi)
 _GAP: dict[str, Any] = {"facecolor": "#7f8c99", "alpha": 0.22, "linewidth": 0}
@@ -38,7 +38,7 @@ def _frequency(largest: float) -> tuple[float, str]:
 
 
 def _wavenumber(one: Recovered) -> tuple[float, str]:
-    medium = one.source.medium
+    medium = one.origin.medium
     if medium is not None:
         return float(medium.length_scale) / (2 * np.pi), "k̄ = k l/2π"
     return 1.0, "k (rad/m)"
@@ -46,7 +46,7 @@ def _wavenumber(one: Recovered) -> tuple[float, str]:
 
 def spectrum(one: Recovered) -> Figure:
     """Power over k and ω, the points with their 95 % bars, and theory where it is known."""
-    points, record = one.points, one.source.record
+    points, record = one.points, one.origin.record
     quiet = record.since(record.quiet_from)
     k, channels = series(quiet, float(points.k.max(initial=0)) or None)
     heights, per_bin = power(channels)
@@ -70,10 +70,10 @@ def spectrum(one: Recovered) -> Figure:
         vmax=0,
         interpolation="nearest",
     )  # fmt: skip
-    if one.source.theory is not None:
+    if one.origin.theory is not None:
         fine = np.linspace(k[0] / 10, k[-1], 400)
         lines = axes.plot(
-            fine * to_k, np.real(one.source.theory[0].omega(fine)) * to_f, color=THEORY, lw=0.8
+            fine * to_k, np.real(one.origin.theory[0].omega(fine)) * to_f, color=THEORY, lw=0.8
         )
         lines[0].set_label("theory")
     for branch in points.branches:
@@ -96,7 +96,7 @@ def spectrum(one: Recovered) -> Figure:
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
     axes.set(xlabel=k_label, ylabel=f_label, ylim=(0, top * to_f))
-    axes.set_title(f"{one.source.name}: recovered by {points.method}")
+    axes.set_title(f"{one.origin.name}: recovered by {points.method}")
     figure.legend(loc="outside lower center", ncols=3)
     figure.colorbar(image, ax=axes, label="power (dB)")
     return figure
@@ -108,7 +108,7 @@ def residuals(one: Recovered) -> Figure:
     assert isinstance(matched, Matched)
     to_k, label = _wavenumber(one)
     references = (("against the continuum", True),)
-    if one.source.bar is not None:
+    if one.origin.bar is not None:
         references = (("against the grid's exact relation", False), *references)  # type: ignore[assignment]
     figure = Figure(figsize=(4.2 * len(references) + 0.4, 3.9))
     panels = np.atleast_1d(figure.subplots(1, len(references), sharey=True))
@@ -129,7 +129,7 @@ def residuals(one: Recovered) -> Figure:
     panels[0].set_ylabel("|Δω|/ω")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
-    figure.suptitle(one.source.name)
+    figure.suptitle(one.origin.name)
     return figure
 
 
@@ -163,15 +163,15 @@ def attenuation(one: Recovered) -> Figure:
                 axes.axvline(
                     at, color="#888888", lw=0.6, ls=":", label=None if number else "refused"
                 )
-        if one.source.theory is not None:
+        if one.origin.theory is not None:
             fine = np.linspace(points.omega.real.min(), points.omega.real.max(), 1500)
             sigma = float(points.omega.imag[0])
-            exact = one.source.theory[0].wavenumber(fine + 1j * sigma)
+            exact = one.origin.theory[0].wavenumber(fine + 1j * sigma)
             axes.plot(
                 fine * to_f, factor * part(exact), color=THEORY, lw=0.9, label="theory, ω + iσ"
             )
-            assert one.source.medium is not None
-            for gap in gaps(one.source.medium, one.source.block.sector):  # type: ignore[union-attr]
+            assert one.origin.medium is not None
+            for gap in gaps(one.origin.medium, one.origin.block.sector):  # type: ignore[union-attr]
                 axes.axvspan(gap.lower * to_f, gap.upper * to_f, **_GAP)
         axes.set_ylabel(label)
         shown = factor * part(points.k[valid])
@@ -181,7 +181,7 @@ def attenuation(one: Recovered) -> Figure:
     real.set_xlabel(f_label)
     handles, labels = loss.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    loss.set_title(f"{one.source.name}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s")
+    loss.set_title(f"{one.origin.name}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s")
     return figure
 
 
@@ -193,7 +193,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     to_f, f_label = _frequency(float(points.omega.real.max()))
     figure = Figure(figsize=(5.6, 3.9))
     axes = figure.subplots()
-    if one.source.bar is not None:
+    if one.origin.bar is not None:
         axes.plot(
             points.omega.real * to_f, np.maximum(matched.error(False), 1e-17), "o", ms=3.6,
             mfc="white", mec=_SHADES[0], label="against the grid",
@@ -205,7 +205,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")
-    axes.set_title(one.source.name)
+    axes.set_title(one.origin.name)
     axes.grid(alpha=0.25, lw=0.5)
     figure.legend(loc="outside lower center", ncols=3)
     return figure
@@ -216,7 +216,7 @@ def write(results: Sequence[Recovered], folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     drawings: dict[str, Callable[[], Figure]] = {}
     for one in results:
-        name = one.source.label
+        name = one.origin.label
         if one.points.in_space:
             drawings[f"attenuation_{name}"] = lambda one=one: attenuation(one)  # type: ignore[misc]
             if one.matched is not None:

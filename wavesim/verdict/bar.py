@@ -17,7 +17,6 @@ from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.simulation.plan import REFLECTION
-from wavesim.verdict import bar_remedies as barremedies
 from wavesim.verdict import remedies
 from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
 
@@ -50,7 +49,7 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     for receiver, errors in reading.error.items():
         worst = _worst(errors)
         label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
-        remedy = barremedies.of_signal(field, receiver)
+        remedy = remedies.of_signal(field, receiver)
         checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE, remedy=remedy))
     for scattered in reading.scattered:
         checks += _scattered_checks(field, scattered)
@@ -80,14 +79,14 @@ def _scattered_checks(field: Field, found: Scattered) -> list[Check]:
     ):
         error = np.abs(measured - exact)
         label = f"{found.sector} {name}: |Δ{name}| of the incident wave, {count} frequencies"
-        remedy = barremedies.of_scattering(field, found, error)
+        remedy = remedies.of_scattering(field, found, error)
         worst = float(error[judged].max())
         checks.append(Check(label, worst, 0.0, AMPLITUDE_TOLERANCE, remedy=remedy))
     deep = judged & (np.abs(found.T_exact) >= _DEEPEST)
     if deep.any():
         error = np.where(deep, np.abs(20 * np.log10(np.abs(found.T / found.T_exact))), 0.0)
         label = f"{found.sector} T down to −60 dB: difference, {deep.sum()} frequencies"
-        remedy = barremedies.of_scattering(field, found, error)
+        remedy = remedies.of_scattering(field, found, error)
         worst = float(error[deep].max())
         checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
     return checks
@@ -101,7 +100,7 @@ def _cell_checks(field: Field, found: Cells) -> list[Check]:
     size = np.maximum(np.abs(found.cosine_exact), 1.0)
     worst = float((np.abs(found.cosine - found.cosine_exact) / size)[judged].max())
     label = f"{found.sector} Bloch wave: |Δcos qL|, {judged.sum()} frequencies"
-    return [Check(label, worst, 0.0, BLOCH_TOLERANCE, remedy=barremedies.of_grid(field))]
+    return [Check(label, worst, 0.0, BLOCH_TOLERANCE, remedy=remedies.of_grid(field))]
 
 
 def _ringing_checks(field: Field, found: Ringing) -> list[Check]:
@@ -109,7 +108,7 @@ def _ringing_checks(field: Field, found: Ringing) -> list[Check]:
     label = f"{found.sector} eigenfrequencies"
     error = np.abs(found.found / found.exact - 1)[heard]
     off = bool((error > RESONANCE_TOLERANCE).any())
-    remedy = barremedies.of_eigenfrequencies(field, off)
+    remedy = remedies.of_eigenfrequencies(field, off)
     checks = [Check(f"{label} heard", int(heard.sum()), len(heard), 0.0, "modes", remedy)]
     if heard.any():
         worst, remedy = float(error.max()), remedies.finer(field)
@@ -130,7 +129,7 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             # One that is not found is not a number, and so fails.
             worst = float(np.abs(found - known)[there].max())
             label = f"{pulse.name} arrival, {convention}: |Δt|, {there.sum()} receivers"
-            remedy = barremedies.of_arrival(field, found, known)
+            remedy = remedies.of_arrival(field, found, known)
             checks.append(Check(label, worst, 0.0, allowed, "s", remedy))
     loss, exact = pulse.result.loss, pulse.exact.loss
     both = loss.valid & exact.valid
@@ -141,7 +140,7 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             f"{pulse.name} {'loss' if pulse.medium is not None else 'level'}, {loss.first} to "
             f"{loss.last}: difference, {both.sum()} frequencies"
         )
-        remedy = barremedies.of_grid(field)
+        remedy = remedies.of_grid(field)
         checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
     if pulse.k_exact is not None:
         k = pulse.result.dispersion.damped
@@ -151,7 +150,7 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             worst = float(error[known].max())
             label = f"{pulse.name} k between receivers: |Δk|/|k|, {known.sum()} frequencies"
             omega = pulse.result.dispersion.omega + 1j * pulse.result.dispersion.sigma
-            remedy = barremedies.of_one_wave(field, pulse, omega, error)
+            remedy = remedies.of_one_wave(field, pulse, omega, error)
             checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
         checks += _quality_checks(field, pulse)
     return checks
@@ -173,7 +172,7 @@ def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
         return []
     ratio = float(np.median((found.quality / law)[passes]))
     label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
-    remedy = barremedies.of_one_wave(field, pulse)
+    remedy = remedies.of_one_wave(field, pulse)
     return [Check(label, ratio, 1.0, QUALITY_TOLERANCE, remedy=remedy)]
 
 

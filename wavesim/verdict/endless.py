@@ -109,6 +109,48 @@ class Held:
     k_exact: NDArray[np.complex128] | None
 
 
+def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
+    """All arrays with their units, by their path in result.h5.
+
+    Blocks of one sector share their axes: their powers add.
+
+    Args:
+        held: every block that was measured.
+    """
+    found: dict[str, tuple[Any, str]] = {}
+    for h in held:
+        group, spectrum = f"dispersion/{h.measured.block.sector}", h.measured.spectrum
+        power = spectrum.power
+        if f"{group}/power" in found:
+            before = found[f"{group}/power"][0]
+            size = min(before.shape[1], power.shape[1])
+            power = np.hstack([before[:, :size] + power[:, :size], before[:, size:]])
+        else:
+            found[f"{group}/k"] = spectrum.k, "rad/m"
+            found[f"{group}/omega"] = spectrum.omega, "rad/s"
+        found[f"{group}/power"] = power, "relative to the strongest of its block"
+        for branch in h.branches:
+            path = f"{group}/branches/{branch.name}"
+            found[f"{path}/k"] = branch.k, "rad/m"
+            found[f"{path}/omega"] = branch.omega, "rad/s"
+            found[f"{path}/omega_exact"] = branch.omega_exact, "rad/s"
+            found[f"{path}/judged"] = branch.judged, "–"
+        for number, stray in enumerate(h.strays):
+            path = f"{group}/branches/unidentified {number + 1} of {h.measured.block.name}"
+            found[f"{path}/k"] = stray.k, "rad/m"
+            found[f"{path}/omega"] = stray.omega, "rad/s"
+        curve = h.measured.attenuation
+        if curve is not None and h.k_exact is not None:
+            group = f"attenuation/{h.measured.block.sector}"
+            found[f"{group}/omega"] = curve.omega, "rad/s"
+            found[f"{group}/sigma"] = np.asarray(curve.sigma), "rad/s"
+            found[f"{group}/k"] = curve.k, "rad/m"
+            found[f"{group}/k_exact"] = h.k_exact, "rad/m"
+            found[f"{group}/distance"] = curve.distance, "m"
+            found[f"{group}/level"] = curve.level, "dB"
+    return found
+
+
 def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held:
     """Put the theory beside the measurement of one block.
 

@@ -20,7 +20,7 @@ from wavesim.layered.bloch import bloch
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.sectors import Block
 from wavesim.readings.bar.excited_band import JUDGED, contour, pulses
-from wavesim.readings.dispersion.attenuation import damped_transform
+from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
 Complex = NDArray[np.complex128]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesim.material.sectors import Block
-from wavesim.readings.dispersion.attenuation import FEWEST_POINTS, Attenuation, attenuation
+from wavesim.readings.dispersion.decay_along_ring import FEWEST_POINTS, Attenuation, attenuation
 from wavesim.readings.dispersion.spectrum import Ridge, Spectrum, ridges, spectrum
 from wavesim.simulation.field import Field
 from wavesim.sources import excited_band

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from wavesim.readings.dispersion.attenuation import damped_transform
+from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.points import BranchPoints

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
-from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
-from wavesim.readings.pulse.signals import PulseRecord, pulse_record
-from wavesim.readings.pulse.spectral_ratio import (
+from wavesim.readings.pulse.attenuation_and_quality import (
     ConstantQuality,
     attenuation_of_amplitudes,
     constant_quality_of_amplitudes,
 )
+from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
+from wavesim.readings.pulse.signals import PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavesim.readings.dispersion.attenuation import damped_transform
+from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.pulse.signals import PulseError, PulseRecord
 
 Float = NDArray[Any]

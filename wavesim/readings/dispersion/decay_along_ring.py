@@ -1,8 +1,7 @@
-"""From signals along the bar to attenuation and complex wavenumber, by exponential windowing.
+"""Attenuation and complex wavenumber of an endless bar, from the decay along its longest free part.
 
-Inside a gap the ringing of the band edges never ends, and a plain Fourier ratio is wrong by 10 %
-and more. Weighted by exp(−σt) the record ends, and its transform is that of the unending one at
-the complex frequency ω + iσ, where it decays as exp(ikx) with the plane-wave root k(ω + iσ).
+At ω + iσ (``readings.damped_transform``) amplitudes go as exp(ikx) with the plane-wave root
+k(ω + iσ), in gaps as in bands.
 """
 
 from __future__ import annotations
@@ -11,9 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from wavesim.material.sectors import Block
+from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -48,27 +48,6 @@ class Attenuation:
     k: Complex
     distance: Float
     level: Float
-
-
-def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) -> Complex:
-    """∫ u e^{i(ω+iσ)t} dt by the trapezoidal rule, exact to exp(−σT) for a band-limited record.
-
-    Args:
-        values: u, shape (nt, …).
-        t: times, even, shape (nt,), s.
-        omega: real frequencies, shape (n,), rad/s.
-        sigma: σ, rad/s.
-
-    Returns:
-        Shape (n, …), unit of u times s.
-    """
-    weight = np.full(len(t), t[1] - t[0])
-    weight[[0, -1]] /= 2
-    kernel = np.exp(1j * np.multiply.outer(omega + 1j * sigma, t)) * weight
-    flat = np.asarray(values).reshape(len(t), -1)
-    found = np.empty((len(omega), flat.shape[1]), complex)
-    found.real, found.imag = kernel.real @ flat, kernel.imag @ flat
-    return found.reshape(len(omega), *np.shape(values)[1:])
 
 
 def wavenumber_of_decay(amplitude: Complex, distance: Float, floor: float) -> complex:

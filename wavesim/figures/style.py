@@ -1,0 +1,132 @@
+"""What all figures share: style, colours, axes in two units, shaded gaps, tiling, writing.
+
+Colour maps are perceptually uniform and run from light to dark, and lines differ by style as well
+as by colour, so that a figure can be read in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wavesim.material.wave_equations import FIELDS, ROTATIONS
+from wavesim.planewave.dispersion_relation import gaps
+from wavesim.simulation.field import Field
+
+Drawings = dict[str, Callable[[], Figure]]
+
+STYLE: Any = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "figure.dpi": 160,
+    "savefig.dpi": 160,
+    "figure.constrained_layout.use": True,
+}
+MAP = matplotlib.colormaps["magma_r"].with_extremes(under=(1.0, 1.0, 1.0, 0.0))
+FOUND = "#c8102e"
+HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
+THEORY = "#111111"
+GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
+LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
+_LOWERED = str.maketrans("123", "₁₂₃")
+SYMBOLS = {
+    name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
+    for name in FIELDS
+}
+TITLES = {
+    "longitudinal": "longitudinal: φ₁, B₁₁, B₂₂ + B₃₃",
+    "transverse2": "transverse: φ₂, B₂₁, B₁₂",
+    "transverse3": "transverse: φ₃, B₃₁, B₁₃",
+    "inplane": "in-plane shear: B₂₃, B₃₂, B₂₂ − B₃₃",
+}
+
+
+def decibels(amplitude: Any, reference: float) -> np.ndarray:
+    """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
+    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
+
+
+def second_axes(axes: Axes, x: tuple[float, str] | None, y: tuple[float, str] | None) -> None:
+    """Put scaled axes opposite to the SI ones: (scaled units in one shown unit, label)."""
+    if x is not None:
+        top = axes.secondary_xaxis("top", functions=_scaling(x[0]))
+        top.set_xlabel(x[1])
+    if y is not None:
+        right = axes.secondary_yaxis("right", functions=_scaling(y[0]))
+        right.set_ylabel(y[1])
+
+
+def _scaling(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    return (lambda v: v * factor), (lambda v: v / factor)
+
+
+def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool = True) -> None:
+    """Shade a sector's gaps on an axis in kHz; upright where frequency runs along x."""
+    for gap in gaps(field.medium, sector):
+        if gap.upper <= gap.lower:
+            continue
+        low, high = gap.lower / 2e3 / np.pi, gap.upper / 2e3 / np.pi
+        (axes.axvspan if upright else axes.axhspan)(low, high, **GAP)
+        if not named:
+            continue
+        middle = (low + high) / 2
+        if upright:
+            axes.text(
+                middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7, bbox=LABEL,
+                transform=axes.get_xaxis_transform(), clip_on=True,
+            )  # fmt: skip
+        else:
+            axes.text(
+                0.985, middle, gap.name, ha="right", va="center", fontsize=7, bbox=LABEL,
+                transform=axes.get_yaxis_transform(), clip_on=True,
+            )  # fmt: skip
+
+
+def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
+    """Largest value in each of so many tiles, for a picture of a large array."""
+    for axis, most in enumerate(pixels):
+        values = tiles(values, axis, -(-values.shape[axis] // most))
+    return values
+
+
+def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
+    """Largest value in each tile of so many along an axis."""
+    if step <= 1:
+        return values
+    return np.asarray(
+        np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)
+    )
+
+
+def write(drawings: Drawings, folder: Path) -> list[Path]:
+    """Draw figures and write them.
+
+    Args:
+        drawings: by name, of ``figures.field``, ``figures.endless`` or ``figures.bar``.
+        folder: where to; made if need be.
+
+    Returns:
+        The files written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    with matplotlib.rc_context(STYLE):
+        for name, draw in drawings.items():
+            path = folder / f"{name}.png"
+            # What savefig does, without its drawing every figure once more to settle the layout.
+            FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            written.append(path)
+    return written

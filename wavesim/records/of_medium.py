@@ -1,0 +1,112 @@
+"""Records with the medium that they are of: those of a result file, or one with a medium laid over.
+
+A result.h5 brings its medium and its grid along; of any other record the medium is what a user
+supposes, and there is no grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wavesim.material.damping import UNDAMPED, Damping
+from wavesim.material.medium import Medium
+from wavesim.material.sectors import Block, blocks_of
+from wavesim.records.files import HDF5, Layout, read
+from wavesim.records.record import Record, RecordError
+from wavesim.records.relations import OfMedium
+
+
+@dataclass(frozen=True)
+class RecordOfMedium:
+    """A record, with what is known of the medium whose waves it holds.
+
+    Attributes:
+        name: of the block, or of the file.
+        record: the record.
+        medium, block: theory to lay over it; None without.
+        bar: grid that the record obeys; None for a laboratory's.
+        exact: False in single precision, whose rounding is waves too: ω(k) is then not judged.
+    """
+
+    name: str
+    record: Record
+    medium: Medium | None = None
+    block: Block | None = None
+    bar: Any = None
+    exact: bool = True
+
+    @property
+    def label(self) -> str:
+        """The name as part of a file's: no brackets."""
+        return self.name.translate({ord("["): "_skew_", ord("("): "_even_", 93: "", 41: ""})
+
+    @property
+    def law(self) -> Damping:
+        """Losses of a simulated field; none of any other."""
+        return self.medium.damping if self.bar is not None and self.medium else UNDAMPED
+
+    @property
+    def theory(self) -> tuple[OfMedium, OfMedium | None] | None:
+        """Relations of the continuum and of the grid."""
+        if self.medium is None or self.block is None:
+            return None
+        exact = OfMedium(self.medium, self.block)
+        return exact, None if self.bar is None else OfMedium(self.medium, self.block, self.bar)
+
+
+def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> list[RecordOfMedium]:
+    """Records of a file: the driven blocks of a result.h5, or one record of any other.
+
+    Args:
+        path: of the file.
+        layout: what it does not say for itself.
+        medium: theory to lay over it; a result.h5 brings its own.
+        sector: which sector's, for a record that does not say.
+
+    Raises:
+        RecordError: the file can't be used.
+    """
+    if path.suffix.lower() in HDF5 and path.is_file():
+        from wavesim.io import result_reader as resultfile
+
+        if resultfile.is_result(path):
+            return _of_result(path)
+    record = read(path, layout)
+    if medium is None:
+        return [RecordOfMedium(path.stem, record)]
+    (block, *others) = blocks_of(sector)
+    if others:
+        raise RecordError(
+            f"--sector {sector}: its waves do not travel and can't be told apart in one record; "
+            "take longitudinal or transverse2"
+        )
+    return [RecordOfMedium(path.stem, record, medium, block)]
+
+
+def _of_result(path: Path) -> list[RecordOfMedium]:
+    from wavesim.case.problem import settle
+    from wavesim.case.schema import CaseError, parse
+    from wavesim.io import result_reader as resultfile
+    from wavesim.records.of_field import block_record
+
+    try:
+        stored = resultfile.describe(path)
+        problem = settle(parse(stored.case, str(path)), str(path))
+        if not problem.plan.endless:
+            # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
+            raise RecordError(
+                "is of a bar with layers or ends; its run has read its receivers already: see "
+                "summary.json and the groups exact, transmission, bloch, eigenfrequencies, pulse"
+            )
+        field = resultfile.read(path, problem)
+        exact = field.precision == "double"
+        return [
+            RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar, exact)
+            for b in field.blocks
+        ]
+    except (resultfile.StorageError, CaseError) as error:
+        raise RecordError(str(error)) from None
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from None

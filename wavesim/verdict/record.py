@@ -1,0 +1,211 @@
+"""The verdict on a record from anywhere: its points beside theory, and how well they hold.
+
+What the commands ``dispersion`` and ``attenuation`` do, apart from reading and showing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from wavesim.readings.dispersion.decaying_waves import ABOVE_WEAKEST, weakest, while_waves_last
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.of_medium import RecordOfMedium
+from wavesim.records.record import RecordError
+from wavesim.verdict.endless import Check
+from wavesim.verdict.recovered_points import (
+    PRESENT,
+    Matched,
+    MatchedInSpace,
+    match,
+    match_in_space,
+)
+
+# A simulated field must be recovered this well against its grid and against the continuum.
+GRID_TOLERANCE = 1e-8
+CONTINUUM_TOLERANCE = 1e-5
+WAVENUMBER_TOLERANCE = 1e-4
+# The continuum is asked for up to this k̄ only.
+CONTINUUM_TO = 0.5
+# Judged between these k̄ where theory is known.
+JUDGED = (0.02, 1.0)
+# Part of a laboratory record's points whose 95 % bars must hold the theory.
+COVERAGE = 0.9
+# In space errors hang together over frequencies a few σ apart: of one record fewer need hold.
+SPACE_COVERAGE = 0.7
+_FREQUENCIES = 40
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """Points of one record beside the theory.
+
+    Attributes:
+        origin: the record that they were recovered from.
+        points: the points.
+        matched: beside the theory, where there is one.
+    """
+
+    origin: RecordOfMedium
+    points: BranchPoints
+    matched: Matched | MatchedInSpace | None
+
+
+def dispersion(
+    found: Sequence[RecordOfMedium],
+    method: str = "harmonic",
+    k_max: float | None = None,
+    **options: Any,
+) -> list[Recovered]:
+    """ω at each wavenumber of each record, beside the theory.
+
+    Args:
+        found: the records.
+        method: "harmonic" or "fft".
+        k_max: highest wavenumber, rad/m; k̄ = 1 where a medium is known, else Nyquist.
+        options: of ``wavesim.readings.dispersion.frequency_at_wavenumber.in_time``.
+    """
+    results = []
+    for origin in found:
+        unit = None
+        if origin.medium is not None:
+            unit = 2 * np.pi / float(origin.medium.length_scale)
+        highest = k_max if k_max is not None or unit is None else JUDGED[1] * unit
+        own, least = options, PRESENT
+        if origin.law and origin.theory is not None:
+            k_end = highest or np.pi / origin.record.spacing
+            record = while_waves_last(origin.record, origin.law, origin.theory[0], k_end)
+            origin, least = replace(origin, record=record), ABOVE_WEAKEST * weakest(origin.law)
+            if method == "harmonic":
+                own = {"dynamic_range": weakest(origin.law)} | options
+        points = in_time(origin.record, highest, method, **own)
+        matched = None
+        if origin.theory is not None and unit is not None and origin.block is not None:
+            exact, grid = origin.theory
+            low, high = JUDGED[0] * unit, min(highest or np.inf, JUDGED[1] * unit)
+            names, judged = origin.block.branches, (low, high)
+            matched = match(points, origin.record, names, exact, grid, judged, least)
+        results.append(Recovered(origin, points, matched))
+    return results
+
+
+def attenuation(
+    found: Sequence[RecordOfMedium],
+    band: tuple[float, float] | None = None,
+    frequencies: int = _FREQUENCIES,
+    damping: float | None = None,
+    pairs: int = 1,
+    clear: float | None = None,
+) -> list[Recovered]:
+    """Complex k at given frequencies of each record in which a wave travels, beside the theory.
+
+    Args:
+        found: the records.
+        band: lowest and highest frequency, Hz; ω̄ from 0.2 to 2 where a medium is known, else from
+            three periods in the record to half the Nyquist frequency.
+        frequencies: how many, –.
+        damping: σT of the exponential window, –; by the record's noise where None.
+        pairs: most pairs ±k at one frequency, –.
+        clear: distance to keep from sources, m; one particle distance where a medium is known.
+
+    Raises:
+        RecordError: no wave travels in any record, or one can't be used.
+    """
+    results = []
+    for origin in found:
+        if origin.block is not None and not origin.block.rotations:
+            continue
+        record, medium = origin.record, origin.medium
+        if band is not None:
+            low, high = (2 * np.pi * f for f in band)
+        elif medium is not None:
+            low, high = 0.2 / float(medium.time_scale), 2.0 / float(medium.time_scale)
+            high = min(high, 0.8 * np.pi / record.interval)
+        else:
+            low, high = 6 * np.pi / float(np.ptp(record.t)), 0.5 * np.pi / record.interval
+        keep = clear
+        if keep is None:
+            keep = float(medium.length_scale) if medium is not None and origin.bar else 0.0
+        component = 0 if origin.bar is not None else None
+        omega = np.linspace(low, high, frequencies)
+        points = in_space(record, omega, damping, pairs, component, keep)
+        matched = None
+        if origin.theory is not None:
+            matched = match_in_space(points, *origin.theory)
+        results.append(Recovered(origin, points, matched))
+    if not results:
+        raise RecordError("no wave travels in any of its sectors: there is no k to measure")
+    return results
+
+
+def checks(results: Sequence[Recovered]) -> list[Check]:
+    """The verdict: waves missed and false, and errors against both references."""
+    found: list[Check] = []
+    for one in results:
+        if isinstance(one.matched, Matched):
+            found += _checks_in_time(one, one.matched) if one.origin.exact else []
+        elif one.matched is not None:
+            found += _checks_in_space(one, one.matched)
+    return found
+
+
+def _checks_in_time(one: Recovered, matched: Matched) -> list[Check]:
+    name = one.origin.name
+    missed, false = int(matched.missed.sum()), len(matched.false_k)
+    found = [
+        Check(f"{name}: waves missed, of {matched.present.sum()} (k, ω)", missed, 0, 0, "points"),
+        Check(f"{name}: points of no wave", false, 0, 0, "points"),
+    ]
+    if not matched.found.any():
+        return found
+    harmonic = one.points.method == "harmonic"
+    medium = one.origin.medium
+    if one.origin.bar is None or medium is None:
+        inside = float(np.mean(np.abs(matched.omega - matched.grid)[matched.found]
+                               <= matched.bar[matched.found]))  # fmt: skip
+        if harmonic:
+            label = f"{name}: points whose 95 % bar holds the theory, at least"
+            found.append(Check(label, inside, 1, 1 - COVERAGE, "–"))
+        return found
+    short = matched.k * float(medium.length_scale) / (2 * np.pi) <= CONTINUUM_TO + 1e-9
+    if harmonic and one.origin.law:
+        for continuum, where in ((False, "grid"), (True, f"continuum, k̄ ≤ {CONTINUUM_TO:g}")):
+            shift = matched.shift(continuum)[short if continuum else slice(None)]
+            if np.isfinite(shift).any():
+                label = f"{name}: |ΔRe ω| over the width γ + 2π/T against the {where}"
+                found.append(Check(label, float(np.nanmax(shift)), 0, weakest(medium.damping)))
+        return found
+    grid = float(np.nanmax(matched.error(False)))
+    label = f"{name}: |Δω|/ω against the grid, {matched.found.sum()} points"
+    found.append(Check(label, grid, 0, GRID_TOLERANCE if harmonic else 1e-2))
+    whole = matched.error(True)[short]
+    if np.isfinite(whole).any():
+        label = f"{name}: |Δω|/ω against the continuum, k̄ ≤ {CONTINUUM_TO:g}"
+        tolerance = CONTINUUM_TOLERANCE if harmonic else 1e-2
+        found.append(Check(label, float(np.nanmax(whole)), 0, tolerance))
+    return found
+
+
+def _checks_in_space(one: Recovered, matched: MatchedInSpace) -> list[Check]:
+    name, points = one.origin.name, one.points
+    valid = points.valid
+    label = f"{name}: {valid.sum()} of {len(points)} frequencies measured"
+    if one.origin.bar is None:
+        within = np.abs(points.k - matched.grid)[valid] <= points.bar[valid]
+        inside = float(np.mean(within)) if valid.any() else 0.0
+        return [
+            Check(f"{label}; 95 % bar holds the theory, at least", inside, 1, 1 - SPACE_COVERAGE)
+        ]
+    found = []
+    for continuum, reference in ((False, "grid"), (True, "continuum")):
+        error = matched.error(continuum)
+        worst = float(np.nanmax(error)) if valid.any() else float("nan")
+        found.append(
+            Check(f"{label}; |Δk|/|k| against the {reference}", worst, 0, WAVENUMBER_TOLERANCE)
+        )
+    return found
