@@ -124,7 +124,8 @@ class Bar:
         return self.cells * self.spacing
 
     @property
-    def _stretches(self) -> tuple[tuple[int, float], ...]:
+    def all_stretches(self) -> tuple[tuple[int, float], ...]:
+        """(cells, spacing in m) of each stretch, one at least."""
         return self.stretches or ((self.cells, self.spacing),)
 
     @functools.cached_property
@@ -132,7 +133,7 @@ class Bar:
         """N + 1 nodes, ends included."""
         parts: list[Float] = [np.zeros(1)]
         start = 0.0
-        for cells, spacing in self._stretches:
+        for cells, spacing in self.all_stretches:
             parts.append(start + np.arange(1, cells + 1) * spacing)
             start += cells * spacing
         return np.concatenate(parts)
@@ -152,7 +153,7 @@ class Bar:
     @property
     def cell_sizes(self) -> Float:
         """Length of each cell, shape (N,), m."""
-        return np.concatenate([np.full(cells, size) for cells, size in self._stretches])
+        return np.concatenate([np.full(cells, size) for cells, size in self.all_stretches])
 
     @property
     def wavenumbers(self) -> Float:
@@ -174,7 +175,7 @@ class Bar:
             unit = np.full(self.cells, self.spacing)
             diagonals = np.repeat(stencil[:, None], self.cells, axis=1)
             return Differences(1 - self.order // 2, diagonals, unit, unit)
-        cells, spacings = zip(*self._stretches, strict=True)
+        cells, spacings = zip(*self.all_stretches, strict=True)
         made = chain(self.order, cells, spacings)
         norm = made.node_norm.copy()
         if self.periodic:
@@ -200,7 +201,7 @@ class Bar:
                 f"position = {position:g} m: must be within the bar, 0 to {self.length:g} m"
             )
         first_cell, start = 0, 0.0
-        for cells, spacing in self._stretches:
+        for cells, spacing in self.all_stretches:
             end = start + cells * spacing
             if position < end - 1e-9 * spacing or end >= self.length * (1 - 1e-12):
                 break

@@ -63,8 +63,8 @@ def modified_wavenumber(k: ArrayLike, spacing: float, order: int) -> Float:
     return 2 / spacing * np.sum(parts, axis=0)
 
 
-def largest_modified_wavenumber(spacing: float, order: int) -> float:
-    """Maximum of |k̃|, reached at kh = π: (2/h) Σ |c_j|. Unit 1/length."""
+def difference_norm(spacing: float, order: int) -> float:
+    """‖D‖ = (2/h) Σ |c_j| of an endless grid: no difference is larger. Unit 1/length."""
     return 2 / spacing * sum(abs(weight) for weight in difference_weights(order))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,11 @@ from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import BLOCKS, Block
+from wavesim.material.sectors import Block
 from wavesim.material.wave_equations import ROTATIONS, UNITS
 from wavesim.simulation.bandlimited import between
+from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
-from wavesim.timedomain.timestep import Precision
 
 Float = NDArray[np.float64]
 
@@ -35,25 +35,21 @@ class Energy:
         kinetic: ½∫ ρβφ̇² + ργḂ² dx.
         potential: deformation energy, where the closure is symmetric.
         work: done by the sources since the start.
-        dissipated: what losses and absorbing ends have taken since the start; None where there
-            are none, or where the closure conserves no energy.
     """
 
     kinetic: Float
     potential: Float
     work: Float
-    dissipated: Float | None = None
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Names of the series that are there."""
-        names = ("kinetic", "potential", "work", "dissipated")
-        return tuple(name for name in names if getattr(self, name) is not None)
 
     @property
     def total(self) -> Float:
         """Kinetic and potential together."""
         return self.kinetic + self.potential
+
+    @property
+    def dissipated(self) -> Float:
+        """What losses and absorbing ends have taken: work − energy, and what was there at first."""
+        return self.work - (self.total - self.total[0])
 
 
 @dataclass(frozen=True)
@@ -61,28 +57,50 @@ class Field:
     """A space-time field on a bar.
 
     Attributes:
+        simulation: what made it.
         t: times, even, shape (nt,), s.
         values: {field name: array-like (nt, nx)}, rad for rotations and 1/m for curvatures;
             arrays, or data sets that are read when indexed.
-        medium, bar, sources: what made it; of a bar of layers, the medium at its left end.
-        receivers: {name: position in m}.
         energy: energy at each frame.
         stepper, step: name and time step (s) of the stepper that made it.
-        layers: what the bar is made of, where it is not one medium.
-        precision: of the stepper's products and of the values that are kept.
     """
 
+    simulation: Simulation
     t: Float
     values: Mapping[str, Any]
-    medium: Medium
-    bar: Bar
-    sources: tuple[Source, ...]
-    receivers: Mapping[str, float] = field(default_factory=dict)
     energy: Energy | None = None
     stepper: str = ""
     step: float = 0.0
-    layers: Layers | None = None
-    precision: Precision = "double"
+
+    @property
+    def medium(self) -> Medium:
+        """The medium at the bar's left end."""
+        return self.simulation.medium
+
+    @property
+    def layers(self) -> Layers:
+        """What the bar is made of."""
+        return self.simulation.layers
+
+    @property
+    def bar(self) -> Bar:
+        """Its grid and its ends."""
+        return self.simulation.bar
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """What drove it."""
+        return self.simulation.sources
+
+    @property
+    def receivers(self) -> Mapping[str, float]:
+        """{name: position in m}."""
+        return self.simulation.receivers
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Blocks that were set in motion."""
+        return self.simulation.blocks
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,12 +122,6 @@ class Field:
         """End of the sources' band, rad/s; that of the frames where a source has none."""
         band = max(source.band for source in self.sources)
         return band if math.isfinite(band) else math.pi / self.interval
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Blocks that were set in motion."""
-        driven = {source.field for source in self.sources}
-        return tuple(block for block in BLOCKS if driven & set(block.fields))
 
     def __getitem__(self, name: str) -> Float:
         """One field, shape (nt, nx)."""

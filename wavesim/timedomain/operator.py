@@ -1,18 +1,21 @@
-"""The semi-discrete operator: q̈ = L q + forces, on the staggered grid, in scaled units.
+"""The semi-discrete operator A of ẏ = A y + Σ_j G_j s_j(t), on the staggered grid, scaled.
 
-D takes rotations from nodes to half-nodes and −Dᵀ takes σ back, so that with symmetric
-coefficients L is symmetric to the last bit and no closure near any point is needed:
+One operator for every bar: endless ring, layers, ends, absorbers, losses.
 
-    φ̈ = −Dᵀ(c_pp Dφ − c_pb B),    B̈ = c_bp Dφ − c_bb B − γ D Dᵀ B
+    m_φ φ̈ = −Qᵀσ − m_φ χ − α m_φ φ̇,    (σ, τ) = C (κ̂, B̂),    Q = H D
+    i_B B̈ = −τ + D(Γ g(B̂)) − α i_B Ḃ,    g = −N⁻¹ Qᵀ,
+    κ = Dφ − ψ,   (κ̂, B̂) = e + β_d ė − Σ_l Y_l ζ_l,   e = (κ, B),   ζ̇_l = ω_l (e − ζ_l),
+    ψ̇ = d κ,   χ̇ = d (−Qᵀσ/m_φ − χ),   and α_B on Ḃ in absorbing ends besides :
 
-Blocks of the same shape are stacked and go through together: a component of the state has shape
-(blocks, cells). A state is a tuple over such groups of tuples of components.
+D with its closures and norms N, H from the bar; C, Γ, inertias and loss laws from its layers; ψ, χ
+of the absorbing ends; ζ_l of the standard linear solids. Energy is kept exactly where the closure
+is symmetric, as only Q and Qᵀ occur.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,255 +23,330 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
-from wavesim.grid.stencils import difference_weights
-from wavesim.material.medium import PARAMETERS, Medium
-from wavesim.material.scaling import block_coefficients, scales
-from wavesim.material.sectors import BLOCKS, Block, grouped
+from wavesim.material.layers import Layers
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block, grouped
 from wavesim.material.wave_equations import ROTATIONS
+from wavesim.timedomain.coefficients import (
+    Coefficients,
+    Losses,
+    at_half,
+    coefficients,
+    losses,
+)
 
-# The scheme needs double precision; ``single.py`` has what may be rounded.
-jax.config.update("jax_enable_x64", True)
-# A medium is a pytree: jax.grad and jax.vmap go through its parameters.
-jax.tree_util.register_dataclass(Medium, data_fields=PARAMETERS, meta_fields=("closure", "damping"))
 
-Component = jax.Array
-State = tuple[tuple[Component, ...], ...]
+class State(NamedTuple):
+    """State of blocks of one shape, scaled; each array of shape (components, blocks, points).
 
+    Values at half-nodes stand at the node to their left; on a bar with ends the last of them is 0.
 
-def difference(u: Any, weights: tuple[float, ...], forward: bool) -> Any:
-    """Staggered first difference along the last axis of a periodic grid.
-
-    Args:
-        u: values, shape (…, N), numpy or jax.
-        weights: c_j/h, j = 1…m.
-        forward: True from nodes to half-nodes (D), False from half-nodes to nodes (−Dᵀ).
-
-    Returns:
-        Differences, shape (…, N).
+    Attributes:
+        phi, B: the fields.
+        phi_rate, B_rate: φ̇, Ḃ.
+        psi, chi: of the absorbing ends; no components where there are none.
+        zeta_kappa, zeta_B: ζ_l of κ and of B, with a first axis of mechanisms.
     """
-    m, n = len(weights), u.shape[-1]
-    left = m - 1 if forward else m
-    xp = np if isinstance(u, np.ndarray) else jnp
-    padded = xp.concatenate([u[..., n - left :], u, u[..., : 2 * m - 1 - left]], axis=-1)
-    ahead = (padded[..., m + j : m + j + n] for j in range(m))
-    behind = (padded[..., m - 1 - j : m - 1 - j + n] for j in range(m))
-    return sum(
-        (c * (a - b) for c, a, b in zip(weights, ahead, behind, strict=True)),
-        start=xp.zeros_like(u),
-    )
+
+    phi: Any
+    B: Any
+    phi_rate: Any
+    B_rate: Any
+    psi: Any
+    chi: Any
+    zeta_kappa: Any
+    zeta_B: Any
+
+
+States = tuple[State, ...]  # of all groups of blocks that are integrated
+
+
+class Difference(eqx.Module):
+    """A difference matrix of the grid by its diagonals: (D u)_j = Σ_w d[w, j] u_{j+first+w}.
+
+    Attributes:
+        weights: d, shape (width, points), or (width, 1) where all rows are alike.
+        first: offset of the first diagonal.
+        ring: whether points are counted round the bar; else those beyond its ends count as 0.
+    """
+
+    weights: Any
+    first: int = eqx.field(static=True)
+    ring: bool = eqx.field(static=True)
+
+    def __call__(self, u: jax.Array) -> jax.Array:
+        """The product with u along its last axis."""
+        width, n = len(self.weights), u.shape[-1]
+        left, right = -self.first, width - 1 + self.first
+        # Whatever is fused with a padding is computed element by element, many times slower.
+        u = jax.lax.optimization_barrier(u)
+        if self.ring:
+            padded = jnp.concatenate([u[..., n - left :], u, u[..., :right]], axis=-1)
+        else:
+            padded = jnp.pad(u, [(0, 0)] * (u.ndim - 1) + [(left, right)])
+        padded = jax.lax.optimization_barrier(padded)
+        total = self.weights[0] * padded[..., :n]
+        for w in range(1, width):
+            total = total + self.weights[w] * padded[..., w : w + n]
+        return total
 
 
 class Group(eqx.Module):
-    """Blocks of one shape, stacked. Coefficients have shape (row, column, blocks, 1)."""
+    """A of blocks of one shape.
 
-    c_pp: jax.Array
-    c_pb: jax.Array
-    c_bp: jax.Array
-    c_bb: jax.Array
-    gamma: jax.Array
-    weights: tuple[float, ...] = eqx.field(static=True)
-    names: tuple[str, ...] = eqx.field(static=True)
-    with_gradient: bool = eqx.field(static=True)
+    Attributes:
+        D, QT: from nodes to half-nodes, and Qᵀ back.
+        half_norm, node_norm: H and N, shape (points,).
+        c: stiffnesses and inertias.
+        free: 1/m_φ, 0 at nodes that are held, shape (blocks, points).
+        losses: over the grid.
+    """
+
+    D: Difference
+    QT: Difference
+    half_norm: Any
+    node_norm: Any
+    c: Coefficients
+    free: Any
+    losses: Losses
 
     @property
-    def rotations(self) -> int:
-        """Number of rotations in each block."""
-        return self.c_pp.shape[0]
+    def rest(self) -> State:
+        """The state of rest, of zeros."""
+        p, b = self.c.rotations, self.c.stiffness.shape[0] - self.c.rotations
+        absorbing, mechanisms = p * self.losses.absorbing, len(self.losses.rates)
+        size = self.free.shape
+        sizes = [(p,), (b,), (p,), (b,), (absorbing,), (absorbing,), (mechanisms, p)]
+        return State(*(np.zeros((*n, *size)) for n in (*sizes, (mechanisms, b))))
 
     @property
-    def adjoint(self) -> Group:
-        """The group of Lᵀ."""
-        return Group(
-            c_pp=self.c_pp.swapaxes(0, 1),
-            c_pb=self.c_bp.swapaxes(0, 1),
-            c_bp=self.c_pb.swapaxes(0, 1),
-            c_bb=self.c_bb.swapaxes(0, 1),
-            gamma=self.gamma.swapaxes(0, 1),
-            weights=self.weights,
-            names=self.names,
-            with_gradient=self.with_gradient,
+    def mass(self) -> tuple[Any, Any]:
+        """Inertia times length of each point, of φ and of B, shape (blocks, points) each."""
+        return self.c.node_mass, self.half_norm * self.c.inertia
+
+    def strains(self, y: State) -> tuple[Any, Any, Any]:
+        """κ, and the strains κ̂, B̂ with the memory in them, each (components, blocks, points)."""
+        law, p = self.losses, self.c.rotations
+        kappa, kappa_hat, B_hat = y.phi, y.phi, y.B
+        if p:
+            kappa = self.D(y.phi)
+            if law.absorbing:
+                kappa = kappa - y.psi
+            kappa_hat = kappa
+        if law.viscous:
+            B_hat = B_hat + law.stiffness * y.B_rate
+            if p:
+                rate = self.D(y.phi_rate)
+                if law.absorbing:
+                    rate = rate - law.absorb_half * kappa
+                kappa_hat = kappa + law.stiffness * rate
+        for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
+            kappa_hat, B_hat = kappa_hat - strength * of_kappa, B_hat - strength * of_B
+        return kappa, kappa_hat, B_hat
+
+    def stress(self, kappa: Any, B: Any) -> tuple[Any, Any]:
+        """(σ, τ) = C (κ, B), the gradient term apart."""
+        C, p = self.c.stiffness, self.c.rotations
+        strains = [*kappa, *B]
+        total = C[:, 0] * strains[0]
+        for j in range(1, len(strains)):
+            total = total + C[:, j] * strains[j]
+        return total[:p], total[p:]
+
+    def bending(self, B: Any) -> Any:
+        """D(Γ g(B)), over H the force of the gradient term on B; None where it is left out."""
+        if self.c.gradient is None:
+            return None
+        slope = -self.QT(B) / self.node_norm
+        moment = self.c.gradient[:, 0] * slope[0]
+        for j in range(1, len(slope)):
+            moment = moment + self.c.gradient[:, j] * slope[j]
+        return self.D(moment)
+
+    def rate(self, y: State) -> State:
+        """A y."""
+        law, p = self.losses, self.c.rotations
+        kappa, kappa_hat, B_hat = self.strains(y)
+        sigma, tau = self.stress(kappa_hat, B_hat)
+        bending = self.bending(B_hat)
+        B_rate = -tau if bending is None else bending - tau
+        B_rate = B_rate / self.c.inertia
+        phi_rate, psi_rate, chi_rate = y.phi, y.psi, y.chi
+        if p:
+            phi_rate = -self.free * self.QT(sigma)
+            if law.absorbing:
+                phi_rate = phi_rate - y.chi
+                psi_rate, chi_rate = law.absorb_half * kappa, law.absorb_node * phi_rate
+        if law.absorbing:
+            B_rate = B_rate - law.calm * y.B_rate
+        if law.damped:
+            # A held node is moved by its source alone.
+            phi_rate = phi_rate - jnp.where(self.free == 0, 0.0, law.mass_node) * y.phi_rate
+            B_rate = B_rate - law.mass_half * y.B_rate
+        rates = law.rates[:, None, None]
+        return State(
+            y.phi_rate,
+            y.B_rate,
+            phi_rate,
+            B_rate,
+            psi_rate,
+            chi_rate,
+            rates * (kappa - y.zeta_kappa),
+            rates * (y.B - y.zeta_B),
         )
 
-    def apply(self, components: tuple[Component, ...]) -> tuple[Component, ...]:
-        """L q of this group's components."""
-        phi, B = components[: self.rotations], components[self.rotations :]
-        kappa = [difference(f, self.weights, forward=True) for f in phi]
-        sigma = [_combine(self.c_pp[i], kappa) - _combine(self.c_pb[i], B) for i in range(len(phi))]
-        phi_rate = [difference(s, self.weights, forward=False) for s in sigma]
-        B_rate = [-_combine(self.c_bb[i], B) for i in range(len(B))]
-        if phi:
-            B_rate = [r + _combine(self.c_bp[i], kappa) for i, r in enumerate(B_rate)]
-        if self.with_gradient:
-            slope = [difference(b, self.weights, forward=False) for b in B]
-            moment = [_combine(self.gamma[i], slope) for i in range(len(B))]
-            B_rate = [
-                r + difference(g, self.weights, forward=True)
-                for r, g in zip(B_rate, moment, strict=True)
-            ]
-        return (*phi_rate, *B_rate)
+    def energy(self, y: State) -> tuple[jax.Array, jax.Array]:
+        """Kinetic energy, and what is stored in the strains and in the solids' springs."""
+        law = self.losses
+        of_phi, of_B = self.mass
+        kinetic = jnp.sum(of_phi * y.phi_rate**2) + jnp.sum(of_B * y.B_rate**2)
+        kappa, _, _ = self.strains(y)
+        stored = self._stored(kappa, y.B, 1 - jnp.sum(law.strengths, axis=0))
+        for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
+            stored = stored + self._stored(kappa - of_kappa, y.B - of_B, strength)
+        return kinetic / 2, stored / 2
 
-    def potential(self, components: tuple[Component, ...]) -> jax.Array:
-        """−½ Σ q·Lq of this group, its differences summed by parts to save half of them:
-
-        ½ Σ [Dφ·(c_pp Dφ − c_pb B) − B·(c_bp Dφ − c_bb B) + DᵀB·γDᵀB].
-        """
-        phi, B = components[: self.rotations], components[self.rotations :]
-        kappa = [difference(f, self.weights, forward=True) for f in phi]
-        pairs = [
-            (k, _combine(self.c_pp[i], kappa) - _combine(self.c_pb[i], B))
-            for i, k in enumerate(kappa)
-        ]
-        pairs += [(b, _combine(self.c_bb[i], B)) for i, b in enumerate(B)]
-        if phi:
-            pairs += [(b, -_combine(self.c_bp[i], kappa)) for i, b in enumerate(B)]
-        if self.with_gradient:
-            slope = [difference(b, self.weights, forward=False) for b in B]
-            pairs += [(g, _combine(self.gamma[i], slope)) for i, g in enumerate(slope)]
-        return 0.5 * jnp.sum(sum(a * b for a, b in pairs))
-
-
-def _combine(row: jax.Array, components: Sequence[jax.Array]) -> Any:
-    return sum(row[j] * component for j, component in enumerate(components))
+    def _stored(self, kappa: Any, B: Any, share: Any) -> jax.Array:
+        """⟨e, C share e⟩ over the bar, e = (κ, B), the gradient term with it."""
+        sigma, tau = self.stress(share * kappa, share * B)
+        bending = self.bending(share * B)
+        if bending is not None:
+            tau = tau - bending
+        return jnp.sum(self.half_norm * kappa * sigma) + jnp.sum(self.half_norm * B * tau)
 
 
 class Operator(eqx.Module):
-    """L of all the blocks that are integrated.
-
-    Attributes:
-        groups: the blocks, stacked by shape.
-        spacing: cell size, scaled.
-        cells: number of cells.
-    """
+    """A of all blocks that are integrated, those of one shape stacked in a group."""
 
     groups: tuple[Group, ...]
-    spacing: float = eqx.field(static=True)
-    cells: int = eqx.field(static=True)
 
-    def __call__(self, q: State) -> State:
-        """L q."""
-        return tuple(group.apply(c) for group, c in zip(self.groups, q, strict=True))
+    def __call__(self, y: States) -> States:
+        """A y."""
+        return tuple(group.rate(part) for group, part in zip(self.groups, y, strict=True))
 
     @property
-    def adjoint(self) -> Operator:
-        """Lᵀ: rows and columns of the coefficients exchanged."""
-        return Operator(tuple(g.adjoint for g in self.groups), self.spacing, self.cells)
-
-    def zero(self) -> State:
+    def rest(self) -> States:
         """The state of rest."""
-        return tuple(
-            tuple(jnp.zeros((len(group.names), self.cells)) for _ in range(_size(group)))
-            for group in self.groups
-        )
+        return tuple(group.rest for group in self.groups)
 
-    def kinetic(self, v: State) -> jax.Array:
-        """Kinetic energy ½⟨v, v⟩, scaled."""
-        return 0.5 * inner(v, v) * self.spacing
-
-    def potential(self, q: State) -> jax.Array:
-        """−½⟨q, L q⟩: the deformation energy where the closure is symmetric, scaled."""
-        parts = [group.potential(c) for group, c in zip(self.groups, q, strict=True)]
-        return sum(parts, start=jnp.zeros(())) * self.spacing
+    def energy(self, y: States) -> tuple[jax.Array, jax.Array]:
+        """Kinetic and stored energy, scaled."""
+        parts = [group.energy(part) for group, part in zip(self.groups, y, strict=True)]
+        kinetic, stored = zip(*parts, strict=True)
+        return sum(kinetic[1:], start=kinetic[0]), sum(stored[1:], start=stored[0])
 
 
-def _size(group: Group) -> int:
-    return group.c_pp.shape[0] + group.c_bb.shape[0]
-
-
-def inner(a: Any, b: Any) -> jax.Array:
-    """Sum over all entries of a·b of two states."""
-    products = jax.tree.map(lambda x, y: jnp.sum(x * y), a, b)
-    return jax.tree.reduce(jnp.add, products)
-
-
-def semi_discrete(
-    medium: Medium,
+def operator(
+    layers: Layers,
     bar: Bar,
-    blocks: Sequence[Block] = BLOCKS,
-    reference: Medium | None = None,
+    blocks: Sequence[Block],
+    reference: Medium,
+    with_gradient: bool,
+    plain: Layers | None = None,
 ) -> Operator:
-    """Operator of a medium on a bar.
+    """A of a bar.
 
     Args:
-        medium: its parameters may be traced by jax.
-        bar: the grid.
+        layers: what it is made of; parameters may be traced by jax.
+        bar: its grid.
         blocks: the blocks to integrate.
-        reference: the medium whose units to scale by, of plain numbers; needed where `medium` is
-            traced, and the medium itself otherwise.
-
-    Returns:
-        The operator, in scaled units.
+        reference: the medium whose units to scale by, of plain numbers.
+        with_gradient: whether Γ is kept.
+        plain: layers of plain numbers, for the absorbers, where the others are traced.
     """
-    spacing = float(bar.spacing / (reference or medium).length_scale)
-    weights = tuple(c / spacing for c in difference_weights(bar.order))
+    known = differences(bar, float(scales(reference).length))
+    law = losses(layers, bar, reference, plain)
+    held = held_nodes(bar)
     groups = []
     for stacked in grouped(blocks):
-        forms = [
-            block_coefficients(medium, block, scales(reference or medium)).per_inertia()
-            for block in stacked
-        ]
-        coefficients = {
-            name: _stack([getattr(form, name) for form in forms])
-            for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
-        }
-        groups.append(
-            Group(
-                **coefficients,
-                weights=weights,
-                names=tuple(block.name for block in stacked),
-                with_gradient=not (isinstance(medium.G_n_g, float | int) and medium.G_n_g == 0),
-            )
-        )
-    return Operator(tuple(groups), spacing, bar.cells)
+        c = coefficients(layers, bar, stacked, reference, with_gradient)
+        free = np.where(held, 0.0, 1.0) / c.node_mass
+        groups.append(Group(*known, c, free, law))
+    return Operator(tuple(groups))
 
 
-def _stack(matrices: list[Any]) -> Any:
-    """Coefficients of several blocks, (row, column, blocks, 1); numpy where all of them are."""
-    traced = any(isinstance(matrix, jax.Array) for matrix in matrices)
-    return (jnp if traced else np).stack(matrices, axis=-1)[..., None]
+def held_nodes(bar: Bar) -> np.ndarray:
+    """Whether each node is held: at fixed ends, and at the far ends of absorbing layers."""
+    held = np.zeros(len(bar.nodes), bool)
+    held[0] = bar.left in ("fixed", "absorbing")
+    held[-1] = held[-1] or bar.right in ("fixed", "absorbing")
+    return held
 
 
-def from_fields(fields: dict[str, Any], blocks: Sequence[Block], medium: Medium) -> State:
-    """State (scaled) of fields in SI; fields not named are 0. Inverse of :func:`to_fields`."""
-    units = scales(medium)
-    shape = np.shape(next(iter(fields.values())))
-    state = []
-    for stacked in grouped(blocks):
-        components = []
-        for row in zip(*(b.rotations + b.curvatures for b in stacked), strict=True):
-            parts = [
-                sum(
-                    (w / units.unit(f) * fields[f] for f, w in component.items() if f in fields),
-                    start=np.zeros(shape),
-                )
-                for component in row
-            ]
-            components.append(jnp.stack([jnp.asarray(p) for p in parts]))
-        state.append(tuple(components))
-    return tuple(state)
+def differences(bar: Bar, length: float) -> tuple[Difference, Difference, Any, Any]:
+    """D, Qᵀ, H and N of a bar, scaled by a length in m."""
+    made, ring = bar.differences, bar.periodic
+    half_norm = at_half(bar, made.half_norm / length)
+    diagonals = at_half(bar, made.diagonals * length)
+    # Row j of D is column j of Dᵀ: its diagonals are these, moved along and in reverse order.
+    offsets = made.first + np.arange(len(diagonals))
+    moved = [np.roll(d * half_norm, by) for d, by in zip(diagonals, offsets, strict=True)]
+    transposed = np.stack(moved[::-1])
+    D = Difference(_short(diagonals), int(made.first), ring)
+    QT = Difference(_short(transposed), -int(offsets[-1]), ring)
+    return D, QT, half_norm, made.node_norm / length
 
 
-def to_fields(q: State, blocks: Sequence[Block], medium: Medium) -> dict[str, Any]:
-    """The fields in SI of a state (or of a stack of states along leading axes).
+def _short(weights: np.ndarray) -> np.ndarray:
+    """One column for all where all are alike."""
+    return weights[:, :1] if (weights == weights[:, :1]).all() else weights
+
+
+def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium) -> list[Any]:
+    """Fields in SI as components (φ, B) of each group; fields not named are 0.
 
     Args:
-        q: components of shape (…, blocks, N), scaled; numpy or jax.
+        fields: {field: shape (…, points)}, rad or 1/m.
         blocks: those of the operator.
-        medium: that of the operator.
+        medium: whose units it is scaled by.
 
     Returns:
-        {field: array of shape (…, N)}, rad or 1/m, of every field the blocks combine.
+        (φ, B) of each group, shapes (components, blocks, …, points).
+    """
+    units = scales(medium)
+    shape = np.shape(next(iter(fields.values())))
+    found: list[Any] = []
+    for stacked in grouped(blocks):
+        pair = []
+        for kind in ("rotations", "curvatures"):
+            rows = [
+                [
+                    sum(
+                        (w / units.unit(f) * fields[f] for f, w in part.items() if f in fields),
+                        start=np.zeros(shape),
+                    )
+                    for part in getattr(block, kind)
+                ]
+                for block in stacked
+            ]
+            pair.append(np.array(rows).reshape(len(stacked), -1, *shape).swapaxes(0, 1))
+        found.append(tuple(pair))
+    return found
+
+
+def to_fields(pairs: Sequence[Any], blocks: Sequence[Block], medium: Medium) -> dict[str, Any]:
+    """The fields in SI of (φ, B) of each group; inverse of :func:`to_scaled`.
+
+    Args:
+        pairs: shapes (…, components, blocks, points) each, numpy or jax.
+        blocks: those of the operator.
+        medium: whose units it is scaled by.
+
+    Returns:
+        {field: shape (…, points)}, rad or 1/m, of every field that the blocks combine.
     """
     units = scales(medium)
     fields: dict[str, Any] = {}
-    for components, stacked in zip(q, grouped(blocks), strict=True):
+    for (phi, B), stacked in zip(pairs, grouped(blocks), strict=True):
         for s, block in enumerate(stacked):
-            parts = block.rotations + block.curvatures
-            for component, array in zip(parts, components, strict=True):
-                for name, weight in component.items():
-                    term = weight * units.unit(name) * array[..., s, :]
-                    fields[name] = fields[name] + term if name in fields else term
+            for values, parts in ((phi, block.rotations), (B, block.curvatures)):
+                for i, part in enumerate(parts):
+                    for name, weight in part.items():
+                        term = weight * units.unit(name) * values[..., i, s, :]
+                        fields[name] = fields[name] + term if name in fields else term
     ordered = [name for block in blocks for name in block.fields]
-    return {name: fields[name] for name in dict.fromkeys(ordered) if name in fields}
+    return {name: fields[name] for name in dict.fromkeys(ordered)}
 
 
 def is_rotation(field: str) -> bool:

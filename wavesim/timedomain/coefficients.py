@@ -1,0 +1,286 @@
+"""What a bar is made of, point by point: stiffnesses, inertias and losses on its grid, scaled.
+
+A stretch of the grid belongs to each layer, and a layer's medium stands at its own points only, so
+that nothing is averaged across an interface but the inertia of the one node there, to which each
+side adds its own. A graded layer is sampled at a few Chebyshev points of its grading variable w:
+coefficients are polynomials of degree 8 at most in w, which twelve samples give exactly.
+
+Values at half-nodes stand at the node to their left; on a bar with ends, which has one node more,
+the last of them is 0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.grid.bar import Bar
+from wavesim.grid.summation_by_parts import chain
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.scaling import Scales, block_coefficients, scales
+from wavesim.material.sectors import Block
+from wavesim.timedomain.absorber import absorption
+
+# The scheme needs double precision.
+jax.config.update("jax_enable_x64", True)
+# A medium is a pytree: jax.grad and jax.vmap go through its parameters.
+jax.tree_util.register_dataclass(Medium, data_fields=PARAMETERS, meta_fields=("closure", "damping"))
+
+_SAMPLES = 12
+
+
+class Coefficients(eqx.Module):
+    """Stiffnesses and inertias of blocks of one shape, of p rotations and b micro-curvatures each.
+
+    Attributes:
+        stiffness: C of (σ, τ) = C (κ, B), the unrelaxed modulus in it, at half-nodes, shape
+            (p + b, p + b, blocks, points): [[c_pp, −c_pb], [−c_bp, c_bb]].
+        gradient: Γ over the length of each node, 0 at the ends of a bar that is not periodic (the
+            natural condition), shape (b, b, blocks, points); None where it is left out.
+        node_mass: inertia times length of each node, shape (blocks, points).
+        inertia: of B at half-nodes, shape (blocks, points).
+        rotations: p.
+    """
+
+    stiffness: Any
+    gradient: Any
+    node_mass: Any
+    inertia: Any
+    rotations: int = eqx.field(static=True)
+
+
+class Losses(eqx.Module):
+    """What is lost, point by point, shape (points,) unless it says otherwise.
+
+    Attributes:
+        mass_node, mass_half: α of the friction on φ̇ and on Ḃ.
+        stiffness: β_d over the unrelaxed modulus, at half-nodes.
+        rates, strengths: ω_l and Y_l of the standard linear solids, at half-nodes, shape
+            (mechanisms, points).
+        absorb_node, absorb_half: d of the absorbing ends.
+        calm: α_B of their inner parts.
+        damped, viscous, absorbing: whether there is a loss law, one with β_d, an absorbing end.
+    """
+
+    mass_node: Any
+    mass_half: Any
+    stiffness: Any
+    rates: Any
+    strengths: Any
+    absorb_node: Any
+    absorb_half: Any
+    calm: Any
+    damped: bool = eqx.field(static=True)
+    viscous: bool = eqx.field(static=True)
+    absorbing: bool = eqx.field(static=True)
+
+def coefficients(
+    layers: Layers, bar: Bar, blocks: Sequence[Block], reference: Medium, with_gradient: bool
+) -> Coefficients:
+    """Coefficients of blocks of one shape over a bar.
+
+    Args:
+        layers: what the bar is made of; parameters may be traced by jax.
+        bar: its grid, with a stretch for each layer.
+        blocks: as many rotations each.
+        reference: the medium whose units to scale by, of plain numbers.
+        with_gradient: whether Γ is wanted.
+    """
+    units = scales(reference)
+    made = [_of_block(layers, bar, block, units, with_gradient) for block in blocks]
+    stacked = [
+        None if parts[0] is None else module(*parts).stack(parts, axis=-2)
+        for parts in zip(*made, strict=True)
+    ]
+    return Coefficients(*stacked, rotations=len(blocks[0].rotations))
+
+
+def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None) -> Losses:
+    """Loss laws and absorbers over a bar.
+
+    Args:
+        layers: what the bar is made of; parameters may be traced by jax.
+        bar: its grid.
+        reference: the medium whose units to scale by.
+        plain: layers of plain numbers, for the absorbers, where the others are traced.
+    """
+    time = float(scales(reference).time)
+    laws = [layer.medium.damping for layer in layers.layers]
+    count, points = max(len(law.rates) for law in laws), len(bar.nodes)
+    mass_half, stiffness = np.zeros(points), np.zeros(points)
+    rates, strengths = np.zeros((count, points)), np.zeros((count, points))
+    drag: Any = np.zeros(bar.cells + 1)
+    inertia: Any = np.zeros(bar.cells + 1)
+    for layer, cells, norm, x in _stretches(layers, bar):
+        law = layer.medium.damping
+        mass_half[cells] = law.mass * time
+        stiffness[cells] = law.stiffness / time / law.unrelaxed
+        for number, (rate, strength) in enumerate(zip(law.rates, law.strengths, strict=True)):
+            rates[number, cells], strengths[number, cells] = rate * time, strength
+        # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
+        ends = [layer.at(position) for position in x[[0, -1]]]
+        of_ends = [end.density * end.beta for end in ends]
+        at = np.append(np.zeros(len(x) - 1, int), 1)
+        xp = module(*of_ends)
+        own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
+        drag, inertia = drag + law.mass * time * own, inertia + own
+    absorbers = [time * part for part in absorption(plain or layers, bar, bar.nodes)]
+    inner = [time * part for part in absorption(plain or layers, bar, bar.half_nodes)]
+    return Losses(
+        mass_node=_joined(bar, drag) / _joined(bar, inertia),
+        mass_half=mass_half,
+        stiffness=stiffness,
+        rates=rates,
+        strengths=strengths,
+        absorb_node=absorbers[0],
+        absorb_half=at_half(bar, inner[0]),
+        calm=at_half(bar, inner[1]),
+        damped=any(laws),
+        viscous=bool(stiffness.any()),
+        absorbing="absorbing" in (bar.left, bar.right),
+    )
+
+
+def module(*values: Any) -> Any:
+    """jax.numpy where jax traces or holds a value, numpy else: plain media cost no compilation."""
+    return jnp if any(isinstance(value, jax.Array) for value in values) else np
+
+
+def at_half(bar: Bar, values: Any, spare: float = 0.0) -> Any:
+    """Values at half-nodes, (…, cells), made as long as the nodes."""
+    missing = len(bar.nodes) - bar.cells
+    if not missing:
+        return values
+    around = [(0, 0)] * (values.ndim - 1) + [(0, missing)]
+    return module(values).pad(values, around, constant_values=spare)
+
+
+def _of_block(
+    layers: Layers, bar: Bar, block: Block, units: Scales, with_gradient: bool
+) -> tuple[Any, Any, Any, Any]:
+    """Stiffness, gradient, node mass and inertia of one block, each (…, points)."""
+    length, inner = float(units.length), slice(1, bar.cells)
+    stiffness, inertia, bending = [], [], []
+    mass: Any = np.zeros(bar.cells + 1)
+    for layer, cells, norm, x in _stretches(layers, bar):
+        unrelaxed = layer.medium.damping.unrelaxed
+        n = len(x) - 1
+        c = _along(layer, block, units, np.concatenate([(x[1:] + x[:-1]) / 2, x]))
+        c_pp, c_pb, c_bp, c_bb = (c[name][..., :n] for name in ("c_pp", "c_pb", "c_bp", "c_bb"))
+        xp = module(c_bb)
+        upper = xp.concatenate([c_pp, -c_pb], axis=1)
+        lower = xp.concatenate([-c_bp, c_bb], axis=1)
+        stiffness.append(xp.concatenate([upper, lower]) * unrelaxed)
+        inertia.append(c["i_B"][:n])
+        mass = mass + _placed(c["i_phi"][n:] * (norm / length), cells, bar)
+        bending.append(c["gamma"][..., n:] * (unrelaxed * length / norm))
+    gradient: Any = None
+    if with_gradient:
+        gradient = _in_series(bending, bar.periodic) * (bar.differences.node_norm / length)
+        if not bar.periodic:
+            ends = np.zeros(len(bar.nodes))
+            ends[inner] = 1.0
+            gradient = gradient * ends
+    return (
+        at_half(bar, module(*stiffness).concatenate(stiffness, axis=-1)),
+        gradient,
+        _joined(bar, mass),
+        at_half(bar, module(*inertia).concatenate(inertia), 1.0),
+    )
+
+
+def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str, Any]:
+    """Coefficients of a block at positions within a layer, {name: (…, positions)}."""
+
+    def named(medium: Medium) -> dict[str, Any]:
+        made = block_coefficients(medium, block, units)
+        return {field.name: getattr(made, field.name) for field in dataclasses.fields(made)}
+
+    if layer.last is None:
+        found = {}
+        for name, value in named(layer.medium).items():
+            xp = module(value)
+            value = xp.asarray(value)
+            found[name] = xp.broadcast_to(value[..., None], (*value.shape, len(x)))
+        return found
+    nodes = (1 - np.cos(np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)) / 2
+    straight = dataclasses.replace(layer, grading="linear")
+    at = [straight.at(layer.start + w * layer.thickness) for w in nodes]
+    if module(*jax.tree.leaves(at)) is np:
+        made = [named(medium) for medium in at]
+        sampled = {name: np.stack([sample[name] for sample in made]) for name in made[0]}
+    else:  # one batch, for a trace a twelfth as long
+        batch = jax.tree.map(lambda *v: jnp.stack([jnp.asarray(one, float) for one in v]), *at)
+        sampled = jax.vmap(named)(batch)
+    s = np.clip((x - layer.start) / layer.thickness, 0.0, 1.0)
+    w = s**3 * (10 - 15 * s + 6 * s**2) if layer.grading == "smooth" else s
+    chebyshev = np.polynomial.chebyshev.chebvander
+    basis = chebyshev(2 * w - 1, _SAMPLES - 1) @ np.linalg.inv(
+        chebyshev(2 * nodes - 1, _SAMPLES - 1)
+    )
+    found = {}
+    for name, values in sampled.items():
+        xp = module(values)
+        found[name] = xp.tensordot(xp.moveaxis(values, 0, -1), xp.asarray(basis.T), 1)
+    return found
+
+
+def _stretches(layers: Layers, bar: Bar) -> list[tuple[Layer, slice, np.ndarray, np.ndarray]]:
+    """Each layer with its cells, the norm of its nodes and their positions, m."""
+    found, first = [], 0
+    for layer, (cells, spacing) in zip(layers.layers, bar.all_stretches, strict=True):
+        if bar.uniform and bar.periodic:
+            norm = np.full(cells + 1, spacing)
+            norm[[0, -1]] /= 2
+        else:
+            norm = chain(bar.order, (cells,), (spacing,)).node_norm
+        x = layer.start + np.arange(cells + 1) * spacing
+        found.append((layer, slice(first, first + cells), norm, x))
+        first += cells
+    return found
+
+
+def _joined(bar: Bar, values: Any) -> Any:
+    """Values at N + 1 nodes, with the last added to the first where the bar is periodic."""
+    if not bar.periodic:
+        return values
+    return values[..., :-1] + values[..., -1:] * np.eye(1, bar.cells)[0]
+
+
+def _placed(values: Any, cells: slice, bar: Bar) -> Any:
+    """Values at the nodes of a stretch, (nodes,), among zeros at all others, (cells + 1,)."""
+    return module(values).pad(values, (cells.start, bar.cells - cells.stop))
+
+
+def _in_series(parts: Sequence[Any], periodic: bool) -> Any:
+    """Γ over length at the nodes of a bar, from those of its stretches, (b, b, cells + 1) each.
+
+    Compliances add where stretches meet: Γ ∂ₓB is continuous there, as σ is.
+    """
+    joined: list[Any] = []
+    for number, part in enumerate(parts):
+        first = part[..., :1]
+        if number or periodic:
+            first = _parallel(parts[number - 1][..., -1:], first)
+        joined += [first, part[..., 1:-1]]
+    if not periodic:
+        joined.append(parts[-1][..., -1:])
+    return module(*joined).concatenate(joined, axis=-1)
+
+
+def _parallel(one: Any, other: Any) -> Any:
+    """(one⁻¹ + other⁻¹)⁻¹ of symmetric matrices (b, b, 1), as one (one + other)⁺ other.
+
+    So written it holds for singular ones, 0 among them, and stays smooth where their common range
+    does not change.
+    """
+    xp = module(one, other)
+    left, right = one[..., 0], other[..., 0]
+    return (left @ xp.linalg.pinv(left + right, hermitian=True) @ right)[..., None]

@@ -1,0 +1,398 @@
+"""The fast stepper of a bar without losses: rows of its exact propagator as dense matrices.
+
+For q = (φ, B) and v = q̇ alike, q̈ = Lq gives exactly
+
+    q(t+h) − q(t) = q(t) − q(t−h) + 2(C − 1) q(t) + pulses,    C = cos(h√−L).
+
+Nothing travels further than about c_∞h within a step: C couples a point to some tens of others, to
+rounding. Points are taken in runs of 32, begun anew at each layer; the rows of a run are one dense
+matrix on the window about it, a Chebyshev series in the sparse L of that window,
+
+    C = Σ_k a_k T_k(1 + 2L/R²),
+
+and equal windows hold one. In this form rounding grows as the number of steps, not as its square;
+rows whose sum over a uniform rotation is 1 but for rounding, as nothing holds it back, are set so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from scipy.special import jv
+
+from wavesim.grid.bar import Bar
+from wavesim.timedomain.chebyshev_series import ExactStepper
+from wavesim.timedomain.energy import Equation, Motion
+from wavesim.timedomain.operator import Group, State, States
+from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
+from wavesim.timedomain.time_step import RUN, TimeStep, nodes_of, series_coefficients
+from wavesim.timedomain.within_step import Driven, pushes, series_terms, window
+from wavesim.timedomain.work import Work
+
+# Rows of fewer runs than these are held for each run by itself, though they be equal.
+_FEW = 4
+# Entries below this part of the largest are nothing.
+_NOTHING = 1e-18
+
+
+class Rows(eqx.Module):
+    """Rows of 2(C − 1) of blocks that are alike in everything.
+
+    Attributes:
+        blocks: which of the group.
+        matrices: of each kind of run, shape (RUN · f, f · window), or, of runs all different,
+            (runs, RUN · f, f · window), for f fields.
+        windows: points of the windows, shape (window, runs) for each of these.
+        order: place among the rows of all runs of each point's, shape (points,).
+    """
+
+    blocks: Any
+    matrices: tuple[Any, ...]
+    windows: tuple[Any, ...]
+    order: Any
+
+    def __call__(self, q: Any) -> Any:
+        """The product with states q, shape (fields, points, columns)."""
+        fields, columns = q.shape[0], q.shape[2]
+        made = []
+        for matrix, points in zip(self.matrices, self.windows, strict=True):
+            near = q[:, points]  # fields, window, runs, columns
+            if matrix.ndim == 2:
+                rows = matrix @ near.reshape(matrix.shape[1], -1)
+                rows = rows.reshape(fields, RUN, -1, columns).swapaxes(1, 2)
+            else:
+                near = near.transpose(2, 0, 1, 3).reshape(len(matrix), matrix.shape[2], columns)
+                rows = (matrix @ near).reshape(-1, fields, RUN, columns).swapaxes(0, 1)
+            made.append(rows.reshape(fields, -1, columns))
+        return jnp.concatenate(made, axis=1)[:, self.order]
+
+
+class Pulses(eqx.Module):
+    """What one source leaves in q and v of a group within a step.
+
+    Attributes:
+        group: its number.
+        points: of the window, shape (points,).
+        ahead: by the signals of the step that begins, shape (nodes, 2 · fields · blocks · points).
+        behind: by those of the step that has ended, likewise.
+    """
+
+    group: int = eqx.field(static=True)
+    points: Any
+    ahead: Any
+    behind: Any
+
+
+class Memory(NamedTuple):
+    """What the stepper keeps beside the state: q(t) − q(t−h) of each group, and the last signals.
+
+    Attributes:
+        change: shape (fields, blocks, points, 2), of q and v, for each group.
+        signals: ŝ of the step that has ended, shape (sources, nodes).
+    """
+
+    change: tuple[Any, ...]
+    signals: Any
+
+
+class Propagator(ExactStepper):
+    """Steps by dense rows; see the head of this file.
+
+    Attributes:
+        rows: for each group, blocks alike together.
+        pulses: of each source.
+        nodes, weights, h: Gauss nodes of a step, their weights, and the step.
+        work: tables of the sources' work.
+        begun: the memory at t = 0.
+    """
+
+    rows: tuple[tuple[Rows, ...], ...]
+    pulses: tuple[tuple[Pulses, ...], ...]
+    nodes: Any
+    weights: Any
+    h: Any
+    work: Work | None
+    begun: Memory
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Equation) -> Memory:
+        return self.begun
+
+    def step(
+        self,
+        terms: Any,
+        t0: Any,
+        t1: Any,
+        y0: Motion,
+        args: Equation,
+        solver_state: Memory,
+        made_jump: Any,
+    ) -> Any:
+        sources = args.sources
+        signals = sources.sampled(t0, self.nodes, self.weights, self.h)
+        change = [
+            self._change(rows, part, before)
+            for rows, part, before in zip(self.rows, y0.y, solver_state.change, strict=True)
+        ]
+        work = y0.work
+        if self.pulses:
+            table = self.work
+            assert table is not None
+            acting = t0 - self.h < sources.end
+            change, done = jax.lax.cond(
+                acting,
+                lambda: (
+                    self._pushed(change, signals, solver_state.signals),
+                    table.done(y0.y, signals, args.rates(y0.y)),
+                ),
+                lambda: (change, jnp.zeros(())),
+            )
+            work = work + done
+        y = tuple(map(_added, y0.y, change))
+        kept = Memory(tuple(change), signals)
+        y1 = Motion(y, work)
+        return y1, None, {"y0": y0, "y1": y1}, kept, diffrax.RESULTS.successful
+
+    def _change(self, rows: tuple[Rows, ...], y: State, before: Any) -> Any:
+        """q(t+h) − q(t) but for the pulses, shape (fields, blocks, points, 2)."""
+        q = jnp.concatenate([y.phi, y.B])
+        v = jnp.concatenate([y.phi_rate, y.B_rate])
+        both = jnp.stack([q, v], axis=-1)
+        fields, _, points, _ = both.shape
+        for alike in rows:
+            some = both[:, alike.blocks].swapaxes(1, 2)
+            made = alike(some.reshape(fields, points, -1)).reshape(some.shape).swapaxes(1, 2)
+            before = before.at[:, alike.blocks].add(made)
+        return before
+
+    def _pushed(self, change: list[Any], ahead: Any, behind: Any) -> list[Any]:
+        change = list(change)
+        for j, parts in enumerate(self.pulses):
+            for part in parts:
+                fields, blocks, _, _ = change[part.group].shape
+                push = ahead[j] @ part.ahead + behind[j] @ part.behind
+                push = push.reshape(2, fields, blocks, len(part.points))
+                where = change[part.group].at[:, :, part.points]
+                change[part.group] = where.add(jnp.moveaxis(push, 0, -1))
+        return change
+
+
+def _added(y: State, change: Any) -> State:
+    p = y.phi.shape[0]
+    q, v = change[..., 0], change[..., 1]
+    return y._replace(
+        phi=y.phi + q[:p], B=y.B + q[p:], phi_rate=y.phi_rate + v[:p], B_rate=y.B_rate + v[p:]
+    )
+
+
+def propagator(
+    equation: Equation,
+    bar: Bar,
+    step: TimeStep,
+    start: States,
+    driven: list[list[Driven]],
+    work: Work | None,
+) -> Propagator:
+    """Prepare the stepper.
+
+    Args:
+        equation: of a bar without losses, of plain numbers.
+        bar: its grid.
+        step: how it is stepped.
+        start: the state at t = 0.
+        driven: for each source the groups that it drives.
+        work: tables of their work.
+    """
+    groups = equation.operator.groups
+    rows = tuple(_rows(group, bar, step) for group in groups)
+    pulses = tuple(
+        tuple(
+            _pulses(part, groups[part.group], made)
+            for part, made in zip(parts, pushes(parts, j, step), strict=True)
+        )
+        for j, parts in enumerate(driven)
+    )
+    nodes, weights = nodes_of(step)
+    silent = np.zeros((len(driven), len(nodes)))
+    change = tuple(_first_change(g, y, step) for g, y in zip(groups, start, strict=True))
+    begun = Memory(change, silent)
+    return Propagator(rows, pulses, nodes, weights, np.asarray(step.step), work, begun)
+
+
+def _pulses(part: Driven, group: Group, made: np.ndarray) -> Pulses:
+    """P_jn, and by time reversal what exp(−hA) makes of it: q changes sign, and nodes their order."""
+    p, b = group.rest.phi.shape[0], group.rest.B.shape[0]
+    size = (p + b) * group.free.shape[0] * len(part.points)
+    fields = made[:, : 2 * size].reshape(len(made), 2, size)  # φ, B, φ̇, Ḃ in this order
+    reversed_ = fields[::-1] * np.array([1.0, -1.0])[:, None]
+    return Pulses(
+        part.group,
+        part.points,
+        fields.reshape(len(made), -1),
+        reversed_.reshape(len(made), -1),
+    )
+
+
+def _first_change(group: Group, y: State, step: TimeStep) -> np.ndarray:
+    """y(0) − exp(−hA) y(0) of a state, shape (fields, blocks, points, 2)."""
+    rest = group.rest
+    made = np.zeros((len(rest.phi) + len(rest.B), *rest.B.shape[1:], 2))
+    if not any(np.any(array) for array in y):
+        return made
+    factors = series_coefficients(np.array([step.step]), step.radius, step.shift, step.degree)
+    # exp(−hA) is exp(hA) with φ_k(X) of odd k in reverse.
+    factors = factors * (-1.0) ** np.arange(factors.shape[1])
+    (before,) = unflat(series_terms(sparse_matrix(group), flat(y), step, factors)[0], (rest,))
+    made[..., 0] = np.concatenate([y.phi - before.phi, y.B - before.B])
+    made[..., 1] = np.concatenate([y.phi_rate - before.phi_rate, y.B_rate - before.B_rate])
+    return made
+
+
+def _rows(group: Group, bar: Bar, step: TimeStep) -> tuple[Rows, ...]:
+    """Rows of all blocks of a group, blocks that are alike together."""
+    alike: dict[bytes, list[int]] = {}
+    c = group.c
+    for block in range(group.free.shape[0]):
+        arrays = [c.stiffness, c.inertia, c.node_mass, group.free]
+        arrays += [] if c.gradient is None else [c.gradient]
+        key = b"".join(np.ascontiguousarray(np.asarray(a)[..., block, :]).tobytes() for a in arrays)
+        alike.setdefault(key, []).append(block)
+    return tuple(_of_block(_one(group, blocks[0]), blocks, bar, step) for blocks in alike.values())
+
+
+def _one(group: Group, block: int) -> Group:
+    """A group of one of its blocks alone."""
+
+    def of(array: Any) -> Any:
+        return None if array is None else np.asarray(array)[..., block : block + 1, :]
+
+    c = group.c
+    alone = type(c)(
+        of(c.stiffness), of(c.gradient), of(c.node_mass), of(c.inertia), rotations=c.rotations
+    )
+    return eqx.tree_at(lambda g: (g.c, g.free), group, (alone, of(group.free)))
+
+
+def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> Rows:
+    n, ring = group.free.shape[-1], bar.periodic
+    reach = step.reach if group.c.rotations or group.c.gradient is not None else 0
+    width = min(n, RUN + 2 * reach)
+    starts, order = _runs(bar, n)
+    kinds: dict[bytes, int] = {}
+    members: list[list[int]] = []
+    windows, made = [], []
+    uniform = ring and all(
+        np.ptp(np.asarray(a), axis=-1).max(initial=0.0) == 0
+        for a in jax.tree.leaves(group)
+        if np.ndim(a)
+    )
+    for number, start in enumerate(starts):
+        first = start - reach if width < n else 0
+        first = first % n if ring else int(np.clip(first, 0, n - width))
+        points = (first + np.arange(width)) % n
+        windows.append(points)
+        inside = (start - first) % n
+        if uniform and width < n:
+            key = b"all alike"
+        else:
+            cut = window(group, points)
+            arrays = (np.ascontiguousarray(a).tobytes() for a in jax.tree.leaves(cut))
+            key = b"".join(arrays) + bytes(str(inside), "ascii")
+        kind = kinds.setdefault(key, len(kinds))
+        if kind == len(members):
+            members.append([])
+            made.append(_run_rows(window(group, points), inside, step))
+        members[kind].append(number)
+    many = [kind for kind, own in enumerate(members) if len(own) >= _FEW]
+    few = [(number, kind) for kind, own in enumerate(members) for number in own if len(own) < _FEW]
+    matrices = [made[kind] for kind in many]
+    taken = [members[kind] for kind in many]
+    if few:
+        matrices.append(np.stack([made[kind] for _, kind in few]))
+        taken.append([number for number, _ in few])
+    place = np.empty(len(starts), int)
+    place[np.concatenate(taken)] = np.arange(len(starts))
+    order = place[order // RUN] * RUN + order % RUN
+    of_runs = tuple(np.stack([windows[number] for number in own], axis=1) for own in taken)
+    return Rows(np.array(blocks), tuple(matrices), of_runs, order)
+
+
+def _runs(bar: Bar, n: int) -> tuple[list[int], np.ndarray]:
+    """First point of each run, and for each point its run · RUN + its place in the run.
+
+    Runs begin anew at each layer; the last one of a layer may reach into the next, where its rows
+    are not used, and begins earlier where the bar ends.
+    """
+    starts: list[int] = []
+    order = np.empty(n, int)
+    first = 0
+    for number, (cells, _) in enumerate(bar.all_stretches, start=1):
+        end = n if number == len(bar.all_stretches) else first + cells
+        for begin in range(first, end, RUN):
+            start = begin if bar.periodic else min(begin, max(0, n - RUN))
+            points = np.arange(begin, min(begin + RUN, end))
+            order[points] = len(starts) * RUN + points - start
+            starts.append(start)
+        first = end
+    return starts, order
+
+
+def _run_rows(cut: Group, inside: int, step: TimeStep) -> np.ndarray:
+    """Rows of 2(C − 1) of a run on its window, shape (fields · RUN, fields · window).
+
+    Args:
+        cut: a block on the window.
+        inside: place of the run's first point in it.
+        step: for h and R.
+    """
+    rest = cut.rest
+    fields, width = len(rest.phi) + len(rest.B), rest.B.shape[-1]
+    unknowns = fields * width
+    A = sparse_matrix(cut)
+    L = sp.csr_array(A[unknowns : 2 * unknowns, :unknowns])
+    points = (inside + np.arange(RUN)) % width
+    chosen = (np.arange(fields)[:, None] * width + points).ravel()
+    start = np.zeros((unknowns, len(chosen)))
+    start[chosen, np.arange(len(chosen))] = 1.0
+    # cos(hR √((1 − x)/2)) = Σ a_k T_k(x): J_0 and 2 J_2k of hR by the angle θ, x = cos 2θ.
+    phase = step.step * step.radius
+    count = int(phase / 2 + 6 * (1 + phase) ** (1 / 3)) + 12
+    a = _cosine_series(phase, count)
+    # Rows of C are columns of Cᵀ.
+    X = sp.csr_array(sp.eye_array(unknowns) + L.T * (2 / step.radius**2))
+    before, now = start, X @ start
+    total = a[0] * before + a[1] * now
+    for factor in a[2:]:
+        before, now = now, 2 * (X @ now) - before
+        total += factor * now
+    rows = 2 * (total - start).T
+    rows = rows.reshape(fields, RUN, fields, width)
+    _let_uniform_rotations_be(rows, points, len(rest.phi))
+    return rows.reshape(fields * RUN, unknowns)
+
+
+def _cosine_series(phase: float, count: int) -> np.ndarray:
+    """a_k of cos(z √((1 − x)/2)) = Σ a_k T_k(x), without the terms below rounding.
+
+    With x = cos θ it is cos(z sin(θ/2)) = J_0(z) + 2 Σ_k J_2k(z) cos kθ.
+    """
+    a = 2 * jv(2 * np.arange(count), phase)
+    a[0] /= 2
+    kept = np.nonzero(np.abs(a) > _NOTHING)[0]
+    return np.asarray(a[: max(2, int(kept[-1]) + 1)])
+
+
+def _let_uniform_rotations_be(rows: np.ndarray, points: np.ndarray, rotations: int) -> None:
+    """Set the sum of each row over a uniform rotation to 0, where it is 0 but for rounding."""
+    run = np.arange(RUN)
+    for rotation in range(rotations):
+        sums = rows[:, :, rotation].sum(axis=-1)
+        rounding = np.abs(sums) < 1e-11
+        for field in range(len(rows)):
+            rows[field, run, rotation, points] -= np.where(rounding[field], sums[field], 0.0)

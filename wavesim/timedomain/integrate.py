@@ -1,0 +1,357 @@
+"""Integration in time by diffrax, in chunks of frames; the only caller of ``diffeqsolve``."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.grid.bar import Bar
+from wavesim.material.layers import Layers
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import scales
+from wavesim.simulation.field import Energy, Field
+from wavesim.simulation.simulation import Simulation, simulation
+from wavesim.sources import Source
+from wavesim.timedomain.chebyshev_series import ChebyshevSeries, series
+from wavesim.timedomain.energy import Equation, Motion
+from wavesim.timedomain.exact_propagator import propagator
+from wavesim.timedomain.operator import is_rotation, operator, to_fields
+from wavesim.timedomain.source_terms import initial_state, source_terms
+from wavesim.timedomain.time_step import TimeStep, time_step
+from wavesim.timedomain.within_step import driven
+from wavesim.timedomain.work import work
+
+_TERM = diffrax.ODETerm(lambda t, motion, equation: equation(t, motion))
+# Frames in one chunk: as many as fit into about this many bytes, within these limits.
+_CHUNK_BYTES = 24e6
+_CHUNK_FRAMES = (4, 128)
+
+
+class NotFiniteError(RuntimeError):
+    """The integration produced values that are not finite.
+
+    Attributes:
+        time: end of the chunk in which it was found, s.
+    """
+
+    def __init__(self, at: float, solver: str, step: float) -> None:
+        self.time = at
+        exact = solver in ("propagator", "chebyshev")
+        remedy = (
+            "lower the sources' amplitude, or check the medium's parameters"
+            if exact
+            else "shorten [time] step or take solver 'chebyshev'"
+        )
+        super().__init__(
+            f"the field is not finite at t = {at:.4g} s (solver {solver!r}, step {step:.4g} s): "
+            f"{remedy}"
+        )
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive frames of a run.
+
+    Attributes:
+        first: index of the first frame.
+        values: {field: (frames, N)}, SI.
+        energy: of these frames, J/m².
+        state: arrays to carry on from after the last frame; of no use after the last chunk of a
+            run, which goes past its end.
+    """
+
+    first: int
+    values: dict[str, np.ndarray]
+    energy: Energy
+    state: list[np.ndarray]
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return len(self.energy.work)
+
+
+@dataclass
+class Timing:
+    """Seconds spent; filled in as a run goes."""
+
+    compile: float = 0.0
+    integrate: float = 0.0
+
+
+def chunk_frames(simulated: Simulation) -> int:
+    """Frames in one chunk of a run."""
+    size = 8 * simulated.bar.cells * len(simulated.fields)
+    low, high = _CHUNK_FRAMES
+    return min(max(low, int(_CHUNK_BYTES / size)), high, simulated.frames - 1)
+
+
+def equation_of(simulated: Simulation) -> tuple[Equation, Motion]:
+    """The equation of a simulation of plain numbers, and its motion at t = 0, scaled."""
+    medium, bar, blocks = simulated.medium, simulated.bar, simulated.blocks
+    A = operator(simulated.layers, bar, blocks, medium, simulated.with_gradient)
+    known = simulated.sources, medium, bar, blocks, A
+    return Equation(A, source_terms(*known)), Motion(initial_state(*known), np.zeros(()))
+
+
+def stepper_of(
+    simulated: Simulation, step: TimeStep, equation: Equation, start: Motion
+) -> diffrax.AbstractSolver:
+    """The stepper of a simulation of plain numbers, with its tables.
+
+    Args:
+        simulated: the simulation.
+        step: of :func:`time_step`.
+        equation, start: of :func:`equation_of`.
+    """
+    if step.solver not in ("propagator", "chebyshev"):
+        return getattr(diffrax, step.solver)()
+    ring = simulated.bar.periodic
+    sources = range(len(equation.sources.sources))
+    near = [driven(equation, source, step.reach, ring) for source in sources]
+    done = work(equation, near, step)
+    if step.solver == "chebyshev":
+        return ChebyshevSeries(series(step), done)
+    return propagator(equation, simulated.bar, step, start.y, near, done)
+
+
+def advance(
+    equation: Any,
+    stepper: Any,
+    carried: Any,
+    at: Any,
+    h: Any,
+    frames: int,
+    per_frame: int,
+    adjoint: Any = None,
+) -> Any:
+    """Integrate some frames from a motion; pure, so that jax transforms go through.
+
+    Args:
+        equation: with what it shows of a motion, ``observe``.
+        stepper: a solver of diffrax.
+        carried: motion and the stepper's own memory, None at the start of a run.
+        at: number of steps taken before.
+        h: the step, scaled.
+        frames, per_frame: how many frames, of how many steps each.
+        adjoint: how diffrax differentiates; None forbids reverse mode.
+
+    Returns:
+        What is seen of each frame, and what is carried on.
+    """
+    motion, memory = carried
+    count = frames * per_frame
+    times = (at + jnp.arange(count + 1)).astype(float) * h
+    if memory is None:
+        memory = stepper.init(_TERM, times[0], times[1], motion, equation)
+    solution = diffrax.diffeqsolve(
+        _TERM,
+        stepper,
+        t0=times[0],
+        t1=times[-1],
+        dt0=None,
+        y0=motion,
+        args=equation,
+        saveat=diffrax.SaveAt(
+            subs=(
+                diffrax.SubSaveAt(steps=per_frame, fn=lambda t, y, args: args.observe(y)),
+                diffrax.SubSaveAt(t1=True),
+            ),
+            solver_state=True,
+        ),
+        stepsize_controller=diffrax.StepTo(ts=times),
+        max_steps=count,
+        solver_state=memory,
+        adjoint=adjoint or diffrax.ForwardMode(),
+        throw=False,
+    )
+    seen, last = solution.ys
+    return seen, (jax.tree.map(lambda a: a[-1], last), solution.solver_state)
+
+
+# Compiled functions, by all that they depend on: a second run of one shape compiles nothing. The
+# last ones are kept: each takes some hundred mappings of memory, of which a process has 65,530.
+_COMPILED: dict[Any, Any] = {}
+_KEPT = 64
+_ALONE = Lock()
+
+
+def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> Any:
+    """A function compiled for arguments of these shapes and for settings, its keywords."""
+    leaves, structure = jax.tree.flatten(arguments)
+    shapes = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
+    key = (function, structure, shapes, tuple(settings.items()))
+    if key not in _COMPILED:
+        whole = functools.partial(function, **settings)
+        _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
+    with _ALONE:
+        made = _COMPILED[key] = _COMPILED.pop(key)  # to the end, as the last one used
+        while len(_COMPILED) > _KEPT:
+            del _COMPILED[next(iter(_COMPILED))]
+    return made
+
+
+def _first(equation: Equation, motion: Motion) -> Any:
+    return equation.observe(motion)
+
+
+def stream(
+    simulated: Simulation,
+    carry_on: tuple[int, Sequence[np.ndarray]] | None = None,
+    timing: Timing | None = None,
+) -> Iterator[Chunk]:
+    """Integrate a simulation and give its frames chunk by chunk, that at t = 0 first.
+
+    Args:
+        simulated: of plain numbers.
+        carry_on: (index of a frame, state after it) of an earlier run; None begins at t = 0.
+        timing: where to note the seconds spent.
+
+    Yields:
+        Chunks, in order.
+
+    Raises:
+        ValueError: the solver is not there, or not for such a bar.
+        NotFiniteError: the integration failed.
+    """
+    timing = timing or Timing()
+    begun = time.perf_counter()
+    step = time_step(simulated)
+    equation, motion = equation_of(simulated)
+    stepper = stepper_of(simulated, step, equation, motion)
+    h, last = np.asarray(step.step), step.frames - 1
+    size, frame = chunk_frames(simulated), 0
+    memory = jax.tree.map(
+        lambda a: np.zeros(a.shape, a.dtype),
+        jax.eval_shape(functools.partial(stepper.init, _TERM), h, h, motion, equation),
+    )
+    if hasattr(stepper, "begun"):
+        memory = stepper.begun
+    carried = (motion, memory)
+    if carry_on is not None:
+        frame, arrays = carry_on
+        carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
+    known = (equation, stepper, carried, np.asarray(0), h)
+    run = _compiled(advance, known, frames=size, per_frame=step.per_frame)
+    timing.compile += time.perf_counter() - begun
+    if carry_on is None:
+        yield _chunk(simulated, 0, _seen_at_start(equation, motion), 1, carried)
+    while frame < last:
+        begun = time.perf_counter()
+        made, carried = run(equation, stepper, carried, np.asarray(frame * step.per_frame), h)
+        wanted = min(size, last - frame)
+        chunk = _chunk(simulated, frame + 1, made, wanted, carried)
+        timing.integrate += time.perf_counter() - begun
+        frame += wanted
+        known_ = [*chunk.values.values(), chunk.energy.total, chunk.energy.work]
+        if not all(np.isfinite(values).all() for values in known_):
+            at = frame * simulated.interval
+            raise NotFiniteError(at, step.solver, step.step * float(scales(simulated.medium).time))
+        yield chunk
+
+
+def _seen_at_start(equation: Equation, motion: Motion) -> Any:
+    """What is seen of the first frame, with a first axis of one."""
+    if any(np.any(array) for array in jax.tree.leaves(motion)):
+        seen = _compiled(_first, (equation, motion))(equation, motion)
+    else:
+        seen = jax.eval_shape(_first, equation, motion)
+        seen = jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), seen)
+    return jax.tree.map(lambda a: np.asarray(a)[None], seen)
+
+
+def _chunk(simulated: Simulation, first: int, seen: Any, wanted: int, carried: Any) -> Chunk:
+    seen = jax.tree.map(lambda a: np.asarray(a)[:wanted], seen)
+    pairs, *energies = seen
+    unit = float(scales(simulated.medium).energy)
+    # A run that has become unstable is reported by its caller, not by warnings.
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = Energy(*(unit * part for part in energies))
+        values = to_fields(pairs, simulated.blocks, simulated.medium)
+    halves = simulated.bar.cells
+    kept = {n: values[n] if is_rotation(n) else values[n][:, :halves] for n in simulated.fields}
+    state = [np.asarray(leaf) for leaf in jax.tree.leaves(carried)]
+    return Chunk(first, kept, energy, state)
+
+
+def integrate(
+    simulated: Simulation,
+    progress: Callable[[float], None] | None = None,
+    timing: Timing | None = None,
+) -> Field:
+    """Integrate a simulation and keep the field in memory.
+
+    Args:
+        simulated: of plain numbers.
+        progress: called with the part done, 0 to 1, after each chunk.
+        timing: where to note the seconds spent.
+
+    Raises:
+        ValueError, NotFiniteError: as of :func:`stream`.
+    """
+    chunks = []
+    for chunk in stream(simulated, timing=timing):
+        chunks.append(chunk)
+        if progress is not None:
+            progress((chunk.first + chunk.count) / simulated.frames)
+    step = time_step(simulated)
+    names = ("kinetic", "potential", "work")
+    parts = ([getattr(chunk.energy, name) for chunk in chunks] for name in names)
+    return Field(
+        simulation=simulated,
+        t=simulated.times,
+        values={
+            name: np.concatenate([chunk.values[name] for chunk in chunks])
+            for name in simulated.fields
+        },
+        energy=Energy(*map(np.concatenate, parts)),
+        stepper=step.solver,
+        step=step.step * float(scales(simulated.medium).time),
+    )
+
+
+def simulate(
+    medium: Medium | Layers,
+    bar: Bar,
+    sources: Sequence[Source],
+    duration: float,
+    samples: int | None = None,
+    solver: str = "auto",
+    step: float | None = None,
+    receivers: Mapping[str, float] | None = None,
+    progress: Callable[[float], None] | None = None,
+    timing: Timing | None = None,
+) -> Field:
+    """Integrate the wave equations on a bar and keep the field in memory.
+
+    Args:
+        medium: what the bar is made of, a medium or layers.
+        bar: the grid; of layers, that of ``layered_bar``.
+        sources: what drives it, at least one.
+        duration: s.
+        samples: number of frames, the start among them; None stores twice the sources' band.
+        solver: "auto", "propagator", "chebyshev", or an explicit solver of diffrax by its name.
+        step: longest step allowed, s; None lets the stepper choose.
+        receivers: {name: position in m}.
+        progress: called with the part done, 0 to 1, after each chunk.
+        timing: where to note the seconds spent.
+
+    Returns:
+        The field; only the sectors that the sources set in motion are in it.
+
+    Raises:
+        ValueError: a value that can't be used; the message names it.
+        NotFiniteError: the integration failed.
+    """
+    known = medium, bar, sources, duration, samples, receivers, solver, step
+    return integrate(simulation(*known), progress, timing)

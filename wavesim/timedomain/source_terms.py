@@ -1,0 +1,214 @@
+"""Sources on the grid of a bar: G_j and s_j(t) of ẏ = A y + Σ_j G_j s_j(t), and initial fields.
+
+A body moment k on a rotation adds k/m_φ to φ̈ at its points, a double moment Π on B likewise; a
+surface moment is a body moment on the end node, to which the end terms of the difference reduce; a
+prescribed rotation g moves the end node, held otherwise, by g̈.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block, grouped
+from wavesim.sources import InitialField, Source
+from wavesim.timedomain.coefficients import module
+from wavesim.timedomain.operator import Group, Operator, State, States, held_nodes, to_scaled
+
+
+class Points(eqx.Module):
+    """Where sources act on one kind of field, φ or B, of one group; one entry for each point.
+
+    Attributes:
+        source, component, block, point: which, shape (entries,).
+        weight: acceleration there for a signal of 1, shape (entries,).
+    """
+
+    source: Any
+    component: Any
+    block: Any
+    point: Any
+    weight: Any
+
+    def add(self, rate: Any, amounts: Any) -> Any:
+        """A rate with Σ_j G_j amounts_j added."""
+        if not len(self.source):
+            return rate
+        where = (self.component, self.block, self.point)
+        return jnp.asarray(rate).at[where].add(self.weight * amounts[self.source])
+
+    def read(self, values: Any, count: int) -> Any:
+        """G_jᵀ of values at all points, shape (count,)."""
+        if not len(self.source):
+            return jnp.zeros(count)
+        felt = self.weight * values[self.component, self.block, self.point]
+        return jnp.zeros(count).at[self.source].add(felt)
+
+
+class SourceTerms(eqx.Module):
+    """Σ_j G_j s_j(t).
+
+    Attributes:
+        points: G_j on φ and on B, for each group.
+        sources: whose signals are s_j; none of an initial field.
+        time: s in one scaled unit of time.
+    """
+
+    points: tuple[tuple[Points, Points], ...]
+    sources: tuple[Source, ...] = eqx.field(static=True)
+    time: float = eqx.field(static=True)
+
+    @property
+    def end(self) -> float:
+        """Scaled time from which on none acts."""
+        return max((source.end for source in self.sources), default=0.0) / self.time
+
+    @property
+    def turning(self) -> np.ndarray:
+        """Which sources prescribe the rotation of an end."""
+        return np.flatnonzero([source.drive == "rotation" for source in self.sources])
+
+    def signals(self, t: Any) -> Any:
+        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
+        if not self.sources:
+            return jnp.zeros((0, *jnp.shape(t)))
+        made = []
+        for source in self.sources:
+            signal = self._signal(source)
+            turning = source.drive == "rotation"
+            made.append((derivative(derivative(signal)) if turning else signal)(t))
+        return jnp.stack(made)
+
+    def sampled(self, t: Any, nodes: Any, weights: Any, h: Any) -> Any:
+        """ŝ_j of the step from t, at its nodes, shape (sources, nodes).
+
+        That of a rotation is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
+        the changes of ġ and g: an end follows g where g̈ has kinks or jumps too, and does not drift.
+        """
+        made = self.signals(t + nodes)
+        for j in self.turning:
+            signal = self._signal(self.sources[j])
+            ends = jnp.stack([t, t + h])
+            g, rate = signal(ends), derivative(signal)(ends)
+            mean = (rate[1] - rate[0] - weights @ made[j]) / h
+            rest = g[1] - g[0] - h * rate[0] - (weights * (h - nodes)) @ made[j]
+            slope = 3 * mean - 6 / h**2 * rest
+            made = made.at[j].add(mean + slope * (2 * nodes / h - 1))
+        return jnp.where(t < self.end, made, 0.0)
+
+    def _signal(self, source: Source) -> Callable[[Any], Any]:
+        return lambda t: jnp.asarray(source.signal(t * self.time))
+
+    def add(self, y: States, amounts: Any) -> States:
+        """y + Σ_j G_j amounts_j."""
+        return tuple(
+            part._replace(
+                phi_rate=on_phi.add(part.phi_rate, amounts), B_rate=on_B.add(part.B_rate, amounts)
+            )
+            for part, (on_phi, on_B) in zip(y, self.points, strict=True)
+        )
+
+    def read(self, y: Sequence[tuple[Any, Any]]) -> Any:
+        """G_jᵀ of (values on φ, values on B) of each group, shape (sources,)."""
+        count = len(self.sources)
+        total = jnp.zeros(count)
+        for (phi, B), (on_phi, on_B) in zip(y, self.points, strict=True):
+            total = total + on_phi.read(phi, count) + on_B.read(B, count)
+        return total
+
+
+def derivative(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """d/dt of a function of t, at t of any shape."""
+    return lambda t: jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
+
+
+def source_terms(
+    sources: Sequence[Source], medium: Medium, bar: Bar, blocks: Sequence[Block], A: Operator
+) -> SourceTerms:
+    """Lay sources on the grid of a bar.
+
+    Args:
+        sources: any kinds; initial fields are left to :func:`initial_state`.
+        medium: whose units the operator is scaled by, of plain numbers.
+        bar: the grid.
+        blocks: those of the operator.
+        A: for the shape and the inertias of its states.
+    """
+    kept = [source for source in sources if source.drive != "initial"]
+    lines = [_line(source, medium, bar) for source in kept]
+    points = tuple(
+        (
+            _points(kept, lines, [block.rotations for block in stacked], group, 0),
+            _points(kept, lines, [block.curvatures for block in stacked], group, 1),
+        )
+        for group, stacked in zip(A.groups, grouped(blocks), strict=True)
+    )
+    return SourceTerms(points, tuple(kept), float(scales(medium).time))
+
+
+def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes or half-nodes that a source acts on, and its scaled force there."""
+    if source.drive == "rotation":
+        return np.array([0 if source.position < bar.length / 2 else bar.cells]), np.ones(1)
+    units = scales(medium)
+    density, indices = bar.spread(source.position, source.width, source.staggered)
+    norms = bar.differences
+    norm = norms.half_norm if source.staggered else norms.node_norm
+    unit = float(units.force(source.field) * units.length)
+    return indices, density * norm[indices] / unit
+
+
+def _points(
+    sources: Sequence[Source], lines: Sequence[Any], parts: Sequence[Any], group: Group, kind: int
+) -> Points:
+    """G of all sources on the rotations (kind 0) or micro-curvatures (1) of a group."""
+    where: list[np.ndarray] = [np.zeros((4, 0), int)]
+    weights: list[Any] = [np.zeros(0)]
+    for number, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
+        for b, components in enumerate(parts):
+            for i, component in enumerate(components):
+                weight = component.get(source.field, 0.0)
+                if weight:
+                    zero = 0 * nodes
+                    where.append(np.stack([zero + number, zero + i, zero + b, nodes]))
+                    turning = source.drive == "rotation"
+                    inertia = 1.0 if turning else group.mass[kind][b, nodes]
+                    weights.append(weight * force / inertia)
+    return Points(*np.concatenate(where, axis=1), module(*weights).concatenate(weights))
+
+
+def initial_state(
+    sources: Sequence[Source], medium: Medium, bar: Bar, blocks: Sequence[Block], A: Operator
+) -> States:
+    """State at t = 0: the initial fields among the sources, and else rest.
+
+    Args:
+        sources, medium, bar, blocks, A: as of :func:`source_terms`.
+    """
+    fields: dict[str, Any] = {}
+    for source in sources:
+        if not isinstance(source, InitialField):
+            continue
+        x = bar.half_nodes if source.staggered else bar.nodes
+        distance = x - source.position
+        if bar.periodic:
+            distance = (distance + bar.length / 2) % bar.length - bar.length / 2
+        line = np.zeros(len(bar.nodes))
+        line[: len(x)] = source.amplitude * np.exp(-((distance / source.width) ** 2) / 2)
+        if not source.staggered:
+            line[held_nodes(bar)] = 0.0
+        fields[source.field] = fields.get(source.field, 0.0) + line
+    if not fields:
+        return A.rest
+    pairs = to_scaled(fields, blocks, medium)
+    return tuple(
+        rest._replace(phi=phi, B=B) for rest, (phi, B) in zip(A.rest, pairs, strict=True)
+    )

@@ -1,0 +1,267 @@
+"""Which stepper, which time step, and of which degree: settled before anything runs. No jax.
+
+The series of exp(hA) is cut where its terms fall below rounding: about hR + 30 products with A for
+a step h, R ≥ every frequency of the bar. Tal-Ezer, SIAM J. Numer. Anal. 23, 11 (1986).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.grid.stencils import difference_norm
+from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.scaling import block_coefficients, scales
+from wavesim.simulation.simulation import Simulation
+from wavesim.timedomain.absorber import strongest_absorption
+
+Float = NDArray[np.float64]
+
+# Explicit solvers of diffrax: products with A in a step, and the step in units of 1/R that is taken
+# unless a shorter one is asked for.
+EXPLICIT: dict[str, tuple[int, float]] = {
+    "Bosh3": (3, 0.1),
+    "Tsit5": (6, 0.5),
+    "Dopri5": (6, 0.5),
+    "Dopri8": (13, 1.0),
+}
+SOLVERS: tuple[str, ...] = ("auto", "propagator", "chebyshev", *EXPLICIT)
+
+# Closures at ends add up to 2 % to the highest frequency of an endless bar.
+_ENDS = 1.05
+# A step of the series longer than this many radians only costs memory.
+_LONGEST_STEP = 200.0
+# Decay of what is lost fastest over a step, by e to twice this: beyond, rounding is felt.
+_MOST_DECAY = 6.0
+# A propagator that reaches further than this many cells only costs memory.
+_LONGEST_REACH = 160
+# Points of a run whose rows of the propagator are held as one dense matrix.
+RUN = 32
+# Rows of a propagator that are held, at most, bytes.
+_MOST_ROWS = 5e8
+# Gauss nodes beyond half the phase of what they integrate.
+_EXTRA_NODES = 14
+# Runs of like media share what is compiled if their tables have the same size.
+_ROUND = 8
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """How a simulation is stepped; all times scaled.
+
+    Attributes:
+        solver: "propagator", "chebyshev", or the name of a solver of diffrax.
+        step: h.
+        per_frame: steps from one frame to the next.
+        frames: number of frames, the start among them.
+        radius: R ≥ every frequency of the bar.
+        shift: s, half the fastest loss rate.
+        degree: of the series of exp(hA).
+        nodes: Gauss nodes of a step, at which signals are taken.
+        reach: cells beyond which nothing is felt within a step, to rounding.
+    """
+
+    solver: str
+    step: float
+    per_frame: int
+    frames: int
+    radius: float
+    shift: float
+    degree: int
+    nodes: int
+    reach: int
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of the run."""
+        return (self.frames - 1) * self.per_frame
+
+    @property
+    def operator_products(self) -> int:
+        """Products with a state that the run takes: with A, or one a step of the propagator."""
+        if self.solver == "propagator":
+            return self.steps
+        each = EXPLICIT[self.solver][0] if self.solver in EXPLICIT else self.degree
+        return self.steps * each
+
+
+class SolverError(ValueError):
+    """A solver that is not there, or not for such a bar."""
+
+
+def time_step(simulation: Simulation) -> TimeStep:
+    """Stepper, step and tables' sizes for a simulation.
+
+    "auto" takes the propagator where nothing is lost, and else the series; both are exact to
+    rounding at any step, and take the frame interval as their step unless it is very long.
+
+    Raises:
+        SolverError: the solver is none of SOLVERS, or not for such a bar.
+    """
+    asked, lossy = simulation.solver, simulation.lossy
+    if asked not in SOLVERS:
+        raise SolverError(f"solver = {asked!r}: must be one of {', '.join(SOLVERS)}")
+    if asked == "propagator" and lossy:
+        raise SolverError(
+            "solver = 'propagator': is for bars without losses, and this one has damping or an "
+            "absorbing end; take 'chebyshev' or 'auto'"
+        )
+    unit = float(scales(simulation.medium).time)
+    interval = simulation.interval / unit
+    radius = highest_frequency(simulation)
+    loss = fastest_loss(simulation, radius)
+    speed = _cells_per_time(simulation) * unit
+    solver = asked
+    if asked == "auto":
+        solver = "chebyshev" if lossy or _rows_held(simulation) > _MOST_ROWS else "propagator"
+    if solver == "propagator":
+        longest = (_LONGEST_REACH - _reach(0.0, 0.0)) / (1.25 * speed)
+    elif solver == "chebyshev":
+        longest = _LONGEST_STEP / radius
+        if loss > 0:
+            longest = min(longest, 2 * _MOST_DECAY / loss)
+    else:
+        longest = EXPLICIT[solver][1] / (radius + loss)
+    if simulation.step is not None:
+        longest = min(longest, simulation.step / unit)
+    per_frame = max(1, math.ceil(interval / longest * (1 - 1e-12)))
+    h = interval / per_frame
+    degree = series_coefficients(np.array([h]), radius, loss / 2).shape[1] - 1
+    nodes = math.ceil(h * (radius + loss) / 2) + _EXTRA_NODES
+    return TimeStep(
+        solver, h, per_frame, simulation.frames, radius, loss / 2,
+        _rounded(degree), _rounded(nodes), _rounded(_reach(h, speed)),
+    )  # fmt: skip
+
+
+def _rounded(size: int) -> int:
+    return -(-size // _ROUND) * _ROUND
+
+
+def _reach(step: float, speed: float) -> int:
+    """Cells beyond which nothing is felt within a step, to rounding.
+
+    A front at c_∞ and a tail ahead of it that falls faster than any power; the constants bound
+    what was measured for orders 2 to 12 and steps of 0.5 to 16 units of time.
+    """
+    return math.ceil(1.25 * speed * step) + 30
+
+
+def _cells_per_time(simulation: Simulation) -> float:
+    """Largest c_∞ over the cell size, 1/s."""
+    return max(
+        fastest_speed(medium) / size
+        for layer, (_, size) in zip(
+            simulation.layers.layers, simulation.bar.all_stretches, strict=True
+        )
+        for medium in layer.sampled()
+    )
+
+
+def _rows_held(simulation: Simulation) -> float:
+    """Bytes that the rows of a propagator take where those of graded layers are all different."""
+    window = RUN + 2 * _LONGEST_REACH
+    graded = sum(
+        cells
+        for layer, (cells, _) in zip(
+            simulation.layers.layers, simulation.bar.all_stretches, strict=True
+        )
+        if layer.last is not None
+    )
+    return 8.0 * graded * window * sum(
+        len(block.rotations + block.curvatures) ** 2 for block in simulation.blocks
+    )
+
+
+def highest_frequency(simulation: Simulation) -> float:
+    """R ≥ every frequency of a bar, scaled.
+
+    By Rayleigh's quotient: at each point the strains (κ, B) are at most (‖D‖ φ, B) in size, so no
+    ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each rotation, against
+    the inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
+    the fastest of its parts.
+    """
+    units = scales(simulation.medium)
+    bar, largest = simulation.bar, 0.0
+    for layer, (_, spacing) in zip(simulation.layers.layers, bar.all_stretches, strict=True):
+        norm = difference_norm(spacing / float(units.length), bar.order)
+        for medium in layer.sampled():
+            for block in simulation.blocks:
+                c = block_coefficients(medium, block, units)
+                rows = [
+                    [norm**2 * c.c_pp, -norm * c.c_pb],
+                    [-norm * c.c_bp, c.c_bb + norm**2 * c.gamma],
+                ]
+                inertia = [c.i_phi] * len(c.c_pp) + [c.i_B] * len(c.c_bb)
+                matrix = np.block(rows) / np.array(inertia, float)[:, None]
+                size = np.abs(np.linalg.eigvals(matrix)).max() * medium.damping.unrelaxed
+                largest = max(largest, float(size))
+    closures = 1.0 if bar.uniform and bar.periodic else _ENDS
+    return math.sqrt(1.01 * largest) * closures
+
+
+def fastest_loss(simulation: Simulation, radius: float) -> float:
+    """Largest rate at which anything on a bar is lost, scaled.
+
+    Args:
+        simulation: the bar.
+        radius: its highest frequency, scaled.
+    """
+    unit = float(scales(simulation.medium).time)
+    rates = [0.0]
+    for layer in simulation.layers.layers:
+        law = layer.medium.damping
+        rayleigh = law.mass * unit + law.stiffness / unit * radius**2
+        rates.append(rayleigh + max(law.rates, default=0.0) * unit)
+    ends = [strongest_absorption(simulation.layers, simulation.bar, e) for e in ("left", "right")]
+    return max(rates) + max(ends) * unit
+
+
+def series_coefficients(
+    times: Float, radius: float, shift: float, degree: int | None = None
+) -> Float:
+    """e^{−sτ} c_k(τ) of exp(τA) = e^{−sτ} Σ_k c_k(τ) φ_k((A + s)/R); c_0 = J_0(τR), c_k = 2J_k(τR).
+
+    φ_0 = 1, φ_1 = X, φ_{k+1} = 2X φ_k + φ_{k−1}, that is φ_k(X) = i^k T_k(−iX).
+
+    Args:
+        times: τ, shape (n,), scaled.
+        radius: R, at least every |Im λ| of A.
+        shift: s; every Re λ of A is within −2s and 0.
+        degree: highest k; None stops where, over that rectangle, terms fall below rounding.
+
+    Returns:
+        Shape (n, degree + 1).
+    """
+    from scipy.special import jv
+
+    times = np.asarray(times)
+    phase = radius * times[:, None]
+    if degree is None:
+        # |φ_k| on the rectangle is at most g^k, g that of its corner.
+        corner = shift / radius
+        growth = corner + math.sqrt(1 + corner**2)
+        longest = float(phase.max())
+        most = math.ceil(1.2 * growth * longest + 12 * (1 + longest) ** (1 / 3)) + 40
+        k = np.arange(most + 1)
+        logs = np.log(np.abs(jv(k, longest)) + 1e-300) + k * math.log(growth)
+        kept = np.nonzero(logs - shift * float(times.max()) > math.log(1e-17))[0]
+        degree = int(np.max(kept))
+    coefficients = 2 * jv(np.arange(degree + 1), phase)
+    coefficients[:, 0] /= 2
+    return np.asarray(coefficients * np.exp(-shift * times)[:, None])
+
+
+def nodes_of(step: TimeStep) -> tuple[Float, Float]:
+    """Gauss nodes τ_n of a step and their weights, shape (nodes,) each, scaled."""
+    x, weights = np.polynomial.legendre.leggauss(step.nodes)
+    return step.step * (1 + x) / 2, step.step * weights / 2
+
+
+def with_solver(step: TimeStep, solver: str) -> TimeStep:
+    """The same steps by another solver."""
+    return dataclasses.replace(step, solver=solver)
