@@ -17,7 +17,9 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from wavesim.case.problem import Problem
+from wavesim.case.load import Case
+from wavesim.material.scaling import scales
+from wavesim.simulation.simulation import Simulation
 
 Progress = Callable[[str, float], None]
 
@@ -55,12 +57,12 @@ class Outcome:
 
 
 def run(
-    problem: Problem, folder: Path, resume: bool = False, progress: Progress | None = None
+    case: Case, folder: Path, resume: bool = False, progress: Progress | None = None
 ) -> Outcome:
     """Run a case.
 
     Args:
-        problem: the settled case.
+        case: the case.
         folder: where to write; made if need be.
         resume: carry on from the result file that is there.
         progress: called with the name of the stage and the part of it done.
@@ -79,7 +81,7 @@ def run(
 
     try:
         with ExitStack() as until_the_end:
-            return _run(problem, folder, resume, tell, begun, until_the_end)
+            return _run(case, folder, resume, tell, begun, until_the_end)
     except StorageError as error:
         raise RunError(str(error), False) from error
     except OSError as error:
@@ -112,7 +114,7 @@ def _keep_compiled() -> None:
 
 
 def _run(
-    problem: Problem,
+    case: Case,
     folder: Path,
     resume: bool,
     tell: Progress,
@@ -133,36 +135,38 @@ def _run(
     _keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
-    from wavesim.timedomain.integration import NotFiniteError, Timing, pack, stream, unpack
+    from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
+    from wavesim.timedomain.time_step import time_step
 
     lap("import")
-    results = storage.Results(folder / "result.h5", problem)
-    settled, spent = problem.plan, Timing()
-    frames = settled.schedule.frames
+    simulated, spent = case.simulation, Timing()
+    steps, frames = time_step(simulated), simulated.frames
+    seconds = steps.step * float(scales(simulated.medium).time)
+    resolved = case.resolved(steps.solver, seconds)
+    told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
+    results = storage.Results(folder / "result.h5", simulated, told)
     start = None
     if resume:
-        frame, arrays = results.carry_on()
-        start = (frame, unpack(arrays, settled))
+        start = results.carry_on()
     else:
         _begin(folder)
         results.create()
     # An earlier run's verdict must not be taken for this one's.
     (folder / "summary.json").unlink(missing_ok=True)
-    (folder / "resolved.toml").write_text(problem.resolved, encoding="utf-8")
+    (folder / "resolved.toml").write_text(resolved, encoding="utf-8")
     tell("compile", 0.0)
     # The compiler leaves Python's lock alone: what the analysis needs is loaded meanwhile.
-    loading = Thread(target=lambda: [import_module(name) for name in _analysis(problem)])
+    loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
     loading.start()
     try:
         # A chunk is written while the next one is integrated.
         with ThreadPoolExecutor(1) as writer:
             writing: Future[None] | None = None
-            for chunk in stream(settled, start, spent):
+            for chunk in stream(simulated, start, spent):
                 if writing is not None:
                     writing.result()
-                state = pack(chunk.motion)
                 writing = writer.submit(
-                    results.append, chunk.first, chunk.values, chunk.energy, state
+                    results.append, chunk.first, chunk.values, chunk.energy, chunk.state
                 )
                 tell("integrate", (chunk.first + chunk.count) / frames)
         if writing is not None:
@@ -177,9 +181,9 @@ def _run(
 
     loading.join()
     tell("analyse", 0.0)
-    field = resultfile.read(results.path, problem)
+    field = resultfile.read(results.path, simulated)
     drawing.draw(folder / "figures", field)
-    found = measure(problem, field)
+    found = measure(case, field)
     lap("analyse")
     tell("figures", 0.0)
     # As many as draw at once; the field's own figures are not ready yet.
@@ -190,21 +194,19 @@ def _run(
         drawing.wait()
         lap("figures")
         tell("store", 0.0)
-        results.finish("complete", found.held, found.tables)
+        results.finish("complete", found.tables)
     timing["store"] += time.perf_counter() - clock
     summary = {
-        "title": problem.case.title,
+        "title": case.title,
         "checks": [check.row() for check in found.checks],
         "passed": all(check.passed for check in found.checks),
         "timing": timing,
-        "stepper": settled.schedule.solver,
-        "precision": settled.precision,
-        "rounding": settled.rounding,
-        "step": settled.step,
-        "steps": settled.schedule.steps,
-        "operator_products": settled.schedule.operator_products,
-        "cells": settled.bar.cells,
-        "fields": list(settled.fields),
+        "stepper": steps.solver,
+        "step": seconds,
+        "steps": steps.steps,
+        "operator_products": steps.operator_products,
+        "cells": simulated.bar.cells,
+        "fields": list(simulated.fields),
         "peak_memory_bytes": peak_memory(),
         "versions": storage.versions(),
     } | found.summary
@@ -221,45 +223,43 @@ class Found:
     Attributes:
         checks: the verdict.
         shown: what its figures are drawn from.
-        held: what is stored of an endless bar.
-        tables: what is stored of one with layers or ends.
+        tables: what is stored of it, with units.
         summary: what summary.json gets besides.
         notes: as of :class:`Outcome`.
     """
 
     checks: list[Any]
     shown: Any
-    held: list[Any]
     tables: dict[str, Any]
     summary: dict[str, Any]
     notes: list[str]
 
 
-def _analysis(problem: Problem) -> tuple[str, ...]:
+def _analysis(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
-    endless = problem.plan.endless
+    endless = simulated.endless
     return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
 
 
-def measure(problem: Problem, field: Any) -> Found:
+def measure(case: Case, field: Any) -> Found:
     """Measure a field and hold it against theory.
 
     An endless bar is measured by its waves, ω(k) and k(ω), one with layers or ends by what its
     receivers record.
 
     Args:
-        problem: the settled case.
+        case: the case.
         field: the field of its run.
     """
-    table = problem.case.analysis
-    if problem.plan.endless:
+    table = case.analysis
+    if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
-        from wavesim.verdict.endless import hold, judge
+        from wavesim.verdict.endless import hold, judge, tables
 
-        measured = extract(field, problem.k_range[1], table.frequencies, table.damping)
-        held = [hold(field, m, problem.k_range) for m in measured]
+        measured = extract(field, case.k_range[1], table.frequencies, table.damping)
+        held = [hold(field, m, case.k_range) for m in measured]
         checks = judge(field, held)
-        return Found(checks, held, held, {}, {}, notes(problem, checks))
+        return Found(checks, held, tables(held), {}, notes(case.simulation, checks))
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
@@ -267,7 +267,7 @@ def measure(problem: Problem, field: Any) -> Found:
     reading = read_bar(field, table.frequencies, table.damping)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]}
     checks = judge_bar(field, reading)
-    return Found(checks, reading, [], reading.tables(), summary, bar_notes(reading, field))
+    return Found(checks, reading, reading.tables(), summary, bar_notes(reading, field))
 
 
 def _begin(folder: Path) -> None:
@@ -279,24 +279,18 @@ def _begin(folder: Path) -> None:
         ) from None
 
 
-def notes(problem: Problem, checks: list[Any]) -> list[str]:
+def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
     """What a reader should know beside the checks."""
     found = []
-    if problem.plan.precision == "single":
-        found.append(
-            f"single precision: fields are within {problem.plan.rounding:.2g} of the largest by "
-            "rounding; energy was not judged, as what rounding feeds into short waves has no such "
-            'bound; take [time] precision = "double" to have it judged'
-        )
     if not any("waves present" in check.name for check in checks):
-        duration, frames = problem.plan.duration, problem.plan.schedule.frames
+        duration, frames = simulated.duration, simulated.frames
         nyquist = (frames - 1) / (2 * duration)
         found.append(
             f"no branch was judged: frequency bins of {1e-3 / duration:.3g} kHz up to "
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.rotations for block in problem.plan.blocks) and not any(
+    if any(block.rotations for block in simulated.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks
     ):
         found.append(

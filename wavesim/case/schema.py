@@ -21,7 +21,6 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.layers import End
 from wavesim.material.medium import Medium
-from wavesim.timedomain.timestep import Precision, Solver
 
 
 class CaseError(ValueError):
@@ -106,10 +105,9 @@ class TimeTable(Table):
     """[time]: duration (s) is required."""
 
     duration: Positive
-    solver: Solver = "auto"
+    solver: str = "auto"
     step: Positive | Literal["auto"] = "auto"
     samples: Annotated[int, Field(ge=2)] | Literal["auto"] = "auto"
-    precision: Precision = "double"
 
 
 class AnalysisTable(Table):
@@ -132,7 +130,7 @@ class AnalysisTable(Table):
         return self
 
 
-class Case(Table):
+class CaseFile(Table):
     """A whole case file."""
 
     title: str = ""
@@ -154,7 +152,7 @@ class Case(Table):
         return value
 
 
-def read(path: str | Path, overrides: Sequence[str] = ()) -> Case:
+def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
     """Read a case file and lay overrides over it.
 
     Args:
@@ -163,7 +161,7 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> Case:
             an array.
 
     Returns:
-        The case, validated table by table.
+        Its tables, validated table by table.
 
     Raises:
         CaseError: anything that can't be used.
@@ -180,7 +178,9 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     return parse(text, name, overrides, Path(path).parent)
 
 
-def parse(text: str, name: str, overrides: Sequence[str] = (), folder: str | Path = ".") -> Case:
+def parse(
+    text: str, name: str, overrides: Sequence[str] = (), folder: str | Path = "."
+) -> CaseFile:
     """As :func:`read`, from the text of a case file.
 
     Args:
@@ -196,9 +196,9 @@ def parse(text: str, name: str, overrides: Sequence[str] = (), folder: str | Pat
     for override in overrides:
         _override(tables, override)
     try:
-        return Case.model_validate(tables, context={"folder": Path(folder)})
+        return CaseFile.model_validate(tables, context={"folder": Path(folder)})
     except ValidationError as error:
-        raise CaseError(f"{name}: {sentence(Case, error)}") from None
+        raise CaseError(f"{name}: {sentence(CaseFile, error)}") from None
 
 
 def _override(tables: dict[str, Any], override: str) -> None:

@@ -25,13 +25,23 @@ NOT_FINITE, INTERRUPTED = 3, 130
 
 
 def _load(case: str, overrides: tuple[str, ...]) -> Any:
-    from wavesim.case.problem import load
+    from wavesim.case.load import load
     from wavesim.case.schema import CaseError
 
     try:
         return load(case, overrides)
     except CaseError as error:
         _stop(str(error), BAD_INPUT)
+
+
+def _planned(case: str, loaded: Any) -> Any:
+    """How the simulation of a case is stepped."""
+    from wavesim.timedomain.time_step import time_step
+
+    try:
+        return time_step(loaded.simulation)
+    except ValueError as error:
+        _stop(f"{case}: [time] {error}", BAD_INPUT)
 
 
 _CASE = click.argument("case", type=click.Path())
@@ -58,17 +68,18 @@ def main() -> None:
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
-    problem = _load(case, overrides)
+    loaded = _load(case, overrides)
+    _planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    warned = report.warnings(problem)
+    warned = report.warnings(loaded.simulation)
     for warning in warned:
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     console = _console(quiet)
-    with progress(problem.plan.schedule.frames, quiet) as tell:
-        outcome = _run(problem, folder, resume, tell)
+    with progress(loaded.simulation.frames, quiet) as tell:
+        outcome = _run(loaded, folder, resume, tell)
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
         console.print(f"Note: {note}.")
@@ -79,7 +90,7 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
         sys.exit(FELL_SHORT)
 
 
-def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], None]) -> Any:
+def _run(loaded: Any, folder: Path, resume: bool, tell: Callable[[str, float], None]) -> Any:
     from wavesim import runner
 
     pressed = False
@@ -98,7 +109,7 @@ def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     try:
-        return runner.run(problem, folder, resume, go_on)
+        return runner.run(loaded, folder, resume, go_on)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:
@@ -110,22 +121,24 @@ def _run(problem: Any, folder: Path, resume: bool, tell: Callable[[str, float], 
 @_SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
     """Say everything about CASE that can be said before integrating."""
-    problem = _load(case, overrides)
+    loaded = _load(case, overrides)
+    steps = _planned(case, loaded)
     from wavesim.report import tables as report
 
-    report.survey(_console(), problem)
+    report.survey(_console(), loaded, steps)
+    layers = loaded.simulation.layers.layers
     shown: list[Any] = []
-    for number, layer in enumerate(problem.plan.layers.layers, start=1):
+    for number, layer in enumerate(layers, start=1):
         for medium, where in ((layer.medium, "from"), (layer.last, "to")):
             if medium is None or medium in shown:
                 continue
             shown.append(medium)
-            if len(problem.plan.layers.layers) > 1:
+            if len(layers) > 1:
                 place = layer.start if where == "from" else layer.end
                 click.echo(f"\nLayer {number}, {where} {place * 1e3:g} mm:")
             _print_bands(medium)
     # Last, and counted with the rest, as the tables before may be long.
-    found = report.warnings(problem)
+    found = report.warnings(loaded.simulation)
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")
     for warning in found:
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
@@ -157,7 +170,7 @@ def _print_bands(medium: Any) -> None:
 @_SET
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Branches, cutoffs, asymptotes and gaps of CASE's medium, by the plane-wave solver alone."""
-    medium = _load(case, overrides).parts.medium
+    medium = _load(case, overrides).medium
     from wavesim.planewave import bands as content
 
     answer = json.dumps(content.summary(medium))
@@ -226,7 +239,7 @@ def gaps(
     overrides: tuple[str, ...],
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png."""
-    medium = _load(case, overrides).parts.medium
+    medium = _load(case, overrides).medium
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure

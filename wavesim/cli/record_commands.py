@@ -54,11 +54,11 @@ def _layout(options: dict[str, Any]) -> Any:
 def _medium(case: str | None, sources: Sequence[Any] = ()) -> Any:
     if case is None:
         return next((s.medium for s in sources if s.medium is not None), None)
-    from wavesim.case.problem import load
+    from wavesim.case.load import load
     from wavesim.case.schema import CaseError
 
     try:
-        return load(case).plan.medium
+        return load(case).simulation.medium
     except CaseError as error:
         stop(str(error), BAD_INPUT)
 

@@ -11,8 +11,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from wavesim.case.problem import Problem
 from wavesim.simulation.field import Energy, Field
+from wavesim.simulation.simulation import Simulation
 
 
 class StorageError(RuntimeError):
@@ -74,37 +74,25 @@ def describe(path: Path) -> Stored:
         return Stored(str(file.attrs["case"]), str(file.attrs["status"]), len(file["t"]))
 
 
-def read(path: Path, problem: Problem) -> Field:
+def read(path: Path, simulation: Simulation) -> Field:
     """The field of a result file; its arrays are read when they are indexed.
 
     Args:
         path: of result.h5.
-        problem: of its case, as settled from :func:`describe`.
+        simulation: of its case, as built from :func:`describe`.
 
     Raises:
         StorageError: it is not a result of wavesim, or holds fewer than two frames.
     """
-    settled = problem.plan
     with reading(path) as file:
         t = file["t"][()]
         if len(t) < 2:
             raise StorageError(f"{path}: holds {len(t)} frames; at least 2 are needed")
-        series = [part.name for part in fields(Energy) if part.name in file["energy"]]
-        energy = Energy(**{name: file[f"energy/{name}"][: len(t)] for name in series})
-        names = list(settled.fields)
-    return Field(
-        t=t,
-        values={name: _Lazy(path, f"fields/{name}") for name in names},
-        medium=settled.medium,
-        layers=settled.layers,
-        bar=settled.bar,
-        sources=settled.sources,
-        receivers=problem.receivers,
-        energy=energy,
-        stepper=settled.schedule.solver,
-        step=settled.step,
-        precision=settled.precision,
-    )
+        names = [part.name for part in fields(Energy)]
+        energy = Energy(**{name: file[f"energy/{name}"][: len(t)] for name in names})
+        stepper, step = str(file.attrs["stepper"]), float(file.attrs["step"])
+    values = {name: _Lazy(path, f"fields/{name}") for name in simulation.fields}
+    return Field(simulation, t, values, energy, stepper, step)
 
 
 def is_result(path: Path) -> bool:

@@ -18,24 +18,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
 
-from wavesim.case.problem import Problem
 from wavesim.io.gathering import COMPRESSED, Gathering
 from wavesim.io.result_reader import StorageError, reading
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS
 from wavesim.simulation.field import Energy
-from wavesim.simulation.plan import Plan
+from wavesim.simulation.simulation import Simulation
 from wavesim.sources import parameters
-
-if TYPE_CHECKING:  # what it needs takes half a second to import, and a run soon enough
-    from wavesim.verdict.endless import Held
 
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
+# Arrays of more numbers than this are packed.
+_PACKED = 65536
 _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
 
 
@@ -49,13 +47,14 @@ class Results:
 
     Args:
         path: of the file.
-        problem: what is run.
+        simulation: what is run.
+        told: attributes of the file: the resolved "case" as TOML, "title", "stepper", "step" (s).
 
     Every method raises StorageError if the file can't be written (a full disk, say).
     """
 
-    def __init__(self, path: Path, problem: Problem) -> None:
-        self.path, self.problem = path, problem
+    def __init__(self, path: Path, simulation: Simulation, told: Mapping[str, Any]) -> None:
+        self.path, self.simulation, self._told = path, simulation, dict(told)
         self._parts = path.with_name(path.name + ".parts")
         self._created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         self._ends: list[int] = []
@@ -85,11 +84,11 @@ class Results:
             state: arrays to carry on from after the last of them.
         """
         end = first + len(energy.work)
-        names = [part.name for part in fields(energy) if getattr(energy, part.name) is not None]
+        names = [part.name for part in fields(energy)]
         series = {f"energy/{name}": getattr(energy, name) for name in (*names, "total")}
-        bar = self.problem.plan.bar
+        bar = self.simulation.bar
         for name, data in values.items():
-            for receiver, position in self.problem.receivers.items():
+            for receiver, position in self.simulation.receivers.items():
                 weights, indices = bar.sampling(position, name not in ROTATIONS)
                 series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
         with self._writing():
@@ -116,7 +115,7 @@ class Results:
         with self._writing():
             self._room()
         with reading(self.path) as before:
-            self._gathering = Gathering(self.path, before, self.problem.plan.fields)
+            self._gathering = Gathering(self.path, before, self.simulation.fields)
             try:
                 yield
             finally:
@@ -124,35 +123,28 @@ class Results:
                 self._gathering = None
 
     def finish(
-        self,
-        status: str,
-        held: Sequence[Held] = (),
-        tables: Mapping[str, tuple[np.ndarray, str]] | None = None,
+        self, status: str, tables: Mapping[str, tuple[np.ndarray, str]] | None = None
     ) -> None:
         """Put the file of gathered parts in place, with what was measured beside the theory.
 
         Args:
             status: complete or failed.
-            held: every block that was measured.
             tables: other arrays with their units, by path.
         """
         if not self._frames:
             return
         if self._gathering is None:
             with self.gathering():
-                self.finish(status, held, tables)
+                self.finish(status, tables)
             return
         with self._writing():
             with self._gathering.file() as file:
                 self._lay_out(file, status)
-                for name in self.problem.plan.fields:
+                for name in self.simulation.fields:
                     self._label(file, name, file[f"fields/{name}"])
-                for h in held:
-                    _record_dispersion(file, h)
-                    if h.k_exact is not None:
-                        _record_attenuation(file, h)
                 for path, (values, unit) in (tables or {}).items():
                     _put(file, path, values, unit)
+                _attach_axes(file)
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def carry_on(self) -> tuple[int, list[np.ndarray]]:
@@ -165,7 +157,7 @@ class Results:
             StorageError: there is no such run, it failed, or it was another case.
         """
         with reading(self.path) as file:
-            if file.attrs["case"] != self.problem.resolved:
+            if file.attrs["case"] != self._told["case"]:
                 raise StorageError(
                     f"{self.path}: was made by another case than this; run without --resume, or "
                     "name another folder with --out"
@@ -184,8 +176,8 @@ class Results:
                     "without --resume"
                 )
             names = [f"energy/{name}" for name in file["energy"] if name != "t"]
-            for receiver in self.problem.receivers:
-                names += [f"receivers/{receiver}/{name}" for name in self.problem.plan.fields]
+            for receiver in self.simulation.receivers:
+                names += [f"receivers/{receiver}/{name}" for name in self.simulation.fields]
             self._series = {name: file[name][()] for name in names}
             group = file["restart/state"]
             self._state = [group[str(n)][()] for n in range(len(group))]
@@ -211,12 +203,8 @@ class Results:
 
     def _room(self) -> None:
         """Hold the file to come to the room on the disk; the HDF5 library dies of a full one."""
-        settled = self.problem.plan
-        needed = (
-            settled.stored.itemsize
-            * self._frames
-            * sum(len(self._axis(name)[1]) for name in settled.fields)
-        )
+        points = sum(len(self._axis(name)[1]) for name in self.simulation.fields)
+        needed = 8 * self._frames * points
         free = shutil.disk_usage(self.path.parent).free
         if needed > free:
             raise StorageError(
@@ -226,18 +214,17 @@ class Results:
 
     def _lay_out(self, file: h5py.File, status: str) -> None:
         """Everything but the fields and what was measured."""
-        settled, axes = self.problem.plan, {"t": self.problem.plan.times[: self._frames]}
+        axes = {"t": self.simulation.times[: self._frames]}
         axes |= dict(self._axis(name) for name in (ROTATIONS[0], CURVATURES[0]))
         file.attrs.update(
             {
                 "format": "wavesim",
                 "format_version": FORMAT_VERSION,
                 "status": status,
-                "title": self.problem.case.title,
-                "case": self.problem.resolved,
                 "created_utc": self._created,
                 "fourier_convention": FOURIER_CONVENTION,
             }
+            | self._told
             | versions()
         )
         for name, values in axes.items():
@@ -247,9 +234,9 @@ class Results:
             _put(file, name, values, UNITS.get(name.rpartition("/")[2], "J/m²"))
             file[name].dims[0].attach_scale(file["t"])
         file["energy/t"] = h5py.SoftLink("/t")
-        for receiver, position in self.problem.receivers.items():
+        for receiver, position in self.simulation.receivers.items():
             file[f"receivers/{receiver}"].attrs["position"] = position
-        self._sources(file.create_group("source"), settled)
+        self._sources(file.create_group("source"))
         file["restart/ends"] = self._ends
         for number, array in enumerate(self._state):
             file[f"restart/state/{number}"] = array
@@ -257,7 +244,7 @@ class Results:
     def _present(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
         points = len(self._axis(name)[1])
-        layout = h5py.VirtualLayout((self._frames, points), self.problem.plan.stored)
+        layout = h5py.VirtualLayout((self._frames, points), np.float64)
         for first, end in zip([0, *self._ends], self._ends, strict=False):
             where = self._part(end).relative_to(self.path.parent)
             layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, points))
@@ -265,7 +252,7 @@ class Results:
 
     def _axis(self, name: str) -> tuple[str, np.ndarray]:
         """Where a field lives: name of the scale, and positions in m."""
-        bar = self.problem.plan.bar
+        bar = self.simulation.bar
         return ("x", bar.nodes) if name in ROTATIONS else ("x_half", bar.half_nodes)
 
     def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
@@ -273,9 +260,9 @@ class Results:
         data.dims[0].attach_scale(file["t"])
         data.dims[1].attach_scale(file[self._axis(name)[0]])
 
-    def _sources(self, group: h5py.Group, settled: Plan) -> None:
-        t = settled.times
-        for number, source in enumerate(settled.sources):
+    def _sources(self, group: h5py.Group) -> None:
+        t = self.simulation.times
+        for number, source in enumerate(self.simulation.sources):
             entry = group.create_group(str(number))
             entry.attrs["kind"] = source.kind
             for name, value in parameters(source).items():
@@ -304,46 +291,19 @@ def _written(path: Path) -> Iterator[h5py.File]:
 
 
 def _put(group: h5py.Group, name: str, data: Any, unit: str) -> None:
-    group.create_dataset(name, data=data)
+    """An array with its unit, packed where it is long; a number as an attribute of its group."""
+    if np.ndim(data) == 0:
+        where, _, name = name.rpartition("/")
+        group.require_group(where).attrs[name] = np.asarray(data).item()
+        return
+    packed = COMPRESSED if np.size(data) > _PACKED else {}
+    group.create_dataset(name, data=data, **packed)
     group[name].attrs["units"] = unit
 
 
-def _record_dispersion(file: h5py.File, held: Held) -> None:
-    block, found = held.measured.block, held.measured.spectrum
-    group = file.require_group(f"dispersion/{block.sector}")
-    if "power" in group:
-        # Blocks of one sector share the axes; their powers add.
-        size = min(len(group["omega"]), len(found.omega))
-        group["power"][:, :size] += found.power[:, :size]
-    else:
-        _put(group, "k", found.k, "rad/m")
-        _put(group, "omega", found.omega, "rad/s")
-        group.create_dataset("power", data=found.power, **COMPRESSED)
-        group["power"].attrs["units"] = "relative to the strongest of its block"
+def _attach_axes(file: h5py.File) -> None:
+    """Make k and ω the axes of each spectrum."""
+    for group in file.get("dispersion", {}).values():
         for axis, name in enumerate(("k", "omega")):
             group[name].make_scale(name)
             group["power"].dims[axis].attach_scale(group[name])
-    for branch in held.branches:
-        entry = group.create_group(f"branches/{branch.name}")
-        _put(entry, "k", branch.k, "rad/m")
-        _put(entry, "omega", branch.omega, "rad/s")
-        _put(entry, "omega_exact", branch.omega_exact, "rad/s")
-        _put(entry, "judged", branch.judged, "–")
-    for number, stray in enumerate(held.strays):
-        entry = group.create_group(f"branches/unidentified {number + 1} of {block.name}")
-        _put(entry, "k", stray.k, "rad/m")
-        _put(entry, "omega", stray.omega, "rad/s")
-
-
-def _record_attenuation(file: h5py.File, held: Held) -> None:
-    curve = held.measured.attenuation
-    assert curve is not None
-    group = file.require_group(f"attenuation/{held.measured.block.sector}")
-    _put(group, "omega", curve.omega, "rad/s")
-    _put(group, "k", curve.k, "rad/m")
-    _put(group, "k_exact", held.k_exact, "rad/m")
-    _put(group, "distance", curve.distance, "m")
-    group.create_dataset("level", data=curve.level, **COMPRESSED)
-    group["level"].attrs["units"] = "dB"
-    group.attrs["sigma"] = curve.sigma
-    group.attrs["meaning"] = "k at the complex frequency omega + i sigma (rad/s)"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from wavesim.material.sectors import Block
@@ -28,7 +26,7 @@ def block_record(field: Field, block: Block) -> Record:
     parts = [values for values, _ in field.components(block)]
     names = [next(iter(c)) for c in block.rotations + block.curvatures]
     own = tuple(s.position for s in field.sources if s.field in block.fields)
-    made = record(
+    return record(
         np.stack(parts),
         field.t,
         field.bar.nodes,
@@ -37,13 +35,6 @@ def block_record(field: Field, block: Block) -> Record:
         quiet_from=field.quiet_from,
         sources=own,
     )
-    if field.precision == "double":
-        return made
-    note = (
-        "single precision: rounding is a weak field of waves, and ω(k) of it is not judged; take "
-        '[time] precision = "double" for that'
-    )
-    return dataclasses.replace(made, notes=(*made.notes, note))
 
 
 def references(field: Field, block: Block) -> tuple[OfMedium, OfMedium]:

@@ -27,7 +27,6 @@ class RecordOfMedium:
         record: the record.
         medium, block: theory to lay over it; None without.
         bar: grid that the record obeys; None for a laboratory's.
-        exact: False in single precision, whose rounding is waves too: ω(k) is then not judged.
     """
 
     name: str
@@ -35,7 +34,6 @@ class RecordOfMedium:
     medium: Medium | None = None
     block: Block | None = None
     bar: Any = None
-    exact: bool = True
 
     @property
     def label(self) -> str:
@@ -86,24 +84,23 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
 
 
 def _of_result(path: Path) -> list[RecordOfMedium]:
-    from wavesim.case.problem import settle
+    from wavesim.case.load import build
     from wavesim.case.schema import CaseError, parse
     from wavesim.io import result_reader as resultfile
     from wavesim.records.of_field import block_record
 
     try:
         stored = resultfile.describe(path)
-        problem = settle(parse(stored.case, str(path)), str(path))
-        if not problem.plan.endless:
+        case = build(parse(stored.case, str(path)), str(path))
+        if not case.simulation.endless:
             # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
             raise RecordError(
                 "is of a bar with layers or ends; its run has read its receivers already: see "
                 "summary.json and the groups exact, transmission, bloch, eigenfrequencies, pulse"
             )
-        field = resultfile.read(path, problem)
-        exact = field.precision == "double"
+        field = resultfile.read(path, case.simulation)
         return [
-            RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar, exact)
+            RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar)
             for b in field.blocks
         ]
     except (resultfile.StorageError, CaseError) as error:

@@ -11,17 +11,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wavesim.case.parts import highest_frequency
-from wavesim.case.problem import Problem
+from wavesim.case.load import Case, highest_frequency
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layers
-from wavesim.simulation.plan import Plan, highest_band
+from wavesim.material.scaling import scales
+from wavesim.simulation.simulation import Simulation
 from wavesim.sources import GaussianDerivative, Recorded, Ricker, Source
+from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
-# Rounding above the tolerance of a wavenumber is warned of.
-_ROUNDED = 1e-3
 
 
 def _table(*headings: str, title: str = "") -> Table:
@@ -64,7 +63,7 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
     timing = summary["timing"]
     console.print(
         f"{passed} of {len(checks)} checks passed.  "
-        f"{summary['stepper']}, {summary['precision']} precision, {summary['steps']} steps, "
+        f"{summary['stepper']}, {summary['steps']} steps, "
         f"{summary['operator_products']} products; seconds: "
         + ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in timing.items())
         + f"; peak memory {summary['peak_memory_bytes'] / 2**20:.0f} MiB"
@@ -79,31 +78,38 @@ def _number(value: float) -> str:
     return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
 
 
-def survey(console: Console, problem: Problem) -> None:
-    """Print what can be said of a case before integrating."""
-    settled = problem.plan
-    medium, bar, steps = settled.medium, settled.bar, settled.schedule
-    frame = settled.duration / (steps.frames - 1)
-    size = steps.frames * len(settled.fields) * bar.cells * settled.stored.itemsize
+def survey(console: Console, case: Case, steps: TimeStep) -> None:
+    """Print what can be said of a case before integrating.
+
+    Args:
+        console: where to.
+        case: the case.
+        steps: how it would be stepped.
+    """
+    simulated = case.simulation
+    medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
+    frames, frame = simulated.frames, simulated.interval
+    size = 8 * frames * len(simulated.fields) * bar.cells
+    seconds = steps.step * float(scales(medium).time)
     kHz = 1e-3 / (2 * math.pi)
     rows = [
-        ("title", problem.case.title or "–"),
+        ("title", case.title or "–"),
         ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
                    f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
-        *([("layers", _layers(settled.layers))] if len(settled.layers.layers) > 1 else []),
-        ("losses", _losses(settled.layers)),
+        *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
+        ("losses", _losses(layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
         ("ends", _ends(bar)),
-        ("grid carries", f"peak frequencies to {_carried(settled) / 1e3:.5g} kHz"),
-        ("sources", ", ".join(map(_source, settled.sources))),
-        ("integrated", ", ".join(settled.fields)),
-        ("time", f"{settled.duration:.6g} s, {steps.frames} frames of {frame:.4g} s (Nyquist "
-                 f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / settled.duration:.4g} kHz"),
-        ("stepper", f"{steps.solver}, {_steps(settled)}; {steps.operator_products} products"),
-        ("precision", _precision(settled)),
-        ("judged", f"k = {problem.k_range[0]:.5g} to {problem.k_range[1]:.5g} rad/m, every "
-                   f"{2 * math.pi / bar.length:.4g} rad/m" if settled.endless
+        ("grid carries", f"peak frequencies to {_carried(simulated) / 1e3:.5g} kHz"),
+        ("sources", ", ".join(map(_source, simulated.sources))),
+        ("integrated", ", ".join(simulated.fields)),
+        ("time", f"{simulated.duration:.6g} s, {frames} frames of {frame:.4g} s (Nyquist "
+                 f"{0.5e-3 / frame:.5g} kHz), frequency bin {1e-3 / simulated.duration:.4g} kHz"),
+        ("stepper", f"{steps.solver}, {steps.steps} steps of {seconds:.4g} s; "
+                    f"{steps.operator_products} products"),
+        ("judged", f"k = {case.k_range[0]:.5g} to {case.k_range[1]:.5g} rad/m, every "
+                   f"{2 * math.pi / bar.length:.4g} rad/m" if simulated.endless
                    else "receivers, against the exact solution in the frequency domain"),
         ("result file", f"at most {size / 1e6:.4g} MB"),
     ]  # fmt: skip
@@ -111,19 +117,6 @@ def survey(console: Console, problem: Problem) -> None:
     for name, text in rows:
         table.add_row(Text(name, "bold"), text)
     console.print(table)
-
-
-def _steps(settled: Plan) -> str:
-    steps = settled.schedule
-    if not any(leg.stride for leg in steps.legs):
-        return f"{steps.steps} steps of {settled.step:.4g} s"
-    return f"{steps.steps} steps: of {settled.step:.4g} s while sources act, then one a frame"
-
-
-def _precision(settled: Plan) -> str:
-    if settled.precision == "double":
-        return "double"
-    return f"single, fields within {settled.rounding:.2g} of the largest; energy is not judged"
 
 
 def _layers(layers: Layers) -> str:
@@ -163,47 +156,39 @@ def _ends(bar: Bar) -> str:
     )
 
 
-def _carried(settled: Plan) -> float:
+def _carried(simulated: Simulation) -> float:
     """Highest peak frequency that the grid carries in every layer, Hz."""
-    return min(highest_frequency(medium, settled.bar) for medium in settled.layers.media)
+    return min(highest_frequency(medium, simulated.bar) for medium in simulated.layers.media)
 
 
-def warnings(problem: Problem) -> list[str]:
-    """What will make a run of a case less than it could be; each with its remedy."""
-    settled = problem.plan
-    frame = settled.duration / (settled.schedule.frames - 1)
-    band = highest_band(settled.sources, settled.medium)
-    found = []
-    if math.pi / frame < band:
-        needed = math.ceil(settled.duration * band / math.pi) + 1
+def warnings(simulated: Simulation) -> list[str]:
+    """What will make a run less than it could be; each with its remedy."""
+    band, found = simulated.band, []
+    if math.pi / simulated.interval < band:
+        needed = math.ceil(simulated.duration * band / math.pi) + 1
         found.append(
-            f"[time] samples = {settled.schedule.frames}: the frames alias the sources' band "
+            f"[time] samples = {simulated.frames}: the frames alias the sources' band "
             f"(to {band / 2e3 / math.pi:.4g} kHz); take at least {needed}"
         )
-    late = [s for s in settled.sources if s.end > settled.duration]
+    late = [s for s in simulated.sources if s.end > simulated.duration]
     if late:
         found.append(
-            f"[time] duration = {settled.duration:g}: the {late[0].field} source acts until "
+            f"[time] duration = {simulated.duration:g}: the {late[0].field} source acts until "
             f"{late[0].end:.4g} s; lengthen the run"
         )
-    if settled.rounding > _ROUNDED:
-        found.append(
-            f'[time] precision = "single": rounding may come to {settled.rounding:.2g} of the '
-            'largest value, which no check allows for; take "double", or a shorter duration'
-        )
-    for source in settled.sources:
+    for source in simulated.sources:
         found += _begins_with_a_jump(source)
-    return found + _absorbed(problem)
+    return found + _absorbed(simulated)
 
 
-def _absorbed(problem: Problem) -> list[str]:
+def _absorbed(simulated: Simulation) -> list[str]:
     """What stands in an absorbing layer, and absorbers that are too short."""
-    bar = problem.plan.bar
+    bar, layers = simulated.bar, simulated.layers
     low, high = bar.clear
     found = []
     for key, places in (
-        ("[[sources]] position", [s.position for s in problem.plan.sources]),
-        ("[[receivers]] position", list(problem.receivers.values())),
+        ("[[sources]] position", [s.position for s in simulated.sources]),
+        ("[[receivers]] position", list(simulated.receivers.values())),
     ):
         inside = [x for x in places if not low <= x <= high]
         if inside:
@@ -211,18 +196,18 @@ def _absorbed(problem: Problem) -> list[str]:
                 f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
                 f"the medium; move it into {low:g} to {high:g} m"
             )
-    room = 2 * float(problem.plan.medium.length_scale)
+    room = 2 * float(simulated.medium.length_scale)
     free = (
         low + room if bar.left == "absorbing" else 0.0,
         high - room if bar.right == "absorbing" else bar.length,
     )
-    near = [x for x in problem.plan.layers.interfaces if not free[0] <= x <= free[1]]
+    near = [x for x in layers.interfaces if not free[0] <= x <= free[1]]
     if near:
         found.append(
             f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
             "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
         )
-    least = 4 * max(float(medium.branch_length) for medium in problem.plan.layers.media)
+    least = 4 * max(float(medium.branch_length) for medium in layers.media)
     if 0 < bar.absorber < least:
         found.append(
             f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "

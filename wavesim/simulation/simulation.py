@@ -22,6 +22,17 @@ from wavesim.planewave import block_frequencies, check_hyperbolic
 from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.sources import InitialField, Source
 
+# "auto" takes "propagator" where nothing is lost, else "chebyshev"; the others are diffrax's own.
+SOLVERS: tuple[str, ...] = (
+    "auto",
+    "propagator",
+    "chebyshev",
+    "Bosh3",
+    "Tsit5",
+    "Dopri5",
+    "Dopri8",
+)
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -60,6 +71,13 @@ class Simulation:
             raise ValueError(f"samples = {self.samples}: must be at least 2")
         if self.step is not None and not self.step > 0:
             raise ValueError(f"step = {self.step:g} s: must be greater than 0")
+        if self.solver not in SOLVERS:
+            raise ValueError(f"solver = {self.solver!r}: must be one of {', '.join(SOLVERS)}")
+        if self.solver == "propagator" and self.lossy:
+            raise ValueError(
+                "solver = 'propagator': is for bars without losses, and this one has damping or "
+                "an absorbing end; take 'chebyshev' or 'auto'"
+            )
         stretches, layers = len(self.bar.all_stretches), len(self.layers.layers)
         if stretches != layers:
             raise ValueError(

@@ -57,7 +57,7 @@ def series(step: TimeStep) -> Series:
     return Series(*(np.asarray(part) for part in made))
 
 
-class ExactStepper(diffrax.AbstractSolver):  # type: ignore[misc]
+class ExactStepper(diffrax.AbstractSolver):
     """What steppers share that are exact at any step: no order, no error estimate.
 
     The step that diffrax takes must be the one that their tables were made for.

@@ -81,6 +81,7 @@ class Losses(eqx.Module):
     viscous: bool = eqx.field(static=True)
     absorbing: bool = eqx.field(static=True)
 
+
 def coefficients(
     layers: Layers, bar: Bar, blocks: Sequence[Block], reference: Medium, with_gradient: bool
 ) -> Coefficients:
@@ -99,7 +100,9 @@ def coefficients(
         None if parts[0] is None else module(*parts).stack(parts, axis=-2)
         for parts in zip(*made, strict=True)
     ]
-    return Coefficients(*stacked, rotations=len(blocks[0].rotations))
+    stiffness, gradient, node_mass, inertia = stacked
+    rotations = len(blocks[0].rotations)
+    return Coefficients(stiffness, gradient, node_mass, inertia, rotations)
 
 
 def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None) -> Losses:

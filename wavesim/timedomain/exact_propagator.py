@@ -226,7 +226,7 @@ def propagator(
 
 
 def _pulses(part: Driven, group: Group, made: np.ndarray) -> Pulses:
-    """P_jn, and by time reversal what exp(−hA) makes of it: q changes sign, and nodes their order."""
+    """P_jn, and exp(−hA) of it by time reversal: q changes sign, and nodes their order."""
     p, b = group.rest.phi.shape[0], group.rest.B.shape[0]
     size = (p + b) * group.free.shape[0] * len(part.points)
     fields = made[:, : 2 * size].reshape(len(made), 2, size)  # φ, B, φ̇, Ḃ in this order

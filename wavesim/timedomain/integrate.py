@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Lock
 from typing import Any
@@ -27,14 +26,11 @@ from wavesim.timedomain.energy import Equation, Motion
 from wavesim.timedomain.exact_propagator import propagator
 from wavesim.timedomain.operator import is_rotation, operator, to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
-from wavesim.timedomain.time_step import TimeStep, time_step
+from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
 from wavesim.timedomain.within_step import driven
 from wavesim.timedomain.work import work
 
 _TERM = diffrax.ODETerm(lambda t, motion, equation: equation(t, motion))
-# Frames in one chunk: as many as fit into about this many bytes, within these limits.
-_CHUNK_BYTES = 24e6
-_CHUNK_FRAMES = (4, 128)
 
 
 class NotFiniteError(RuntimeError):
@@ -87,13 +83,6 @@ class Timing:
 
     compile: float = 0.0
     integrate: float = 0.0
-
-
-def chunk_frames(simulated: Simulation) -> int:
-    """Frames in one chunk of a run."""
-    size = 8 * simulated.bar.cells * len(simulated.fields)
-    low, high = _CHUNK_FRAMES
-    return min(max(low, int(_CHUNK_BYTES / size)), high, simulated.frames - 1)
 
 
 def equation_of(simulated: Simulation) -> tuple[Equation, Motion]:

@@ -21,7 +21,7 @@ from wavesim.material.scaling import scales
 from wavesim.material.sectors import Block, grouped
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.coefficients import module
-from wavesim.timedomain.operator import Group, Operator, State, States, held_nodes, to_scaled
+from wavesim.timedomain.operator import Group, Operator, States, held_nodes, to_scaled
 
 
 class Points(eqx.Module):
@@ -182,7 +182,8 @@ def _points(
                     turning = source.drive == "rotation"
                     inertia = 1.0 if turning else group.mass[kind][b, nodes]
                     weights.append(weight * force / inertia)
-    return Points(*np.concatenate(where, axis=1), module(*weights).concatenate(weights))
+    source, component, block, point = np.concatenate(where, axis=1)
+    return Points(source, component, block, point, module(*weights).concatenate(weights))
 
 
 def initial_state(
@@ -209,6 +210,4 @@ def initial_state(
     if not fields:
         return A.rest
     pairs = to_scaled(fields, blocks, medium)
-    return tuple(
-        rest._replace(phi=phi, B=B) for rest, (phi, B) in zip(A.rest, pairs, strict=True)
-    )
+    return tuple(rest._replace(phi=phi, B=B) for rest, (phi, B) in zip(A.rest, pairs, strict=True))

@@ -1,4 +1,4 @@
-"""The operator A as a sparse matrix: for tables, tests and other integrators. No jax is compiled."""
+"""The operator A as a sparse matrix: for tables, tests and other integrators."""
 
 from __future__ import annotations
 

@@ -6,16 +6,18 @@ a step h, R ≥ every frequency of the bar. Tal-Ezer, SIAM J. Numer. Anal. 23, 1
 
 from __future__ import annotations
 
-import dataclasses
 import math
+import os
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.stencils import difference_norm
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.layers import Layers
 from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.wave_equations import fastest_speed
+from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import strongest_absorption
 
@@ -29,7 +31,6 @@ EXPLICIT: dict[str, tuple[int, float]] = {
     "Dopri5": (6, 0.5),
     "Dopri8": (13, 1.0),
 }
-SOLVERS: tuple[str, ...] = ("auto", "propagator", "chebyshev", *EXPLICIT)
 
 # Closures at ends add up to 2 % to the highest frequency of an endless bar.
 _ENDS = 1.05
@@ -45,6 +46,12 @@ RUN = 32
 _MOST_ROWS = 5e8
 # Gauss nodes beyond half the phase of what they integrate.
 _EXTRA_NODES = 14
+# A field of more bytes than this is taken for a slip of the pen, as are more steps.
+_LARGEST = 1e12
+_MOST_STEPS = 10**8
+# Frames in one chunk: as many as fit into about this many bytes, within these limits.
+_CHUNK_BYTES = 24e6
+_CHUNK_FRAMES = (4, 128)
 # Runs of like media share what is compiled if their tables have the same size.
 _ROUND = 8
 
@@ -89,10 +96,6 @@ class TimeStep:
         return self.steps * each
 
 
-class SolverError(ValueError):
-    """A solver that is not there, or not for such a bar."""
-
-
 def time_step(simulation: Simulation) -> TimeStep:
     """Stepper, step and tables' sizes for a simulation.
 
@@ -100,16 +103,9 @@ def time_step(simulation: Simulation) -> TimeStep:
     rounding at any step, and take the frame interval as their step unless it is very long.
 
     Raises:
-        SolverError: the solver is none of SOLVERS, or not for such a bar.
+        ValueError: the run is too large to be meant, or for this machine's memory.
     """
     asked, lossy = simulation.solver, simulation.lossy
-    if asked not in SOLVERS:
-        raise SolverError(f"solver = {asked!r}: must be one of {', '.join(SOLVERS)}")
-    if asked == "propagator" and lossy:
-        raise SolverError(
-            "solver = 'propagator': is for bars without losses, and this one has damping or an "
-            "absorbing end; take 'chebyshev' or 'auto'"
-        )
     unit = float(scales(simulation.medium).time)
     interval = simulation.interval / unit
     radius = highest_frequency(simulation)
@@ -132,10 +128,56 @@ def time_step(simulation: Simulation) -> TimeStep:
     h = interval / per_frame
     degree = series_coefficients(np.array([h]), radius, loss / 2).shape[1] - 1
     nodes = math.ceil(h * (radius + loss) / 2) + _EXTRA_NODES
-    return TimeStep(
+    made = TimeStep(
         solver, h, per_frame, simulation.frames, radius, loss / 2,
         _rounded(degree), _rounded(nodes), _rounded(_reach(h, speed)),
     )  # fmt: skip
+    _check_size(simulation, made)
+    return made
+
+
+def chunk_frames(simulation: Simulation) -> int:
+    """Frames that are integrated in one go, stored and told of."""
+    size = 8 * simulation.bar.cells * len(simulation.fields)
+    low, high = _CHUNK_FRAMES
+    return min(max(low, int(_CHUNK_BYTES / size)), high, simulation.frames - 1)
+
+
+def _check_size(simulation: Simulation, step: TimeStep) -> None:
+    """Refuse what no such machine can hold, before it is begun.
+
+    Raises:
+        ValueError: the frames are too many to store, the steps to take, or the run to hold in
+            memory; the message says what it would need.
+    """
+    frames, cells, fields = simulation.frames, simulation.bar.cells, len(simulation.fields)
+    stored = 8.0 * frames * cells * fields
+    # What is loaded and compiled; a dozen states while stepping; a chunk eight times over: in jax,
+    # on its way to the disk, and the next one; the spectra of all blocks, at wavenumbers capped.
+    waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
+    needed = 0.5e9 + 8.0 * cells * fields * (12 + 8 * chunk_frames(simulation))
+    needed += 8.0 * frames * waves * (6 + 8 * len(simulation.blocks))
+    given = f"duration = {simulation.duration:g}"
+    if simulation.samples is not None:
+        given = f"samples = {simulation.samples}"
+    asked = f"{given}: {frames:.6g} frames of {fields} fields on a bar of {cells:.6g} cells"
+    if stored > _LARGEST:
+        raise ValueError(
+            f"{asked} are {stored / 1e12:.3g} TB, more than {_LARGEST / 1e12:g} TB; lower it, or "
+            "take fewer cells"
+        )
+    if step.steps > _MOST_STEPS:
+        seconds = step.step * float(scales(simulation.medium).time)
+        raise ValueError(
+            f"duration = {simulation.duration:g} takes {step.steps:.3g} steps of {seconds:.3g} s, "
+            f"more than {_MOST_STEPS:.0e}; shorten it, or lengthen step"
+        )
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > 0.8 * memory:
+        raise ValueError(
+            f"{asked} need about {needed / 1e9:.3g} GB of memory, this machine has "
+            f"{memory / 1e9:.3g} GB; lower it, or take fewer cells"
+        )
 
 
 def _rounded(size: int) -> int:
@@ -172,22 +214,29 @@ def _rows_held(simulation: Simulation) -> float:
         )
         if layer.last is not None
     )
-    return 8.0 * graded * window * sum(
-        len(block.rotations + block.curvatures) ** 2 for block in simulation.blocks
+    return (
+        8.0
+        * graded
+        * window
+        * sum(len(block.rotations + block.curvatures) ** 2 for block in simulation.blocks)
     )
 
 
-def highest_frequency(simulation: Simulation) -> float:
+def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> float:
     """R ≥ every frequency of a bar, scaled.
 
     By Rayleigh's quotient: at each point the strains (κ, B) are at most (‖D‖ φ, B) in size, so no
     ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each rotation, against
     the inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
     the fastest of its parts.
+
+    Args:
+        simulation: the bar, whose units are used.
+        layers: in place of its own.
     """
     units = scales(simulation.medium)
-    bar, largest = simulation.bar, 0.0
-    for layer, (_, spacing) in zip(simulation.layers.layers, bar.all_stretches, strict=True):
+    bar, layers, largest = simulation.bar, layers or simulation.layers, 0.0
+    for layer, (_, spacing) in zip(layers.layers, bar.all_stretches, strict=True):
         norm = difference_norm(spacing / float(units.length), bar.order)
         for medium in layer.sampled():
             for block in simulation.blocks:
@@ -260,8 +309,3 @@ def nodes_of(step: TimeStep) -> tuple[Float, Float]:
     """Gauss nodes τ_n of a step and their weights, shape (nodes,) each, scaled."""
     x, weights = np.polynomial.legendre.leggauss(step.nodes)
     return step.step * (1 + x) / 2, step.step * weights / 2
-
-
-def with_solver(step: TimeStep, solver: str) -> TimeStep:
-    """The same steps by another solver."""
-    return dataclasses.replace(step, solver=solver)

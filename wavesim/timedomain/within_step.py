@@ -126,9 +126,7 @@ def _window(where: np.ndarray, size: int, reach: int, ring: bool) -> np.ndarray:
     return (first + np.arange(count)) % size
 
 
-def series_terms(
-    matrix: Any, start: np.ndarray, step: TimeStep, factors: np.ndarray
-) -> np.ndarray:
+def series_terms(matrix: Any, start: np.ndarray, step: TimeStep, factors: np.ndarray) -> np.ndarray:
     """Σ_k f_ok φ_k(X) u for several o, X of :mod:`chebyshev_series`.
 
     Args:
@@ -161,9 +159,7 @@ def pushes(parts: Sequence[Driven], source: int, step: TimeStep) -> list[np.ndar
     nodes, weights = nodes_of(step)
     factors = series_coefficients(step.step - nodes, step.radius, step.shift, step.degree)
     factors = factors * weights[:, None]
-    return [
-        series_terms(part.matrix, part.pushed[source], step, factors) for part in parts
-    ]
+    return [series_terms(part.matrix, part.pushed[source], step, factors) for part in parts]
 
 
 def readings(parts: Sequence[Driven], step: TimeStep) -> list[np.ndarray]:

@@ -3,7 +3,8 @@
 The step applies ŝ, the polynomial through the signals at its Gauss nodes τ_n, and the work is that
 of ŝ too, by the same nodes, which integrate it exactly:
 
-    W = Σ_j Σ_n w_n ŝ_jn r_jn,    r_jn = O_j exp(τ_n A) y + Σ_i ∫₀^{τ_n} O_j exp((τ_n−τ)A) G_i ŝ_i dτ,
+    W = Σ_j Σ_n w_n ŝ_jn r_jn,
+    r_jn = O_j exp(τ_n A) y + Σ_i ∫₀^{τ_n} O_j exp((τ_n−τ)A) G_i ŝ_i dτ,
 
 O_j y = ⟨G_j, v⟩ in the norm of kinetic energy; and for each rotation that is prescribed its rate
 times the moment that holds it. No energy enters: the energy balance is a true check.
@@ -83,13 +84,14 @@ def work(equation: Equation, driven: list[list[Driven]], step: TimeStep) -> Work
     """
     if not driven:
         return None
-    nodes, weights = nodes_of(step)
+    _, weights = nodes_of(step)
     convolved, risen = _convolutions(step.nodes)
     felt, own = [], []
     for parts in driven:
         rows = readings(parts, step)
         of_signals = sum(
-            np.einsum("neu,iu->nei", row, part.pushed) for row, part in zip(rows, parts, strict=True)
+            np.einsum("neu,iu->nei", row, part.pushed)
+            for row, part in zip(rows, parts, strict=True)
         )
         own.append(step.step * np.einsum("nmk,mei->neik", convolved, of_signals))
         felt.append(

@@ -16,7 +16,7 @@ from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
-from wavesim.simulation.plan import REFLECTION
+from wavesim.timedomain.absorber import REFLECTION
 from wavesim.verdict import remedies
 from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
 

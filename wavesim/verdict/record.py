@@ -148,7 +148,7 @@ def checks(results: Sequence[Recovered]) -> list[Check]:
     found: list[Check] = []
     for one in results:
         if isinstance(one.matched, Matched):
-            found += _checks_in_time(one, one.matched) if one.origin.exact else []
+            found += _checks_in_time(one, one.matched)
         elif one.matched is not None:
             found += _checks_in_space(one, one.matched)
     return found

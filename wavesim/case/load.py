@@ -1,4 +1,4 @@
-"""A case's tables as objects: medium, layers, bar, ends, sources. Nothing is settled of time."""
+"""A case file as what it describes: one simulation, and what is to be read off it. No jax."""
 
 from __future__ import annotations
 
@@ -6,23 +6,30 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from wavesim.case import medium_tables as casemedia
 from wavesim.case import source_tables as casesources
 from wavesim.case.messages import place
-from wavesim.case.schema import Case, CaseError
+from wavesim.case.schema import AnalysisTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
-from wavesim.material.layers import End, Layer, Layers
+from wavesim.material.layers import End, Layer, Layers, as_layers
 from wavesim.material.medium import Medium
 from wavesim.material.wave_equations import fastest_speed
-from wavesim.planewave.dispersion_relation import check_hyperbolic
+from wavesim.planewave.hyperbolicity import check_hyperbolic
+from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
+# Branches are judged between these k̄ where the case does not say otherwise.
+_JUDGED = (0.02, 0.5)
+# A run of fewer frames by default shows nothing.
+_FEWEST_FRAMES = 6
 # A grid carries what it slows down by no more than this.
 _PHASE_ERROR = 0.01
 # Length of the absorbing layer at an end, in branch lengths of the medium there.
@@ -32,34 +39,53 @@ _DRIVEN_END: dict[str, End] = {"moment": "free", "rotation": "fixed"}
 
 
 @dataclass(frozen=True)
-class Parts:
-    """What a case describes, before a run of it is planned.
+class Case:
+    """What a case file says.
 
     Attributes:
-        medium: of the whole bar where it is uniform, else that of [medium], which gives the layers'
-            defaults.
-        layers: of the bar; None where it is uniform.
-        bar: the grid.
-        ends: left and right.
-        absorber: length of the absorbing layer at each absorbing end, m; 0 where neither is.
-        sources: at least one.
-        receivers: {name: position in m}.
+        title: of the case.
+        simulation: what is simulated.
+        analysis: what is read from the field.
+        k_range: wavenumbers between which branches of an endless bar are judged, rad/m.
+        medium: of [medium], which layers inherit from.
+        tables: the file's tables, every default filled in but those of [time] and [analysis].
     """
 
+    title: str
+    simulation: Simulation
+    analysis: AnalysisTable
+    k_range: tuple[float, float]
     medium: Medium
-    layers: Layers | None
-    bar: Bar
-    ends: tuple[End, End]
-    absorber: float
-    sources: tuple[Source, ...]
-    receivers: dict[str, float]
+    tables: dict[str, Any]
 
-    @property
-    def media(self) -> tuple[Medium, ...]:
-        """Every medium in the bar: one, or those at both ends of each layer."""
-        if self.layers is None:
-            return (self.medium,)
-        return tuple(m for layer in self.layers.layers for m in _ends(layer))
+    def resolved(self, solver: str, step: float) -> str:
+        """The case as TOML, every default filled in; a run of it repeats this one.
+
+        Args:
+            solver: that was taken.
+            step: its time step, s.
+        """
+        tables = dict(self.tables)
+        settled = {"solver": solver, "step": step, "samples": self.simulation.frames}
+        tables["time"] = tables["time"] | settled
+        if self.simulation.endless:
+            low, high = self.k_range
+            tables["analysis"] = tables["analysis"] | {"k_min": low, "k_max": high}
+        tables["analysis"] = {k: v for k, v in tables["analysis"].items() if v is not None}
+        return tomli_w.dumps(tables)
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Case:
+    """Read a case file, lay overrides over it, and build what it describes.
+
+    Args:
+        path: of the TOML file.
+        overrides: "table.key=value", value in TOML.
+
+    Raises:
+        CaseError: anything that can't be used; the message names file, key, value and remedy.
+    """
+    return build(read(path, overrides), str(path))
 
 
 def builder(name: str) -> Callable[..., Any]:
@@ -82,86 +108,131 @@ def builder(name: str) -> Callable[..., Any]:
     return build
 
 
-def assemble(case: Case, name: str) -> Parts:
-    """Build what a case describes.
+def build(file: CaseFile, name: str) -> Case:
+    """Build what a case file describes.
 
     Args:
-        case: the tables.
+        file: its tables.
         name: of the file, for messages.
 
     Raises:
-        CaseError: anything that can't be used; the message names file, key, value and remedy.
+        CaseError: as :func:`load`.
     """
-    build = builder(name)
-    medium = build(("medium",), case.medium.build)
-    build(("medium",), check_hyperbolic, medium)
+    make = builder(name)
+    medium = make(("medium",), file.medium.build)
+    make(("medium",), check_hyperbolic, medium)
     stretches: list[Layer] = []
-    for number, table in enumerate(case.layers):
+    for number, table in enumerate(file.layers):
         where = ("layers", str(number))
-        layer = build(where, table.build, case.medium)
+        layer = make(where, table.build, file.medium)
         for end in _ends(layer):
-            build(where, check_hyperbolic, end)
+            make(where, check_hyperbolic, end)
         stretches.append(layer)
     media = [m for layer in stretches for m in _ends(layer)] or [medium]
     finest = min(media, key=lambda m: float(m.branch_length))
-    bar = build(("bar",), case.bar.build, finest)
+    bar = make(("bar",), file.bar.build, finest)
     for number in range(len(stretches)):
         where = ("layers", str(number))
-        build(where, casemedia.check_follow, stretches[: number + 1], bar.length)
+        make(where, casemedia.check_follow, stretches[: number + 1], bar.length)
     if stretches:
-        build(where, casemedia.check_whole, stretches, bar.length)
+        make(where, casemedia.check_whole, stretches, bar.length)
     layers = casemedia.as_bar(stretches)
     if stretches and layers is None:
         medium = stretches[0].medium
-    ends = (case.bar.left, case.bar.right)
+    ends = (file.bar.left, file.bar.right)
     for number, layer in enumerate(layers.layers if layers else ()):
-        build(("layers", str(number)), _check_thick, layer, bar)
-    absorber = build(("bar",), _absorber, case, ends, (media[0], media[-1]), bar)
-    bar = build(("bar",), _whole, bar, layers, ends, absorber)
+        make(("layers", str(number)), _check_thick, layer, bar)
+    absorber = make(("bar",), _absorber, file, ends, (media[0], media[-1]), bar)
+    bar = make(("bar",), _whole, bar, layers, ends, absorber)
     sources = []
-    for number, entry in enumerate(case.sources):
+    for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
-        source = build(where, entry.build, bar.length)
+        source = make(where, entry.build, bar.length)
         if source.drive in _DRIVEN_END:
-            build(where, _check_end, source, entry, ends)
+            make(where, _check_end, source, entry, ends)
         else:
-            build(where, bar.spread, source.position, source.width, source.staggered)
-        build(where, check_carried, source, media, bar)
+            make(where, bar.spread, source.position, source.width, source.staggered)
+        make(where, check_carried, source, media, bar)
         sources.append(source)
-    for number, receiver in enumerate(case.receivers):
-        where = ("receivers", str(number))
-        build(where, bar.sampling, receiver.position, False)
-    return Parts(
-        medium,
+    for number, receiver in enumerate(file.receivers):
+        make(("receivers", str(number)), bar.sampling, receiver.position, False)
+    receivers = {receiver.name: receiver.position for receiver in file.receivers}
+    of_bar = layers or as_layers(medium, bar.length)
+    simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)
+    judged = (0.0, 0.0)
+    if simulation.endless:
+        judged = make(("analysis",), _judged, file.analysis, medium, bar)
+    tables = _resolved(file, bar, absorber, sources)
+    return Case(file.title, simulation, file.analysis, judged, medium, tables)
+
+
+def _simulation(
+    file: CaseFile,
+    layers: Layers,
+    bar: Bar,
+    sources: tuple[Source, ...],
+    receivers: dict[str, float],
+) -> Simulation:
+    time = file.time
+    made = Simulation(
         layers,
         bar,
-        ends,
-        absorber,
-        tuple(sources),
-        {receiver.name: receiver.position for receiver in case.receivers},
+        sources,
+        time.duration,
+        None if time.samples == "auto" else time.samples,
+        receivers,
+        time.solver,
+        None if time.step == "auto" else time.step,
     )
+    if made.samples is None and made.frames < _FEWEST_FRAMES:
+        raise ValueError(
+            f"duration = {time.duration:g}: holds only {made.frames} frames of signals so slow; "
+            "lengthen it, give samples, or see that the times of a recorded signal are in seconds"
+        )
+    return made
 
 
-def resolved(case: Case, parts: Parts) -> dict[str, Any]:
-    """The case's tables with every default of them filled in, but for [time] and [analysis].
+def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
+    """Wavenumbers between which branches are judged, held to what the bar resolves."""
+    unit = 2 * math.pi / medium.length_scale
+    low = analysis.k_min or _JUDGED[0] * unit
+    high = analysis.k_max or _JUDGED[1] * unit
+    if low >= high:
+        raise ValueError(
+            f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {_JUDGED[0]:g} and "
+            f"{_JUDGED[1]:g} are the defaults); give the other too"
+        )
+    if high > math.pi / bar.spacing:
+        raise ValueError(
+            f"k_max = {high:g}: the grid holds wavenumbers up to {math.pi / bar.spacing:.5g} "
+            "rad/m; take that or less, or a finer [bar] spacing"
+        )
+    if high * bar.length < 4 * math.pi:
+        raise ValueError(
+            f"k_max = {high:g}: the bar of {bar.length:.4g} m holds only multiples of "
+            f"{2 * math.pi / bar.length:.4g} rad/m, and at least two are needed; raise k_max, or "
+            f"lengthen the bar to {4 * math.pi / high:.3g} m"
+        )
+    return low, high
 
-    Args:
-        case: the tables, as given.
-        parts: what they were built into.
-    """
-    tables = case.model_dump(by_alias=True)
-    own = case.medium.build()
+
+def _resolved(
+    file: CaseFile, bar: Bar, absorber: float, sources: Sequence[Source]
+) -> dict[str, Any]:
+    """The file's tables with every default of them filled in, but for [time] and [analysis]."""
+    tables = file.model_dump(by_alias=True)
+    own = file.medium.build()
     tables["medium"] |= {"rotation_inertia": own.beta, "curvature_inertia": own.gamma}
     tables["bar"].pop("length", None)
-    tables["bar"] |= {"cells": parts.bar.cells, "spacing": parts.bar.spacing}
-    if parts.absorber:
-        tables["bar"]["absorber"] = parts.absorber
+    tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
+    if absorber:
+        tables["bar"]["absorber"] = absorber
     tables["layers"] = [
-        casemedia.resolved(table.build(case.medium), table, case.medium) for table in case.layers
+        casemedia.resolved(table.build(file.medium), table, file.medium) for table in file.layers
     ]
     tables["sources"] = [
         casesources.resolved(table, source)
-        for table, source in zip(case.sources, parts.sources, strict=True)
+        for table, source in zip(file.sources, sources, strict=True)
     ]
     for name in ("medium", "bar"):
         tables[name] = {key: value for key, value in tables[name].items() if value is not None}
@@ -172,12 +243,14 @@ def _ends(layer: Layer) -> tuple[Medium, ...]:
     return (layer.medium,) if layer.last is None else (layer.medium, layer.last)
 
 
-def _absorber(case: Case, ends: tuple[End, End], media: tuple[Medium, Medium], bar: Bar) -> float:
+def _absorber(
+    file: CaseFile, ends: tuple[End, End], media: tuple[Medium, Medium], bar: Bar
+) -> float:
     """Length of the absorbing layers; they must leave something of the bar."""
     absorbing = [m for end, m in zip(ends, media, strict=True) if end == "absorbing"]
     if not absorbing:
         return 0.0
-    length = case.bar.absorber or _ABSORBER * max(float(m.branch_length) for m in absorbing)
+    length = file.bar.absorber or _ABSORBER * max(float(m.branch_length) for m in absorbing)
     if len(absorbing) * length >= bar.length:
         raise ValueError(
             f"absorber = {length:g}: the absorbing layers leave nothing of the bar of "
