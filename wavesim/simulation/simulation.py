@@ -114,8 +114,8 @@ class Simulation:
 
     @functools.cached_property
     def with_gradient(self) -> bool:
-        """Whether the gradient term is kept: where it is felt at all."""
-        return keeps_gradient(self.layers)
+        """Whether the gradient term is kept: where it is felt, or costs nothing to keep."""
+        return not self.lossy or keeps_gradient(self.layers)
 
     @functools.cached_property
     def frames(self) -> int:
