@@ -29,7 +29,9 @@ from wavesim.material.wave_equations import ROTATIONS
 # The scheme needs double precision; ``single.py`` has what may be rounded.
 jax.config.update("jax_enable_x64", True)
 # A medium is a pytree: jax.grad and jax.vmap go through its parameters.
-jax.tree_util.register_dataclass(Medium, data_fields=PARAMETERS, meta_fields=("closure", "damping"))
+jax.tree_util.register_dataclass(
+    Medium, data_fields=tuple(PARAMETERS), meta_fields=("closure", "damping")
+)
 
 Component = jax.Array
 State = tuple[tuple[Component, ...], ...]
