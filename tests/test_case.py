@@ -79,7 +79,7 @@ BAD = [
     # the medium's admissible ranges
     ("medium.anisotropy=2.5", "[medium] anisotropy = 2.5", "between -1 and 2"),
     ("medium.anisotropy=-1.5", "[medium] anisotropy = -1.5", "between -1 and 2"),
-    ("medium.stiffness_ratio=-0.1", "[medium] stiffness_ratio = -0.1", "≥ 0"),
+    ("medium.stiffness_ratio=-0.1", "[medium] stiffness_ratio = -0.1", "0 or greater"),
     ("medium.density=0", "[medium] density = 0", "greater than 0"),
     ("medium.G_n_g=-1", "[medium] G_n_g = -1", "0 or greater"),
     ("medium.rotation_inertia=0", "[medium] rotation_inertia = 0", "greater than 0"),

@@ -89,7 +89,7 @@ def test_a_graded_layer_goes_from_one_medium_to_the_other(grading):
     layer = Layer(1e-2, 3e-2, SOFT, STIFF, grading)
     for end, medium in ((1e-2, SOFT), (3e-2, STIFF)):
         made = layer.at(end)
-        for name in PARAMETERS[:-2]:
+        for name in list(PARAMETERS)[:-2]:
             assert getattr(made, name) == getattr(medium, name)
         np.testing.assert_allclose([made.beta, made.gamma], [medium.beta, medium.gamma], rtol=1e-14)
     weights = []

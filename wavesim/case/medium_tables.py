@@ -8,19 +8,19 @@ import numbers
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from wavesim.case.table import NotNegative, Table
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer, Layers
 from wavesim.material.medium import PARAMETERS, Closure, Medium, check_parameter
-
-LOSSES: tuple[str, ...] = (
-    "mass_damping",
-    "stiffness_damping",
-    "quality_factor",
-    "quality_band",
-)
 
 
 def _held(name: str, value: float) -> float:
@@ -31,9 +31,9 @@ def _held(name: str, value: float) -> float:
     return value
 
 
-def _one_number(value: Any) -> Any:
+def _one_number(value: Any, info: ValidationInfo) -> Any:
     """A loss key in a layer: a pair is told as what it is."""
-    if isinstance(value, list):
+    if isinstance(value, list) and info.field_name != "quality_band":
         raise ValueError("can't be graded: a layer has one loss law; give one number")
     return value
 
@@ -49,13 +49,6 @@ def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
             raise ValueError("must be a number, or a pair [at from, at to]")
         _held(info.field_name, float(part))
     return [float(part) for part in parts] if isinstance(value, list) else float(value)
-
-
-Loss = Annotated[float | None, Field(ge=0, allow_inf_nan=False)]
-LayerLoss = Annotated[Loss, BeforeValidator(_one_number)]
-Quality = Annotated[float | None, Field(gt=1, allow_inf_nan=False)]
-Band = list[float] | None
-Graded = Annotated[Any, BeforeValidator(_number_or_pair)]
 
 
 def _check_band(value: list[float] | None) -> list[float] | None:
@@ -88,35 +81,32 @@ def damping(losses: dict[str, Any]) -> Damping:
     )
 
 
-class MediumTable(Table):
-    """[medium]: the parameters of Table 1 and the losses; see :class:`Medium`."""
+Band = Annotated[list[float] | None, AfterValidator(_check_band)]
 
-    closure: Closure = "printed"
-    anisotropy: float = 0.0
-    stiffness_ratio: float = 0.5
-    branch_length: float = 1e-3
-    particle_radius: float = 5e-4
-    contact_density: float = 1e9
-    density: float = 1570.0
-    G_n_a: float = 5.0
-    G_n_r: float = 5.0
-    G_n_g: float = 1.25e-11
-    rotation_inertia: float | None = None
-    curvature_inertia: float | None = None
-    mass_damping: NotNegative = 0.0
-    stiffness_damping: NotNegative = 0.0
-    quality_factor: Quality = None
-    quality_band: Band = None
+# The type and the default of each loss key.
+LOSSES: dict[str, tuple[Any, Any]] = {
+    "mass_damping": (NotNegative, 0.0),
+    "stiffness_damping": (NotNegative, 0.0),
+    "quality_factor": (Annotated[float, Field(gt=1, allow_inf_nan=False)] | None, None),
+    "quality_band": (Band, None),
+}
+
+_KEYS: dict[str, Any] = {name: (float | None, getattr(Medium, name)) for name in PARAMETERS}
+_KEYS = {"closure": (Closure, "printed")} | _KEYS | LOSSES
+_MediumKeys: Any = create_model("_MediumKeys", __base__=Table, **_KEYS)
+_GRADED: dict[str, Any] = {
+    key: (Any if key in PARAMETERS else kind | None, None) for key, (kind, _) in _KEYS.items()
+}
+_LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_GRADED)
+
+
+class MediumTable(_MediumKeys):
+    """[medium]: the parameters of Table 1 and the losses; see :class:`Medium`."""
 
     @field_validator(*PARAMETERS)
     @classmethod
     def _admissible(cls, value: float | None, info: Any) -> float | None:
         return value if value is None else _held(info.field_name, value)
-
-    @field_validator("quality_band")
-    @classmethod
-    def _ordered(cls, value: list[float] | None) -> list[float] | None:
-        return _check_band(value)
 
     def build(self) -> Medium:
         """The medium."""
@@ -125,33 +115,15 @@ class MediumTable(Table):
         return Medium(**given, damping=damping(losses))
 
 
-class LayerTable(Table):
+class LayerTable(_LayerKeys):
     """[[layers]]: from, to (m), grading, and any key of [medium], a pair where it is graded."""
 
     start: Annotated[NotNegative, Field(alias="from")]
     end: Annotated[NotNegative, Field(alias="to")]
     grading: Grading = "smooth"
-    closure: Closure | None = None
-    anisotropy: Graded = None
-    stiffness_ratio: Graded = None
-    branch_length: Graded = None
-    particle_radius: Graded = None
-    contact_density: Graded = None
-    density: Graded = None
-    G_n_a: Graded = None
-    G_n_r: Graded = None
-    G_n_g: Graded = None
-    rotation_inertia: Graded = None
-    curvature_inertia: Graded = None
-    mass_damping: LayerLoss = None
-    stiffness_damping: LayerLoss = None
-    quality_factor: Annotated[Quality, BeforeValidator(_one_number)] = None
-    quality_band: Band = None
 
-    @field_validator("quality_band")
-    @classmethod
-    def _ordered(cls, value: list[float] | None) -> list[float] | None:
-        return _check_band(value)
+    _graded = field_validator(*PARAMETERS, mode="before")(_number_or_pair)
+    _ungraded = field_validator(*LOSSES, mode="before")(_one_number)
 
     @model_validator(mode="after")
     def _thick(self) -> LayerTable:
@@ -193,22 +165,15 @@ def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, 
         table: the table.
         medium: [medium], which gives the loss keys that the table does not.
     """
-    first, last = layer.medium, layer.last or layer.medium
-    values = {
-        name: [getattr(m, attribute) for m in (first, last)]
-        for name, attribute in (
-            *((name, name) for name in PARAMETERS[:-2]),
-            ("rotation_inertia", "beta"),
-            ("curvature_inertia", "gamma"),
-        )
-    }
+    first, last = layer.medium.parameters, (layer.last or layer.medium).parameters
     losses = {
         key: getattr(table, key) if getattr(table, key) is not None else getattr(medium, key)
         for key in LOSSES
     }
     return (
-        {"from": layer.start, "to": layer.end, "grading": layer.grading, "closure": first.closure}
-        | {name: v[0] if v[0] == v[1] else v for name, v in values.items()}
+        {"from": layer.start, "to": layer.end, "grading": layer.grading}
+        | {"closure": layer.medium.closure}
+        | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in PARAMETERS}
         | {key: value for key, value in losses.items() if value is not None}
     )
 

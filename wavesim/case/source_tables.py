@@ -20,16 +20,29 @@ from wavesim.sources import (
     parameters,
     read_csv,
 )
-from wavesim.sources.bursts import Window
+from wavesim.sources.tone_burst import Window
 
 Side = Literal["left", "right"]
 SignalDrive = Literal["body", "moment", "rotation"]
+
+_KINDS: dict[str, type[Source]] = {
+    made.kind: made
+    for made in (Ricker, GaussianDerivative, ToneBurst, Chirp, Recorded, InitialField)
+}
 
 
 class _SourceTable(Table):
     """What every source has."""
 
     field: str
+
+    def build(self, length: float) -> Source:
+        """The source, on a bar of a length, m."""
+        given = self.model_dump(exclude={"file"})
+        end = given.pop("end", None)
+        if end is not None:
+            given["position"] = 0.0 if end == "left" else length
+        return _KINDS[given.pop("kind")](**given)
 
     @field_validator("field")
     @classmethod
@@ -86,13 +99,6 @@ class _SignalTable(_SourceTable):
             )
         return self
 
-    def _given(self, length: float) -> dict[str, Any]:
-        """Arguments of the source on a bar of a length, m."""
-        given = self.model_dump(exclude={"kind", "end", "file"})
-        if self.end is not None:
-            given["position"] = 0.0 if self.end == "left" else length
-        return given
-
 
 class RickerTable(_SignalTable):
     """See :class:`wavesim.sources.Ricker`."""
@@ -101,10 +107,6 @@ class RickerTable(_SignalTable):
     peak_frequency: Positive
     delay: Finite | None = None
 
-    def build(self, length: float) -> Ricker:
-        """The source, on a bar of a length, m."""
-        return Ricker(**self._given(length))
-
 
 class GaussianDerivativeTable(_SignalTable):
     """See :class:`wavesim.sources.GaussianDerivative`."""
@@ -112,10 +114,6 @@ class GaussianDerivativeTable(_SignalTable):
     kind: Literal["gaussian-derivative"]
     peak_frequency: Positive
     delay: Finite | None = None
-
-    def build(self, length: float) -> GaussianDerivative:
-        """The source, on a bar of a length, m."""
-        return GaussianDerivative(**self._given(length))
 
 
 class ToneBurstTable(_SignalTable):
@@ -127,10 +125,6 @@ class ToneBurstTable(_SignalTable):
     window: Window = "hann"
     start: NotNegative = 0.0
 
-    def build(self, length: float) -> ToneBurst:
-        """The source, on a bar of a length, m."""
-        return ToneBurst(**self._given(length))
-
 
 class ChirpTable(_SignalTable):
     """See :class:`wavesim.sources.Chirp`."""
@@ -141,10 +135,6 @@ class ChirpTable(_SignalTable):
     duration: Positive
     taper: Annotated[float, Field(ge=0.01, le=0.5, allow_inf_nan=False)] = 0.1
     start: NotNegative = 0.0
-
-    def build(self, length: float) -> Chirp:
-        """The source, on a bar of a length, m."""
-        return Chirp(**self._given(length))
 
 
 class RecordedTable(_SignalTable):
@@ -188,10 +178,6 @@ class RecordedTable(_SignalTable):
             )
         return self
 
-    def build(self, length: float) -> Recorded:
-        """The source, on a bar of a length, m."""
-        return Recorded(**self._given(length))
-
 
 class InitialTable(_SourceTable):
     """See :class:`wavesim.sources.InitialField`."""
@@ -200,20 +186,6 @@ class InitialTable(_SourceTable):
     position: NotNegative
     width: Positive
     amplitude: Finite = 1.0
-
-    def build(self, length: float) -> InitialField:
-        """The source; the length is that of the bar, m."""
-        return InitialField(**self.model_dump(exclude={"kind"}))
-
-
-TABLES: dict[str, type[Table]] = {
-    "ricker": RickerTable,
-    "gaussian-derivative": GaussianDerivativeTable,
-    "tone-burst": ToneBurstTable,
-    "chirp": ChirpTable,
-    "recorded": RecordedTable,
-    "initial": InitialTable,
-}
 
 
 def _kind(given: Any) -> str:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import re
 
+from wavesim.material.medium import PARAMETERS
+
 # By key; where the tables give one key two meanings the unit is the same.
 UNITS = (
     dict.fromkeys(
-        ("length", "spacing", "absorber", "from", "to", "position", "width", "branch_length",
-         "particle_radius"), "m",
+        ("length", "spacing", "absorber", "from", "to", "position", "width"), "m"
     )
     | dict.fromkeys(("duration", "step", "delay", "start", "times", "stiffness_damping"), "s")
     | dict.fromkeys(("peak_frequency", "frequency", "low", "high", "quality_band"), "Hz")
-    | dict.fromkeys(("G_n_a", "G_n_r", "G_n_g"), "N·m")
     | dict.fromkeys(("k_min", "k_max"), "rad/m")
-    | {
-        "contact_density": "1/m³", "density": "kg/m³", "rotation_inertia": "m²",
-        "curvature_inertia": "m⁴", "mass_damping": "1/s",
-    }
+    | {"mass_damping": "1/s"}
+    | {name: known.unit for name, known in PARAMETERS.items() if known.unit}
 )  # fmt: skip
 _FACTORS = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9},

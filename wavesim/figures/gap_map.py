@@ -10,23 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from wavesim.material.medium import Medium
+from wavesim.material.medium import PARAMETERS, Medium
 from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
 from wavesim.planewave.gap_map import GapMap
 
-_LABELS = {
-    "anisotropy": "anisotropy a",
-    "stiffness_ratio": "stiffness ratio η",
-    "branch_length": "branch length l (m)",
-    "particle_radius": "particle radius R (m)",
-    "contact_density": "contact density $N_p$ (1/m³)",
-    "density": "density ρ (kg/m³)",
-    "G_n_a": "$G_n^a$ (N·m)",
-    "G_n_r": "$G_n^r$ (N·m)",
-    "G_n_g": "$G_n^g$ (N·m)",
-    "rotation_inertia": "β (m²)",
-    "curvature_inertia": "γ (m⁴)",
-}
+
+def _label(name: str) -> str:
+    """A parameter of a medium beside an axis."""
+    known = PARAMETERS[name]
+    words = "" if name.startswith("G_") else name.replace("_", " ") + " "
+    symbol = f"${known.symbol}$" if "_" in known.symbol else known.symbol
+    return f"{words}{symbol}" + (f" ({known.unit})" if known.unit else "")
 
 
 def gap_map_figure(gaps: GapMap) -> Figure:
@@ -55,9 +49,9 @@ def gap_map_figure(gaps: GapMap) -> Figure:
         title = "widest full gap" if name == "full" else name
         axes.set_title(title, fontsize=10)
     for axes in panels[-1]:
-        axes.set_xlabel(_LABELS[gaps.x])
+        axes.set_xlabel(_label(gaps.x))
     for axes in panels[:, 0]:
-        axes.set_ylabel(_LABELS[gaps.y])
+        axes.set_ylabel(_label(gaps.y))
     figure.suptitle(f"closure {gaps.medium.closure}", fontsize=10)
     return figure
 

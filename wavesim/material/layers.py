@@ -78,13 +78,10 @@ class Layer:
             return self.medium
         s = min(max((position - self.start) / self.thickness, 0.0), 1.0)
         w = s**3 * (10 - 15 * s + 6 * s**2) if self.grading == "smooth" else s
-        # β and γ stand for defaults where None: grade what they stand for.
-        ends: list[dict[str, Any]] = [
-            {name: getattr(medium, name) for name in PARAMETERS}
-            | {"rotation_inertia": medium.beta, "curvature_inertia": medium.gamma}
-            for medium in (self.medium, self.last)
-        ]
-        values = {name: (1 - w) * ends[0][name] + w * ends[1][name] for name in PARAMETERS}
+        first, last = self.medium.parameters, self.last.parameters
+        values: dict[str, Any] = {
+            name: (1 - w) * first[name] + w * last[name] for name in PARAMETERS
+        }
         return dataclasses.replace(self.medium, **values)
 
 

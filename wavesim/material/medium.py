@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import numbers
-from dataclasses import dataclass, fields
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
 from wavesim.material.damping import UNDAMPED, Damping
 
@@ -18,25 +18,41 @@ SpectralClosure = Literal["printed", "consistent", "appendix_c"]
 
 CLOSURES: tuple[str, ...] = ("printed", "consistent")  # those with wave equations
 SPECTRAL_CLOSURES: tuple[str, ...] = (*CLOSURES, "appendix_c")
+_NEGATIVE_CONTACTS = "the contact density is negative in some direction outside it"
+_NEGATIVE_STIFFNESS = "a tangential stiffness can't be negative"
 
-# Admissible ranges. Outside −1 ≤ a ≤ 2 the contact density ξ(n) is negative in some direction
-# (Eq. 18); outside η ≥ 0, or with a stiffness, length or inertia that is not positive, the
-# deformation energy or the kinetic energy is not positive.
-_BOUNDS: dict[str, tuple[float, float, str]] = {
-    "anisotropy": (-1.0, 2.0, "the contact density is negative in some direction outside it"),
-    "stiffness_ratio": (0.0, math.inf, "a tangential stiffness can't be negative"),
-}
-_POSITIVE = (
-    "branch_length",
-    "particle_radius",
-    "contact_density",
-    "density",
-    "G_n_a",
-    "G_n_r",
-    "rotation_inertia",
-    "curvature_inertia",
-)
-_NOT_NEGATIVE = ("G_n_g",)
+
+@dataclass(frozen=True)
+class Parameter:
+    """What is said once of a parameter of a medium.
+
+    Attributes:
+        symbol: the paper's, such as "G_n^a".
+        unit: SI, "" for none.
+        low, high: the admissible range.
+        open: whether low itself is outside it.
+        why: what is wrong outside it.
+    """
+
+    symbol: str
+    unit: str
+    low: float = 0.0
+    high: float = math.inf
+    open: bool = True
+    why: str = ""
+
+    @property
+    def allowed(self) -> str:
+        """The range in words."""
+        if math.isfinite(self.high):
+            text = f"between {self.low:g} and {self.high:g}"
+        else:
+            text = f"greater than {self.low:g}" if self.open else f"{self.low:g} or greater"
+        return f"{text} ({self.why})" if self.why else text
+
+    def admits(self, value: float) -> bool:
+        """Whether a value is in the range."""
+        return self.low < value <= self.high or (value == self.low and not self.open)
 
 
 @dataclass(frozen=True)
@@ -68,18 +84,20 @@ class Medium:
         ValueError: a parameter is outside its admissible range; the message names it.
     """
 
-    anisotropy: Any = 0.0
-    stiffness_ratio: Any = 0.5
-    branch_length: Any = 1e-3
-    particle_radius: Any = 5e-4
-    contact_density: Any = 1e9
-    density: Any = 1570.0
-    G_n_a: Any = 5.0
-    G_n_r: Any = 5.0
-    G_n_g: Any = 1.25e-11
+    # Outside −1 ≤ a ≤ 2 ξ(n) of Eq. (18) is negative somewhere; outside the other ranges the energy
+    # of deformation, or of motion, is not positive.
+    anisotropy: Annotated[Any, Parameter("a", "", -1.0, 2.0, False, _NEGATIVE_CONTACTS)] = 0.0
+    stiffness_ratio: Annotated[Any, Parameter("η", "", open=False, why=_NEGATIVE_STIFFNESS)] = 0.5
+    branch_length: Annotated[Any, Parameter("l", "m")] = 1e-3
+    particle_radius: Annotated[Any, Parameter("R", "m")] = 5e-4
+    contact_density: Annotated[Any, Parameter("N_p", "1/m³")] = 1e9
+    density: Annotated[Any, Parameter("ρ", "kg/m³")] = 1570.0
+    G_n_a: Annotated[Any, Parameter("G_n^a", "N·m")] = 5.0
+    G_n_r: Annotated[Any, Parameter("G_n^r", "N·m")] = 5.0
+    G_n_g: Annotated[Any, Parameter("G_n^g", "N·m", open=False)] = 1.25e-11
     closure: SpectralClosure = "printed"
-    rotation_inertia: Any = None
-    curvature_inertia: Any = None
+    rotation_inertia: Annotated[Any, Parameter("β", "m²")] = None
+    curvature_inertia: Annotated[Any, Parameter("γ", "m⁴")] = None
     damping: Damping = UNDAMPED
 
     def __post_init__(self) -> None:
@@ -106,6 +124,12 @@ class Medium:
         return self.curvature_inertia
 
     @property
+    def parameters(self) -> dict[str, Any]:
+        """Every parameter by name, β and γ as they are where they are left to follow from R."""
+        given = {name: getattr(self, name) for name in PARAMETERS}
+        return given | {"rotation_inertia": self.beta, "curvature_inertia": self.gamma}
+
+    @property
     def conserves_energy(self) -> bool:
         """Whether its equations conserve energy, losses apart: all closures do where a = 0."""
         return self.closure == "consistent" or bool(self.anisotropy == 0)
@@ -121,29 +145,25 @@ class Medium:
         return (4 * math.pi * self.density * self.particle_radius**5 / (3 * self.G_n_a)) ** 0.5
 
 
-PARAMETERS: tuple[str, ...] = tuple(
-    f.name for f in fields(Medium) if f.name not in ("closure", "damping")
-)
+PARAMETERS: dict[str, Parameter] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(Medium, include_extras=True).items()
+    if get_origin(hint) is Annotated
+}
+"""What the case file, gap maps and fits know of the parameters of a medium, by name."""
 
 
 def check_parameter(name: str, value: float) -> None:
     """Hold one parameter of the medium to its admissible range.
 
     Args:
-        name: a field of :class:`Medium` other than closure.
-        value: its value, in that field's unit.
+        name: one of PARAMETERS.
+        value: its value, in that parameter's unit.
 
     Raises:
         ValueError: the value is not finite or not admissible.
     """
     if not math.isfinite(value):
         raise ValueError(f"{name} = {value}: must be finite")
-    if name in _POSITIVE and value <= 0:
-        raise ValueError(f"{name} = {value:g}: must be greater than 0")
-    if name in _NOT_NEGATIVE and value < 0:
-        raise ValueError(f"{name} = {value:g}: must be 0 or greater")
-    if name in _BOUNDS:
-        low, high, why = _BOUNDS[name]
-        if not low <= value <= high:
-            allowed = f"between {low:g} and {high:g}" if math.isfinite(high) else f"≥ {low:g}"
-            raise ValueError(f"{name} = {value:g}: must be {allowed} ({why})")
+    if not PARAMETERS[name].admits(value):
+        raise ValueError(f"{name} = {value:g}: must be {PARAMETERS[name].allowed}")

@@ -21,13 +21,6 @@ from wavesim.planewave.dispersion_relation import (
 )
 
 
-def _parameters(medium: Medium) -> dict[str, Any]:
-    values = dataclasses.asdict(medium)
-    values["rotation_inertia"] = float(medium.beta)
-    values["curvature_inertia"] = float(medium.gamma)
-    return values
-
-
 def default_k_max(medium: Medium) -> float:
     """Largest wavenumber that is shown unless another is asked for: k̄ = 1, 2π/l, rad/m."""
     return 2 * math.pi / float(medium.branch_length)
@@ -72,7 +65,7 @@ def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> di
         for sector in SECTORS
     }
     return {
-        "medium": _parameters(medium),
+        "medium": dataclasses.asdict(medium) | medium.parameters,
         "units": {
             "omega_bar_per_omega": float(medium.time_scale),
             "k_bar_per_k": float(medium.length_scale) / (2 * math.pi),

@@ -1,12 +1,20 @@
 """Sources: signals in time and in frequency, by kind. Jax goes through, but is not needed."""
 
-from wavesim.sources.bursts import Chirp, ToneBurst
-from wavesim.sources.excitation import excitation, excited_band
+from wavesim.sources.chirp import Chirp
+from wavesim.sources.gaussian_derivative import GaussianDerivative
 from wavesim.sources.initial_field import InitialField
 from wavesim.sources.recorded_signal import Recorded
-from wavesim.sources.ricker import GaussianDerivative, Ricker
+from wavesim.sources.ricker import Ricker
 from wavesim.sources.signal_file import read_csv
-from wavesim.sources.source import EXCITED, Drive, Source, parameters
+from wavesim.sources.source import (
+    EXCITED,
+    Drive,
+    Source,
+    excitation,
+    excited_band,
+    parameters,
+)
+from wavesim.sources.tone_burst import ToneBurst
 
 __all__ = [
     "EXCITED",

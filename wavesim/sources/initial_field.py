@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from wavesim.sources.source import Drive, Source, check_place, namespace
+from wavesim.sources.source import (
+    IN_BAND,
+    Drive,
+    Extent,
+    Source,
+    check_place,
+    check_positive,
+    namespace,
+)
 
 
 @dataclass(frozen=True)
@@ -29,6 +37,8 @@ class InitialField(Source):
         ValueError: a value is not admissible; the message names it.
     """
 
+    kind: ClassVar[str] = "initial"
+
     field: str
     position: float
     width: float
@@ -37,13 +47,17 @@ class InitialField(Source):
 
     def __post_init__(self) -> None:
         check_place(self, ("initial",))
-        if not (self.width > 0 and math.isfinite(self.width)):
-            raise ValueError(f"width = {self.width:g} m: must be > 0")
+        check_positive(self, ("width", "m"))
 
     @property
-    def kind(self) -> str:
-        """initial."""
-        return "initial"
+    def span(self) -> tuple[float, float, float]:
+        """0 s throughout: it acts no more."""
+        return 0.0, 0.0, 0.0
+
+    @property
+    def extent(self) -> Extent:
+        """All frequencies."""
+        return Extent(math.inf, math.inf, math.inf, (0.0, math.inf))
 
     @property
     def peak_frequency(self) -> float:
@@ -51,44 +65,9 @@ class InitialField(Source):
         return math.inf
 
     @property
-    def peak_time(self) -> float:
-        """0 s."""
-        return 0.0
-
-    @property
-    def onset(self) -> float:
-        """0 s."""
-        return 0.0
-
-    @property
-    def end(self) -> float:
-        """0 s: it acts no more."""
-        return 0.0
-
-    @property
-    def band(self) -> float:
-        """Infinite."""
-        return math.inf
-
-    @property
-    def excited(self) -> tuple[float, float]:
-        """All frequencies."""
-        return 0.0, math.inf
-
-    @property
-    def spectral_end(self) -> float:
-        """Infinite."""
-        return math.inf
-
-    @property
-    def strongest(self) -> float:
-        """Infinite."""
-        return math.inf
-
-    @property
     def highest_wavenumber(self) -> float:
         """Wavenumber above which exp(−k²w²/2) is below 3 %, rad/m."""
-        return math.sqrt(2 * math.log(1 / 0.03)) / self.width
+        return math.sqrt(2 * math.log(1 / IN_BAND)) / self.width
 
     def signal(self, t: Any) -> Any:
         """0: there is no signal."""

@@ -6,16 +6,21 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.sources.signal_file import check_samples
-from wavesim.sources.source import Drive, Extent, Source, check_place, extent, namespace
-
-# Products of frequencies and samples held at a time.
-_AT_ONCE = 2**20
+from wavesim.sources.source import (
+    Drive,
+    Extent,
+    Source,
+    check_place,
+    extent_on,
+    namespace,
+    transform,
+)
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,8 @@ class Recorded(Source):
         ValueError: a value is not admissible; the message names it.
     """
 
+    kind: ClassVar[str] = "recorded"
+
     field: str
     position: float
     times: Sequence[float]
@@ -58,11 +65,6 @@ class Recorded(Source):
             numbers = np.asarray(getattr(self, name), float).reshape(-1).tolist()
             object.__setattr__(self, name, tuple(numbers))
         check_samples(self.times, self.values)
-
-    @property
-    def kind(self) -> str:
-        """recorded."""
-        return "recorded"
 
     @property
     def interval(self) -> float:
@@ -83,53 +85,26 @@ class Recorded(Source):
         return np.asarray(solveh_banded(bands, values))
 
     @property
-    def peak_time(self) -> float:
-        """Time of its largest sample, s."""
-        return self.first + self.interval * int(np.argmax(np.abs(self.values)))
-
-    @property
-    def onset(self) -> float:
-        """Two samples before the first, s."""
-        return self.first - 2 * self.interval
-
-    @property
-    def end(self) -> float:
-        """Two samples after the last, s."""
-        return self.first + (len(self.values) + 1) * self.interval
+    def span(self) -> tuple[float, float, float]:
+        """Two samples before the first, the largest sample, two samples after the last, s."""
+        places = np.array([-2, np.argmax(np.abs(self.values)), len(self.values) + 1])
+        onset, peak, end = (self.first + self.interval * places).tolist()
+        return onset, peak, end
 
     @functools.cached_property
-    def _extent(self) -> Extent:
+    def extent(self) -> Extent:
+        """Read off its spectrum; its third derivative jumps at the samples."""
         # Above twice Nyquist the images are below (2/3π)⁴ of what lies as far above it.
         size = 8 * len(self.values)
         turns = np.arange(2 * size + 1) / size  # ωΔ/2π
         period = np.abs(np.fft.fft(self._coefficients, size))
         values = self.interval * np.sinc(turns) ** 4 * np.resize(period, len(turns))
-        return extent(2 * np.pi / self.interval * turns, abs(self.amplitude) * values)
+        return extent_on(2 * np.pi / self.interval * turns, abs(self.amplitude) * values)
 
     @property
     def peak_frequency(self) -> float:
         """Where its spectrum peaks, Hz."""
-        return self._extent.peak / (2 * math.pi)
-
-    @property
-    def band(self) -> float:
-        """Angular frequency above which its spectrum is below 3 % of its peak, rad/s."""
-        return self._extent.band
-
-    @property
-    def excited(self) -> tuple[float, float]:
-        """Lowest and highest angular frequency that count as excited, rad/s."""
-        return self._extent.excited
-
-    @property
-    def spectral_end(self) -> float:
-        """Infinite: the third derivative jumps at the samples."""
-        return math.inf
-
-    @property
-    def strongest(self) -> float:
-        """Largest |spectrum|, to 1e-4 of itself."""
-        return self._extent.strongest
+        return self.extent.peak / (2 * math.pi)
 
     def signal(self, t: Any) -> Any:
         """amplitude · s(t); see :meth:`Source.signal`."""
@@ -153,14 +128,6 @@ class Recorded(Source):
 
     def spectrum(self, omega: Any) -> Any:
         """Δ sinc⁴(ωΔ/2) Σ_j c_j e^{iωt_j}, exactly that of the curve; see Source.spectrum."""
-        omega = np.asarray(omega)
-        flat = omega.reshape(-1)
         t = self.first + self.interval * np.arange(len(self.values))
-        rows = max(1, _AT_ONCE // len(t))
-        parts = [
-            np.exp(1j * flat[n : n + rows, None] * t) @ self._coefficients
-            for n in range(0, len(flat), rows)
-        ]
-        total = np.concatenate([np.zeros(0, complex), *parts]).reshape(omega.shape)[()]
-        sinc = np.sinc(omega * self.interval / (2 * np.pi))
-        return self.amplitude * self.interval * sinc**4 * total
+        sinc = np.sinc(np.asarray(omega) * self.interval / (2 * np.pi))
+        return self.amplitude * self.interval * sinc**4 * transform(omega, t, self._coefficients)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import abc
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,31 @@ EXCITED = 1e-3
 # The band of a source ends where its spectrum falls below this part of its peak for good.
 IN_BAND = 0.03
 
+# Points of the grid on which an extent is read off, in 2π/T.
+_TO_A_BIN = 16
+# Products of frequencies and times held at a time.
+_AT_ONCE = 2**20
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Where a spectrum is; a source says each of these of itself, by the same name or nearly so.
+
+    Attributes:
+        peak: ω of its largest value, rad/s.
+        strongest: that value, unit of the amplitude times s.
+        band: where it falls below 3 % of that for good, rad/s.
+        excited: lowest and highest ω at which it is 1e-3 of that, rad/s.
+        end: from where on it is rounding, rad/s; infinite where a derivative of the signal jumps,
+            as the spectrum then falls as a power of ω.
+    """
+
+    peak: float
+    strongest: float
+    band: float
+    excited: tuple[float, float]
+    end: float = math.inf
+
 
 class Source(abc.ABC):
     """A source: amplitude · s(t) on one field at one place.
@@ -36,8 +62,12 @@ class Source(abc.ABC):
     - "rotation": the rotation φ_i of a fixed end, rad; position is that of the end;
     - "initial": none; the field itself at t = 0, see ``InitialField``.
 
-    Every kind is a frozen dataclass and hashable, so that jax takes it as static.
+    Every kind is a frozen dataclass and hashable, so that jax takes it as static. It gives its
+    signal, the transform of that, and where both are: :attr:`span` and :attr:`extent`.
     """
+
+    kind: ClassVar[str]
+    """Its name in a case file."""
 
     if TYPE_CHECKING:  # fields of the dataclasses, or properties of them
 
@@ -65,49 +95,6 @@ class Source(abc.ABC):
         def peak_frequency(self) -> float:
             """The dominant frequency, Hz."""
 
-    @property
-    @abc.abstractmethod
-    def kind(self) -> str:
-        """Its name in a case file."""
-
-    @property
-    @abc.abstractmethod
-    def peak_time(self) -> float:
-        """Time of its peak, or of its middle, s."""
-
-    @property
-    @abc.abstractmethod
-    def onset(self) -> float:
-        """Time until which it is below 1e-15 of its peak, s."""
-
-    @property
-    @abc.abstractmethod
-    def end(self) -> float:
-        """Time from which on it is below 1e-15 of its peak, s."""
-
-    @property
-    @abc.abstractmethod
-    def band(self) -> float:
-        """Angular frequency above which its spectrum is below 3 % of its peak, rad/s."""
-
-    @property
-    @abc.abstractmethod
-    def excited(self) -> tuple[float, float]:
-        """Lowest and highest angular frequency that count as excited, rad/s."""
-
-    @property
-    @abc.abstractmethod
-    def spectral_end(self) -> float:
-        """Angular frequency from which on its spectrum is rounding, rad/s.
-
-        Infinite where a derivative of the signal jumps: its spectrum then falls as a power of ω.
-        """
-
-    @property
-    @abc.abstractmethod
-    def strongest(self) -> float:
-        """Largest |spectrum| at real ω, unit of the amplitude times s."""
-
     @abc.abstractmethod
     def signal(self, t: Any) -> Any:
         """amplitude · s(t).
@@ -129,6 +116,51 @@ class Source(abc.ABC):
         Returns:
             Shape of omega, complex, unit of the amplitude times s.
         """
+
+    @property
+    @abc.abstractmethod
+    def span(self) -> tuple[float, float, float]:
+        """Onset, peak (or middle) and end, s: before and after it is below 1e-15 of its peak."""
+
+    @property
+    @abc.abstractmethod
+    def extent(self) -> Extent:
+        """Where its spectrum is."""
+
+    @property
+    def onset(self) -> float:
+        """Time until which it is below 1e-15 of its peak, s."""
+        return self.span[0]
+
+    @property
+    def peak_time(self) -> float:
+        """Time of its peak, or of its middle, s."""
+        return self.span[1]
+
+    @property
+    def end(self) -> float:
+        """Time from which on it is below 1e-15 of its peak, s."""
+        return self.span[2]
+
+    @property
+    def band(self) -> float:
+        """Angular frequency above which its spectrum is below 3 % of its peak, rad/s."""
+        return self.extent.band
+
+    @property
+    def excited(self) -> tuple[float, float]:
+        """Lowest and highest angular frequency that count as excited, rad/s."""
+        return self.extent.excited
+
+    @property
+    def spectral_end(self) -> float:
+        """Angular frequency from which on its spectrum is rounding, rad/s; see :class:`Extent`."""
+        return self.extent.end
+
+    @property
+    def strongest(self) -> float:
+        """Largest |spectrum| at real ω, unit of the amplitude times s."""
+        return self.extent.strongest
 
     @property
     def staggered(self) -> bool:
@@ -165,13 +197,6 @@ def check_place(source: Source, drives: tuple[str, ...] = SIGNAL_DRIVES) -> None
             )
 
 
-def parameters(source: Source) -> dict[str, Any]:
-    """Every parameter of a source by name, with times in place of None."""
-    values = {f.name: getattr(source, f.name) for f in dataclasses.fields(cast(Any, source))}
-    settled = {"delay": source.peak_time, "start": getattr(source, "first", None)}
-    return values | {name: settled[name] for name in settled if values.get(name, 0) is None}
-
-
 def check_positive(source: Source, *units: tuple[str, str]) -> None:
     """Hold parameters to what is finite and greater than 0.
 
@@ -188,29 +213,54 @@ def check_positive(source: Source, *units: tuple[str, str]) -> None:
             raise ValueError(f"{name} = {value:g} {unit}: must be > 0")
 
 
+def check_start(start: float) -> None:
+    """Hold the time at which a source begins to 0 or later.
+
+    Raises:
+        ValueError: it is earlier, or not finite.
+    """
+    if not (start >= 0 and math.isfinite(start)):
+        raise ValueError(f"start = {start:g} s: must be 0 or greater")
+
+
+def parameters(source: Source) -> dict[str, Any]:
+    """Every parameter of a source by name, with times in place of None."""
+    values = {f.name: getattr(source, f.name) for f in dataclasses.fields(cast(Any, source))}
+    settled = {"delay": source.peak_time, "start": getattr(source, "first", None)}
+    return values | {name: settled[name] for name in settled if values.get(name, 0) is None}
+
+
 def namespace(t: Any) -> Any:
     """numpy or jax.numpy, after the array; numpy for a plain number."""
     return t.__array_namespace__() if hasattr(t, "__array_namespace__") else np
 
 
-@dataclass(frozen=True)
-class Extent:
-    """Where a spectrum is, read off its size on a grid of frequencies.
+def transform(omega: Any, t: NDArray[Any], values: NDArray[Any]) -> Any:
+    """Σ_j v_j e^{iωt_j}, shape of omega.
 
-    Attributes:
-        peak: ω of its largest value, rad/s.
-        strongest: that value.
-        band: the first point of the grid above which it stays below 3 % of that, rad/s.
-        excited: the first and last point between which it is above 1e-3 of that, rad/s.
+    Args:
+        omega: angular frequencies, real or complex, any shape, rad/s.
+        t, values: t_j, s, and v_j, shape (n,).
     """
+    flat = np.asarray(omega).reshape(-1)
+    rows = max(1, _AT_ONCE // len(t))
+    parts = [np.exp(1j * flat[n : n + rows, None] * t) @ values for n in range(0, len(flat), rows)]
+    return np.concatenate([np.zeros(0, complex), *parts]).reshape(np.shape(omega))[()]
 
-    peak: float
-    strongest: float
-    band: float
-    excited: tuple[float, float]
+
+def extent_to(source: Source, bins: float) -> Extent:
+    """The extent of a source of finite duration T, read off its spectrum on a grid of π/8T.
+
+    Args:
+        source: of any kind.
+        bins: where its spectrum stays below 1e-3 of its peak, in 2π/T.
+    """
+    turns = np.arange(math.ceil(bins * _TO_A_BIN)) / _TO_A_BIN
+    omega = np.asarray(2 * math.pi / (source.end - source.onset) * turns, float)
+    return extent_on(omega, np.abs(source.spectrum(omega)))
 
 
-def extent(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
+def extent_on(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
     """Read the extent off a grid; the largest value by a parabola through three points.
 
     Args:
@@ -234,3 +284,32 @@ def extent(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
         float(omega[min(in_band[-1] + 1, last)]),
         (float(omega[max(heard[0] - 1, 0)]), float(omega[min(heard[-1] + 1, last)])),
     )
+
+
+def excitation(sources: Sequence[Source], omega: Any, k: Any = 0.0) -> Any:
+    """Spectrum |s(ω)| of the strongest source at each frequency, relative to its own peak.
+
+    An initial field excites all frequencies and, in wavenumber, exp(−k²w²/2).
+
+    Args:
+        sources: at least one.
+        omega: angular frequencies, any shape, rad/s.
+        k: wavenumbers, of a shape that goes with omega, rad/m; felt by initial fields alone.
+
+    Returns:
+        Shape of omega, 0 to 1.
+    """
+    omega = np.asarray(omega)
+    parts = [
+        np.exp(-((np.asarray(k) * source.width) ** 2) / 2) * np.ones(omega.shape)
+        if source.drive == "initial"
+        else np.abs(source.spectrum(omega)) / source.strongest
+        for source in sources
+    ]
+    return np.max(parts, axis=0)
+
+
+def excited_band(sources: Sequence[Source]) -> tuple[float, float]:
+    """Lowest and highest angular frequency that count as excited, rad/s; see EXCITED."""
+    bands = [source.excited for source in sources]
+    return min(low for low, _ in bands), max(high for _, high in bands)

@@ -30,7 +30,6 @@ from wavesim.records.relations import OfMedium
 
 Float = NDArray[Any]
 
-_BOUNDS = {"anisotropy": (-1.0, 2.0)}
 # Rounds of naming the points' branches anew by the parameters found.
 _ROUNDS = 6
 
@@ -108,9 +107,9 @@ def fit(
         raise FitError(
             f"parameters = {', '.join(unknown) or 'none'}: must be of {', '.join(PARAMETERS)}"
         )
-    limits = dict(_BOUNDS) | dict(bounds or {})
-    low = np.array([limits.get(name, (0.0, np.inf))[0] for name in parameters])
-    high = np.array([limits.get(name, (0.0, np.inf))[1] for name in parameters])
+    limits = {name: (known.low, known.high) for name, known in PARAMETERS.items()}
+    limits |= dict(bounds or {})
+    low, high = np.array([limits[name] for name in parameters]).T
     first = np.array([float(getattr(start, name)) for name in parameters])
     unit = np.where(np.abs(first) > 0, np.abs(first), 1.0)
     kept = [replace(o, points=o.points.take(o.points.valid)) for o in observed]

@@ -31,7 +31,9 @@ from wavesim.timedomain.absorber import absorption
 # The scheme needs double precision.
 jax.config.update("jax_enable_x64", True)
 # A medium is a pytree: jax.grad and jax.vmap go through its parameters.
-jax.tree_util.register_dataclass(Medium, data_fields=PARAMETERS, meta_fields=("closure", "damping"))
+jax.tree_util.register_dataclass(
+    Medium, data_fields=tuple(PARAMETERS), meta_fields=("closure", "damping")
+)
 
 _SAMPLES = 12
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.sectors import Block
 from wavesim.simulation.field import Field
-from wavesim.sources import Source
+from wavesim.sources import Source, excitation, excited_band
 
 # A frequency is judged where a source has this part of its peak spectrum.
 JUDGED = 0.01
@@ -40,11 +40,9 @@ def contour(
     Returns:
         ω, shape (n,), and σ, rad/s; the largest |spectrum| of a source over its own peak at each ω.
     """
-    bands = [source.excited for source in sources]
-    top = min(max(high for _, high in bands), _NYQUIST * np.pi / field.interval)
-    omega = np.linspace(min(low for low, _ in bands), top, frequencies)
-    size = np.max([np.abs(source.spectrum(omega)) / source.strongest for source in sources], axis=0)
-    return omega, damping / float(field.t[-1]), size
+    low, high = excited_band(sources)
+    omega = np.linspace(low, min(high, _NYQUIST * np.pi / field.interval), frequencies)
+    return omega, damping / float(field.t[-1]), excitation(sources, omega)
 
 
 def line(omega: NDArray[Any], sigma: float) -> NDArray[Any]:

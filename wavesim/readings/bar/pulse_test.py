@@ -21,7 +21,7 @@ from wavesim.readings.bar.excited_band import JUDGED, pulses
 from wavesim.readings.pulse.measurement import PulseResult, measure
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
 from wavesim.simulation.field import Field
-from wavesim.sources import Source
+from wavesim.sources import Source, excitation
 
 _MOST_RECEIVERS = 20
 _TAPER = 0.15
@@ -120,8 +120,7 @@ def _driven(sources: Sequence[Source], field: Field) -> NDArray[Any]:
     """Frequencies at which a source has 1 % of its peak spectrum, rad/s."""
     top = min(max(source.excited[1] for source in sources), 0.9 * np.pi / field.interval)
     omega = np.linspace(0, top, 20 * _FREQUENCIES)[1:]
-    size = np.max([np.abs(s.spectrum(omega)) / s.strongest for s in sources], axis=0)
-    heard = np.flatnonzero(size >= JUDGED)
+    heard = np.flatnonzero(excitation(sources, omega) >= JUDGED)
     return np.linspace(omega[heard[0]], omega[heard[-1]], _FREQUENCIES)
 
 

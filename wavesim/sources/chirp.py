@@ -1,0 +1,120 @@
+"""A linear sweep, as a signal generator makes it."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from wavesim.sources.source import (
+    Drive,
+    Extent,
+    Source,
+    check_place,
+    check_positive,
+    check_start,
+    extent_to,
+    namespace,
+    transform,
+)
+
+# Bins from its last frequency on in which its spectrum falls, without those that its taper adds.
+_BINS = 16
+# Gauss nodes to a panel, and the phase that a panel may hold, rad.
+_NODES, _PHASE = 32, 25.0
+
+
+@dataclass(frozen=True)
+class Chirp(Source):
+    """A linear sweep, s(t) = w(τ) sin(2π(f₁τ + (f₂ − f₁)τ²/2T)), 0 ≤ τ = t − start ≤ T.
+
+    w rises from 0 to 1 over the first part of it as x⁴(35 − 84x + 70x² − 20x³), which has three
+    continuous derivatives, and falls so over the last.
+
+    Args:
+        field: the field it drives, phi1 … B33.
+        position: x_s, m.
+        low, high: f₁ and f₂, first and last frequency, Hz, 0 < f₁ < f₂.
+        duration: T, s, at least one period of the lowest frequency.
+        taper: part of the duration over which it rises, and falls, –, 0.01 to 0.5.
+        amplitude: of the drive: N·m/m² on a rotation, N on a micro-curvature, rad for "rotation".
+        width: standard deviation of a Gaussian in x, m; 0 is a point.
+        start: when it begins, s, ≥ 0.
+        drive: "body", "moment" or "rotation"; see :class:`Source`.
+
+    Raises:
+        ValueError: a value is not admissible; the message names it.
+    """
+
+    kind: ClassVar[str] = "chirp"
+
+    field: str
+    position: float
+    low: float
+    high: float
+    duration: float
+    taper: float = 0.1
+    amplitude: float = 1.0
+    width: float = 0.0
+    start: float = 0.0
+    drive: Drive = "body"
+
+    def __post_init__(self) -> None:
+        check_place(self)
+        check_start(self.start)
+        check_positive(self, ("low", "Hz"), ("high", "Hz"), ("duration", "s"))
+        if self.low >= self.high:
+            raise ValueError(f"low = {self.low:g} Hz: must be below high = {self.high:g} Hz")
+        if self.duration * self.low < 1:
+            raise ValueError(
+                f"duration = {self.duration:g} s: must be at least a period of low = "
+                f"{self.low:g} Hz; take {1 / self.low:.4g} s or more"
+            )
+        if not 0.01 <= self.taper <= 0.5:
+            raise ValueError(f"taper = {self.taper:g}: must be between 0.01 and 0.5")
+
+    @property
+    def span(self) -> tuple[float, float, float]:
+        """When it begins, its middle, and when it is over, s."""
+        return self.start, self.start + self.duration / 2, self.start + self.duration
+
+    @functools.cached_property
+    def extent(self) -> Extent:
+        """Read off its spectrum; its fourth derivative jumps at both ends of each taper."""
+        return extent_to(self, self.high * self.duration + _BINS + 6 / self.taper)
+
+    @property
+    def peak_frequency(self) -> float:
+        """The middle of the sweep, Hz."""
+        return (self.low + self.high) / 2
+
+    def signal(self, t: Any) -> Any:
+        """amplitude · s(t); see :meth:`Source.signal`."""
+        xp = namespace(t)
+        tau = t - self.start
+        # Distance to the nearer end, in lengths of the taper.
+        nearer = self.duration / 2 - abs(tau - self.duration / 2)
+        x = xp.clip(nearer / (self.taper * self.duration), 0.0, 1.0)
+        window = x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
+        rate = (self.high - self.low) / (2 * self.duration)
+        return self.amplitude * window * xp.sin(2 * math.pi * tau * (self.low + rate * tau))
+
+    def spectrum(self, omega: Any) -> Any:
+        """Transform by Gauss quadrature on panels, to 1e-12 of its peak; see Source.spectrum."""
+        highest = np.abs(np.real(omega)).max(initial=0.0) + 2 * math.pi * self.high
+        ramp = self.taper * self.duration
+        marks = (0.0, ramp, self.duration - ramp, self.duration)
+        edges = [
+            np.linspace(a, b, math.ceil((b - a) * highest / _PHASE) + 1)
+            for a, b in itertools.pairwise(marks)
+            if b > a
+        ]
+        panels = np.unique(np.concatenate(edges))
+        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+        half = np.diff(panels)[:, None] / 2
+        t = (self.start + panels[:-1, None] + half * (1 + nodes)).reshape(-1)
+        return transform(omega, t, self.signal(t) * (half * weights).reshape(-1))
