@@ -7,7 +7,17 @@ import dataclasses
 import matplotlib
 import numpy as np
 import pytest
-from madeup import LOSSY, PLACES, SOFT, STIFF, chain, field_of, plain_field, reading_of
+from madeup import (
+    LONGITUDINAL,
+    LOSSY,
+    PLACES,
+    SOFT,
+    STIFF,
+    chain,
+    field_of,
+    plain_field,
+    reading_of,
+)
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from wavesim.figures import bar as barfigures
@@ -19,7 +29,7 @@ from wavesim.layered.bloch import bloch
 from wavesim.layered.transmission import transmission
 from wavesim.material.layers import Layers
 from wavesim.planewave.dispersion_relation import gaps, wavenumber
-from wavesim.readings.bar.bloch import Cells, exact_folded
+from wavesim.readings.bar.bloch import Cells, repeated_stretch
 from wavesim.readings.bar.excited_band import line
 from wavesim.readings.bar.transmission import Scattered, exact_scattering
 from wavesim.sources import Ricker
@@ -70,8 +80,10 @@ def test_line_of_transmission_is_that_of_the_exact_solver():
     """By the exact solver on the whole bar, its planes moved to the faces: to 1e-9."""
     omega = 2 * np.pi * np.linspace(2e5, 9e5, 20)
     sigma = 1e5
+    fine = line(omega, sigma)
+    T, R = exact_scattering(SLAB, "longitudinal", fine + 1j * sigma)
     found = Scattered(
-        "longitudinal", omega, sigma, *(np.full(20, 0.5 + 0j),) * 4, np.ones(20, bool)
+        "longitudinal", omega, sigma, *(np.full(20, 0.5 + 0j),) * 4, np.ones(20, bool), (fine, T, R)
     )
     figure = drawn(barfigures.transmission, slab_field(), found)
     lines = {one.get_label(): one for one in figure.axes[0].lines}
@@ -82,7 +94,6 @@ def test_line_of_transmission_is_that_of_the_exact_solver():
     k = wavenumber(STIFF, "longitudinal", s)
     there = np.exp(-1j * k * 0.02)
     np.testing.assert_allclose(10 ** (level / 20), np.abs(whole.T * there**2), rtol=1e-9)
-    T, R = exact_scattering(SLAB, "longitudinal", s)
     np.testing.assert_allclose(T, whole.T * there**2, rtol=1e-7)
     np.testing.assert_allclose(R, whole.R * there**2, rtol=1e-7)
     level = lines["R, exact"].get_ydata()
@@ -97,23 +108,27 @@ def test_line_of_bloch_waves_is_dense():
         (0.02, STIFF), *((0.0015, SOFT), (0.0015, STIFF)) * 4, (0.0015, SOFT), (0.02, STIFF)
     )
     field = dataclasses.replace(slab_field(), layers=stack)
-    omega = 2 * np.pi * np.linspace(2e5, 9e5, 20)
+    known = repeated_stretch(field, LONGITUDINAL, 20, 18.0)
+    fine, q = known.line
     cell = Layers(tuple(chain((0.0015, SOFT), (0.0015, STIFF)).layers))
-    exact = np.cos(bloch(cell, "longitudinal", omega + 1e5j) * 3e-3)
-    q = exact_folded(stack, "longitudinal", omega + 1e5j) / 3e-3
-    # Folded: of ±q that which decays, |Re q| for Re q, so that cos qL may be the conjugate.
-    folded = np.cos(q * 3e-3)
-    np.testing.assert_allclose(folded.real, exact.real, rtol=1e-9)
-    np.testing.assert_allclose(np.abs(folded.imag), np.abs(exact.imag), rtol=1e-9)
+    for omega, cosine in ((known.omega, known.cosine), (fine, np.cos(q * 3e-3))):
+        exact = np.cos(bloch(cell, "longitudinal", omega + 1j * known.sigma) * 3e-3)
+        # Folded: of ±q that which decays, |Re q| for Re q, so that cos qL may be the conjugate.
+        np.testing.assert_allclose(cosine.real, exact.real, rtol=1e-9)
+        np.testing.assert_allclose(np.abs(cosine.imag), np.abs(exact.imag), rtol=1e-9)
     assert (q.imag >= 0).all()
-    found = Cells("longitudinal", 3e-3, omega, 1e5, q, q, exact, exact, np.ones(20, bool))
+    measured = np.interp(known.omega, fine, q)
+    found = Cells(
+        "longitudinal", 3e-3, known.omega, known.sigma, measured, measured, known.cosine,
+        known.cosine, np.ones(20, bool), known.line,
+    )  # fmt: skip
     figure = drawn(barfigures.bloch, field, found)
     for axes, part in zip(figure.axes, (np.real, np.imag), strict=True):
         line_of, points = axes.lines
-        assert len(line_of.get_xdata()) > 3 * len(omega)
-        near = np.interp(points.get_xdata(), *line_of.get_data())
-        # Linear between points a sixth of σ apart.
-        np.testing.assert_allclose(near, points.get_ydata(), atol=0.02 * np.max(points.get_ydata()))
+        assert len(line_of.get_xdata()) > 3 * len(known.omega)
+        np.testing.assert_allclose(
+            np.interp(points.get_xdata(), *line_of.get_data()), points.get_ydata(), rtol=1e-9
+        )
         assert np.ptp(part(q)) > 0
 
 

@@ -24,10 +24,10 @@ from wavesim.layered.eigenfrequencies import resonances
 from wavesim.planewave.dispersion_relation import long_wave_speed, wavenumber
 from wavesim.readings.bar import bloch as cells_module
 from wavesim.readings.bar import transmission as twowaves
-from wavesim.readings.bar.bloch import cells, repeated
-from wavesim.readings.bar.eigenfrequencies import ringing
+from wavesim.readings.bar.bloch import cells, repeated, repeated_stretch
+from wavesim.readings.bar.eigenfrequencies import audible, ringing
 from wavesim.readings.bar.pulse_test import pulse_test
-from wavesim.readings.bar.transmission import scattered
+from wavesim.readings.bar.transmission import scattered, specimen
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
 from wavesim.simulation.field import Field
 from wavesim.sources import InitialField, Ricker
@@ -89,7 +89,7 @@ def test_transmission_of_a_made_up_field(monkeypatch):
     T_made, R_made = 0.37 - 0.2j, -0.11 + 0.6j
     transforming(monkeypatch, twowaves, two_waves(SPECIMEN, T_made, R_made))
     field = field_of(SPECIMEN, buffered(SPECIMEN), [Ricker("phi1", 0.012, 3e5)])
-    found = scattered(field, LONGITUDINAL, 40, 18.0)
+    found = scattered(field, LONGITUDINAL, specimen(field, LONGITUDINAL, 40, 18.0))
     assert found.judged.sum() >= 15
     assert np.abs(found.T - T_made)[found.judged].max() <= 1e-10
     assert np.abs(found.R - R_made)[found.judged].max() <= 1e-10
@@ -103,7 +103,7 @@ def test_transmission_through_a_single_face(monkeypatch):
     layers = chain((0.03, STIFF), (0.03, SOFT))
     transforming(monkeypatch, twowaves, two_waves(layers, 0.5, 0.5))
     field = field_of(layers, buffered(layers), [Ricker("phi1", 0.012, 1e5)])
-    found = scattered(field, LONGITUDINAL, 40, 18.0)
+    found = scattered(field, LONGITUDINAL, specimen(field, LONGITUDINAL, 40, 18.0))
     assert found.judged.any()
     judged = found.judged
     assert np.abs(1 + found.R_exact - found.T_exact)[judged].max() <= 1e-5
@@ -124,7 +124,7 @@ def test_transmission_through_a_single_face(monkeypatch):
 def test_no_transmission_where_there_are_no_two_buffers(layers, ends, position):
     bar = layered_bar(layers, 1.25e-4, 8, *ends, 8e-3)
     field = field_of(layers, bar, [Ricker("phi1", position, 3e5)])
-    assert scattered(field, LONGITUDINAL, 10, 18.0) is None
+    assert specimen(field, LONGITUDINAL, 10, 18.0) is None
 
 
 # Cells that repeat
@@ -179,7 +179,8 @@ def test_bloch_wave_of_a_made_up_field(layers, ends, monkeypatch):
 
     transforming(monkeypatch, cells_module, made)
     field = field_of(layers, bar, [Ricker("phi1", 0.012, 2e5)])
-    found = cells(field, LONGITUDINAL, 30, 18.0)
+    stretch = repeated_stretch(field, LONGITUDINAL, 30, 18.0)
+    found = cells(field, LONGITUDINAL, stretch, 18.0)
     assert found.period == pytest.approx(period, rel=1e-12)
     assert found.judged.sum() >= 10
     np.testing.assert_allclose(found.cosine, np.cos(phase["qL"]), atol=1e-10)
@@ -196,7 +197,7 @@ def test_bloch_wave_of_a_made_up_field(layers, ends, monkeypatch):
 def test_no_bloch_wave_with_a_source_in_the_stack():
     layers = chain((0.03, LOSSY), *PAIRS, (0.03, LOSSY))
     field = field_of(layers, buffered(layers), [Ricker("phi1", 0.04, 2e5)])
-    assert cells(field, LONGITUDINAL, 10, 18.0) is None
+    assert repeated_stretch(field, LONGITUDINAL, 10, 18.0) is None
 
 
 # Ringing
@@ -217,7 +218,7 @@ def rung(shift, lost=(), t=None):
         if number not in lost:
             made += (size * np.cos(omega * (1 + shift) * t + phase))[:, None]
     field = field_of(layers, bar, [source], {"a": 0.003, "b": 0.011}, made, t)
-    return ringing(field, LONGITUDINAL), exact
+    return ringing(field, LONGITUDINAL, audible(field, LONGITUDINAL)), exact
 
 
 def test_eigenfrequencies_of_made_up_ringing():
@@ -250,10 +251,10 @@ def test_no_ringing_where_waves_leave_or_are_lost():
     ):
         bar = layered_bar(layers, 1.25e-4, 8, *ends, 8e-3 if "absorbing" in ends else 0)
         field = field_of(layers, bar, [Ricker("phi1", 0.012, 1e5)], {"a": 0.02})
-        assert ringing(field, LONGITUDINAL) is None
+        assert audible(field, LONGITUDINAL) is None
     layers = chain((0.03, SOFT), (0.03, STIFF))
     bar = layered_bar(layers, 1.25e-4)
-    assert ringing(field_of(layers, bar, [Ricker("phi1", 0.012, 1e5)]), LONGITUDINAL) is None
+    assert audible(field_of(layers, bar, [Ricker("phi1", 0.012, 1e5)]), LONGITUDINAL) is None
 
 
 # Pulse tests
@@ -332,7 +333,7 @@ def test_receivers_that_can_not_be_read_as_a_pulse_test():
 def test_a_bar_without_layers_has_no_reading_of_them():
     bar = Bar(480, 1.25e-4, 8, "free", "free")
     field = Field(T, {"phi1": np.zeros((len(T), 481))}, SOFT, bar, (Ricker("phi1", 0.01, 3e5),))
-    assert scattered(field, LONGITUDINAL, 4, 18.0) is None
-    assert cells(field, LONGITUDINAL, 4, 18.0) is None
-    assert ringing(field, LONGITUDINAL) is None
+    assert specimen(field, LONGITUDINAL, 4, 18.0) is None
+    assert repeated_stretch(field, LONGITUDINAL, 4, 18.0) is None
+    assert audible(field, LONGITUDINAL) is None
     assert pulse_test(field, LONGITUDINAL, {}, 18.0) is None

@@ -25,12 +25,11 @@ from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.wave_equations import ROTATIONS
 from wavesim.planewave.dispersion_relation import gaps
-from wavesim.readings.bar.bloch import Cells, exact_folded
+from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
-from wavesim.readings.bar.excited_band import line
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
-from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.verdict.bar import SIGNAL_TOLERANCE
 
@@ -80,8 +79,7 @@ def transmission(field: Field, found: Scattered) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     f, judged = found.omega * _KHZ, found.judged
     _shade(upper, field, found.sector)
-    fine = line(found.omega, found.sigma)
-    lines = exact_scattering(field.layers, found.sector, fine + 1j * found.sigma)
+    fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
     for label, value, exact, curve, colour, mark in (
         ("T", found.T, found.T_exact, lines[0], FOUND, "o"),
         ("R", found.R, found.R_exact, lines[1], _REFLECTED, "s"),
@@ -107,15 +105,13 @@ def bloch(field: Field, found: Cells) -> Figure:
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True)
     f, shown = found.omega * _KHZ, found.judged
-    assert field.layers is not None
-    fine = line(found.omega, found.sigma)
-    exact = exact_folded(field.layers, found.sector, fine + 1j * found.sigma)
+    fine, exact = found.line or (found.omega, found.q_exact)
     for axes, part, label in (
         (upper, np.real, "Re qL/π"),
         (lower, np.imag, "Im qL"),
     ):
         scale = found.period / np.pi if part is np.real else found.period
-        axes.plot(fine * _KHZ, part(exact) * scale / found.period, "-", color=THEORY, lw=0.9,
+        axes.plot(fine * _KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9,
                   label="exact")  # fmt: skip
         axes.plot(
             f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="measured", **_POINT

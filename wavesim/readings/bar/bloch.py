@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from wavesim.layered.bloch import bloch
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.sectors import Block
-from wavesim.readings.bar.excited_band import JUDGED, contour, pulses
+from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
@@ -28,6 +28,31 @@ Complex = NDArray[np.complex128]
 _FEWEST_CELLS = 4
 # Weighted against amplitudes this far below the strongest of the record's end, exp(−σT).
 _ABOVE_FLOOR = 30.0
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """A stretch of a bar that repeats, and what is known of it before any field is.
+
+    Attributes:
+        sector: of the wave.
+        period: L, m.
+        nodes: those of the stretch, its end included; step: how many to a period.
+        omega, sigma: ω and σ of the frequencies ω + iσ, shape (n,), rad/s.
+        cosine: cos(qL) of the exact solver, shape (n,).
+        driven: where the source has 1 % of its peak, shape (n,).
+        line: ω and q (folded, rad/m) on a line fine enough to be drawn.
+    """
+
+    sector: str
+    period: float
+    nodes: slice
+    step: int
+    omega: NDArray[Any]
+    sigma: float
+    cosine: Complex
+    driven: NDArray[np.bool_]
+    line: tuple[NDArray[Any], Complex]
 
 
 @dataclass(frozen=True)
@@ -42,6 +67,7 @@ class Cells:
         q_exact: of the exact solver.
         cosine, cosine_exact: cos(qL), which decides; q itself is ill-conditioned at a band edge.
         judged: where the source has 1 % of its peak and the field stands above the record's end.
+        line: ω and q of the exact solver on a line fine enough to be drawn; empty without.
     """
 
     sector: str
@@ -53,6 +79,7 @@ class Cells:
     cosine: Complex
     cosine_exact: Complex
     judged: NDArray[np.bool_]
+    line: tuple[Any, ...] = ()
 
 
 def repeated(layers: Layers) -> tuple[float, float, Layers] | None:
@@ -84,17 +111,19 @@ def _alike(one: Layer, other: Layer) -> bool:
     return same and abs(one.thickness - other.thickness) <= 1e-9 * one.thickness
 
 
-def cells(field: Field, block: Block, frequencies: int, damping: float) -> Cells | None:
-    """Measure the Bloch waves of a bar's repeated stretch.
+def repeated_stretch(
+    field: Field, block: Block, frequencies: int, damping: float
+) -> Repeated | None:
+    """What is known of a bar's repeated stretch.
 
     Args:
-        field: its sources outside that stretch.
+        field: its sources outside that stretch; no value of it is looked at.
         block: one with a rotation.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
 
     Returns:
-        What was measured; None where fewer than four cells repeat.
+        What is known; None where fewer than four cells repeat.
     """
     found = repeated(field.layers) if field.layers is not None else None
     own = pulses(field, block)
@@ -103,50 +132,54 @@ def cells(field: Field, block: Block, frequencies: int, damping: float) -> Cells
     start, end, cell = found
     if any(start <= source.position <= end for source in own):
         return None
-    period = cell.length
+    period, nodes = cell.length, field.bar.nodes
     omega, sigma, size = contour(field, own, frequencies, damping)
-    nodes = field.bar.nodes
     near = 1e-9 * period
     first, second, last = np.searchsorted(nodes, [start - near, start + period - near, end + near])
-    step = int(second - first)  # a ring has no node at its right end
+    fine, count = line(omega, sigma), len(omega)
+    q = bloch(cell, block.sector, np.concatenate([omega, fine]) + 1j * sigma)
+    cosine = np.cos(q * period)
+    return Repeated(
+        block.sector,
+        period,
+        slice(int(first), int(last)),
+        int(second - first),  # a ring has no node at its right end
+        omega,
+        sigma,
+        cosine[:count],
+        size >= JUDGED,
+        (fine, _folded(cosine[count:]) / period),
+    )
+
+
+def cells(field: Field, block: Block, known: Repeated, damping: float) -> Cells:
+    """Measure the Bloch waves of a bar's repeated stretch.
+
+    Args:
+        field: the field.
+        block: one with a rotation.
+        known: of :func:`repeated_stretch`.
+        damping: σT of the exponential window.
+    """
+    period, step = known.period, known.step
     (name,) = block.rotations[0]
-    record = field.part(name, points=slice(int(first), int(last)))
-    U = damped_transform(record, field.t, omega, sigma)
+    record = field.part(name, points=known.nodes)
+    U = damped_transform(record, field.t, known.omega, known.sigma)
     middle, sides = U[:, step:-step], U[:, 2 * step :] + U[:, : -2 * step]
     floor = _ABOVE_FLOOR * np.exp(-damping) * np.abs(U).max()
     weight = (np.abs(middle) > floor).astype(float)
     square = np.sum(weight * np.abs(middle) ** 2, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         cosine = np.sum(weight * np.conj(middle) * sides, axis=1) / square / 2
-    exact = bloch(cell, block.sector, omega + 1j * sigma)
-    judged = (size >= JUDGED) & (weight.sum(axis=1) >= 2 * step)
+    judged = known.driven & (weight.sum(axis=1) >= 2 * step)
+    q, exact = _folded(cosine) / period, _folded(known.cosine) / period
     return Cells(
-        block.sector,
-        period,
-        omega,
-        sigma,
-        _folded(cosine) / period,
-        _folded(np.cos(exact * period)) / period,
-        cosine,
-        np.cos(exact * period),
-        judged,
-    )
+        known.sector, period, known.omega, known.sigma, q, exact, cosine, known.cosine, judged,
+        known.line,
+    )  # fmt: skip
 
 
 def _folded(cosine: Complex) -> Complex:
     """Of ±qL that which decays, Im qL ≥ 0, with |Re qL| for Re qL, at most π."""
     angle = np.arccos(np.where(np.isfinite(cosine), cosine, np.nan + 0j))
     return np.where(angle.imag < 0, np.conj(angle), angle)
-
-
-def exact_folded(layers: Layers, sector: str, omega: Complex) -> Complex:
-    """qL of a bar's repeated stretch by the exact solver, folded as the measured one is.
-
-    Args:
-        layers: of the bar; four cells repeat in it.
-        sector: of the wave.
-        omega: ω + iσ, shape (n,), rad/s.
-    """
-    found = repeated(layers)
-    assert found is not None
-    return _folded(np.cos(bloch(found[2], sector, omega) * found[2].length))

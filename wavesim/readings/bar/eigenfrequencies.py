@@ -46,21 +46,44 @@ class Ringing:
     bin: float
 
 
-def ringing(field: Field, block: Block) -> Ringing | None:
-    """Measure the eigenfrequencies of a bar that no wave leaves.
+def audible(field: Field, block: Block) -> Float | None:
+    """The eigenfrequencies that stand clear of their neighbours, of a bar that no wave leaves.
 
     Args:
-        field: of a lossless bar with fixed, free or joined ends, with receivers.
+        field: of a lossless bar with fixed, free or joined ends, with receivers; no value of it is
+            looked at.
         block: one with a rotation.
 
     Returns:
-        What was measured; None where the bar is no such bar or no eigenfrequency stands clear.
+        Of the exact solver, ascending, rad/s; None where the bar is no such bar or none is clear.
     """
     layers, bar = field.layers, field.bar
     if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
         return None
-    if layers.lossy:
+    if any(layer.medium.damping for layer in layers.layers):
         return None
+    width = _resolution(field)
+    own = [source.excited for source in field.sources if source.field in block.fields]
+    low = max(min(low for low, _ in own), 2 * LOBE_BINS * width)
+    high = min(_highest(field, block), max(high for _, high in own), 0.9 * np.pi / field.interval)
+    if high <= low:
+        return None
+    exact = resonances(
+        layers, bar.left, bar.right, block.sector, (low, high), spacing=2 * LOBE_BINS * width
+    )
+    apart = np.diff(np.concatenate([[-np.inf], exact, [np.inf]]))
+    clear = exact[np.minimum(apart[:-1], apart[1:]) >= 2 * LOBE_BINS * width]
+    return clear if len(clear) else None
+
+
+def ringing(field: Field, block: Block, exact: Float) -> Ringing:
+    """Measure the eigenfrequencies of a bar that no wave leaves.
+
+    Args:
+        field: the field, with receivers.
+        block: one with a rotation.
+        exact: of :func:`audible`.
+    """
     (name,) = block.rotations[0]
     first = analysed_from(field)
     frames = len(field.t) - first
@@ -70,30 +93,23 @@ def ringing(field: Field, block: Block) -> Ringing | None:
     power = np.zeros(len(omega))
     for position in field.receivers.values():
         power += np.abs(rfft(field.at(position, name)[first:] * window, padded)) ** 2
-    width = 2 * np.pi / (frames * field.interval)
+    width = _resolution(field)
     spectrum = Spectrum(np.zeros(1), omega, (power / power.max())[None], width)
     tops, heights = peaks(spectrum, 0)
-    own = [source.excited for source in field.sources if source.field in block.fields]
-    band = max(min(low for low, _ in own), 2 * LOBE_BINS * width), _highest(field, block)
-    band = band[0], min(band[1], max(high for _, high in own), 0.9 * omega[-1])
-    if band[1] <= band[0]:
-        return None
-    exact = resonances(
-        layers, bar.left, bar.right, block.sector, band, spacing=2 * LOBE_BINS * width
-    )
-    apart = np.diff(np.concatenate([[-np.inf], exact, [np.inf]]))
-    clear = exact[np.minimum(apart[:-1], apart[1:]) >= 2 * LOBE_BINS * width]
-    found = np.full(len(clear), np.nan)
+    found = np.full(len(exact), np.nan)
     strong = tops[heights >= _LEAST**2]
-    for number, value in enumerate(clear):
+    for number, value in enumerate(exact):
         if len(strong):
             nearest = strong[np.argmin(np.abs(strong - value))]
             if abs(nearest - value) <= _NEAR * width:
                 found[number] = nearest
-    if not len(clear):
-        return None
     level = np.sqrt(spectrum.power[0])
-    return Ringing(block.sector, clear, found, omega, level, width)
+    return Ringing(block.sector, exact, found, omega, level, width)
+
+
+def _resolution(field: Field) -> float:
+    """2π/T of the frames that are looked at, rad/s."""
+    return 2 * np.pi / ((len(field.t) - analysed_from(field)) * field.interval)
 
 
 def _highest(field: Field, block: Block) -> float:

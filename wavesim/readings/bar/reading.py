@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from wavesim.layered.signals import signals
 from wavesim.material.wave_equations import UNITS
-from wavesim.readings.bar.bloch import Cells, cells
-from wavesim.readings.bar.eigenfrequencies import Ringing, ringing
+from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
+from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
-from wavesim.readings.bar.transmission import Scattered, scattered
+from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, specimen
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -52,7 +52,7 @@ class Reading:
         for group, members in parts:
             for member in members:
                 for name, value in vars(member).items():
-                    if name != "sector":
+                    if name not in ("sector", "line"):
                         path = f"{group}/{member.sector}/{name}"
                         found[path] = np.asarray(value), _UNITS.get(name, "–")
         for test in self.pulses:
@@ -74,45 +74,84 @@ _UNITS = dict.fromkeys(("omega", "sigma", "exact", "found", "bin"), "rad/s") | {
 }
 
 
-def read_bar(field: Field, frequencies: int = 120, damping: float = 18.0) -> Reading:
+@dataclass(frozen=True)
+class Expected:
+    """What the exact solvers say of a bar before anything is simulated.
+
+    Attributes:
+        signals: {receiver: {field: signal (nt,)}}, rad and 1/m; none inside an absorber, which is
+            no part of the bar that it ends.
+        specimens, repeated, eigenfrequencies: by sector, of those that have them.
+    """
+
+    signals: dict[str, dict[str, Float]]
+    specimens: dict[str, Specimen]
+    repeated: dict[str, Repeated]
+    eigenfrequencies: dict[str, Float]
+
+
+def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Expected:
+    """What is to be expected of a field; no value of it is looked at, so that it may be to come.
+
+    Args:
+        field: of a bar with layers, ends or both.
+        frequencies: number of frequencies of spectra.
+        damping: σT of exponential windows.
+    """
+    layers, bar = field.layers, field.bar
+    assert layers is not None
+    low, high = bar.clear
+    seen = {name: x for name, x in field.receivers.items() if low <= x <= high}
+    exact: dict[str, dict[str, Float]] = {}
+    if seen:
+        exact = signals(layers, bar.left, bar.right, field.sources, seen, field.t)
+    found = Expected(exact, {}, {}, {})
+    for block in (block for block in field.blocks if block.rotations):
+        if (between := specimen(field, block, frequencies, damping)) is not None:
+            found.specimens[block.sector] = between
+        if (stretch := repeated_stretch(field, block, frequencies, damping)) is not None:
+            found.repeated[block.sector] = stretch
+        if (clear := audible(field, block)) is not None:
+            found.eigenfrequencies[block.sector] = clear
+    return found
+
+
+def read_bar(
+    field: Field,
+    frequencies: int = 120,
+    damping: float = 18.0,
+    known: Expected | None = None,
+) -> Reading:
     """Measure a field of a bar with layers, ends or both.
 
     Args:
         field: the field, with receivers.
         frequencies: number of frequencies of spectra.
         damping: σT of exponential windows.
+        known: of :func:`expected`, for the same numbers; worked out where None.
 
     Returns:
         The reading.
     """
-    layers, bar = field.layers, field.bar
-    assert layers is not None
-    # An absorber is no part of the bar that it ends: receivers inside have no counterpart.
-    low, high = bar.clear
-    seen = {name: x for name, x in field.receivers.items() if low <= x <= high}
-    exact: dict[str, dict[str, Float]] = {}
-    if seen:
-        exact = signals(layers, bar.left, bar.right, field.sources, seen, field.t)
+    known = known or expected(field, frequencies, damping)
+    exact = known.signals
     error = {
         name: {
-            key: float(np.abs(field.at(seen[name], key) - value).max() / _peak(value))
+            key: float(np.abs(field.at(field.receivers[name], key) - value).max() / _peak(value))
             for key, value in own.items()
         }
         for name, own in exact.items()
     }
-    blocks = [block for block in field.blocks if block.rotations]
-    kept: tuple[list[Any], ...] = ([], [], [], [])
-    for block in blocks:
-        found = (
-            scattered(field, block, frequencies, damping),
-            cells(field, block, frequencies, damping),
-            ringing(field, block),
-            pulse_test(field, block, exact, damping) if exact else None,
-        )
-        for part, value in zip(kept, found, strict=True):
-            if value is not None:
-                part.append(value)
-    return Reading(exact, error, *(tuple(part) for part in kept))
+    of = {block.sector: block for block in field.blocks if block.rotations}
+    pulses = [pulse_test(field, block, exact, damping) for block in of.values() if exact]
+    return Reading(
+        exact,
+        error,
+        tuple(scattered(field, of[name], one) for name, one in known.specimens.items()),
+        tuple(cells(field, of[name], one, damping) for name, one in known.repeated.items()),
+        tuple(ringing(field, of[name], one) for name, one in known.eigenfrequencies.items()),
+        tuple(test for test in pulses if test is not None),
+    )
 
 
 def _peak(values: Float) -> float:

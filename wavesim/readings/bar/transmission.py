@@ -17,7 +17,7 @@ from wavesim.layered.transmission import transmission
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.sectors import Block
 from wavesim.planewave.dispersion_relation import wavenumber
-from wavesim.readings.bar.excited_band import JUDGED, contour, pulses
+from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
@@ -26,6 +26,36 @@ Complex = NDArray[np.complex128]
 # Branch lengths that a fit keeps away from a source, a face and an absorber.
 _AWAY = 2.0
 _FEWEST_NODES = 8
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """What lies between two buffers, and what is known of it before any field is.
+
+    Attributes:
+        sector: of the wave.
+        before, behind: nodes of the buffers that are looked at.
+        faces: where the first buffer ends and the last begins, m.
+        k: the buffers' wavenumbers at ω + iσ, shape (n,) each, rad/m.
+        omega: real part of the frequencies, shape (n,), rad/s.
+        sigma: their imaginary part σ, rad/s.
+        T, R: of the exact solver at ω + iσ, at the faces, shape (n,).
+        judged: where the source has more than 1 % of its peak spectrum and the wave in the buffers
+            propagates, shape (n,).
+        line: ω, T and R once more on a line fine enough to be drawn.
+    """
+
+    sector: str
+    before: slice
+    behind: slice
+    faces: tuple[float, float]
+    k: tuple[Complex, Complex]
+    omega: NDArray[Any]
+    sigma: float
+    T: Complex
+    R: Complex
+    judged: NDArray[np.bool_]
+    line: tuple[NDArray[Any], Complex, Complex]
 
 
 @dataclass(frozen=True)
@@ -38,8 +68,8 @@ class Scattered:
         sigma: their imaginary part σ, rad/s.
         T, R: measured amplitude ratios of φ, at the specimen's faces, shape (n,).
         T_exact, R_exact: the same of the exact solver at ω + iσ.
-        judged: where the source has more than 1 % of its peak spectrum and the wave in the buffers
-            propagates, shape (n,).
+        judged: where they count, see :class:`Specimen`.
+        line: ω, T and R of the exact solver on a line fine enough to be drawn; empty without.
     """
 
     sector: str
@@ -50,6 +80,7 @@ class Scattered:
     T_exact: Complex
     R_exact: Complex
     judged: NDArray[np.bool_]
+    line: tuple[Any, ...] = ()
 
 
 def _amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
@@ -72,17 +103,18 @@ def _stretch(field: Field, low: float, high: float) -> slice | None:
     return slice(int(first), int(last)) if last - first >= _FEWEST_NODES else None
 
 
-def scattered(field: Field, block: Block, frequencies: int, damping: float) -> Scattered | None:
-    """Measure a specimen between buffers, the first and the last layer of a bar.
+def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Specimen | None:
+    """What is known of a specimen between buffers, the first and the last layer of a bar.
 
     Args:
-        field: of a bar with two absorbing ends and two layers or more, its sources in the first.
+        field: of a bar with two absorbing ends and two layers or more, its sources in the first;
+            no value of it is looked at.
         block: one with a rotation.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
 
     Returns:
-        What was measured; None where the bar is no such bar, or its buffers are too short.
+        What is known; None where the bar is no such bar, or its buffers are too short.
     """
     layers, bar = field.layers, field.bar
     if layers is None or (bar.left, bar.right) != ("absorbing", "absorbing"):
@@ -100,25 +132,43 @@ def scattered(field: Field, block: Block, frequencies: int, damping: float) -> S
     if before is None or behind is None or source_end < low:
         return None
     omega, sigma, size = contour(field, own, frequencies, damping)
-    s = omega + 1j * sigma
-    (name,) = block.rotations[0]
-    k = [wavenumber(layer.medium, block.sector, s) for layer in (first, last)]
-    ends = []
-    for nodes, face, wave in ((before, first.end, k[0]), (behind, last.start, k[1])):
-        transform = damped_transform(field.part(name, points=nodes), field.t, omega, sigma)
-        ends.append(_amplitudes(transform, bar.nodes[nodes] - face, wave))
-    (a, b), (c, _) = ends
-    exact = exact_scattering(layers, block.sector, s)
+    s, fine = omega + 1j * sigma, line(omega, sigma)
+    k = tuple(wavenumber(layer.medium, block.sector, s) for layer in (first, last))
     carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
-    return Scattered(
+    T, R = exact_scattering(layers, block.sector, np.concatenate([s, fine + 1j * sigma]))
+    count = len(omega)
+    return Specimen(
         block.sector,
+        before,
+        behind,
+        (first.end, last.start),
+        (k[0], k[1]),
         omega,
         sigma,
-        c / a,
-        b / a,
-        *exact,
+        T[:count],
+        R[:count],
         (size >= JUDGED) & carried,
+        (fine, T[count:], R[count:]),
     )
+
+
+def scattered(field: Field, block: Block, known: Specimen) -> Scattered:
+    """Measure what a specimen lets through and sends back.
+
+    Args:
+        field: of a bar with a specimen.
+        block: one with a rotation.
+        known: of :func:`specimen`.
+    """
+    omega, sigma = known.omega, known.sigma
+    (name,) = block.rotations[0]
+    ends = []
+    for nodes, face, wave in zip((known.before, known.behind), known.faces, known.k, strict=True):
+        transform = damped_transform(field.part(name, points=nodes), field.t, omega, sigma)
+        ends.append(_amplitudes(transform, field.bar.nodes[nodes] - face, wave))
+    (a, b), (c, _) = ends
+    exact = known.T, known.R, known.judged, known.line
+    return Scattered(known.sector, omega, sigma, c / a, b / a, *exact)
 
 
 def exact_scattering(layers: Layers, sector: str, omega: Complex) -> tuple[Complex, Complex]:
