@@ -1,11 +1,28 @@
-"""Strict settings for every test: double precision, no silent promotion of types."""
+"""Strict settings for every test, and the costly runs that tests and workers share."""
 
-import jax
-import pytest
+import os
+from functools import cache
+from pathlib import Path
+
+WORKER = os.environ.get("PYTEST_XDIST_WORKER")
+if WORKER:  # a core is a worker's share
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("EQX_ON_ERROR", "nan")  # as a run has it, so that compiled functions are kept
+
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "allow")
+
+
+def pytest_addoption(parser, pluginmanager):
+    """Without pytest-xdist its options, which stand in pyproject.toml, are without effect."""
+    if not pluginmanager.hasplugin("xdist"):
+        for option in ("--numprocesses", "--maxprocesses", "--dist"):
+            parser.addoption(option, help="ignored: pytest-xdist is not loaded")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -17,9 +34,65 @@ def forgotten():
 
 @pytest.fixture
 def rng():
-    import numpy as np
-
     return np.random.default_rng(6129)
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory) -> Path:
+    """A folder that all workers see."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if WORKER else own) / "shared"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled(shared):
+    """What is compiled is kept for all workers and processes of this session, and no longer."""
+    kept = {"compilation_cache_dir": f"{shared}/jax", "persistent_cache_min_compile_time_secs": 0.1}
+    for name, value in kept.items():
+        jax.config.update(f"jax_{name}", value)
+        os.environ[f"JAX_{name.upper()}"] = str(value)
+
+
+@pytest.fixture(scope="session")
+def shipped(shared):
+    """Runs of the shipped cases, by name."""
+    from runs import shipped
+
+    return cache(lambda name: shipped(name, shared))
+
+
+CLOSURES = {"printed": "bandgap_pulse", "consistent": "consistent"}
+
+
+@pytest.fixture(scope="session")
+def simulated(shipped):
+    """Fields of the shipped case of a closure: all twelve waves on the default grid."""
+    return lambda closure: shipped(CLOSURES[closure]).field
+
+
+@pytest.fixture(scope="session")
+def recovered(simulated, shared):
+    """Of such a field [(block, record, points up to k̄ = 1)], by closure and method."""
+    from known import unit
+    from runs import once
+
+    from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+    from wavesim.records.of_field import block_record
+
+    @cache
+    def found(closure, method="harmonic"):
+        field = simulated(closure)
+        records = [(block, block_record(field, block)) for block in field.blocks]
+        highest = unit(field.medium)
+        points = once(
+            shared / f"points_{closure}_{method}.pickle",
+            lambda: [in_time(record, highest, method) for _, record in records],
+        )
+        return [(*pair, of) for pair, of in zip(records, points, strict=True)]
+
+    return found
 
 
 SMALL = """\
@@ -66,15 +139,11 @@ def small_case(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def small_run(small_case, tmp_path_factory):
-    """That case run whole: (problem, outcome, field)."""
-    from wavesim import runner
-    from wavesim.case.problem import load
-    from wavesim.io import result_reader as resultfile
+def small_run(small_case, shared):
+    """That case run whole."""
+    from runs import run
 
-    problem = load(small_case)
-    outcome = runner.run(problem, tmp_path_factory.mktemp("small"))
-    return problem, outcome, resultfile.read(outcome.folder / "result.h5", problem)
+    return run(small_case, shared)
 
 
 @pytest.fixture(scope="session")
@@ -83,5 +152,5 @@ def small_held(small_run):
     from wavesim.readings.dispersion.extract import extract
     from wavesim.verdict.endless import hold
 
-    problem, _, field = small_run
-    return [hold(field, m, problem.k_range) for m in extract(field, problem.k_range[1])]
+    field, k_range = small_run.field, small_run.problem.k_range
+    return [hold(field, m, k_range) for m in extract(field, k_range[1])]

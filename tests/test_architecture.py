@@ -1,172 +1,196 @@
-"""Imports run one way. What each module may lean on is read off its text, not off a run."""
+"""Rooms and who leans on whom: imports run one way. Read off the modules' text, not off a run."""
 
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parent.parent / "wavesim"
-PATHS = {path.stem: path for path in sorted(PACKAGE.rglob("*.py")) if path.stem != "__init__"}
-MODULES = list(PATHS)
-ROOMS = {"wavesim", *(f"wavesim.{room.parent.name}" for room in PACKAGE.glob("*/__init__.py"))}
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "wavesim"
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
+# Each room leans on rooms of the floors below it; on one of its own floor if that does not lean
+# back.
+FLOORS = (
+    {"material"},
+    {"grid", "planewave", "sources"},
+    {"layered"},
+    {"simulation"},
+    {"case", "timedomain", "io"},
+    {"records"},
+    {"readings"},
+    {"studies", "verdict"},
+    {"figures"},
+    {"report", "paper"},
+    {"runner"},
+    {"cli"},
+)
+FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+JAX = {"jax", "diffrax", "equinox"}
 
-# What the spectral solver shares with the time domain ends here; it must never see a grid.
-GRID_AND_TIME = {
-    "bar", "stencils", "closures", "operator", "forcing", "response", "steppers", "propagator",
-    "kernels", "timestep", "plan", "integration", "field", "zones", "pieces", "pushes", "layered",
-    "barequation", "barseries", "barwork", "expansion", "within", "ends", "group", "generator",
-    "assembly", "program",
-}  # fmt: skip
-# Modules that must load without jax, so that a case is checked and bands are drawn at once.
-WITHOUT_JAX = {
-    "medium", "tensors", "equations", "sectors", "eigenproblem", "planewave", "bar", "stencils",
-    "closures", "source", "field", "case", "casemessages", "problem", "plan", "timestep",
-    "dispersion", "transmission", "analysis", "verdict", "report", "bands", "storage", "zones",
-}  # fmt: skip
 
-
+@cache
 def imports(name):
-    """Every module that a module imports, anywhere in its text: (wavesim modules, others)."""
+    """What a module imports, anywhere in its text: (modules of wavesim, other packages)."""
     own, others = set(), set()
-    for node in ast.walk(ast.parse(PATHS[name].read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name}: relative import"
-            found = [node.module]
-            if node.module in ROOMS:
-                found = [f"{node.module}.{alias.name}" for alias in node.names]
+            inside = [f"{node.module}.{alias.name}" for alias in node.names]
+            found = [full if full in MODULES else node.module for full in inside]
         else:
             continue
         for full in found:
-            root, _, rest = full.partition(".")
-            if root == "wavesim":
-                own.add(rest.rpartition(".")[2])
+            if full.partition(".")[0] == "wavesim":
+                own.add(full)
             else:
-                others.add(root)
-    return own & set(MODULES), others
+                others.add(full.partition(".")[0])
+    return own & set(MODULES) - {name}, others
 
 
-GRAPH = {name: imports(name) for name in MODULES}
-
-
-def reached(name, seen=None):
+@cache
+def reached(name):
     """All modules of wavesim that one leans on, directly or not."""
-    seen = set() if seen is None else seen
-    for other in GRAPH[name][0] - seen:
-        seen.add(other)
-        reached(other, seen)
-    return seen
+    found, left = set(), [name]
+    while left:
+        new = imports(left.pop())[0] - found
+        found |= new
+        left += new
+    return found
 
 
-def importers(package):
-    return {name for name in MODULES if package in GRAPH[name][1]}
+def room(name):
+    """wavesim.grid.bar is of the room grid."""
+    return name.split(".")[1] if "." in name else ""
+
+
+def modules(*rooms):
+    """Names of all modules of some rooms."""
+    return [name for name in MODULES if room(name) in rooms]
+
+
+@cache
+def below(name):
+    """Rooms that a room leans on."""
+    return {room(other) for one in modules(name) for other in imports(one)[0]} - {name, ""}
+
+
+def importers(*packages):
+    """Rooms that import one of some packages."""
+    return {room(name) for name in MODULES if set(packages) & imports(name)[1]}
 
 
 def test_the_package_is_read():
-    assert len(MODULES) > 25
-    assert "integration" in GRAPH["runner"][0]
-    assert "jax" in GRAPH["integration"][1]
+    assert len(MODULES) > 60
+    assert "timedomain" in below("runner")
+    assert "wavesim.material.medium" in reached("wavesim.runner")
+    assert "timedomain" in importers("jax")
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_no_module_leans_on_itself(name):
-    assert name not in reached(name)
+def test_there_are_few_rooms_and_each_has_its_floor():
+    """At most twenty at the top, files and folders counted alike."""
+    top = {path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or path.is_dir()}
+    top -= {"__init__", "__pycache__"}
+    assert len(top) <= 20
+    assert top == set(FLOOR)
+    # The front of the package names modules in text alone.
+    assert imports("wavesim")[0] == set()
 
 
-def test_only_storage_knows_hdf5():
-    """Two modules write result.h5, contents and chunks. The reader of any file is another."""
-    assert importers("h5py") == {"storage", "gathering", "resultfile"}
-    assert "storage" in importers("h5py")
+@pytest.mark.parametrize("name", FLOOR)
+def test_no_import_goes_up(name):
+    above = [other for other in below(name) if FLOOR[other] > FLOOR[name]]
+    assert above == []
 
 
-def test_only_figures_know_matplotlib():
-    for name in importers("matplotlib"):
-        drawing = ("figure", "axes", "drawing", "reproduction")
-        assert any(part in name for part in drawing), name
-    assert "figures" in importers("matplotlib")
+def test_rooms_make_no_circle_and_at_most_ten_levels():
+    levels = {}
+
+    def level(name, on_the_way=()):
+        assert name not in on_the_way, " → ".join([*on_the_way, name])
+        if name not in levels:
+            way = (*on_the_way, name)
+            levels[name] = 1 + max((level(other, way) for other in below(name)), default=0)
+        return levels[name]
+
+    assert max(level(name) for name in FLOOR) <= 10
 
 
-def test_only_the_terminal_knows_rich_and_click():
-    commands = {name for name in MODULES if name.endswith("cli")}
-    assert importers("click") <= {*commands, "terminal"}
-    assert importers("rich") <= {*commands, "terminal", "report", "progress"}
+def test_no_module_leans_on_itself():
+    assert [name for name in MODULES if name in reached(name)] == []
 
 
-def test_only_case_files_know_pydantic():
-    assert importers("pydantic") <= {
-        "case", "casemessages", "casetable", "casemedia", "casesources"
-    }  # fmt: skip
+@pytest.mark.parametrize("side", ["planewave", "layered"])
+def test_exact_solvers_know_no_grid_and_no_time(side):
+    """Verdicts are worth something because the two routes share the material alone, and no jax."""
+    judges = ["wavesim.paper.claims", "wavesim.paper.findings"] if side == "planewave" else []
+    for name in modules(side) + judges:
+        rooms = {room(other) for other in reached(name)} - {"paper"}
+        assert rooms <= {"material", "sources", "planewave", "layered"}, name
+        assert not JAX & set().union(*(imports(other)[1] for other in {name, *reached(name)})), name
 
 
-def test_nothing_imports_the_commands():
-    for name in MODULES:
-        if not name.endswith("cli"):
-            assert not [other for other in GRAPH[name][0] if other.endswith("cli")], name
+def test_time_domain_knows_no_exact_solver():
+    """And the other way round: no dispersion relation, nor what the grid makes of one."""
+    for name in modules("timedomain"):
+        leans = {room(other) for other in imports(name)[0]}
+        assert leans <= {"material", "grid", "sources", "simulation", "timedomain"}, name
+        assert "modified_wavenumber" not in MODULES[name].read_text(encoding="utf-8"), name
 
 
-def spectral_side():
-    """planewave, and all that it leans on."""
-    return {"planewave", *reached("planewave")}
-
-
-def test_spectral_solver_knows_no_grid():
-    """The check is worth something because the two routes share only the medium."""
-    side = spectral_side()
-    assert {"medium", "sectors", "eigenproblem"} <= side
-    assert not side & GRID_AND_TIME
-    for name in side:
-        assert not {"jax", "diffrax", "equinox"} & GRAPH[name][1], name
-    for name in ("bands", "bandfigure"):
-        assert not reached(name) & GRID_AND_TIME
-
-
-def test_exact_bars_know_no_grid():
-    """Nor does the route that layered, damped, finite bars are held against."""
-    side = {"layeredwave", *reached("layeredwave")}
-    assert {"layers", "damping", "synthesis", "star"} <= side
-    assert not side & GRID_AND_TIME
-    for name in side:
-        assert not {"jax", "diffrax", "equinox"} & GRAPH[name][1], name
-
-
-def test_time_domain_knows_no_spectral_solver():
-    """And the other way round: operator, sources and steppers use no dispersion relation."""
-    for name in ("operator", "forcing", "response", "steppers", "stencils", "bar", "timestep"):
-        assert not reached(name) & {"planewave", "eigenproblem", "evanescent", "bandedges"}, name
-
-
-def test_measurement_knows_no_dispersion_relation():
+def test_readings_of_waves_know_no_theory():
     """What is measured is measured; the theory enters in the verdict."""
-    for name in ("dispersion", "transmission", "analysis", "field"):
-        assert not reached(name) & {
-            "planewave",
-            "eigenproblem",
-            "evanescent",
-            "bandedges",
-            "verdict",
-        }
+    for name in MODULES:
+        if name.startswith(("wavesim.readings.dispersion", "wavesim.readings.pulse")):
+            leans = {room(other) for other in imports(name)[0]}
+            assert leans <= {"material", "sources", "simulation", "records", "readings"}, name
 
 
-def test_only_one_module_integrates():
+@pytest.mark.parametrize(
+    ("packages", "rooms"),
+    [
+        (("h5py",), {"io"}),
+        (("matplotlib",), {"figures", "paper", "report"}),
+        (("click", "rich"), {"cli", "report"}),
+        (("pydantic",), {"case"}),
+        (("diffrax", "equinox"), {"timedomain"}),
+        (("jax",), {"timedomain", "studies", "runner"}),
+    ],
+    ids=lambda given: " ".join(sorted(given)),
+)
+def test_a_package_is_known_to_few_rooms(packages, rooms):
+    assert importers(*packages) <= rooms
+
+
+def test_one_module_integrates():
     """diffrax.diffeqsolve is called in one place."""
     calls = {
         name
-        for name in MODULES
-        for node in ast.walk(ast.parse(PATHS[name].read_text(encoding="utf-8")))
+        for name, path in MODULES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Attribute | ast.Name)
         and getattr(node, "attr", getattr(node, "id", "")) == "diffeqsolve"
     }
-    assert calls == {"program"}
+    assert len(calls) == 1
+    assert {room(name) for name in calls} == {"timedomain"}
 
 
-@pytest.mark.parametrize("name", sorted(WITHOUT_JAX))
-def test_text_names_no_jax(name):
-    """Neither the module nor anything that it leans on imports jax, not even inside a function."""
-    for other in {name, *reached(name)}:
-        assert not {"jax", "diffrax", "equinox"} & GRAPH[other][1], f"{name} through {other}"
+LIGHT = set(FLOOR) - {"timedomain", "studies", "runner", "cli"}
+
+
+@pytest.mark.parametrize("name", sorted(LIGHT))
+def test_light_rooms_lean_on_no_jax(name):
+    """So that a case is checked, bands drawn and a record read at once: not even in a function."""
+    for own in modules(name):
+        for other in {own, *reached(own)}:
+            assert not JAX & imports(other)[1], f"{own} through {other}"
 
 
 def loaded(program, *arguments):
@@ -184,23 +208,24 @@ COMMAND = (
     "import sys\nfrom wavesim.cli.main import main\n"
     "try: main(sys.argv[1:])\nexcept SystemExit as stop: assert not stop.code, stop.code"
 )
+CASE = str(ROOT / "cases" / "isotropic.toml")
 
 
 @pytest.mark.parametrize(
     ("program", "arguments", "absent"),
     [
         ("import wavesim", (), {*HEAVY, "numpy", "scipy"}),
-        ("import wavesim.case.problem", (), {*HEAVY, "h5py", "rich"}),
+        ("import wavesim as ws; ws.load", (), {*HEAVY, "h5py", "rich"}),
         ("import wavesim as ws; ws.planewave; ws.Medium; ws.Bar", (), {*HEAVY, "h5py"}),
+        ("import wavesim.paper.claims, wavesim.planewave.gap_map", (), {*HEAVY, "h5py"}),
         ("import wavesim.io.result_writer", (), HEAVY),
         (COMMAND, ("--help",), {*HEAVY, "numpy", "h5py", "pydantic"}),
-        (COMMAND, ("check", "cases/bandgap_pulse.toml"), {*HEAVY, "h5py"}),
-        (COMMAND, ("bands", "cases/isotropic.toml", "--json"), {*HEAVY, "h5py"}),
+        (COMMAND, ("check", CASE), {*HEAVY, "h5py"}),
+        (COMMAND, ("bands", CASE, "--json"), {*HEAVY, "h5py"}),
     ],
-    ids=["wavesim", "problem", "names", "storage", "help", "check", "bands"],
+    ids=["wavesim", "load", "names", "claims", "io", "help", "check", "bands"],
 )
 def test_light_things_load_nothing_heavy(program, arguments, absent):
-    arguments = [str(PACKAGE.parent / a) if a.endswith(".toml") else a for a in arguments]
     found = loaded(program, *arguments)
     assert "wavesim" in found
     assert not found & absent

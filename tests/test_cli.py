@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from runs import call
 
 from wavesim import planewave, runner
 from wavesim.cli import main as cli
@@ -19,13 +19,6 @@ from wavesim.cli.main import main
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import SECTORS
 from wavesim.timedomain import integration
-
-CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.toml"))
-
-
-def call(*arguments):
-    """Run a command in this process; an exception that is not an exit fails the test."""
-    return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def wavesim(*arguments, **options):
@@ -88,28 +81,31 @@ def test_override_is_laid_over(tiny):
     assert "[bar] order = 3: must be one of 2, 4" in result.stderr
 
 
-def test_run_that_passes_gives_0(small_case, small_run, monkeypatch):
+def test_run_that_passes_gives_0(small_run):
     """The verdict on the terminal: every check, in one line each, and where the results are."""
-    _, outcome, _ = small_run
-    monkeypatch.setattr(runner, "run", lambda *arguments: outcome)
-    result = call("run", small_case)
-    assert outcome.passed
-    assert result.exit_code == 0
-    assert result.stderr == ""
-    lines = result.stdout.splitlines()
-    for check in outcome.summary["checks"]:
+    assert (small_run.exit_code, small_run.stderr) == (0, "")
+    assert small_run.summary["passed"]
+    lines = small_run.stdout.splitlines()
+    for check in small_run.summary["checks"]:
         (line,) = [line for line in lines if check["name"] in line]
         assert line.rstrip().endswith("pass")
-    count = len(outcome.summary["checks"])
+    count = len(small_run.summary["checks"])
     assert any(f"{count} of {count} checks passed" in line for line in lines)
-    assert f"Results in {Path('outputs') / 'small'}" in result.stdout
+    assert f"Resultsin{small_run.folder}" in "".join(small_run.stdout.split())
 
 
-def test_quiet_run_prints_nothing(small_case, small_run, monkeypatch):
-    _, outcome, _ = small_run
-    monkeypatch.setattr(runner, "run", lambda *arguments: outcome)
+def test_quiet_run_prints_nothing_and_goes_to_outputs(small_case, small_run, monkeypatch):
+    """Without --out the results go to outputs/ and the case's name."""
+    asked = []
+
+    def run(problem, folder, *rest):
+        asked.append(folder)
+        return runner.Outcome(small_run.summary, folder, [])
+
+    monkeypatch.setattr(runner, "run", run)
     result = call("run", small_case, "--quiet")
     assert (result.exit_code, result.output) == (0, "")
+    assert asked == [Path("outputs") / "small"]
 
 
 def test_run_whose_check_falls_short_gives_1(tiny, tmp_path):
@@ -203,23 +199,6 @@ def test_wrong_usage_gives_2():
         result = call(*arguments)
         assert result.exit_code == 2
         assert "Usage: " in result.stderr
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
-def test_check_says_what_can_be_said_before_integrating(case):
-    """Shipped cases give no warning; the numbers printed are those of the settled plan."""
-    from wavesim.case.problem import load
-
-    result = call("check", case)
-    assert result.exit_code == 0
-    assert result.stderr == ""
-    plan = load(case).plan
-    assert f"{plan.bar.cells} cells" in result.stdout
-    assert f"{plan.schedule.steps} steps" in result.stdout
-    low, high = planewave.gaps(plan.medium, "longitudinal")[0].lower, 2e3 * np.pi
-    assert f"{low / high:.2f}" in result.stdout
-    for name in ("RLB1", "RLB2", "RTB1", "RTB2", "RSB"):
-        assert name in result.stdout
 
 
 def test_check_warns_and_gives_1_where_frames_alias(tiny):

@@ -27,7 +27,7 @@ TO_KHZ = 1 / (2e3 * np.pi)
 @pytest.fixture(scope="module")
 def drawn(small_run, small_held):
     """Every figure of the small run, by name, laid out but not written."""
-    _, _, field = small_run
+    field = small_run.field
     with matplotlib.rc_context(style.STYLE):
         made = {
             "spacetime": fieldfigures.spacetime(field),
@@ -67,8 +67,7 @@ def gaps_in_khz(medium, sector):
 
 def test_every_figure_is_written(small_run):
     """Those of the run itself, at the size that was asked for, none of them blank."""
-    _, outcome, _ = small_run
-    files = sorted(p.name for p in (outcome.folder / "figures").iterdir())
+    files = sorted(p.name for p in (small_run.folder / "figures").iterdir())
     assert files == [
         "attenuation_longitudinal.png",
         "dispersion_inplane.png",
@@ -78,7 +77,7 @@ def test_every_figure_is_written(small_run):
         "spacetime.png",
     ]
     for name in files:
-        content = (outcome.folder / "figures" / name).read_bytes()
+        content = (small_run.folder / "figures" / name).read_bytes()
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         width, height = struct.unpack(">II", content[16:24])
         assert 700 <= width <= 2000
@@ -104,7 +103,7 @@ def test_every_figure_is_written(small_run):
 )
 def test_scaled_axis_stands_opposite_the_si_one(drawn, small_run, name, panel, side, label, unit):
     """The ends of the scaled axis are those of the SI axis times the unit, to rounding."""
-    medium = small_run[2].medium
+    medium = small_run.field.medium
     axes = drawn[name].axes[panel]
     other = secondary(axes)[side]
     si = axes.get_xlim() if side == "top" else axes.get_ylim()
@@ -142,7 +141,7 @@ def test_labels_stay_inside_the_figure(drawn):
 
 def test_gaps_are_shaded_at_their_frequencies(drawn, small_run):
     """Edges of the shading against the spectral solver, in kHz, to 1e-9."""
-    medium = small_run[2].medium
+    medium = small_run.field.medium
     longitudinal, inplane = gaps_in_khz(medium, "longitudinal"), gaps_in_khz(medium, "inplane")
     assert len(longitudinal) == 2
     assert len(inplane) == 1
@@ -160,7 +159,7 @@ def test_gaps_are_shaded_at_their_frequencies(drawn, small_run):
 
 
 def test_theory_and_points_are_drawn_where_they_belong(drawn, small_run, small_held):
-    medium = small_run[2].medium
+    medium = small_run.field.medium
     axes = drawn["dispersion"].axes[0]
     points = [line for line in axes.lines if line.get_marker() == "o"]
     theory = [line for line in axes.lines if line not in points]
@@ -232,7 +231,7 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
     from wavesim.readings.dispersion.extract import extract
     from wavesim.verdict.endless import hold
 
-    _, _, full = small_run
+    full = small_run.field
     made = Field(
         full.t[:8],
         {name: scale * full[name][:8] for name in full.names},
@@ -254,7 +253,7 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
 def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
     """The largest in each tile, √Σq² over the sector's components, to the last bit however much
     is read at a time, and by the plain formula over the whole record to rounding."""
-    field = small_run[2]
+    field = small_run.field
     monkeypatch.setattr(fieldfigures, "_PIXELS", (37, 41))
     whole = fieldfigures._amplitude(field, "inplane")
     monkeypatch.setattr(fieldfigures, "_AT_ONCE", 1e6)
@@ -273,7 +272,7 @@ def process(folder, field, held=None):
 
 def test_process_draws_what_this_one_would(small_run, tmp_path):
     """The same files, to the byte."""
-    _, _, field = small_run
+    field = small_run.field
     here = style.write(fieldfigures.of_field(field), tmp_path / "here")
     there = process(tmp_path / "there", field)
     assert [p.name for p in there] == [p.name for p in here]
@@ -282,7 +281,7 @@ def test_process_draws_what_this_one_would(small_run, tmp_path):
 
 
 def test_what_goes_wrong_in_the_process_is_raised_here(small_run, tmp_path):
-    _, _, field = small_run
+    field = small_run.field
     (tmp_path / "figures").write_text("in the way")
     with pytest.raises(FileExistsError):
         process(tmp_path / "figures", field)
@@ -308,7 +307,7 @@ def test_process_that_is_killed_is_told_and_leaves_no_zombie(small_run, tmp_path
     with FigureProcess() as drawing:
         os.kill(drawing._process.pid, signal.SIGKILL)
         drawing._process.wait()
-        drawing.draw(tmp_path, small_run[2])
+        drawing.draw(tmp_path, small_run.field)
         with pytest.raises(MemoryError, match="ended with code -9"):
             drawing.wait()
     with FigureProcess() as idle:

@@ -55,8 +55,8 @@ def test_slopes_against_differences(closure, block):
     assert (np.abs(slopes).max(axis=0) > 0).sum() == (4 if block.sector == "inplane" else 5)
 
 
-def test_slopes_of_complex_k_against_differences():
-    field = known.simulated("printed")
+def test_slopes_of_complex_k_against_differences(simulated):
+    field = simulated("printed")
     omega = np.linspace(0.3, 1.8, 15) / float(known.MEDIUM.time_scale)
     found = in_space(block_record(field, BLOCKS[0]), omega, component=0, clear=1e-3)
     names = ("anisotropy", "stiffness_ratio", "G_n_a")
@@ -72,10 +72,10 @@ def test_slopes_of_complex_k_against_differences():
 
 
 @pytest.mark.parametrize("closure", ["printed", "consistent"])
-def test_a_and_eta_back_from_a_simulated_field(closure):
+def test_a_and_eta_back_from_a_simulated_field(closure, simulated, recovered):
     """a and η to 1e-6 from the field of the shipped case, from a guess 0.15 off. Measured 1e-14."""
-    field = known.simulated(closure)
-    observed = [Observed(block, found, field.bar) for block, _, found in known.recovered(closure)]
+    field = simulated(closure)
+    observed = [Observed(block, found, field.bar) for block, _, found in recovered(closure)]
     start = replace(field.medium, anisotropy=field.medium.anisotropy - 0.15, stiffness_ratio=0.62)
     found = fit(observed, start, ("anisotropy", "stiffness_ratio"))
     assert abs(found.values["anisotropy"] - field.medium.anisotropy) < 1e-6

@@ -77,17 +77,17 @@ def test_channels_of_unequal_noise_are_weighed(rng):
 
 
 @pytest.mark.parametrize("closure", ["printed", "consistent"])
-def test_all_twelve_waves_of_the_shipped_case(closure):
+def test_all_twelve_waves_of_the_shipped_case(closure, simulated, recovered):
     """|Δω|/ω ≤ 1e-8 against the grid's relation, ≤ 1e-5 against the continuum up to k̄ = 0.5.
 
     Default grid (l/8, order 8), 2048 cells, T = 380 units after the pulse, k̄ 0.02 to 1, every wave
     with more than 1e-6 of the strongest amplitude at its k. Measured: 4.3e-12 and 5.7e-8 (printed,
     a = 0.25), 1.2e-12 and 6e-8 (consistent, a = 0.5); none missed, none false.
     """
-    field = known.simulated(closure)
+    field = simulated(closure)
     unit = known.unit(field.medium)
     waves = 0
-    for block, record, points in known.recovered(closure):
+    for block, record, points in recovered(closure):
         matched = match(
             points, record, block.branches, *references(field, block), (0.02 * unit, unit)
         )
@@ -107,10 +107,10 @@ def test_all_twelve_waves_of_the_shipped_case(closure):
 
 
 @pytest.fixture(scope="module")
-def noisy():
+def noisy(simulated, recovered):
     """Longitudinal waves at 13 wavenumbers, 50 seeds, with noise: what was found."""
-    field = known.simulated("printed")
-    record = known.recovered("printed")[0][1].since(field.quiet_from)
+    field = simulated("printed")
+    record = recovered("printed")[0][1].since(field.quiet_from)
     unit = known.unit(field.medium)
     k = 2 * np.pi * np.arange(1, 1025) / record.aperture
     rows = np.flatnonzero((k >= 0.02 * unit) & (k <= 0.5 * unit))[::10]
@@ -179,11 +179,11 @@ def test_a_large_record_within_its_budget():
     assert time.perf_counter() - start < 60 / 8
 
 
-def test_fft_route_sees_every_branch_to_its_own_accuracy():
+def test_fft_route_sees_every_branch_to_its_own_accuracy(simulated, recovered):
     # The plain route on the same record: peaks of a Blackman–Harris window padded twice. Its bar
     # is the window's shape error; measured median 3e-6 of ω, largest 6e-6 clear of the main lobe.
-    block, record, points = known.recovered("printed", "fft")[0]
-    field = known.simulated("printed")
+    block, record, points = recovered("printed", "fft")[0]
+    field = simulated("printed")
     unit = known.unit(field.medium)
     judged = (0.02 * unit, unit / 2)
     matched = match(points, record, block.branches, *references(field, block), judged)
@@ -192,8 +192,8 @@ def test_fft_route_sees_every_branch_to_its_own_accuracy():
     assert (np.abs(matched.omega - matched.grid) <= matched.bar)[matched.found].mean() > 0.95
 
 
-def test_a_record_needs_enough_frames_and_wavenumbers():
-    record = known.recovered("printed")[0][1]
+def test_a_record_needs_enough_frames_and_wavenumbers(recovered):
+    record = recovered("printed")[0][1]
     with pytest.raises(ValueError, match=r"at least 16 are needed"):
         record.since(record.t[-8])
     with pytest.raises(ValueError, match=r"at least 3 are needed"):

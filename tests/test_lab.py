@@ -9,25 +9,21 @@ from pathlib import Path
 import known
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from runs import SHIPPED, call
 
-from wavesim.cli.main import main
 from wavesim.readings.dispersion.points import BranchPoints, joined
 from wavesim.records.files import Layout
 from wavesim.records.of_field import references
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.verdict.recovered_points import match
 
-CASE = str(Path(__file__).parent.parent / known.CASES["printed"])
+CASE = str(SHIPPED["bandgap_pulse"])
 
 
-def call(*arguments):
-    return CliRunner().invoke(main, [str(a) for a in arguments])
-
-
-def longitudinal():
-    field = known.simulated("printed")
-    block, record, points = known.recovered("printed")[0]
+@pytest.fixture
+def longitudinal(simulated, recovered):
+    field = simulated("printed")
+    block, record, points = recovered("printed")[0]
     unit = known.unit(field.medium)
 
     def judge(given):
@@ -37,8 +33,8 @@ def longitudinal():
     return points, judge
 
 
-def test_a_branch_left_out_is_missed():
-    points, judge = longitudinal()
+def test_a_branch_left_out_is_missed(longitudinal):
+    points, judge = longitudinal
     whole = judge(points)
     assert whole.missed.sum() == 0
     without = judge(points.take(points.branch != 1))
@@ -46,8 +42,8 @@ def test_a_branch_left_out_is_missed():
     assert without.missed[:, [0, 2]].sum() == 0
 
 
-def test_a_branch_put_in_is_false():
-    points, judge = longitudinal()
+def test_a_branch_put_in_is_false(longitudinal):
+    points, judge = longitudinal
     own = points.take(points.branch == 0)
     fake = BranchPoints(**(own.__dict__ | {"omega": 1.13 * own.omega}))
     found = judge(joined([points, fake]))
@@ -166,28 +162,18 @@ def test_a_relation_of_ones_own_through_the_command(tmp_path):
     assert off[valid].max() < 1e-9
 
 
-def test_a_result_file_is_judged_against_both_references(tmp_path):
-    # A short longitudinal run of the simulator, through file and command.
-    case = tmp_path / "small.toml"
-    case.write_text(
-        '[bar]\ncells = 512\n[[sources]]\nfield = "phi1"\nposition = 0.032\n'
-        "peak_frequency = 8e5\n[time]\nduration = 4e-5\nsamples = 400\n"
-    )
-    from wavesim.case.problem import load
-    from wavesim.runner import run
-
-    run(load(case), tmp_path / "out")
-    done = call("dispersion", tmp_path / "out" / "result.h5", "--json", "--out", tmp_path / "lab")
+def test_a_result_file_is_judged_against_both_references(small_run, tmp_path):
+    done = call("dispersion", small_run.result, "--json", "--out", tmp_path)
     assert done.exit_code == 0, done.output
     names = [check["name"] for check in json.loads(done.output)["checks"]]
     assert any("against the grid" in name for name in names)
     assert any("against the continuum" in name for name in names)
-    figure = tmp_path / "lab" / "dispersion_longitudinal_residuals.png"
+    figure = tmp_path / "dispersion_longitudinal_residuals.png"
     assert figure.read_bytes()[:4] == b"\x89PNG"
 
 
-def test_every_name_of_a_block_makes_a_file_of_its_own():
-    names = [RecordOfMedium(b.name, None).label for b in known.simulated("printed").blocks]
+def test_every_name_of_a_block_makes_a_file_of_its_own(simulated):
+    names = [RecordOfMedium(b.name, None).label for b in simulated("printed").blocks]
     assert len(set(names)) == 6
     assert not set("".join(names)) & set("[]()")
     assert Layout().sources == ()

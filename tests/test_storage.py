@@ -63,8 +63,8 @@ def whole_frames(path, problem):
 
 
 def test_layout_is_the_contract(small_run):
-    problem, outcome, _ = small_run
-    with h5py.File(outcome.folder / "result.h5") as file:
+    problem, field = small_run.problem, small_run.field
+    with h5py.File(small_run.result) as file:
         attributes = dict(file.attrs)
         assert attributes["format"] == "wavesim"
         assert attributes["format_version"] == storage.FORMAT_VERSION
@@ -74,7 +74,7 @@ def test_layout_is_the_contract(small_run):
         assert attributes["created_utc"].endswith("+00:00")
         assert {"wavesim", "jax", "diffrax", "numpy"} <= set(attributes)
 
-        nt, nx = problem.plan.schedule.frames, problem.plan.bar.cells
+        nt, nx = len(field.t), field.bar.cells
         np.testing.assert_allclose(file["t"][()], np.linspace(0, 5e-5, nt), rtol=1e-14)
         np.testing.assert_allclose(file["x"][()], np.arange(nx) * 1.25e-4, rtol=1e-14)
         np.testing.assert_allclose(file["x_half"][()], (np.arange(nx) + 0.5) * 1.25e-4, rtol=1e-14)
@@ -96,7 +96,7 @@ def test_layout_is_the_contract(small_run):
         assert set(file["receivers"]) == {"near", "far"}
         for name in ("near", "far"):
             assert set(file["receivers"][name]) == {"phi1", "B11", "B22", "B33"}
-            assert file["receivers"][name].attrs["position"] == problem.receivers[name]
+            assert file["receivers"][name].attrs["position"] == field.receivers[name]
             assert file["receivers"][name]["B11"].attrs["units"] == "1/m"
         assert set(file["energy"]) == {"t", "kinetic", "potential", "work", "total"}
         total = file["energy/kinetic"][()] + file["energy/potential"][()]
@@ -115,13 +115,13 @@ def test_layout_is_the_contract(small_run):
         assert set(branches) == {"LA", "LO1", "LO2"}
         for number, name in enumerate(("LA", "LO1", "LO2")):
             k, exact = branches[name]["k"][()], branches[name]["omega_exact"][()]
-            expected = block_frequencies(problem.plan.medium, BLOCKS[0], k)[:, number]
+            expected = block_frequencies(field.medium, BLOCKS[0], k)[:, number]
             np.testing.assert_allclose(exact, expected, rtol=1e-14)
             assert branches[name]["omega"].shape == k.shape
         curve = file["attenuation/longitudinal"]
         assert curve["k"].dtype == curve["k_exact"].dtype == np.complex128
         assert curve["omega"].shape == curve["k"].shape == curve["k_exact"].shape
-    assert sorted(p.name for p in outcome.folder.iterdir()) == [
+    assert sorted(p.name for p in small_run.folder.iterdir()) == [
         "figures", "resolved.toml", "result.h5", "summary.json",
     ]  # fmt: skip
 
@@ -130,8 +130,8 @@ def test_receiver_is_the_polynomial_through_the_eight_nearest_points(small_run):
     """Bar of order 8, receiver at cell 544.8: the polynomial of degree 7 through nodes 541 to 548,
     or half-nodes 540.5 to 548.5 less the farthest, here by the barycentric formula. To rounding
     of the weights, 1e-12 of the maximum; measured 2e-15."""
-    _, outcome, field = small_run
-    with h5py.File(outcome.folder / "result.h5") as file:
+    field = small_run.field
+    with h5py.File(small_run.result) as file:
         found = {name: file[f"receivers/near/{name}"][()] for name in ("phi1", "B11")}
     for name, shift in (("phi1", 0.0), ("B11", 0.5)):
         first = int(np.floor(544.8 - shift)) - 3
@@ -314,76 +314,6 @@ def test_killed_at_any_instant_leaves_whole_frames(tmp_path, problem):
     assert len(seen) == 40
     assert all(count % 3 == 1 for count in seen)
     assert len(set(seen)) > 3
-
-
-def test_killed_run_resumes_bit_for_bit(small_case, small_run, tmp_path):
-    """SIGKILL in the middle of `wavesim run`; --resume completes it; every stored number is that
-    of the run that was not interrupted."""
-    _, outcome, _ = small_run
-    out = tmp_path / "out"
-    # The run pauses after its second chunk, so that the kill comes in the middle of it.
-    program = (
-        "import sys, time; from wavesim.io import result_writer as storage\n"
-        "from wavesim.cli.main import main\n"
-        "append = storage.Results.append\n"
-        "def slow(self, first, *rest):\n"
-        "    append(self, first, *rest)\n"
-        "    if first > 1: print('there', flush=True); time.sleep(600)\n"
-        "storage.Results.append = slow\n"
-        "main(sys.argv[1:])\n"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", program, "run", str(small_case), "--out", str(out)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout.readline() == "there\n"
-    process.kill()
-    process.communicate()
-    with (
-        h5py.File(out / "result.h5", "r") as file,
-        h5py.File(outcome.folder / "result.h5", "r") as reference,
-    ):
-        assert file.attrs["status"] == "running"
-        count = len(file["t"])
-        assert 1 < count < len(reference["t"])
-        for name, data in reference["fields"].items():
-            np.testing.assert_array_equal(file["fields"][name][()], data[:count])
-    resumed = runner.run(load(small_case), out, resume=True)
-    assert resumed.passed == outcome.passed
-    with (
-        h5py.File(out / "result.h5", "r") as file,
-        h5py.File(outcome.folder / "result.h5", "r") as reference,
-    ):
-        assert file.attrs["status"] == "complete"
-        different = []
-
-        def compare(name, item):
-            if isinstance(item, h5py.Dataset) and not name.startswith("restart/ends"):
-                same = np.array_equal(item[()], file[name][()], equal_nan=item.dtype.kind in "fc")
-                if not same:
-                    different.append(name)
-
-        reference.visititems(compare)
-        assert different == []
-    assert [c["measured"] for c in resumed.summary["checks"]] == [
-        c["measured"] for c in outcome.summary["checks"]
-    ]
-    assert not (out / "result.h5.parts").exists()
-
-    # Once complete it can be resumed again: nothing is integrated, everything measured anew.
-    again = runner.run(load(small_case), out, resume=True)
-    assert again.summary["timing"]["integrate"] == 0
-    assert again.summary["checks"] == resumed.summary["checks"]
-
-    # Another case is refused, and nothing in the folder is touched.
-    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
-    other = load(small_case, ["medium.anisotropy=0.26"])
-    with pytest.raises(runner.RunError, match="made by another case") as caught:
-        runner.run(other, out, resume=True)
-    assert not caught.value.unstable
-    assert "run without --resume, or name another folder" in str(caught.value)
-    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
 
 
 def test_resume_of_a_failed_run_is_refused(problem, tmp_path):

@@ -188,8 +188,7 @@ def test_run_agrees_with_the_spectral_solver(small_run, small_held):
     length, order 8; σT = 18. The phase error of the grid, (kh)⁸ · 4e-4 at k̄ = 0.5, is below 1e-6;
     waves that went round the ring of 128 mm, 112 mm further at up to 3 km/s, are weaker by
     exp(−13) = 2e-6 where σ = 3.6e5/s. Bar 1e-3, measured 3e-7 in RLB1 and 5e-6 in the bands."""
-    problem, _, _ = small_run
-    medium = problem.plan.medium
+    medium = small_run.field.medium
     curve = small_held[0].measured.attenuation
     exact = planewave.wavenumber(medium, "longitudinal", curve.omega + 1j * curve.sigma)
     error = np.abs(curve.k / exact - 1)
@@ -208,13 +207,13 @@ def test_damping_does_not_matter_to_the_agreement(small_run):
     """σT of 12 and of 24 see other complex frequencies, and agree there as well: to what the cut at
     the end leaves, 100 exp(−σT) = 6e-4 over the weakest point of the fit at 12, and to 1e-7 at 24.
     Measured 4.6e-4 and 5e-9."""
-    problem, _, field = small_run
-    gap = planewave.gaps(problem.plan.medium, "longitudinal")[0]
+    field = small_run.field
+    gap = planewave.gaps(field.medium, "longitudinal")[0]
     omega = np.linspace(gap.lower, gap.upper, 9)[1:-1]
     for damping, bar in ((12.0, 1e-3), (24.0, 1e-7)):
         curve = attenuation(field, LONGITUDINAL, omega, damping)
         exact = planewave.wavenumber(
-            problem.plan.medium, "longitudinal", omega + 1j * damping / field.t[-1]
+            field.medium, "longitudinal", omega + 1j * damping / field.t[-1]
         )
         assert np.abs(curve.k / exact - 1).max() <= bar
 
@@ -222,15 +221,15 @@ def test_damping_does_not_matter_to_the_agreement(small_run):
 def test_plain_fourier_ratio_is_wrong_in_a_gap(small_run):
     """Why the window is there: without it (σT = 0) the ringing of the band edges makes k inside
     RLB1 wrong by more than half. Measured 130 to 200 %."""
-    problem, _, field = small_run
-    gap = planewave.gaps(problem.plan.medium, "longitudinal")[0]
+    field = small_run.field
+    gap = planewave.gaps(field.medium, "longitudinal")[0]
     omega = np.linspace(gap.lower, gap.upper, 9)[1:-1]
     curve = attenuation(field, LONGITUDINAL, omega, 1e-9)
     transform = damped_transform(field["phi1"], field.t, omega, 0.0)
     steps = np.arange(16, 128)
     seen = transform[:, 512 + steps]
     k = np.array([wavenumber_of_decay(u, steps * 1.25e-4, 0.0) for u in seen])
-    exact = planewave.wavenumber(problem.plan.medium, "longitudinal", omega)
+    exact = planewave.wavenumber(field.medium, "longitudinal", omega)
     assert np.median(np.abs(k / exact - 1)) > 0.5
     assert np.isnan(curve.k).all()
 
@@ -238,7 +237,7 @@ def test_plain_fourier_ratio_is_wrong_in_a_gap(small_run):
 def test_record_read_in_parts_is_the_record(small_run, monkeypatch):
     """1024 columns at a time are as few as are read; the field of 1024 is doubled, so that there
     are two parts. k, the floor and the level are those of one part, to rounding: 1e-12."""
-    _, _, field = small_run
+    field = small_run.field
     bar = Bar(2048, field.bar.spacing)
     doubled = Field(
         field.t,

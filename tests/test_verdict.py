@@ -181,10 +181,9 @@ def test_gap_edges_are_the_extremes_of_the_branches():
 
 
 def test_run_passes_with_the_medium_it_was_made_with(small_run):
-    _, outcome, _ = small_run
-    failed = [c["name"] for c in outcome.summary["checks"] if not c["passed"]]
-    assert failed == []
-    names = [c["name"] for c in outcome.summary["checks"]]
+    checks = small_run.summary["checks"]
+    assert [c["name"] for c in checks if not c["passed"]] == []
+    names = [c["name"] for c in checks]
     assert any("longitudinal k in RLB1" in name for name in names)
     assert any("TSO(22-33)" in name for name in names)
 
@@ -203,11 +202,11 @@ def test_run_passes_with_the_medium_it_was_made_with(small_run):
 def test_run_fails_with_another_medium(small_run, wrong):
     """The same field held against a medium that differs in one parameter by 1 or 2 %, or in the
     closure alone: more than one kind of check falls short."""
-    problem, _, field_ = small_run
+    field_, k_range = small_run.field, small_run.problem.k_range
     other = dataclasses.replace(
         field_, medium=dataclasses.replace(field_.medium, **wrong), energy=None
     )
-    held = [hold(other, m, problem.k_range) for m in extract(other, problem.k_range[1])]
+    held = [hold(other, m, k_range) for m in extract(other, k_range[1])]
     failed = [check for check in judge(other, held) if not check.passed]
     assert any("|Δω|/ω, median" in check.name for check in failed)
     assert any("|Δk|/|k|" in check.name for check in failed)

@@ -1,0 +1,89 @@
+"""Cases run whole by the command, each once for all tests and all workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from click.testing import CliRunner, Result
+from filelock import FileLock
+
+from wavesim.case.problem import load
+from wavesim.cli.main import main
+from wavesim.io import result_reader
+
+SHIPPED = {path.stem: path for path in sorted((Path(__file__).parents[1] / "cases").glob("*.toml"))}
+
+
+def call(*arguments: object) -> Result:
+    """A command in this process; an exception that is not an exit fails the test."""
+    return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def once(path: Path, make: Callable[[], Any]) -> Any:
+    """What ``make`` gives, kept in a file for all workers: the first to ask makes it."""
+    with FileLock(path.with_suffix(".lock")):
+        if not path.exists():
+            path.write_bytes(pickle.dumps(make()))
+    return pickle.loads(path.read_bytes())
+
+
+@dataclass(frozen=True)
+class Run:
+    """A case and the folder of its results.
+
+    Attributes:
+        case: the case file.
+        folder: what ``wavesim run`` wrote.
+        exit_code, stdout, stderr: what it told.
+    """
+
+    case: Path
+    folder: Path
+    exit_code: int
+    stdout: str
+    stderr: str
+
+    @cached_property
+    def problem(self):
+        return load(self.case)
+
+    @cached_property
+    def summary(self):
+        return json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
+
+    @cached_property
+    def field(self):
+        return result_reader.read(self.result, self.problem)
+
+    @property
+    def result(self) -> Path:
+        return self.folder / "result.h5"
+
+
+def run(case: Path, shared: Path) -> Run:
+    """The run of a case in a folder that all workers see."""
+    folder = shared / case.stem
+
+    def made() -> tuple[int, str, str]:
+        told = call("run", case, "--out", folder)
+        return told.exit_code, told.stdout, told.stderr
+
+    return Run(case, folder, *once(shared / f"{case.stem}.pickle", made))
+
+
+def shipped(name: str, shared: Path) -> Run:
+    """The run of a shipped case; that of $WAVESIM_OUTPUTS, a folder of results, if it is there."""
+    elsewhere = Path(os.environ.get("WAVESIM_OUTPUTS", "none")) / name
+    if not (elsewhere / "summary.json").exists():
+        return run(SHIPPED[name], shared)
+    found = Run(SHIPPED[name], elsewhere, 0, "", "")
+    stored = result_reader.describe(found.result)
+    assert (stored.status, stored.case) == ("complete", found.problem.resolved), elsewhere
+    return found

@@ -1,0 +1,97 @@
+"""Layers and signals that can't be: `run` and `check` refuse them by the same one line."""
+
+import numpy as np
+import pytest
+from runs import call
+
+from wavesim.case.problem import load
+
+GOOD = """\
+[bar]
+length = 0.032
+spacing = 1.25e-4
+left = "free"
+right = "fixed"
+
+[[layers]]
+from = 0.0
+to = 0.020
+
+[[layers]]
+from = 0.020
+to = 0.032
+density = 2000.0
+
+[[sources]]
+field = "phi1"
+position = 0.008
+peak_frequency = 2.0e5
+
+[[receivers]]
+name = "a"
+position = 0.024
+
+[time]
+duration = 4.0e-6
+"""
+BAD = {
+    "overlap": ("layers.1.from=0.019", "[[layers]] number 2: from = 0.019", "begin it at 0.02"),
+    "gap": ("layers.1.from=0.021", "[[layers]] number 2: from = 0.021", "begin this one at 0.02"),
+    "no thickness": ("layers.0.to=0.0", "[[layers]] number 1: to = 0", "thickness"),
+    "short of the end": ("layers.1.to=0.031", "to = 0.031", "end it with the bar"),
+    "receiver outside": ("receivers.0.position=0.033", "position = 0.033", "0 to 0.032 m"),
+    "graded closure": ("layers.0.mass_damping=[1, 2]", "mass_damping = [1, 2]", "can't be graded"),
+}
+
+
+def told(path, *overrides):
+    """The one line that `run` and `check` both refuse a case with."""
+    lines = set()
+    for command in ("run", "check"):
+        extra = [word for override in overrides for word in ("--set", override)]
+        result = call(command, path, *extra)
+        assert result.exit_code == 2
+        assert result.stdout == ""
+        (line,) = result.stderr.splitlines()
+        lines.add(line)
+    (line,) = lines
+    assert line.startswith(f"wavesim: {path}: ")
+    return line
+
+
+@pytest.fixture
+def good(tmp_path):
+    path = tmp_path / "bar.toml"
+    path.write_text(GOOD)
+    assert not load(path).plan.endless
+    return path
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_layers_give_2_and_one_line(what, good):
+    override, given, remedy = BAD[what]
+    line = told(good, override)
+    assert given in line
+    assert remedy in line.partition(given)[2]
+
+
+def test_a_layer_too_thin_for_the_grid_gives_2_and_one_line(good):
+    """16 cells of order 8 take a spacing of a sixteenth of a millimetre for 1 mm."""
+    line = told(good, "layers.0.to=0.031", "layers.1.from=0.031")
+    assert "[[layers]] number 2: from = 0.031, to = 0.032: 0.001 m is 8 cells" in line
+    assert "take [bar] spacing = 6.25e-05, a lower [bar] order, or a thicker layer" in line
+    fine = ["layers.0.to=0.031", "layers.1.from=0.031", "bar.spacing=6.25e-5"]
+    assert not load(good, fine).plan.endless
+
+
+def test_a_recorded_signal_with_a_hole_gives_2_and_one_line(good, tmp_path):
+    t = np.arange(200) * 1e-7
+    rows = [f"{a:.9e},{np.exp(-(((a - 8e-6) / 2e-6) ** 2)):.9e}" for a in t]
+    (tmp_path / "signal.csv").write_text("\n".join(["t,value", *rows]))
+    recorded = 'kind = "recorded"\nfile = "signal.csv"'
+    good.write_text(GOOD.replace("peak_frequency = 2.0e5", recorded))
+    assert load(good).plan.sources[0].kind == "recorded"
+    (tmp_path / "signal.csv").write_text("\n".join(["t,value", *rows[:90], *rows[93:]]))
+    line = told(good)
+    assert 'file = "signal.csv": line 92' in line
+    assert "fill it in by interpolation" in line

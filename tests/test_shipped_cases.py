@@ -1,0 +1,46 @@
+"""Every shipped case: nothing to warn of before it runs, and every check passes after."""
+
+import h5py
+import numpy as np
+import pytest
+from runs import SHIPPED, call
+
+from wavesim import planewave
+from wavesim.case.problem import load
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_check_says_what_can_be_said_before_integrating(name):
+    """Shipped cases give no warning; the numbers printed are those of the settled run."""
+    result = call("check", SHIPPED[name])
+    assert (result.exit_code, result.stderr) == (0, "")
+    plan = load(SHIPPED[name]).plan
+    assert f"{plan.bar.cells} cells" in result.stdout
+    assert f"{plan.schedule.steps} steps" in result.stdout
+    low, high = planewave.gaps(plan.medium, "longitudinal")[0].lower, 2e3 * np.pi
+    assert f"{low / high:.2f}" in result.stdout
+    for gap in ("RLB1", "RLB2", "RTB1", "RTB2", "RSB"):
+        assert gap in result.stdout
+    exact = "receivers, against the exact solution in the frequency domain"
+    assert (exact in result.stdout) is not plan.endless
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_run_gives_0_and_tells_that_every_check_passed(name, shipped):
+    run = shipped(name)
+    assert (run.exit_code, run.stderr) == (0, "")
+    checks = run.summary["checks"]
+    assert [check["name"] for check in checks if not check["passed"]] == []
+    assert run.summary["passed"] is True
+    assert len(checks) >= (15 if run.problem.plan.endless else 8)
+    for check in checks:
+        assert abs(check["measured"] - check["reference"]) <= check["tolerance"]
+    if run.stdout:
+        assert f"{len(checks)} of {len(checks)} checks passed" in " ".join(run.stdout.split())
+        assert "Note" not in run.stdout
+    with h5py.File(run.result, "r") as file:
+        assert file.attrs["status"] == "complete"
+    assert not (run.folder / "result.h5.parts").exists()
+    assert (run.folder / "resolved.toml").exists()
+    # Fields at rest and noise take what compression leaves; the largest was measured at 172 MB.
+    assert run.result.stat().st_size < 200e6
