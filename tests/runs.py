@@ -13,8 +13,8 @@ from typing import Any
 
 from click.testing import CliRunner, Result
 from filelock import FileLock
-
 from wavesim.case.problem import load
+
 from wavesim.cli.main import main
 from wavesim.io import result_reader
 

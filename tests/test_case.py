@@ -8,8 +8,8 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-
 from wavesim.case.problem import load, settle
+
 from wavesim.case.schema import Case, CaseError, parse, read
 from wavesim.material.layers import as_layers
 from wavesim.material.medium import Medium

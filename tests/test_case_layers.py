@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from runs import call
-
 from wavesim.case.problem import load
 
 GOOD = """\

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stretches import dense, positions
 
-from wavesim.grid.stencils import ORDERS, difference_weights, difference_norm
+from wavesim.grid.stencils import ORDERS, difference_norm, difference_weights
 from wavesim.grid.summation_by_parts import chain, closure
 
 

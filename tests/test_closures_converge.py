@@ -106,9 +106,7 @@ def test_table_of_the_docstring(order):
     q, r, c, cells, radius, *errors = table()[order][:9]
     assert (q, (r, c), cells) == (end.degree, end.weights.shape, end.cells)
     omega, _, _ = modes(order, (96,), (1.0,), (PLAIN,))
-    assert (omega[-1] / difference_norm(1.0, order)) ** 2 == pytest.approx(
-        radius, abs=0.006
-    )
+    assert (omega[-1] / difference_norm(1.0, order)) ** 2 == pytest.approx(radius, abs=0.006)
     for points, printed in zip((8, 12, 16, 24), errors, strict=True):
         n = 10 * points
         found = []

@@ -4,9 +4,9 @@ import h5py
 import numpy as np
 import pytest
 from runs import SHIPPED, call
+from wavesim.case.problem import load
 
 from wavesim import planewave
-from wavesim.case.problem import load
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 
 from wavesim.grid.stencils import (
     ORDERS,
+    difference_norm,
     difference_weights,
     interpolation_weights,
-    difference_norm,
     modified_wavenumber,
 )
 from wavesim.timedomain.operator import difference

@@ -14,9 +14,9 @@ import h5py
 import numpy as np
 import pytest
 from scipy.interpolate import BarycentricInterpolator
+from wavesim.case.problem import load
 
 from wavesim import runner
-from wavesim.case.problem import load
 from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.gathering import Gathering, deflated
