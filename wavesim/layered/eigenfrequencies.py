@@ -12,9 +12,8 @@ from wavesim.layered.mode_count import count, elements
 from wavesim.layered.stack import Stack
 from wavesim.layered.transmission import block_of
 from wavesim.layered.uniform_layer import waves
-from wavesim.material.damping import UNDAMPED, Damping
+from wavesim.material.damping import UNDAMPED
 from wavesim.material.layers import Layers, as_layers
-from wavesim.material.medium import Medium
 from wavesim.material.sectors import Block
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs, keeps_gradient
 from wavesim.planewave.eigenproblem import spectral_form
@@ -25,34 +24,9 @@ _SPACING = 1e-4
 _FINE = 65
 
 
-def with_loss(layers: Layers, part: float) -> Layers:
-    """The bar with a part of its losses: all strengths and rates of loss times part."""
-
-    def weaker(medium: Medium) -> Medium:
-        own = medium.damping
-        law = (
-            UNDAMPED
-            if part == 0
-            else Damping(
-                mass=part * own.mass,
-                stiffness=part * own.stiffness,
-                unrelaxed=1 + part * (own.unrelaxed - 1),
-                rates=own.rates,
-                strengths=tuple(part * y for y in own.strengths),
-            )
-        )
-        return dataclasses.replace(medium, damping=law)
-
-    return Layers(
-        tuple(
-            dataclasses.replace(
-                layer,
-                medium=weaker(layer.medium),
-                last=None if layer.last is None else weaker(layer.last),
-            )
-            for layer in layers.layers
-        )
-    )
+def with_loss(layers: Layers, share: float) -> Layers:
+    """The bar with a share of its losses: all strengths and rates of loss times it."""
+    return layers.mapped(lambda m: dataclasses.replace(m, damping=m.damping.part(share)))
 
 
 def _edges(layers: Layers, block: Block, which: Any) -> list[Any]:

@@ -92,6 +92,49 @@ class Damping:
         # Taken as two roots: each factor lies in the right half-plane for Re ω ≠ 0 and small loss.
         return np.asarray(omega * np.sqrt(self.inertia(omega)) / np.sqrt(self.modulus(omega)))
 
+    def lossy(self, lossless: ArrayLike) -> Any:
+        """ω of waves whose lossless frequency is ω₀: the root of ω² ι = ω₀² m(ω) that goes to ω₀.
+
+        Newton's iteration from the root of the quadratic that a modulus frozen at ω₀ leaves,
+        ω² + i(α + ω₀²β_d)ω = ω₀² m_r(ω₀). Where a wave is overdamped ω is imaginary, one of two.
+
+        Args:
+            lossless: ω₀, any shape, rad/s, ≥ 0.
+
+        Returns:
+            Shape of lossless, rad/s, complex with Im ω ≤ 0; 0 where ω₀ is, and ω₀ itself, real,
+            without a law.
+        """
+        base = np.asarray(lossless, dtype=float)
+        if self == UNDAMPED:
+            return base
+        square = base**2
+        drag = self.mass + square * self.stiffness
+        solid = self.modulus(base) + 1j * base * self.stiffness
+        omega = -0.5j * drag + np.sqrt(square * solid - drag**2 / 4 + 0j)
+        for _ in range(50):
+            rate = -1j * self.stiffness - self.unrelaxed * sum(
+                1j * y * own / (own - 1j * omega) ** 2
+                for own, y in zip(self.rates, self.strengths, strict=True)
+            )
+            residue = omega**2 + 1j * self.mass * omega - square * self.modulus(omega)
+            slope = 2 * omega + 1j * self.mass - square * rate
+            step = residue / np.where(slope == 0, 1, slope)
+            omega = omega - step
+            if (np.abs(step) <= 1e-15 * np.abs(omega)).all():
+                break
+        return np.where(base == 0, 0, omega)
+
+    def part(self, share: float) -> Damping:
+        """The law with a share of its losses, 0 to 1: nothing is lost at 0."""
+        return Damping(
+            mass=share * self.mass,
+            stiffness=share * self.stiffness,
+            unrelaxed=1 + share * (self.unrelaxed - 1),
+            rates=self.rates if share else (),
+            strengths=tuple(share * y for y in self.strengths) if share else (),
+        )
+
 
 UNDAMPED = Damping()
 

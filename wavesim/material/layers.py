@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -72,12 +72,16 @@ class Layer:
             return (self.medium,)
         return tuple(self.at(float(x)) for x in np.linspace(self.start, self.end, places))
 
+    def weight(self, position: Any) -> Any:
+        """w at positions within the layer, of any shape, m."""
+        s = np.clip((position - self.start) / self.thickness, 0.0, 1.0)
+        return s**3 * (10 - 15 * s + 6 * s**2) if self.grading == "smooth" else s
+
     def at(self, position: float) -> Medium:
         """The medium at a position within the layer, m."""
         if self.last is None:
             return self.medium
-        s = min(max((position - self.start) / self.thickness, 0.0), 1.0)
-        w = s**3 * (10 - 15 * s + 6 * s**2) if self.grading == "smooth" else s
+        w = float(self.weight(position))
         first, last = self.medium.parameters, self.last.parameters
         values: dict[str, Any] = {
             name: (1 - w) * first[name] + w * last[name] for name in PARAMETERS
@@ -112,6 +116,19 @@ class Layers:
                     f"begin it at {reached:g}"
                 )
             reached = layer.end
+
+    def mapped(self, change: Callable[[Medium], Medium]) -> Layers:
+        """The same layers with every medium changed."""
+        return Layers(
+            tuple(
+                dataclasses.replace(
+                    layer,
+                    medium=change(layer.medium),
+                    last=None if layer.last is None else change(layer.last),
+                )
+                for layer in self.layers
+            )
+        )
 
     @property
     def length(self) -> float:

@@ -10,7 +10,7 @@ of degree 1 + rank γ for one rotation: the pair ±k of the closed form below an
 a pair whose wavelength or decay length is of the size √(Γ/C_BB), which with Table 1 is 1e-6 of a
 particle. With Γ → 0 there is one pair, k² = ω²/D(ω²), D = c_pp − c_pb (c_bb − ω²)⁻¹ c_bp.
 
-Where the medium has a loss law every ω stands for Ω(ω) = ω √(ι/m) (spectral/damped.py).
+Where the medium has a loss law every ω stands for Ω(ω) = ω √(ι/m) (material/damping.py).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavesim.material.damping import UNDAMPED
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
 from wavesim.material.sectors import Block, blocks_of
-from wavesim.planewave.complex_frequency import seen
 from wavesim.planewave.eigenproblem import Complex, Float, spectral_form
 
 
@@ -88,8 +88,16 @@ def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
     (block, *others) = blocks_of(sector)
     if others or not block.rotations:
         raise ValueError(f"sector {sector!r} has no propagating wave: k(ω) is not defined")
-    scaled = seen(medium, np.atleast_1d(np.asarray(omega))) * medium.time_scale
+    scaled = _lossless(medium, np.atleast_1d(np.asarray(omega))) * medium.time_scale
     return _closed_form(spectral_form(medium, block), scaled) / medium.length_scale
+
+
+def _lossless(medium: Medium, omega: Any) -> Any:
+    """Ω(ω), rad/s; ω itself, untouched, where the medium has no loss law."""
+    if medium.damping == UNDAMPED:
+        return omega
+    felt = medium.damping.lossless(omega)
+    return felt if medium.damping or np.iscomplexobj(omega) else felt.real
 
 
 def _closed_form(form: BlockCoefficients, omega: Any) -> Complex:
@@ -182,7 +190,7 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
     if (given == 0).any():
         raise ValueError("omega = 0: must not be 0; take a small ω for the static limit")
     form = spectral_form(medium, block)
-    felt = seen(medium, given)
+    felt = _lossless(medium, given)
     scaled = felt.astype(complex if np.iscomplexobj(felt) else float) * medium.time_scale
     values, rates = (x[:, : _degree(form) + 1] for x in _polynomial(form, scaled**2))
     roots = _polynomial_roots(values)

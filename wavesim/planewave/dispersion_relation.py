@@ -15,7 +15,6 @@ from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
 from wavesim.material.sectors import Block, blocks_of
 from wavesim.planewave.band_edges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
-from wavesim.planewave.complex_frequency import damped
 from wavesim.planewave.complex_wavenumber import ComplexWaves, complex_waves, wavenumber
 from wavesim.planewave.eigenproblem import (
     Complex,
@@ -77,8 +76,7 @@ def block_oscillations(medium: Medium, block: Block, k: ArrayLike) -> Float:
 
     Arguments, order and errors as of :func:`block_frequencies`, which it is without losses.
     """
-    lossless = block_frequencies(medium, block, k)
-    return damped(medium.damping, lossless).real if medium.damping else lossless
+    return np.real(medium.damping.lossy(block_frequencies(medium, block, k)))
 
 
 def frequencies(medium: Medium, sector: str, k: ArrayLike) -> Float:
@@ -116,7 +114,7 @@ def damped_frequencies(medium: Medium, sector: str, k: ArrayLike) -> Complex:
         NotHyperbolicError: an ω₀(k) is not real.
         ValueError: no sector has that name.
     """
-    return damped(medium.damping, frequencies(medium, sector, k))
+    return np.asarray(medium.damping.lossy(frequencies(medium, sector, k)), dtype=complex)
 
 
 def scaled_group_velocity(form: BlockCoefficients, k: Float, modes: Eigenmodes) -> Float:

@@ -18,7 +18,6 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_weights
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import Block
-from wavesim.planewave.complex_frequency import damped
 from wavesim.planewave.dispersion_relation import block_frequencies, wavenumber
 from wavesim.planewave.eigenproblem import solve, spectral_form
 
@@ -107,7 +106,7 @@ class OfMedium:
     def omega(self, k: Float) -> Any:
         """ω of each branch, ascending; ω − iγ of a medium with losses, Ω(ω) = ω₀(k̃(k))."""
         lossless = block_frequencies(self.medium, self.block, self.modified(np.asarray(k)))
-        return damped(self.medium.damping, lossless) if self.medium.damping else lossless
+        return self.medium.damping.lossy(lossless)
 
     def weights(self, k: Float) -> Float:
         """Left times right eigenvector on the first component."""
