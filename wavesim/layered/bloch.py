@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.layered.eigenfrequencies import eigenfrequencies
+from wavesim.layered.eigenfrequencies import eigenfrequencies, windows
 from wavesim.layered.stack import Stack
 from wavesim.layered.transmission import block_of
 from wavesim.material.layers import Layers
@@ -37,7 +37,7 @@ def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = N
     Raises:
         ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
     """
-    kept = keeps_gradient(cell) if gradient is None else gradient
+    kept = keeps_gradient(cell, gradient)
     stack = Stack(cell, block_of(sector), np.atleast_1d(np.asarray(omega)), kept)
     S = stack.whole()
     if len(stack.impedance) > 1:
@@ -98,8 +98,6 @@ def stop_bands(
         eigenfrequencies(cell, block_of(sector), sign, sign, band, False, spacing)
         for sign in ("periodic", "antiperiodic")
     ]
-    from wavesim.layered.eigenfrequencies import windows
-
     marks = sorted({low, high, *np.concatenate(edges), *windows(cell, sector, band).ravel()})
     found: list[tuple[float, float]] = []
     for a, b in itertools.pairwise(marks):

@@ -176,7 +176,7 @@ def resonances(
             is not symmetric where Γ is kept.
     """
     check_ends(left, right, ("fixed", "free", "periodic"))
-    kept = keeps_gradient(layers) if gradient is None else gradient
+    kept = keeps_gradient(layers, gradient)
     block = block_of(sector)
     real = eigenfrequencies(layers, block, left, right, band, kept, spacing)
     if all(layer.medium.damping == UNDAMPED for layer in layers.layers):

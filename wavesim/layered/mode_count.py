@@ -27,7 +27,7 @@ import numpy as np
 from wavesim.layered.section import Section
 from wavesim.layered.stack import Stack
 from wavesim.layered.star_product import Piece
-from wavesim.layered.uniform_layer import uniform
+from wavesim.layered.uniform_layer import uniform, waves
 from wavesim.material.layers import Layer
 
 
@@ -107,8 +107,6 @@ def elements(stack: Stack) -> list[Element]:
                     omega[0].real / min(clamped_bound(s) for s in sampled), 1e-9
                 )
             else:
-                from wavesim.layered.uniform_layer import waves
-
                 shortest = 2 / max(float(waves(s, omega).k[0, 0].real) + 1e-9 for s in sampled)
             parts = math.ceil(layer.thickness / stack.units.length / shortest) + 1
         marks = np.linspace(layer.start, layer.end, parts + 1)

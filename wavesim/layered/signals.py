@@ -33,8 +33,8 @@ def signals(
 ) -> dict[str, dict[str, Any]]:
     """What receivers record, from rest or from initial values at t = 0.
 
-    The response at ω + iσ_w is exact but for graded layers, which are good to 1e-10; the transform
-    (contour.py) leaves 1e-9 of the largest value, for sources whose spectrum falls that far.
+    The response at ω + iσ_w is exact but for graded layers, which are good to 1e-10; the inverse
+    transform leaves 1e-9 of the largest value, for sources whose spectrum falls that far.
 
     Args:
         layers: the bar.
@@ -55,7 +55,7 @@ def signals(
         raise ValueError("sources = []: at least one source is needed")
     if times_.min() < 0 or not times_.max() > 0:
         raise ValueError("t: must be ≥ 0, and reach beyond 0")
-    kept = keeps_gradient(layers) if gradient is None else gradient
+    kept = keeps_gradient(layers, gradient)
     pulses = [source for source in sources if drive_of(source) != "initial"]
     initial = [source for source in sources if drive_of(source) == "initial"]
     tops = [_fastest(layers, source) for source in initial]

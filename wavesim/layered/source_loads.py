@@ -65,7 +65,7 @@ def body_loads(stack: Stack, sources: Sequence[Any], periodic: bool) -> list[Loa
 
 
 def end_drives(stack: Stack, sources: Sequence[Any], left: str, right: str) -> Any:
-    """p of the ends (barends.py), shape (N, 2n): g/√z of a moment, −iω√z g of a rotation.
+    """p of the ends (``ends``), shape (N, 2n): g/√z of a moment, −iω√z g of a rotation.
 
     Raises:
         ValueError: a moment is not at a free end, or a rotation not at a fixed one.

@@ -52,7 +52,7 @@ class Load:
 
 
 def driven(one: Section, omega: Any, component: int) -> Any:
-    """s of y′ = A y + s for a unit body moment on a component, shape (N, 2n); see section.py."""
+    """s of y′ = A y + s for a unit body moment on a component, shape (N, 2n); see ``section``."""
     n, p = one.size, one.rotations
     s = np.zeros((len(omega), 2 * n), dtype=complex)
     if component < p or one.kept:

@@ -80,7 +80,7 @@ def transmission(
     Raises:
         ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
     """
-    kept = keeps_gradient(layers) if gradient is None else gradient
+    kept = keeps_gradient(layers, gradient)
     stack = Stack(layers, block_of(sector), np.atleast_1d(np.asarray(omega)), kept)
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)

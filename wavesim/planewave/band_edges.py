@@ -136,6 +136,13 @@ def gradient_share(medium: Medium) -> float:
     return share
 
 
-def keeps_gradient(layers: Layers) -> bool:
-    """Whether the gradient term counts in a bar: its share is above 1e-9 in some medium of it."""
-    return any(gradient_share(medium) > NEGLIGIBLE for medium in layers.media)
+def keeps_gradient(layers: Layers, asked: bool | None = None) -> bool:
+    """Whether the gradient term is kept in a bar: what is asked, or whether it counts.
+
+    It counts where its share is above 1e-9 in some medium of the bar.
+    """
+    return (
+        asked
+        if asked is not None
+        else any(gradient_share(medium) > NEGLIGIBLE for medium in layers.media)
+    )

@@ -10,7 +10,7 @@ of degree 1 + rank γ for one rotation: the pair ±k of the closed form below an
 a pair whose wavelength or decay length is of the size √(Γ/C_BB), which with Table 1 is 1e-6 of a
 particle. With Γ → 0 there is one pair, k² = ω²/D(ω²), D = c_pp − c_pb (c_bb − ω²)⁻¹ c_bp.
 
-Where the medium has a loss law every ω stands for Ω(ω) = ω √(ι/m) (material/damping.py).
+Where the medium has a loss law every ω stands for Ω(ω) = ω √(ι/m) (``material.damping``).
 """
 
 from __future__ import annotations
