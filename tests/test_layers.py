@@ -31,15 +31,15 @@ def test_layers_follow_each_other():
 BAD = [
     (
         lambda: Layers((Layer(0, 1e-2, SOFT), Layer(2e-2, 3e-2, SOFT))),
-        "from = 0.02 (layer 2): x = 0.01 to 0.02 m are left without a medium",
-        "begin it at 0.01",
+        "layer 2: from = 0.02: no layer covers x = 0.01 to 0.02 m",
+        "begin this one at 0.01",
     ),
     (
         lambda: Layers((Layer(0, 2e-2, SOFT), Layer(1e-2, 3e-2, SOFT))),
-        "from = 0.01 (layer 2): x = 0.01 to 0.02 m are in two layers",
+        "layer 2: from = 0.01: overlaps the layer before it, which ends at 0.02 m",
         "begin it at 0.02",
     ),
-    (lambda: Layers((Layer(1e-3, 1e-2, SOFT),)), "from = 0.001 (layer 1)", "begin it at 0"),
+    (lambda: Layers((Layer(1e-3, 1e-2, SOFT),)), "layer 1: from = 0.001", "begin this one at 0"),
     (lambda: Layers(()), "layers = []", "at least one"),
     (lambda: Layer(1e-2, 1e-2, SOFT), "from = 0.01, to = 0.01", "greater than 0"),
     (lambda: Layer(2e-2, 1e-2, SOFT), "from = 0.02, to = 0.01", "greater than 0"),
@@ -57,8 +57,8 @@ BAD = [
     ),
     (
         lambda: as_layers([Layer(0, 1e-2, SOFT)], 2e-2),
-        "layers end at 0.01 m, the bar at 0.02 m",
-        "end together",
+        "to = 0.01: no layer covers x = 0.01 to 0.02 m",
+        "end it with the bar",
     ),
 ]
 

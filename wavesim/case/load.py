@@ -19,7 +19,7 @@ from wavesim.case.schema import AnalysisTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
-from wavesim.material.layers import End, Layer, Layers, as_layers
+from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.material.wave_equations import fastest_speed
 from wavesim.planewave.hyperbolicity import check_hyperbolic
@@ -133,9 +133,8 @@ def build(file: CaseFile, name: str) -> Case:
     bar = make(("bar",), file.bar.build, finest)
     for number in range(len(stretches)):
         where = ("layers", str(number))
-        make(where, casemedia.check_follow, stretches[: number + 1], bar.length)
-    if stretches:
-        make(where, casemedia.check_whole, stretches, bar.length)
+        last = number + 1 == len(stretches)
+        make(where, check_follow, stretches[: number + 1], bar.length, last)
     layers = casemedia.as_bar(stretches)
     if stretches and layers is None:
         medium = stretches[0].medium

@@ -178,50 +178,6 @@ def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, 
     )
 
 
-def check_follow(layers: Sequence[Layer], length: float) -> None:
-    """Hold the last of some layers to the one before it, and to the bar's end.
-
-    Args:
-        layers: the first layers of a bar, in order.
-        length: of the bar, m.
-
-    Raises:
-        ValueError: it leaves a stretch without a medium, overlaps the one before, or passes the
-            end of the bar.
-    """
-    layer = layers[-1]
-    reached = layers[-2].end if len(layers) > 1 else 0.0
-    slack = 1e-9 * length
-    if layer.start > reached + slack:
-        raise ValueError(
-            f"from = {layer.start:g}: no layer covers x = {reached:g} to {layer.start:g} m; begin "
-            f"this one at {reached:g}"
-        )
-    if layer.start < reached - slack:
-        raise ValueError(
-            f"from = {layer.start:g}: overlaps the layer before it, which ends at {reached:g} m; "
-            f"begin it at {reached:g}, and give layers from left to right"
-        )
-    if layer.end > length + slack:
-        raise ValueError(
-            f"to = {layer.end:g}: the bar ends at {length:g} m; end it there, or lengthen the bar"
-        )
-
-
-def check_whole(layers: Sequence[Layer], length: float) -> None:
-    """Hold the last layer's end to the bar's.
-
-    Raises:
-        ValueError: the bar goes on past it.
-    """
-    end = layers[-1].end
-    if end < length - 1e-9 * length:
-        raise ValueError(
-            f"to = {end:g}: no layer covers x = {end:g} to {length:g} m; end it with the bar, or "
-            "add a layer"
-        )
-
-
 def as_bar(layers: Sequence[Layer]) -> Layers | None:
     """The layers as one bar; None where it is uniform."""
     if not layers or (len(layers) == 1 and layers[0].last is None):

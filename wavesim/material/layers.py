@@ -105,17 +105,11 @@ class Layers:
     def __post_init__(self) -> None:
         if not self.layers:
             raise ValueError("layers = []: at least one layer is needed")
-        reached = 0.0
-        for number, layer in enumerate(self.layers, start=1):
-            gap = layer.start - reached
-            if abs(gap) > 1e-9 * self.layers[-1].end:
-                what = "are left without a medium" if gap > 0 else "are in two layers"
-                low, high = sorted((reached, layer.start))
-                raise ValueError(
-                    f"from = {layer.start:g} (layer {number}): x = {low:g} to {high:g} m {what}; "
-                    f"begin it at {reached:g}"
-                )
-            reached = layer.end
+        for number in range(1, len(self.layers) + 1):
+            try:
+                check_follow(self.layers[:number], self.layers[-1].end)
+            except ValueError as error:
+                raise ValueError(f"layer {number}: {error}") from None
 
     def mapped(self, change: Callable[[Medium], Medium]) -> Layers:
         """The same layers with every medium changed."""
@@ -194,8 +188,40 @@ def as_layers(medium: Medium | Layers | Sequence[Layer], length: float) -> Layer
     if isinstance(medium, Medium):
         return Layers((Layer(0.0, length, medium),))
     layers = medium if isinstance(medium, Layers) else Layers(tuple(medium))
-    if abs(layers.length - length) > 1e-9 * length:
-        raise ValueError(
-            f"layers end at {layers.length:g} m, the bar at {length:g} m: they must end together"
-        )
+    check_follow(layers.layers, length, whole=True)
     return layers
+
+
+def check_follow(layers: Sequence[Layer], length: float, whole: bool = False) -> None:
+    """Hold the last of some layers to the one before it, and to the bar's end.
+
+    Args:
+        layers: the first layers of a bar, in order.
+        length: of the bar, m.
+        whole: whether they are all of its layers.
+
+    Raises:
+        ValueError: it leaves a stretch without a medium, overlaps the one before, or passes the
+            end of the bar; or the bar goes on past all of them.
+    """
+    layer, slack = layers[-1], 1e-9 * length
+    reached = layers[-2].end if len(layers) > 1 else 0.0
+    if layer.start > reached + slack:
+        raise ValueError(
+            f"from = {layer.start:g}: no layer covers x = {reached:g} to {layer.start:g} m; begin "
+            f"this one at {reached:g}"
+        )
+    if layer.start < reached - slack:
+        raise ValueError(
+            f"from = {layer.start:g}: overlaps the layer before it, which ends at {reached:g} m; "
+            f"begin it at {reached:g}, and give layers from left to right"
+        )
+    if layer.end > length + slack:
+        raise ValueError(
+            f"to = {layer.end:g}: the bar ends at {length:g} m; end it there, or lengthen the bar"
+        )
+    if whole and layer.end < length - slack:
+        raise ValueError(
+            f"to = {layer.end:g}: no layer covers x = {layer.end:g} to {length:g} m; end it with "
+            "the bar, or add a layer"
+        )

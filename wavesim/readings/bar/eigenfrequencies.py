@@ -60,7 +60,7 @@ def audible(field: Field, block: Block) -> Float | None:
     layers, bar = field.layers, field.bar
     if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
         return None
-    if any(layer.medium.damping for layer in layers.layers):
+    if layers.lossy:
         return None
     width = _resolution(field)
     own = [source.excited for source in field.sources if source.field in block.fields]
