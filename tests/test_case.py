@@ -8,11 +8,11 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from wavesim.case.problem import load, settle
 
-from wavesim.case.schema import Case, CaseError, parse, read
-from wavesim.material.layers import as_layers
+from wavesim.case.load import build, load
+from wavesim.case.schema import CaseError, CaseFile, parse, read
 from wavesim.material.medium import Medium
+from wavesim.timedomain.time_step import time_step
 
 BASE = {
     "bar": {"length": 0.032, "spacing": 1.25e-4},
@@ -23,13 +23,13 @@ BASE = {
 TEXT = tomli_w.dumps(BASE)
 
 
-def problem_of(*overrides, text=TEXT):
-    return settle(parse(text, "my.toml", overrides), "my.toml")
+def case_of(*overrides, text=TEXT):
+    return build(parse(text, "my.toml", overrides), "my.toml")
 
 
 def message_of(*overrides, text=TEXT):
     with pytest.raises(CaseError) as caught:
-        problem_of(*overrides, text=text)
+        case_of(*overrides, text=text)
     return str(caught.value)
 
 
@@ -72,8 +72,7 @@ BAD = [
     ("medium.closure='other'", '[medium] closure = "other"', '"printed" or "consistent"'),
     ("medium.closure='appendix_c'", '[medium] closure = "appendix_c"', '"printed" or'),
     ("medium.closure=true", "[medium] closure = true", '"printed" or "consistent"'),
-    ("time.solver='rk4'", '[time] solver = "rk4"', '"chebyshev" or "verlet"'),
-    ("time.precision='half'", '[time] precision = "half"', '"double" or "single"'),
+    ("time.solver='rk4'", "[time] solver = 'rk4'", "one of auto, propagator, chebyshev"),
     ("sources.0.kind='sine'", '[[sources]] number 1: kind = "sine"', '"ricker"'),
     ("sources.0.field='phi4'", '[[sources]] number 1: field = "phi4"', "one of phi1, phi2"),
     # the medium's admissible ranges
@@ -123,11 +122,9 @@ BAD = [
     ("time.duration=0", "[time] duration = 0", "greater than 0"),
     ("time.duration=-1", "[time] duration = -1", "greater than 0"),
     ("time.duration=nan", "[time] duration = nan", "finite"),
-    ("time.duration=1e6", "[time] duration = 1e+06", "lower it"),
     ("time.step=0", "[time] step = 0", 'greater than 0, or "auto"'),
     ("time.step=inf", "[time] step = inf", "finite"),
     ("time.samples=1", "[time] samples = 1", "2 or greater"),
-    ("time.samples=100000000000", "[time] samples = 100000000000", "lower it"),
     # analysis
     ("analysis.k_min=-1", "[analysis] k_min = -1", "greater than 0"),
     ("analysis.k_min=5000", "[analysis] k_min = 5000", "below k_max"),
@@ -203,13 +200,14 @@ def test_index_into_an_array_that_is_not_there():
     assert message.endswith("must be an array of tables, [[…]]")
 
 
-def test_step_beyond_the_limit_of_stability_names_the_limit():
-    """The limit told is that of the stepper: just below it is taken, just above refused."""
-    message = message_of("time.solver='verlet'", "time.step=1e-6")
-    assert message.startswith("my.toml: [time] step = 1e-06:")
-    limit = float(message.split("stable up to ")[1].split(" s ")[0])
-    problem_of("time.solver='verlet'", f"time.step={0.999 * limit:.6e}")
-    assert "stable up to" in message_of("time.solver='verlet'", f"time.step={1.001 * limit:.6e}")
+@pytest.mark.parametrize("key", ["duration=1e6", "samples=100000000000"])
+def test_a_run_that_no_machine_holds_is_refused_before_it_begins(key):
+    """A case may be looked at whatever its size; stepping it is refused, and it says why."""
+    simulation = case_of(f"time.{key}").simulation
+    with pytest.raises(
+        ValueError, match=r"^(duration = 1e\+06|samples = 1000.*): .*; lower it, or"
+    ):
+        time_step(simulation)
 
 
 def test_peak_frequency_limit_and_remedy_hold():
@@ -217,9 +215,9 @@ def test_peak_frequency_limit_and_remedy_hold():
     message = message_of("sources.0.peak_frequency=2e7")
     highest = float(message.split("at most ")[1].split(" Hz")[0])
     spacing = float(message.split("spacing ≤ ")[1])
-    problem_of(f"sources.0.peak_frequency={0.999 * highest:.6e}")
+    case_of(f"sources.0.peak_frequency={0.999 * highest:.6e}")
     cells = math.ceil(0.032 / spacing) + 2
-    problem_of("sources.0.peak_frequency=2e7", f"bar.spacing={0.032 / cells!r}")
+    case_of("sources.0.peak_frequency=2e7", f"bar.spacing={0.032 / cells!r}")
 
 
 def test_not_a_file_not_text_and_not_toml(tmp_path):
@@ -244,33 +242,34 @@ def test_not_a_file_not_text_and_not_toml(tmp_path):
 
 def test_defaults():
     """What a case may leave out is Table 1 of the paper and the design's own choices."""
-    problem = problem_of()
-    case, plan = problem.case, problem.plan
-    assert plan.medium == Medium()
-    assert (case.medium.closure, case.medium.anisotropy, case.medium.stiffness_ratio) == (
+    case = case_of()
+    made = case.simulation
+    assert made.medium == Medium()
+    assert (made.medium.closure, made.medium.anisotropy, made.medium.stiffness_ratio) == (
         "printed",
         0.0,
         0.5,
     )
-    assert (plan.bar.cells, plan.bar.spacing, plan.bar.order) == (256, 1.25e-4, 8)
-    (source,) = plan.sources
+    assert (made.bar.cells, made.bar.spacing, made.bar.order) == (256, 1.25e-4, 8)
+    assert (made.solver, made.step, made.receivers) == ("auto", None, {"near": 0.02})
+    (source,) = made.sources
     assert (source.amplitude, source.width, source.peak_time) == (1.0, 0.0, 2 / 6e5)
-    assert problem.k_range == pytest.approx((0.02 * 2e3 * np.pi, 0.5 * 2e3 * np.pi), rel=1e-15)
+    assert case.k_range == pytest.approx((0.02 * 2e3 * np.pi, 0.5 * 2e3 * np.pi), rel=1e-15)
     # Twice the band of 2.5 peak frequencies: an interval of 1/(2 · 2 · 2.5 f_p).
-    assert plan.duration / (plan.schedule.frames - 1) <= 1 / (10 * 6e5)
-    assert problem_of("bar.spacing=2.5e-4").plan.bar.cells == 128
+    assert made.interval <= 1 / (10 * 6e5)
+    assert case_of("bar.spacing=2.5e-4").simulation.bar.cells == 128
     no_spacing = copy.deepcopy(BASE)
     del no_spacing["bar"]["spacing"]
-    coarse = problem_of("medium.branch_length=2e-3", text=tomli_w.dumps(no_spacing))
-    assert coarse.plan.bar.spacing == 2.5e-4
+    coarse = case_of("medium.branch_length=2e-3", text=tomli_w.dumps(no_spacing))
+    assert coarse.simulation.bar.spacing == 2.5e-4
 
 
 def test_whole_numbers_do_for_numbers():
-    assert problem_of("medium.anisotropy=1").plan.medium.anisotropy == 1.0
+    assert case_of("medium.anisotropy=1").simulation.medium.anisotropy == 1.0
 
 
 def test_overrides_are_laid_over_in_order():
-    problem = problem_of(
+    case = case_of(
         "bar.order=10",
         "bar.order=12",
         "sources.0.field='phi2'",
@@ -279,47 +278,49 @@ def test_overrides_are_laid_over_in_order():
         "title=A bar",
         "time.samples=33",
     )
-    plan = problem.plan
-    assert plan.bar.order == 12
-    assert (plan.sources[0].field, plan.sources[0].width) == ("phi2", 1e-4)
-    assert plan.medium.closure == "consistent"
-    assert problem.case.title == "A bar"
-    assert plan.schedule.frames == 33
+    made = case.simulation
+    assert made.bar.order == 12
+    assert (made.sources[0].field, made.sources[0].width) == ("phi2", 1e-4)
+    assert made.medium.closure == "consistent"
+    assert case.title == "A bar"
+    assert made.frames == 33
 
 
-def meaning(plan):
-    """A plan without the difference between what is given and what stands for None."""
-    medium = dataclasses.replace(
-        plan.medium, rotation_inertia=plan.medium.beta, curvature_inertia=plan.medium.gamma
+def meaning(simulation):
+    """A simulation without the difference between what is given and what stands for None."""
+    layers = simulation.layers.mapped(
+        lambda medium: dataclasses.replace(medium, **medium.parameters)
     )
-    sources = tuple(dataclasses.replace(s, delay=s.peak_time) for s in plan.sources)
-    return dataclasses.replace(plan, layers=as_layers(medium, plan.bar.length), sources=sources)
+    sources = tuple(dataclasses.replace(s, delay=s.peak_time) for s in simulation.sources)
+    return dataclasses.replace(simulation, layers=layers, sources=sources)
 
 
-@pytest.mark.parametrize("samples", ["", "time.samples=2"], ids=["usual", "far apart"])
-@pytest.mark.parametrize("solver", ["auto", "propagator", "chebyshev", "verlet"])
+@pytest.mark.parametrize("samples", ["auto", 2])
+@pytest.mark.parametrize("solver", ["auto", "propagator", "chebyshev", "Dopri8"])
 def test_resolved_case_repeats_itself(solver, samples):
-    """The resolved text settles to the same plan and to the same text: a fixed point."""
-    first = problem_of(
+    """The resolved text makes the same simulation and the same text: a fixed point."""
+    taken, step = "chebyshev" if solver == "auto" else solver, 1.5e-8
+    first = case_of(
         f"time.solver='{solver}'",
-        *([samples, "time.duration=2e-5"] if samples else []),
+        f"time.samples={samples}",
         "medium.anisotropy=0.3",
         "medium.density=1571.5",
         "sources.0.width=1.3e-4",
     )
-    again = problem_of(text=first.resolved)
-    strides = bool(samples) and solver in ("auto", "propagator")
-    assert any(leg.stride for leg in first.plan.schedule.legs) == strides
-    assert meaning(again.plan) == meaning(first.plan)
-    assert again.receivers == first.receivers
+    text = first.resolved(taken, step)
+    again = case_of(text=text)
+    settled = dataclasses.replace(
+        first.simulation, solver=taken, step=step, samples=first.simulation.frames
+    )
+    assert meaning(again.simulation) == meaning(settled)
     assert again.k_range == first.k_range
-    assert again.resolved == first.resolved
+    assert again.resolved(taken, step) == text
 
 
 def test_resolved_case_leaves_nothing_to_default():
-    tables = tomllib.loads(problem_of().resolved)
-    assert set(tables) == set(Case.model_fields)
-    for name, model in Case.model_fields.items():
+    tables = tomllib.loads(case_of().resolved("chebyshev", 1e-7))
+    assert set(tables) == set(CaseFile.model_fields)
+    for name, model in CaseFile.model_fields.items():
         fields = getattr(model.annotation, "model_fields", None)
         if fields is not None:
             # None stands for nothing here: a lossless medium, no absorbing end.
@@ -331,7 +332,7 @@ def test_resolved_case_leaves_nothing_to_default():
 def test_load_names_the_file(tmp_path):
     path = tmp_path / "bar.toml"
     path.write_text(TEXT)
-    assert load(path).plan == problem_of().plan
+    assert load(path) == case_of()
     with pytest.raises(CaseError) as caught:
         load(path, ["bar.order=3"])
     assert str(caught.value).startswith(f"{path}: [bar] order = 3")

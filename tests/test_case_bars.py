@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from wavesim.case.parts import assemble, resolved
-from wavesim.case.problem import settle
-from wavesim.case.schema import CaseError, parse, read
+from wavesim.case.load import build, load
+from wavesim.case.schema import CaseError, parse
 from wavesim.material.damping import constant_quality
-from wavesim.material.layers import Layer, Layers
+from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
 from wavesim.sources import Recorded, parameters
 
@@ -48,9 +47,8 @@ def tables(**changed):
 
 
 def made(given, *overrides, folder="."):
-    """Case and parts of tables."""
-    case = parse(tomli_w.dumps(given), "my.toml", overrides, folder)
-    return case, assemble(case, "my.toml")
+    """The case of tables."""
+    return build(parse(tomli_w.dumps(given), "my.toml", overrides, folder), "my.toml")
 
 
 def message_of(given, *overrides, folder="."):
@@ -59,15 +57,12 @@ def message_of(given, *overrides, folder="."):
     return str(caught.value)
 
 
-def again(case, parts):
-    """Parts of the resolved case, whose own resolved tables must be the same."""
-    settled = resolved(case, parts)
-    settled["analysis"] = {}
-    second = made(settled)
-    repeated = resolved(*second)
-    repeated["analysis"] = {}
-    assert tomli_w.dumps(repeated) == tomli_w.dumps(settled)
-    return second[1]
+def again(case):
+    """The simulation of the resolved case, whose own resolved text must be the same."""
+    text = case.resolved("auto", 1e-8)
+    second = build(parse(text, "resolved.toml"), "resolved.toml")
+    assert second.resolved("auto", 1e-8) == text
+    return second.simulation
 
 
 def plain(medium):
@@ -79,14 +74,14 @@ def plain(medium):
 def test_source_of_each_kind_is_built_and_repeats_itself(kind, folder):
     """What the file says is what the source has, and the resolved case makes the same source."""
     given = {"kind": kind, "field": "phi2", "position": 0.016} | OWN[kind]
-    case, parts = made(tables(sources=[given]), folder=folder)
-    (source,) = parts.sources
+    case = made(tables(sources=[given]), folder=folder)
+    (source,) = case.simulation.sources
     assert source.kind == kind
     has = parameters(source) | {"kind": kind}
     for key, value in given.items():
         if key != "file":
             assert has[key] == value
-    (repeated,) = again(case, parts).sources
+    (repeated,) = again(case).sources
     assert parameters(repeated) == parameters(source)
     assert type(repeated) is type(source)
 
@@ -96,16 +91,14 @@ def test_recorded_signal_is_inlined(folder):
     path = folder / "case.toml"
     given = {"kind": "recorded", "field": "phi1", "position": 0.01, "file": "signal.csv"}
     path.write_text(tomli_w.dumps(tables(sources=[given])))
-    case = read(path)
-    parts = assemble(case, str(path))
-    assert parts.sources == (Recorded("phi1", 0.01, TIMES.tolist(), VALUES.tolist()),)
-    (table,) = resolved(case, parts)["sources"]
+    case = load(path)
+    expected = (Recorded("phi1", 0.01, TIMES.tolist(), VALUES.tolist()),)
+    assert case.simulation.sources == expected
+    (table,) = tomllib.loads(case.resolved("auto", 1e-8))["sources"]
     assert "file" not in table
     assert (table["times"], table["values"]) == (TIMES.tolist(), VALUES.tolist())
-    problem = settle(case, str(path))
-    assert tomllib.loads(problem.resolved)["sources"] == [table]
-    again_settled = settle(parse(problem.resolved, "resolved.toml"), "resolved.toml")
-    assert again_settled.resolved == problem.resolved
+    (repeated,) = again(case).sources
+    assert parameters(repeated) == parameters(expected[0])
 
 
 @pytest.mark.parametrize(("side", "position"), [("left", 0.0), ("right", 0.032)])
@@ -113,39 +106,41 @@ def test_recorded_signal_is_inlined(folder):
 def test_source_at_an_end(side, position, drive, end):
     given = {"field": "phi1", "peak_frequency": 6e5, "drive": drive, "end": side}
     bar = BASE["bar"] | {"left": "absorbing", "right": "absorbing"} | {side: end}
-    case, parts = made(tables(bar=bar, sources=[given]))
-    (source,) = parts.sources
+    case = made(tables(bar=bar, sources=[given]))
+    (source,) = case.simulation.sources
     assert (source.drive, source.position) == (drive, position)
-    assert again(case, parts).sources == (dataclasses.replace(source, delay=source.peak_time),)
+    assert again(case).sources == (dataclasses.replace(source, delay=source.peak_time),)
 
 
 def test_ends_and_absorber():
     """Periodic by default, with no absorber; else 8 branch lengths of the medium at that end."""
-    assert made(BASE)[1].ends == ("periodic", "periodic")
-    assert made(BASE)[1].absorber == 0
+
+    def ends(bar, **more):
+        simulation = made(tables(bar=bar, **more)).simulation
+        return simulation.bar.left, simulation.bar.right, simulation.bar.absorber
+
+    assert ends(BASE["bar"]) == ("periodic", "periodic", 0)
     bar = BASE["bar"] | {"left": "free", "right": "absorbing"}
-    case, parts = made(tables(bar=bar))
-    assert parts.ends == ("free", "absorbing")
-    assert parts.absorber == 8e-3
-    assert again(case, parts).absorber == 8e-3
+    assert ends(bar) == ("free", "absorbing", 8e-3)
+    assert again(made(tables(bar=bar))).bar.absorber == 8e-3
     layers = [{"from": 0.0, "to": 0.016}, {"from": 0.016, "to": 0.032, "branch_length": 1.5e-3}]
-    assert made(tables(bar=bar, layers=layers))[1].absorber == 8 * 1.5e-3
-    assert made(tables(bar=bar | {"absorber": 5e-3}))[1].absorber == 5e-3
+    assert ends(bar, layers=layers)[2] == 8 * 1.5e-3
+    assert ends(bar | {"absorber": 5e-3})[2] == 5e-3
 
 
 def test_losses():
     """Rayleigh keys and a quality factor make one law, lossless by default."""
-    assert not made(BASE)[1].medium.damping
+    assert not made(BASE).medium.damping
     medium = {
         "mass_damping": 30.0,
         "stiffness_damping": 2e-9,
         "quality_factor": 40.0,
         "quality_band": [1e5, 1e6],
     }
-    case, parts = made(tables(medium=medium))
+    case = made(tables(medium=medium))
     expected = dataclasses.replace(constant_quality(40.0, (1e5, 1e6)), mass=30.0, stiffness=2e-9)
-    assert parts.medium.damping == expected
-    assert again(case, parts).medium.damping == expected
+    assert case.simulation.medium.damping == expected
+    assert again(case).medium.damping == expected
 
 
 LAYERS = [
@@ -158,7 +153,7 @@ LAYERS = [
 def test_layers_are_built_and_repeat_themselves():
     """Each layer against one built by hand: defaults from [medium], pairs at both ends."""
     shared = {"stiffness_ratio": 0.4, "quality_factor": 30.0, "quality_band": [1e5, 1e6]}
-    case, parts = made(tables(medium=shared, layers=LAYERS))
+    case = made(tables(medium=shared, layers=LAYERS))
     low, high = (constant_quality(q, (1e5, 1e6)) for q in (30.0, 50.0))
     common = {"stiffness_ratio": 0.4, "damping": low}
     heavy = dataclasses.replace(low, mass=7.0)
@@ -180,8 +175,8 @@ def test_layers_are_built_and_repeat_themselves():
             ),
         )
     )
-    assert parts.layers == expected
-    repeated = again(case, parts).layers
+    assert case.simulation.layers == expected
+    repeated = again(case).layers
     for one, other in zip(repeated.layers, expected.layers, strict=True):
         assert (one.start, one.end, one.grading) == (other.start, other.end, other.grading)
         assert plain(one.medium) == plain(other.medium)
@@ -190,20 +185,18 @@ def test_layers_are_built_and_repeat_themselves():
             assert plain(one.last) == plain(other.last)
     for x in np.linspace(0, 0.032, 33):
         assert plain(repeated.at(x)) == plain(expected.at(x))
-    assert len(parts.media) == 5
 
 
 def test_one_uniform_layer_is_a_uniform_bar():
-    _, parts = made(tables(layers=[{"from": 0.0, "to": 0.032, "density": 1600.0}]))
-    assert parts.layers is None
-    assert parts.medium == Medium(density=1600.0)
+    simulation = made(tables(layers=[{"from": 0.0, "to": 0.032, "density": 1600.0}])).simulation
+    assert simulation.endless
+    assert simulation.layers == as_layers(Medium(density=1600.0), 0.032)
 
 
 def test_grid_follows_the_shortest_branch_length_and_the_slowest_layer():
     bar = {"length": 0.032}
     layers = [{"from": 0.0, "to": 0.016}, {"from": 0.016, "to": 0.032, "branch_length": 5e-4}]
-    _, parts = made(tables(bar=bar, layers=layers))
-    assert parts.bar.spacing == 5e-4 / 8
+    assert made(tables(bar=bar, layers=layers)).simulation.bar.spacing == 5e-4 / 8
     uniform = message_of(tables(sources=[PULSE | {"peak_frequency": 2e7}]))
     slow = [{"from": 0.0, "to": 0.016}, {"from": 0.016, "to": 0.032, "density": 4 * 1570.0}]
     layered = message_of(tables(sources=[PULSE | {"peak_frequency": 2e7}], layers=slow))
@@ -383,12 +376,7 @@ def test_absorber_must_leave_something():
     ],
     ids=["ends", "absorber", "losses", "graded", "initial"],
 )
-def test_a_real_bar_is_planned_and_resolves_to_itself(overrides):
-    """What is settled is a real bar, and its resolved text settles to the same text and stepper."""
-    case, _ = made(BASE, *overrides)
-    problem = settle(case, "my.toml")
-    assert problem.plan.real
-    again = settle(parse(problem.resolved, "resolved.toml"), "resolved.toml")
-    assert again.resolved == problem.resolved
-    assert again.plan.schedule == problem.plan.schedule
-    assert again.plan.bar == problem.plan.bar
+def test_a_real_bar_resolves_to_itself(overrides):
+    """What a bar with ends, losses or layers resolves to makes the same bar and text."""
+    case = made(BASE, *overrides)
+    assert again(case).bar == case.simulation.bar

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from wavesim.case.problem import load
-from wavesim.case.schema import Case, CaseError
+from wavesim.case.load import load
+from wavesim.case.schema import CaseError, CaseFile
 from wavesim.case.units import UNITS, numbered
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -61,7 +61,7 @@ def test_units_are_of_keys_that_exist():
     """Every key with a unit is one of the tables, so that none is left when one is renamed."""
     import json
 
-    keys = json.dumps(Case.model_json_schema())
+    keys = json.dumps(CaseFile.model_json_schema())
     assert [key for key in UNITS if f'"{key}"' not in keys] == []
 
 
@@ -75,5 +75,5 @@ def test_the_spacing_told_for_a_thin_layer_is_enough(case):
     assert line.startswith("[[layers]] number 2: from = 0.02")
     assert "of [bar] spacing = 6.25e-05" in line
     spacing = line.split("take [bar] spacing = ")[1].split(",")[0]
-    problem = load(CASES / f"{case}.toml", [*thin, f"bar.spacing={spacing}"])
-    assert problem.plan.bar.stretches[1][0] >= 16
+    made = load(CASES / f"{case}.toml", [*thin, f"bar.spacing={spacing}"])
+    assert made.simulation.bar.stretches[1][0] >= 16

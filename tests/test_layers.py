@@ -11,6 +11,7 @@ import pytest
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.wave_equations import flux_form
 
 SOFT = Medium(closure="consistent")
 STIFF = Medium(closure="consistent", G_n_a=9.0, density=2000.0, particle_radius=6e-4)
@@ -119,3 +120,35 @@ def test_a_smooth_layer_is_level_to_second_order_at_its_ends():
             here = layer.at(side).G_n_a
             near, far = (abs(layer.at(abs(side - s)).G_n_a - here) for s in (0.005, 0.01))
             np.testing.assert_allclose(far / near, ratio, rtol=0.02)
+
+
+def test_what_layers_say_of_the_whole_bar():
+    """Its media once each, both ends of a graded layer among them; what holds of one, or of all."""
+    lossy = dataclasses.replace(SOFT, damping=Damping(mass=1.0))
+    bar = Layers((Layer(0, 1, SOFT), Layer(1, 2, SOFT, STIFF), Layer(2, 4, lossy)))
+    assert bar.media[0] == SOFT
+    assert bar.media[-1] == lossy
+    graded = bar.media[1:-1]
+    assert [one.density for one in graded] == sorted(one.density for one in graded)
+    assert (graded[0].parameters, graded[-1].parameters) == (SOFT.parameters, STIFF.parameters)
+    assert bar.lossy
+    assert not bar.uniform
+    assert as_layers(SOFT, 1.0).uniform
+    assert not as_layers(SOFT, 1.0).lossy
+    plain = bar.mapped(lambda one: dataclasses.replace(one, damping=Damping()))
+    assert not plain.lossy
+    assert plain.layers[:2] == bar.layers[:2]
+
+
+@pytest.mark.parametrize(
+    ("closure", "a", "conserves"),
+    [("printed", 0.0, True), ("printed", 0.2, False), ("consistent", 0.2, True)],
+)
+def test_a_bar_conserves_energy_where_every_medium_has_symmetric_equations(closure, a, conserves):
+    """What the closure says, seen in the matrices: C_Bφ = C_φBᵀ, C_BB and Γ symmetric to 1e-13."""
+    medium = Medium(closure=closure, anisotropy=a)
+    bar = Layers((Layer(0, 1, Medium(closure=closure)), Layer(1, 2, medium)))
+    form = flux_form(medium)
+    pairs = ((form.C_phi_B, form.C_B_phi.T), (form.C_B_B, form.C_B_B.T), (form.Gamma, form.Gamma.T))
+    seen = all(np.allclose(one, other, rtol=1e-13, atol=0) for one, other in pairs)
+    assert (bar.conserves_energy, medium.conserves_energy, seen) == (conserves,) * 3

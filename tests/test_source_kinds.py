@@ -13,7 +13,7 @@ import pytest
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import excited_blocks
 from wavesim.planewave.dispersion_relation import block_frequencies
-from wavesim.simulation.plan import highest_band
+from wavesim.simulation.simulation import highest_band
 from wavesim.sources import (
     Chirp,
     GaussianDerivative,
