@@ -105,7 +105,7 @@ class ChebyshevSeries(ExactStepper):
             table = self.work
             done = done + jax.lax.cond(
                 t0 < sources.end,
-                lambda: table.done(y0.y, signals, args.rates(y0.y)),
+                lambda: table.done(args, y0.y, signals),
                 lambda: jnp.zeros(()),
             )
         y1 = Motion(y, done)
@@ -128,5 +128,6 @@ class ChebyshevSeries(ExactStepper):
         zero = jax.tree.map(jnp.zeros_like, y)
         factors = jnp.full(len(made.state), 2.0).at[0].set(1.0)
         terms = jax.tree.map(lambda c: c[::-1], (made.state, forces, factors))
-        (total, _), _ = jax.lax.scan(down, (zero, zero), terms)
+        # Two at a time: no part of a state is copied to be the one before.
+        (total, _), _ = jax.lax.scan(down, (zero, zero), terms, unroll=2)
         return total

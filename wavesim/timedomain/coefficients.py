@@ -62,26 +62,32 @@ class Losses(eqx.Module):
     """What is lost, point by point, shape (points,) unless it says otherwise.
 
     Attributes:
-        mass_node, mass_half: α of the friction on φ̇ and on Ḃ.
+        mass_node: α at nodes.
+        drag_node, drag_half: α + d on φ̇, α + α_B on Ḃ.
+        spring_node: α d on φ.
         stiffness: β_d over the unrelaxed modulus, at half-nodes.
         rates, strengths: ω_l and Y_l of the standard linear solids, at half-nodes, shape
             (mechanisms, points).
-        absorb_node, absorb_half: d of the absorbing ends.
-        calm: α_B of their inner parts.
+        absorb_half: d at half-nodes.
         damped, viscous, absorbing: whether there is a loss law, one with β_d, an absorbing end.
     """
 
     mass_node: Any
-    mass_half: Any
+    drag_node: Any
+    drag_half: Any
+    spring_node: Any
     stiffness: Any
     rates: Any
     strengths: Any
-    absorb_node: Any
     absorb_half: Any
-    calm: Any
     damped: bool = eqx.field(static=True)
     viscous: bool = eqx.field(static=True)
     absorbing: bool = eqx.field(static=True)
+
+    @property
+    def lossy(self) -> bool:
+        """Whether anything is lost."""
+        return self.damped or self.absorbing
 
 
 def coefficients(
@@ -136,17 +142,18 @@ def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = N
         xp = module(*of_ends)
         own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
         drag, inertia = drag + law.mass * time * own, inertia + own
-    absorbers = [time * part for part in absorption(plain or layers, bar, bar.nodes)]
-    inner = [time * part for part in absorption(plain or layers, bar, bar.half_nodes)]
+    at_node, _ = absorption(plain or layers, bar, bar.nodes)
+    inner, calm = absorption(plain or layers, bar, bar.half_nodes)
+    mass_node = _joined(bar, drag) / _joined(bar, inertia)
     return Losses(
-        mass_node=_joined(bar, drag) / _joined(bar, inertia),
-        mass_half=mass_half,
+        mass_node=mass_node,
+        drag_node=mass_node + time * at_node,
+        drag_half=mass_half + at_half(bar, time * calm),
+        spring_node=mass_node * time * at_node,
         stiffness=stiffness,
         rates=rates,
         strengths=strengths,
-        absorb_node=absorbers[0],
-        absorb_half=at_half(bar, inner[0]),
-        calm=at_half(bar, inner[1]),
+        absorb_half=at_half(bar, time * inner),
         damped=any(laws),
         viscous=bool(stiffness.any()),
         absorbing="absorbing" in (bar.left, bar.right),

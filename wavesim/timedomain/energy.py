@@ -38,7 +38,7 @@ class Equation(eqx.Module):
 
     def __call__(self, t: Any, motion: Motion) -> Motion:
         """Rate of a motion at a scaled time."""
-        signals = self.sources.signals(t)
+        signals = self.sources.at(t)
         rate = self.sources.add(self.operator(motion.y), signals)
         return Motion(rate, self.power(motion.y, signals))
 
@@ -80,8 +80,7 @@ class Equation(eqx.Module):
 
 def _holding(group: Group, y: State) -> Any:
     """Moments that the nodes put up against their rotations: what holds a fixed one."""
-    _, kappa_hat, B_hat = group.strains(y)
-    sigma, _ = group.stress(kappa_hat, B_hat)
+    sigma, _ = group.stress(*group.strains(y))
     moment = group.QT(sigma)
     if group.losses.damped:
         moment = moment + group.c.node_mass * group.losses.mass_node * y.phi_rate

@@ -75,19 +75,21 @@ class Rows(eqx.Module):
 
 
 class Pulses(eqx.Module):
-    """What one source leaves in q and v of a group within a step.
+    """What sources near each other leave in q and v of a group within a step.
 
     Attributes:
         group: its number.
-        points: of the window, shape (points,).
-        ahead: by the signals of the step that begins, shape (nodes, 2 · fields · blocks · points).
-        behind: by those of the step that has ended, likewise.
+        sources: their numbers.
+        made: by the signals of the step that begins, and by those of the step that has ended, at
+            the points of the window about them and, as the last one, of 0, shape
+            (2 · sources · nodes, 2 · fields · blocks · (points + 1)).
+        place: of each point of the bar in the window, shape (points of the bar,).
     """
 
     group: int = eqx.field(static=True)
-    points: Any
-    ahead: Any
-    behind: Any
+    sources: Any
+    made: Any
+    place: Any
 
 
 class Memory(NamedTuple):
@@ -107,14 +109,14 @@ class Propagator(ExactStepper):
 
     Attributes:
         rows: for each group, blocks alike together.
-        pulses: of each source.
+        pulses: of all sources.
         nodes, weights, h: Gauss nodes of a step, their weights, and the step.
         work: tables of the sources' work.
         begun: the memory at t = 0.
     """
 
     rows: tuple[tuple[Rows, ...], ...]
-    pulses: tuple[tuple[Pulses, ...], ...]
+    pulses: tuple[Pulses, ...]
     nodes: Any
     weights: Any
     h: Any
@@ -149,12 +151,12 @@ class Propagator(ExactStepper):
                 acting,
                 lambda: (
                     self._pushed(change, signals, solver_state.signals),
-                    table.done(y0.y, signals, args.rates(y0.y)),
+                    table.done(args, y0.y, signals),
                 ),
                 lambda: (change, jnp.zeros(())),
             )
             work = work + done
-        y = tuple(map(_added, y0.y, change))
+        y = tuple(map(_added, args.operator.groups, y0.y, change))
         kept = Memory(tuple(change), signals)
         y1 = Motion(y, work)
         return y1, None, {"y0": y0, "y1": y1}, kept, diffrax.RESULTS.successful
@@ -172,22 +174,25 @@ class Propagator(ExactStepper):
         return before
 
     def _pushed(self, change: list[Any], ahead: Any, behind: Any) -> list[Any]:
-        change = list(change)
-        for j, parts in enumerate(self.pulses):
-            for part in parts:
-                fields, blocks, _, _ = change[part.group].shape
-                push = ahead[j] @ part.ahead + behind[j] @ part.behind
-                push = push.reshape(2, fields, blocks, len(part.points))
-                where = change[part.group].at[:, :, part.points]
-                change[part.group] = where.add(jnp.moveaxis(push, 0, -1))
+        change, signals = list(change), jnp.stack([ahead, behind])
+        for part in self.pulses:
+            fields, blocks, _, _ = change[part.group].shape
+            push = jnp.ravel(signals[:, part.sources]) @ part.made
+            push = push.reshape(2, fields, blocks, -1)[..., part.place]
+            change[part.group] = change[part.group] + jnp.moveaxis(push, 0, -1)
         return change
 
 
-def _added(y: State, change: Any) -> State:
+def _added(group: Group, y: State, change: Any) -> State:
     p = y.phi.shape[0]
     q, v = change[..., 0], change[..., 1]
+    phi = y.phi + q[:p]
     return y._replace(
-        phi=y.phi + q[:p], B=y.B + q[p:], phi_rate=y.phi_rate + v[:p], B_rate=y.B_rate + v[p:]
+        phi=phi,
+        B=y.B + q[p:],
+        phi_rate=y.phi_rate + v[:p],
+        B_rate=y.B_rate + v[p:],
+        kappa=group.D(phi) if p else y.kappa,
     )
 
 
@@ -196,7 +201,7 @@ def propagator(
     bar: Bar,
     step: TimeStep,
     start: States,
-    driven: list[list[Driven]],
+    near: list[Driven],
     work: Work | None,
 ) -> Propagator:
     """Prepare the stepper.
@@ -206,37 +211,32 @@ def propagator(
         bar: its grid.
         step: how it is stepped.
         start: the state at t = 0.
-        driven: for each source the groups that it drives.
+        near: the groups that sources drive, in windows about them.
         work: tables of their work.
     """
     groups = equation.operator.groups
     rows = tuple(_rows(group, bar, step) for group in groups)
-    pulses = tuple(
-        tuple(
-            _pulses(part, groups[part.group], made)
-            for part, made in zip(parts, pushes(parts, j, step), strict=True)
-        )
-        for j, parts in enumerate(driven)
-    )
+    pulses = tuple(_pulses(part, groups[part.group], step) for part in near)
     nodes, weights = nodes_of(step)
-    silent = np.zeros((len(driven), len(nodes)))
+    silent = np.zeros((len(equation.sources.sources), len(nodes)))
     change = tuple(_first_change(g, y, step) for g, y in zip(groups, start, strict=True))
     begun = Memory(change, silent)
     return Propagator(rows, pulses, nodes, weights, np.asarray(step.step), work, begun)
 
 
-def _pulses(part: Driven, group: Group, made: np.ndarray) -> Pulses:
+def _pulses(part: Driven, group: Group, step: TimeStep) -> Pulses:
     """P_jn, and exp(−hA) of it by time reversal: q changes sign, and nodes their order."""
-    p, b = group.rest.phi.shape[0], group.rest.B.shape[0]
-    size = (p + b) * group.free.shape[0] * len(part.points)
-    fields = made[:, : 2 * size].reshape(len(made), 2, size)  # φ, B, φ̇, Ḃ in this order
-    reversed_ = fields[::-1] * np.array([1.0, -1.0])[:, None]
-    return Pulses(
-        part.group,
-        part.points,
-        fields.reshape(len(made), -1),
-        reversed_.reshape(len(made), -1),
-    )
+    made = pushes(part, step)
+    sources, nodes, _ = made.shape
+    fields, (blocks, n) = len(group.rest.phi) + len(group.rest.B), group.free.shape
+    count = len(part.points)
+    made = made[..., : 2 * fields * blocks * count]  # φ, B, φ̇, Ḃ in this order, no memory
+    ahead = made.reshape(sources, nodes, 2, fields * blocks, count)
+    behind = ahead[:, ::-1] * np.array([1.0, -1.0])[:, None, None]
+    both = np.pad(np.stack([ahead, behind]), [(0, 0)] * 5 + [(0, 1)])
+    place = np.full(n, count)
+    place[part.points] = np.arange(count)
+    return Pulses(part.group, np.array(part.sources), both.reshape(2 * sources * nodes, -1), place)
 
 
 def _first_change(group: Group, y: State, step: TimeStep) -> np.ndarray:
@@ -290,7 +290,7 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
     uniform = ring and all(
         np.ptp(np.asarray(a), axis=-1).max(initial=0.0) == 0
         for a in jax.tree.leaves(group)
-        if np.ndim(a)
+        if np.shape(a)[-1:] == (n,)
     )
     for number, start in enumerate(starts):
         first = start - reach if width < n else 0
@@ -354,8 +354,12 @@ def _run_rows(cut: Group, inside: int, step: TimeStep) -> np.ndarray:
     rest = cut.rest
     fields, width = len(rest.phi) + len(rest.B), rest.B.shape[-1]
     unknowns = fields * width
+    # From the rates (φ̇, Ḃ) to those of strains (κ, B), and from strains to the rates' rates.
     A = sparse_matrix(cut)
-    L = sp.csr_array(A[unknowns : 2 * unknowns, :unknowns])
+    rates = slice(unknowns, 2 * unknowns)
+    first = len(rest.phi) * width
+    strains = np.r_[2 * unknowns : 2 * unknowns + first, first:unknowns]
+    L = sp.csr_array(A[rates][:, strains] @ A[strains][:, rates])
     points = (inside + np.arange(RUN)) % width
     chosen = (np.arange(fields)[:, None] * width + points).ravel()
     start = np.zeros((unknowns, len(chosen)))

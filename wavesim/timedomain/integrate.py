@@ -105,9 +105,7 @@ def stepper_of(
     """
     if step.solver not in ("propagator", "chebyshev"):
         return getattr(diffrax, step.solver)()
-    ring = simulated.bar.periodic
-    sources = range(len(equation.sources.sources))
-    near = [driven(equation, source, step.reach, ring) for source in sources]
+    near = driven(equation, step.reach, simulated.bar.periodic)
     done = work(equation, near, step)
     if step.solver == "chebyshev":
         return ChebyshevSeries(series(step), done)

@@ -1,19 +1,21 @@
 """The semi-discrete operator A of ẏ = A y + Σ_j G_j s_j(t), on the staggered grid, scaled.
 
-One operator for every bar: endless ring, layers, ends, absorbers, losses.
+One operator for every bar: endless ring, layers, ends, absorbers, losses. In rates and strains,
 
-    m_φ φ̈ = −Qᵀσ − m_φ χ − α m_φ φ̇,    (σ, τ) = C (κ̂, B̂),    Q = H D
-    i_B B̈ = −τ + D(Γ g(B̂)) − α i_B Ḃ,    g = −N⁻¹ Qᵀ,
-    κ = Dφ − ψ,   (κ̂, B̂) = e + β_d ė − Σ_l Y_l ζ_l,   e = (κ, B),   ζ̇_l = ω_l (e − ζ_l),
-    ψ̇ = d κ,   χ̇ = d (−Qᵀσ/m_φ − χ),   and α_B on Ḃ in absorbing ends besides :
+    m_φ φ̈ = −Qᵀσ − m_φ (α + d) φ̇ − m_φ α d φ,     Q = H D,
+    i_B B̈ = −τ + D(Γ g(B̂)) − i_B (α + α_B) Ḃ,      g = −N⁻¹ Qᵀ,
+    (σ, τ) = C (κ̂, B̂),   κ̇ = D φ̇ − d κ,   (κ̂, B̂) = e + β_d ė − Σ_l Y_l ζ_l,   e = (κ, B),
+    ζ̇_l = ω_l (e − ζ_l) :
 
-D with its closures and norms N, H from the bar; C, Γ, inertias and loss laws from its layers; ψ, χ
-of the absorbing ends; ζ_l of the standard linear solids. Energy is kept exactly where the closure
-is symmetric, as only Q and Qᵀ occur.
+D with its closures and norms N, H from the bar; C, Γ, inertias and loss laws from its layers; d and
+α_B of the absorbing ends (``absorber.py``), where ∂ₓ is stretched to ∂ₓ/(1 + d/∂ₜ); ζ_l of the
+standard linear solids. κ = φ′ is a part of the state: each difference so is taken once. Energy is
+kept exactly where the closure is symmetric, as only Q and Qᵀ occur.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -23,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import difference_weights
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
@@ -45,7 +48,7 @@ class State(NamedTuple):
     Attributes:
         phi, B: the fields.
         phi_rate, B_rate: φ̇, Ḃ.
-        psi, chi: of the absorbing ends; no components where there are none.
+        kappa: κ.
         zeta_kappa, zeta_B: ζ_l of κ and of B, with a first axis of mechanisms.
     """
 
@@ -53,8 +56,7 @@ class State(NamedTuple):
     B: Any
     phi_rate: Any
     B_rate: Any
-    psi: Any
-    chi: Any
+    kappa: Any
     zeta_kappa: Any
     zeta_B: Any
 
@@ -63,15 +65,24 @@ States = tuple[State, ...]  # of all groups of blocks that are integrated
 
 
 class Difference(eqx.Module):
-    """A difference matrix of the grid by its diagonals: (D u)_j = Σ_w d[w, j] u_{j+first+w}.
+    """A difference of the grid: one stencil in every row, but for some near ends and interfaces.
+
+    Row j takes scale_j Σ_w weights_w u_{j + first + w}; those of ``rows`` take Σ_c factors_c u at
+    their own columns instead.
 
     Attributes:
-        weights: d, shape (width, points), or (width, 1) where all rows are alike.
-        first: offset of the first diagonal.
+        weights: of the stencil, shape (width,).
+        scale: shape (points,), or one number.
+        rows: shape (r,), ascending; columns, factors: shape (r, c).
+        first: offset of the stencil's first point.
         ring: whether points are counted round the bar; else those beyond its ends count as 0.
     """
 
     weights: Any
+    scale: Any
+    rows: Any
+    columns: Any
+    factors: Any
     first: int = eqx.field(static=True)
     ring: bool = eqx.field(static=True)
 
@@ -86,10 +97,13 @@ class Difference(eqx.Module):
         else:
             padded = jnp.pad(u, [(0, 0)] * (u.ndim - 1) + [(left, right)])
         padded = jax.lax.optimization_barrier(padded)
-        total = self.weights[0] * padded[..., :n]
-        for w in range(1, width):
-            total = total + self.weights[w] * padded[..., w : w + n]
-        return total
+        taps = (self.weights[w] * padded[..., w : w + n] for w in range(width))
+        made = functools.reduce(jnp.add, taps) * self.scale
+        if not len(self.rows):
+            return made
+        special = jnp.sum(self.factors * u[..., self.columns], axis=-1)
+        where = made.at[..., self.rows]
+        return where.set(special, unique_indices=True, indices_are_sorted=True)
 
 
 class Group(eqx.Module):
@@ -115,35 +129,31 @@ class Group(eqx.Module):
     def rest(self) -> State:
         """The state of rest, of zeros."""
         p, b = self.c.rotations, self.c.stiffness.shape[0] - self.c.rotations
-        absorbing, mechanisms = p * self.losses.absorbing, len(self.losses.rates)
-        size = self.free.shape
-        sizes = [(p,), (b,), (p,), (b,), (absorbing,), (absorbing,), (mechanisms, p)]
-        return State(*(np.zeros((*n, *size)) for n in (*sizes, (mechanisms, b))))
+        mechanisms, size = len(self.losses.rates), self.free.shape
+        sizes = [(p,), (b,), (p,), (b,), (p,), (mechanisms, p), (mechanisms, b)]
+        return State(*(np.zeros((*n, *size)) for n in sizes))
 
     @property
     def mass(self) -> tuple[Any, Any]:
         """Inertia times length of each point, of φ and of B, shape (blocks, points) each."""
         return self.c.node_mass, self.half_norm * self.c.inertia
 
-    def strains(self, y: State) -> tuple[Any, Any, Any]:
-        """κ, and the strains κ̂, B̂ with the memory in them, each (components, blocks, points)."""
-        law, p = self.losses, self.c.rotations
-        kappa, kappa_hat, B_hat = y.phi, y.phi, y.B
-        if p:
-            kappa = self.D(y.phi)
-            if law.absorbing:
-                kappa = kappa - y.psi
-            kappa_hat = kappa
+    def strains(self, y: State) -> tuple[Any, Any]:
+        """κ̂ and B̂, the strains with the memory in them, each (components, blocks, points)."""
+        law = self.losses
+        kappa, B = y.kappa, y.B
         if law.viscous:
-            B_hat = B_hat + law.stiffness * y.B_rate
-            if p:
-                rate = self.D(y.phi_rate)
-                if law.absorbing:
-                    rate = rate - law.absorb_half * kappa
-                kappa_hat = kappa + law.stiffness * rate
+            B = B + law.stiffness * y.B_rate
+            if self.c.rotations:
+                kappa = kappa + law.stiffness * self.strain_rate(y)
         for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
-            kappa_hat, B_hat = kappa_hat - strength * of_kappa, B_hat - strength * of_B
-        return kappa, kappa_hat, B_hat
+            kappa, B = kappa - strength * of_kappa, B - strength * of_B
+        return kappa, B
+
+    def strain_rate(self, y: State) -> Any:
+        """κ̇."""
+        rate = self.D(y.phi_rate)
+        return rate - self.losses.absorb_half * y.kappa if self.losses.absorbing else rate
 
     def stress(self, kappa: Any, B: Any) -> tuple[Any, Any]:
         """(σ, τ) = C (κ, B), the gradient term apart."""
@@ -154,45 +164,42 @@ class Group(eqx.Module):
             total = total + C[:, j] * strains[j]
         return total[:p], total[p:]
 
-    def bending(self, B: Any) -> Any:
-        """D(Γ g(B)), over H the force of the gradient term on B; None where it is left out."""
-        if self.c.gradient is None:
-            return None
+    def bending(self, B: Any) -> tuple[Any, Any]:
+        """Slope g(B) at nodes, and Γ g over the length of each."""
         slope = -self.QT(B) / self.node_norm
         moment = self.c.gradient[:, 0] * slope[0]
         for j in range(1, len(slope)):
             moment = moment + self.c.gradient[:, j] * slope[j]
-        return self.D(moment)
+        return slope, moment
 
     def rate(self, y: State) -> State:
         """A y."""
-        law, p = self.losses, self.c.rotations
-        kappa, kappa_hat, B_hat = self.strains(y)
+        law = self.losses
+        kappa_hat, B_hat = self.strains(y)
         sigma, tau = self.stress(kappa_hat, B_hat)
-        bending = self.bending(B_hat)
-        B_rate = -tau if bending is None else bending - tau
+        B_rate = -tau
+        if self.c.gradient is not None:
+            B_rate = B_rate + self.D(self.bending(B_hat)[1])
         B_rate = B_rate / self.c.inertia
-        phi_rate, psi_rate, chi_rate = y.phi, y.psi, y.chi
-        if p:
-            phi_rate = -self.free * self.QT(sigma)
-            if law.absorbing:
-                phi_rate = phi_rate - y.chi
-                psi_rate, chi_rate = law.absorb_half * kappa, law.absorb_node * phi_rate
-        if law.absorbing:
-            B_rate = B_rate - law.calm * y.B_rate
-        if law.damped:
-            # A held node is moved by its source alone.
-            phi_rate = phi_rate - jnp.where(self.free == 0, 0.0, law.mass_node) * y.phi_rate
-            B_rate = B_rate - law.mass_half * y.B_rate
+        if law.lossy:
+            B_rate = B_rate - law.drag_half * y.B_rate
+        phi_rate, kappa_rate = y.phi, y.kappa
+        if self.c.rotations:
+            phi_rate, kappa_rate = -self.free * self.QT(sigma), self.strain_rate(y)
+            if law.lossy:
+                # A held node is moved by its source alone.
+                free = self.free != 0
+                phi_rate = phi_rate - jnp.where(free, law.drag_node, 0.0) * y.phi_rate
+                if law.absorbing and law.damped:
+                    phi_rate = phi_rate - jnp.where(free, law.spring_node, 0.0) * y.phi
         rates = law.rates[:, None, None]
         return State(
             y.phi_rate,
             y.B_rate,
             phi_rate,
             B_rate,
-            psi_rate,
-            chi_rate,
-            rates * (kappa - y.zeta_kappa),
+            kappa_rate,
+            rates * (y.kappa - y.zeta_kappa),
             rates * (y.B - y.zeta_B),
         )
 
@@ -200,20 +207,29 @@ class Group(eqx.Module):
         """Kinetic energy, and what is stored in the strains and in the solids' springs."""
         law = self.losses
         of_phi, of_B = self.mass
-        kinetic = jnp.sum(of_phi * y.phi_rate**2) + jnp.sum(of_B * y.B_rate**2)
-        kappa, _, _ = self.strains(y)
-        stored = self._stored(kappa, y.B, 1 - jnp.sum(law.strengths, axis=0))
+        kinetic = _total(of_phi * y.phi_rate**2, of_B * y.B_rate**2)
+        share = 1 - jnp.sum(law.strengths, axis=0) if len(law.strengths) else None
+        stored = self._stored(y.kappa, y.B, share)
         for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
-            stored = stored + self._stored(kappa - of_kappa, y.B - of_B, strength)
+            stored = stored + self._stored(y.kappa - of_kappa, y.B - of_B, strength)
         return kinetic / 2, stored / 2
 
-    def _stored(self, kappa: Any, B: Any, share: Any) -> jax.Array:
+    def _stored(self, kappa: Any, B: Any, share: Any = None) -> jax.Array:
         """⟨e, C share e⟩ over the bar, e = (κ, B), the gradient term with it."""
-        sigma, tau = self.stress(share * kappa, share * B)
-        bending = self.bending(share * B)
-        if bending is not None:
-            tau = tau - bending
-        return jnp.sum(self.half_norm * kappa * sigma) + jnp.sum(self.half_norm * B * tau)
+        norm = self.half_norm if share is None else self.half_norm * share
+        sigma, tau = self.stress(kappa, B)
+        parts = [norm * kappa * sigma, norm * B * tau]
+        if self.c.gradient is not None:
+            slope, moment = self.bending(B)
+            if share is not None:
+                _, moment = self.bending(share * B)
+            parts.append(self.node_norm * slope * moment)
+        return _total(*parts)
+
+
+def _total(*parts: Any) -> jax.Array:
+    """Sum of all numbers of some arrays (components, blocks, points), in one go."""
+    return jnp.sum(functools.reduce(jnp.add, [row for part in parts for row in part]))
 
 
 class Operator(eqx.Module):
@@ -279,18 +295,35 @@ def differences(bar: Bar, length: float) -> tuple[Difference, Difference, Any, A
     made, ring = bar.differences, bar.periodic
     half_norm = at_half(bar, made.half_norm / length)
     diagonals = at_half(bar, made.diagonals * length)
+    weights = np.array(difference_weights(bar.order))
+    weights = np.concatenate([-weights[::-1], weights])
+    across = at_half(bar, length / bar.cell_sizes)
+    D = _difference(diagonals, made.first, weights, across, 1 - len(weights) // 2, ring)
     # Row j of D is column j of Dᵀ: its diagonals are these, moved along and in reverse order.
     offsets = made.first + np.arange(len(diagonals))
     moved = [np.roll(d * half_norm, by) for d, by in zip(diagonals, offsets, strict=True)]
-    transposed = np.stack(moved[::-1])
-    D = Difference(_short(diagonals), int(made.first), ring)
-    QT = Difference(_short(transposed), -int(offsets[-1]), ring)
+    transposed, one = np.stack(moved[::-1]), np.ones(len(bar.nodes))
+    QT = _difference(transposed, -offsets[-1], -weights, one, -(len(weights) // 2), ring)
     return D, QT, half_norm, made.node_norm / length
 
 
-def _short(weights: np.ndarray) -> np.ndarray:
-    """One column for all where all are alike."""
-    return weights[:, :1] if (weights == weights[:, :1]).all() else weights
+def _difference(
+    diagonals: np.ndarray,
+    offset: int,
+    weights: np.ndarray,
+    scale: np.ndarray,
+    first: int,
+    ring: bool,
+) -> Difference:
+    """A matrix of diagonals (width, points), the first at an offset, as stencil and exceptions."""
+    width, n = diagonals.shape
+    plain = np.zeros_like(diagonals)
+    plain[first - offset : first - offset + len(weights)] = weights[:, None] * scale
+    away = np.abs(diagonals - plain).max(axis=0) > 1e-13 * np.abs(diagonals).max()
+    rows = np.flatnonzero(away)
+    columns = (rows[:, None] + offset + np.arange(width)) % n
+    even = scale[0] if np.ptp(scale) == 0 else scale
+    return Difference(weights, np.asarray(even), rows, columns, diagonals[:, rows].T, first, ring)
 
 
 def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium) -> list[Any]:

@@ -7,8 +7,9 @@ prescribed rotation g moves the end node, held otherwise, by g̈.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -22,6 +23,9 @@ from wavesim.material.sectors import Block, grouped
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.coefficients import module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes, to_scaled
+
+# What a signal does not depend on, set alike for all, and its amplitude.
+_ALONE: dict[str, Any] = {"field": "phi1", "position": 0.0, "width": 0.0, "amplitude": 1.0}
 
 
 class Points(eqx.Module):
@@ -58,12 +62,17 @@ class SourceTerms(eqx.Module):
 
     Attributes:
         points: G_j on φ and on B, for each group.
-        sources: whose signals are s_j; none of an initial field.
+        amplitude: of each source, shape (sources,).
+        sources: those that have a signal; none of an initial field.
+        signals: their signals at amplitude 1, each once; which: of them is each source's.
         time: s in one scaled unit of time.
     """
 
     points: tuple[tuple[Points, Points], ...]
+    amplitude: Any
     sources: tuple[Source, ...] = eqx.field(static=True)
+    signals: tuple[Source, ...] = eqx.field(static=True)
+    which: tuple[int, ...] = eqx.field(static=True)
     time: float = eqx.field(static=True)
 
     @property
@@ -76,16 +85,9 @@ class SourceTerms(eqx.Module):
         """Which sources prescribe the rotation of an end."""
         return np.flatnonzero([source.drive == "rotation" for source in self.sources])
 
-    def signals(self, t: Any) -> Any:
+    def at(self, t: Any) -> Any:
         """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
-        if not self.sources:
-            return jnp.zeros((0, *jnp.shape(t)))
-        made = []
-        for source in self.sources:
-            signal = self._signal(source)
-            turning = source.drive == "rotation"
-            made.append((derivative(derivative(signal)) if turning else signal)(t))
-        return jnp.stack(made)
+        return self._of_each([self._driving(source)(t) for source in self.signals], t)
 
     def sampled(self, t: Any, nodes: Any, weights: Any, h: Any) -> Any:
         """ŝ_j of the step from t, at its nodes, shape (sources, nodes).
@@ -93,16 +95,31 @@ class SourceTerms(eqx.Module):
         That of a rotation is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
         the changes of ġ and g: an end follows g where g̈ has kinks or jumps too, and does not drift.
         """
-        made = self.signals(t + nodes)
-        for j in self.turning:
-            signal = self._signal(self.sources[j])
-            ends = jnp.stack([t, t + h])
-            g, rate = signal(ends), derivative(signal)(ends)
-            mean = (rate[1] - rate[0] - weights @ made[j]) / h
-            rest = g[1] - g[0] - h * rate[0] - (weights * (h - nodes)) @ made[j]
-            slope = 3 * mean - 6 / h**2 * rest
-            made = made.at[j].add(mean + slope * (2 * nodes / h - 1))
-        return jnp.where(t < self.end, made, 0.0)
+        made = []
+        for source in self.signals:
+            own = self._driving(source)(t + nodes)
+            if source.drive == "rotation":
+                signal = self._signal(source)
+                ends = jnp.stack([t, t + h])
+                g, rate = signal(ends), derivative(signal)(ends)
+                mean = (rate[1] - rate[0] - weights @ own) / h
+                rest = g[1] - g[0] - h * rate[0] - (weights * (h - nodes)) @ own
+                slope = 3 * mean - 6 / h**2 * rest
+                own = own + mean + slope * (2 * nodes / h - 1)
+            made.append(own)
+        return jnp.where(t < self.end, self._of_each(made, nodes), 0.0)
+
+    def _of_each(self, made: list[Any], t: Any) -> Any:
+        """Signals of all sources, from those that are held once."""
+        if not made:
+            return jnp.zeros((0, *jnp.shape(t)))
+        amplitude = self.amplitude.reshape(-1, *(1 for _ in jnp.shape(t)))
+        return amplitude * jnp.stack(made)[np.array(self.which)]
+
+    def _driving(self, source: Source) -> Callable[[Any], Any]:
+        """What drives: a signal, or the second derivative of a rotation."""
+        signal = self._signal(source)
+        return derivative(derivative(signal)) if source.drive == "rotation" else signal
 
     def _signal(self, source: Source) -> Callable[[Any], Any]:
         return lambda t: jnp.asarray(source.signal(t * self.time))
@@ -151,7 +168,12 @@ def source_terms(
         )
         for group, stacked in zip(A.groups, grouped(blocks), strict=True)
     )
-    return SourceTerms(points, tuple(kept), float(scales(medium).time))
+    alone = [dataclasses.replace(cast(Any, source), **_ALONE) for source in kept]
+    signals = list(dict.fromkeys(alone))
+    which = tuple(signals.index(one) for one in alone)
+    amplitude = np.array([source.amplitude for source in kept])
+    time = float(scales(medium).time)
+    return SourceTerms(points, amplitude, tuple(kept), tuple(signals), which, time)
 
 
 def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -61,26 +60,24 @@ def _of_group(group: Group) -> Any:
         return sp.diags_array(spread.ravel(), format="csr")
 
     def difference(matrix: Difference, components: int) -> Any:
-        return sp.kron(sp.eye_array(components * blocks), _matrix(matrix, n), format="csr")
+        return sp.kron(
+            sp.eye_array(components * blocks), difference_matrix(matrix, n), format="csr"
+        )
 
     def pointwise(matrix: Any) -> Any:
         """Σ_j matrix[i, j] u_j at each point, matrix of shape (i, j, blocks, points)."""
         rows = [[sp.diags_array(np.ravel(one)) for one in row] for row in np.asarray(matrix)]
         return sp.csr_array(sp.block_array(rows, format="csr"))
 
-    phi, B, phi_rate, B_rate, psi, chi = (part(number) for number in range(6))
+    phi, B, phi_rate, B_rate, kappa = (part(number) for number in range(5))
     f, b = p + rest.B.shape[0], rest.B.shape[0]
-    D = difference(group.D, p)
-    kappa, rate = D @ phi, D @ phi_rate
-    if law.absorbing and p:
-        kappa = kappa - psi
-        rate = rate - along(law.absorb_half, p) @ kappa
-    e, e_rate = sp.vstack([kappa, B]), sp.vstack([rate, B_rate])
+    kappa_rate = difference(group.D, p) @ phi_rate - along(law.absorb_half, p) @ kappa
+    e, e_rate = sp.vstack([kappa, B]), sp.vstack([kappa_rate, B_rate])
     zeta = []
     for number in range(len(law.rates)):
         own = [
             sp.eye_array(m * blocks * n, total, k=int(starts[at] + number * m * blocks * n))
-            for at, m in ((6, p), (7, b))
+            for at, m in ((5, p), (6, b))
         ]
         zeta.append(sp.vstack(own))
     e_hat = e + along(law.stiffness, f) @ e_rate
@@ -93,45 +90,33 @@ def _of_group(group: Group) -> Any:
         slope = along(-1 / group.node_norm, b) @ difference(group.QT, b)
         bending = difference(group.D, b) @ pointwise(c.gradient) @ slope
         force = force + bending @ e_hat[p * blocks * n :]
+    free = group.free != 0
     on_phi = -along(group.free, p) @ difference(group.QT, p) @ sigma
-    on_B = along(1 / c.inertia, b) @ force
-    if law.absorbing:
-        on_phi = on_phi - chi if p else on_phi
-        on_B = on_B - along(law.calm, b) @ B_rate
-    memory = [psi, chi]
-    if law.absorbing and p:
-        memory = [along(law.absorb_half, p) @ kappa, along(law.absorb_node, p) @ on_phi]
-    if law.damped:
-        free = np.where(group.free == 0, 0.0, law.mass_node)
-        on_phi = on_phi - along(free, p) @ phi_rate
-        on_B = on_B - along(law.mass_half, b) @ B_rate
+    on_phi = on_phi - along(np.where(free, law.drag_node, 0.0), p) @ phi_rate
+    on_phi = on_phi - along(np.where(free, law.spring_node, 0.0), p) @ phi
+    on_B = along(1 / c.inertia, b) @ force - along(law.drag_half, b) @ B_rate
     relaxing = [along(r, f) @ (e - own) for r, own in zip(law.rates, zeta, strict=True)]
     of_kappa = [one[: p * blocks * n] for one in relaxing]
     of_B = [one[p * blocks * n :] for one in relaxing]
-    rows = [phi_rate, B_rate, on_phi, on_B, *memory, *of_kappa, *of_B]
+    rows = [phi_rate, B_rate, on_phi, on_B, kappa_rate, *of_kappa, *of_B]
     return sp.vstack([row for row in rows if row.shape[0]], format="csr")
 
 
-def _matrix(difference: Difference, n: int) -> sp.csr_array:
+def difference_matrix(difference: Difference, n: int) -> sp.csr_array:
     """A difference of n points as a matrix."""
-    weights = np.broadcast_to(np.asarray(difference.weights), (len(difference.weights), n))
+    weights = np.asarray(difference.weights)[:, None] * np.broadcast_to(difference.scale, n)
     rows = np.broadcast_to(np.arange(n), weights.shape)
     columns = rows + difference.first + np.arange(len(weights))[:, None]
-    kept = weights != 0
+    kept = np.ones(weights.shape, bool)
+    kept[:, difference.rows] = False
     if difference.ring:
         columns = columns % n
     else:
         kept &= (columns >= 0) & (columns < n)
-    entries = weights[kept], (rows[kept], columns[kept])
-    return sp.csr_array(sp.coo_array(entries, shape=(n, n)))
-
-
-def indices(state: State, points: Sequence[int] | np.ndarray) -> State:
-    """Where the numbers of a group at some points stand among its flat ones, a state of indices."""
-    made, at = [], 0
-    for array in state:
-        shape = np.shape(array)
-        numbers = at + np.arange(int(np.prod(shape))).reshape(shape)
-        made.append(numbers[..., np.asarray(points)])
-        at += int(np.prod(shape))
-    return State(*made)
+    own = np.broadcast_to(np.asarray(difference.rows)[:, None], difference.columns.shape)
+    entries = np.concatenate([weights[kept], np.ravel(difference.factors)])
+    where = (
+        np.concatenate([rows[kept], np.ravel(own)]),
+        np.concatenate([columns[kept], np.ravel(difference.columns)]),
+    )
+    return sp.csr_array(sp.coo_array((entries, where), shape=(n, n)))

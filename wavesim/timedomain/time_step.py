@@ -130,7 +130,7 @@ def time_step(simulation: Simulation) -> TimeStep:
     nodes = math.ceil(h * (radius + loss) / 2) + _EXTRA_NODES
     made = TimeStep(
         solver, h, per_frame, simulation.frames, radius, loss / 2,
-        _rounded(degree), _rounded(nodes), _rounded(_reach(h, speed)),
+        _rounded(degree + 1) - 1, _rounded(nodes), _rounded(_reach(h, speed)),
     )  # fmt: skip
     _check_size(simulation, made)
     return made

@@ -11,7 +11,6 @@ products; nothing is felt further away than the reach of a step, so windows of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -35,71 +34,117 @@ def window(group: Group, points: np.ndarray) -> Group:
         group: of plain numbers.
         points: round the bar where it is a ring; the whole ring stays one.
     """
-    whole = len(points) == group.free.shape[-1]
+    n = group.free.shape[-1]
+    ring = group.D.ring and len(points) == n
+    place = np.full(n, -1)
+    place[points] = np.arange(len(points))
 
     def cut(array: Any) -> Any:
         array = np.asarray(array)
-        return array if array.ndim == 0 or array.shape[-1] == 1 else array[..., points]
+        return array[..., points] if array.ndim and array.shape[-1] == n else array
 
-    made = jax.tree.map(cut, group)
-    ring = group.D.ring and whole
+    def part(difference: Difference) -> Difference:
+        own = place[difference.rows] >= 0
+        columns = place[difference.columns[own]]
+        factors = np.where(columns >= 0, difference.factors[own], 0.0)
+        return dataclasses.replace(
+            difference,
+            scale=cut(difference.scale),
+            rows=place[difference.rows[own]],
+            columns=np.maximum(columns, 0),
+            factors=factors,
+            ring=ring,
+        )
 
-    def closed(difference: Difference) -> Difference:
-        return dataclasses.replace(difference, ring=ring)
-
-    return dataclasses.replace(made, D=closed(made.D), QT=closed(made.QT))
+    c, law = jax.tree.map(cut, (group.c, group.losses))
+    D, QT = part(group.D), part(group.QT)
+    norms = cut(group.half_norm), cut(group.node_norm)
+    return type(group)(D, QT, *norms, c, cut(group.free), law)
 
 
 class Driven(NamedTuple):
-    """A group about one source: where it is, and what the source does and feels there.
+    """A group about sources that lie near each other: where they are, what they do and feel there.
 
     Attributes:
         group: its number.
         points: of the window, shape (points,).
         matrix: A of the window.
-        pushed: G_i of every source in it, flat, shape (sources, unknowns).
-        felt: O_e in it for e = j and, where j turns an end, for the moment that holds it; flat.
+        sources: their numbers.
+        pushed: G_j of each of them, flat, shape (sources, unknowns).
+        felt: O_e: of each of them, and then of each that turns an end for the moment that holds
+            it; flat, shape (e, unknowns).
     """
 
     group: int
     points: np.ndarray
     matrix: Any
+    sources: list[int]
     pushed: np.ndarray
     felt: np.ndarray
 
 
-def driven(equation: Equation, source: int, reach: int, ring: bool) -> list[Driven]:
-    """The groups that a source drives, each in a window about it."""
+def driven(equation: Equation, reach: int, ring: bool) -> list[Driven]:
+    """The groups that sources drive, in windows about them.
+
+    Args:
+        equation: of the bar, of plain numbers.
+        reach: cells beyond which nothing is felt within a step.
+        ring: whether the bar is periodic.
+    """
     found = []
-    turning = source in equation.turning
     pairs = zip(equation.operator.groups, equation.sources.points, strict=True)
     for number, (group, on) in enumerate(pairs):
-        where = np.concatenate([one.point[one.source == source] for one in on])
-        if not len(where):
-            continue
-        points = _window(where, group.free.shape[-1], reach, ring)
-        cut = window(group, points)
-        rest = cut.rest
-        sizes = [np.shape(array) for array in rest]
-        starts = np.cumsum([0, *(int(np.prod(size)) for size in sizes)])
-        pushed = np.zeros((len(equation.sources.sources), starts[-1]))
-        felt = np.zeros((1 + turning, starts[-1]))
-        place = np.full(group.free.shape[-1], -1)
-        place[points] = np.arange(len(points))
-        for kind, (own, mass) in enumerate(zip(on, cut.mass, strict=True)):
-            for other in range(len(pushed)):
-                at, weight = _entries(own, other, place, sizes[2 + kind], starts[2 + kind])
-                pushed[other, at] += weight
-            part = slice(starts[2 + kind], starts[3 + kind])
-            felt[0, part] = pushed[source, part] * np.broadcast_to(mass, sizes[2 + kind]).ravel()
-        matrix = sparse_matrix(cut)
-        if turning:
-            free = dataclasses.replace(cut, free=1 / np.asarray(cut.c.node_mass))
-            at, weight = _entries(on[0], source, place, sizes[2], starts[2])
-            mass = np.ravel(np.broadcast_to(cut.c.node_mass, sizes[2]))[at - starts[2]]
-            felt[1] = -(weight * mass) @ sparse_matrix(free)[at].toarray()
-        found.append(Driven(number, points, matrix, pushed, felt))
+        size = group.free.shape[-1]
+        for sources, where in _near(on, len(equation.sources.sources), 2 * reach):
+            points = _window(where, size, reach, ring)
+            found.append(_driven(equation, number, sources, points))
     return found
+
+
+def _near(
+    on: tuple[Points, Points], count: int, distance: int
+) -> list[tuple[list[int], np.ndarray]]:
+    """Sources on a group with the points they act on, those within a distance together."""
+    places = [
+        np.unique(np.concatenate([one.point[one.source == source] for one in on]))
+        for source in range(count)
+    ]
+    order = sorted((s for s in range(count) if len(places[s])), key=lambda s: int(places[s][0]))
+    found: list[tuple[list[int], np.ndarray]] = []
+    for source in order:
+        own = places[source]
+        if found and own[0] - found[-1][1][-1] <= distance:
+            sources, before = found[-1]
+            found[-1] = ([*sources, source], np.union1d(before, own))
+        else:
+            found.append(([source], own))
+    return found
+
+
+def _driven(equation: Equation, number: int, sources: list[int], points: np.ndarray) -> Driven:
+    group, on = equation.operator.groups[number], equation.sources.points[number]
+    cut = window(group, points)
+    sizes = [np.shape(array) for array in cut.rest]
+    starts = np.cumsum([0, *(int(np.prod(size)) for size in sizes)])
+    place = np.full(group.free.shape[-1], -1)
+    place[points] = np.arange(len(points))
+    pushed = np.zeros((len(sources), starts[-1]))
+    weights = np.ones(starts[-1])
+    for kind, (own, mass) in enumerate(zip(on, cut.mass, strict=True)):
+        size, start = sizes[2 + kind], starts[2 + kind]
+        weights[start : starts[3 + kind]] = np.broadcast_to(mass, size).ravel()
+        for row, source in zip(pushed, sources, strict=True):
+            at, weight = _entries(own, source, place, size, start)
+            row[at] += weight
+    felt = [*(pushed * weights)]
+    turning = [source for source in sources if source in equation.turning]
+    if turning:
+        free = dataclasses.replace(cut, free=1 / np.asarray(cut.c.node_mass))
+        held = sparse_matrix(free)
+        for source in turning:
+            at, weight = _entries(on[0], source, place, sizes[2], starts[2])
+            felt.append(-(weight * weights[at]) @ held[at].toarray())
+    return Driven(number, points, sparse_matrix(cut), sources, pushed, np.array(felt))
 
 
 def _entries(
@@ -154,18 +199,16 @@ def series_terms(matrix: Any, start: np.ndarray, step: TimeStep, factors: np.nda
     return total.reshape(-1, *start.shape)
 
 
-def pushes(parts: Sequence[Driven], source: int, step: TimeStep) -> list[np.ndarray]:
-    """P_jn of a source, for each group that it drives, shape (nodes, unknowns of the window)."""
+def pushes(part: Driven, step: TimeStep) -> np.ndarray:
+    """P_jn of sources, shape (sources, nodes, unknowns of the window)."""
     nodes, weights = nodes_of(step)
     factors = series_coefficients(step.step - nodes, step.radius, step.shift, step.degree)
-    factors = factors * weights[:, None]
-    return [series_terms(part.matrix, part.pushed[source], step, factors) for part in parts]
+    made = series_terms(part.matrix, part.pushed.T, step, factors * weights[:, None])
+    return np.moveaxis(made, 2, 0)
 
 
-def readings(parts: Sequence[Driven], step: TimeStep) -> list[np.ndarray]:
-    """O_e exp(τ_n A) of a source's functionals, shape (nodes, e, unknowns) for each group."""
+def readings(part: Driven, step: TimeStep) -> np.ndarray:
+    """O_e exp(τ_n A) of functionals, shape (e, nodes, unknowns of the window)."""
     nodes, _ = nodes_of(step)
     factors = series_coefficients(nodes, step.radius, step.shift, step.degree)
-    return [
-        series_terms(part.matrix.T, part.felt.T, step, factors).swapaxes(1, 2) for part in parts
-    ]
+    return np.moveaxis(series_terms(part.matrix.T, part.felt.T, step, factors), 2, 0)

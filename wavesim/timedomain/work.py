@@ -25,80 +25,79 @@ from wavesim.timedomain.within_step import Driven, readings
 
 
 class Felt(eqx.Module):
-    """What one source feels of one group: at ``points``, rows of shape (nodes, e, unknowns)."""
+    """What sources near each other feel of one group.
+
+    Attributes:
+        group: its number.
+        points: of the window about them, shape (points,).
+        sources: their numbers; factors: by which what is felt is multiplied, among ``Work.done``'s.
+        rows: O_e exp(τ_n A), shape (e, nodes, unknowns of the window).
+        own: what their signals make be felt, shape (e, nodes, sources, nodes).
+    """
 
     group: int = eqx.field(static=True)
     points: Any
+    sources: Any
+    factors: Any
     rows: Any
-
-    def of(self, y: States) -> Any:
-        """O_e exp(τ_n A) y, shape (nodes, e)."""
-        parts = [jnp.ravel(array[..., self.points]) for array in y[self.group]]
-        return self.rows @ jnp.concatenate(parts)
+    own: Any
 
 
 class Work(eqx.Module):
     """Tables for the work in a step.
 
     Attributes:
-        felt: of each source.
-        own: what signals make be felt, for each source, shape (nodes, e, sources, nodes).
+        felt: of all sources.
         risen: ∫₀^{τ_n} of the polynomial through values at the nodes, shape (nodes, nodes).
         weights: w_n.
         turning: sources whose prescribed rotation does work.
     """
 
-    felt: tuple[tuple[Felt, ...], ...]
-    own: tuple[Any, ...]
+    felt: tuple[Felt, ...]
     risen: Any
     weights: Any
     turning: tuple[int, ...] = eqx.field(static=True)
 
-    def done(self, y: States, signals: Any, rates: Any) -> Any:
-        """Work in the step from a state.
-
-        Args:
-            y: the state at its start.
-            signals: ŝ at the nodes, shape (sources, nodes).
-            rates: G_jᵀ v at its start, shape (sources,); of a prescribed rotation its rate.
-        """
+    def done(self, equation: Equation, y: States, signals: Any) -> Any:
+        """Work in the step from a state y, by signals ŝ at the nodes, shape (sources, nodes)."""
+        factors = signals
+        if self.turning:
+            turning = np.array(self.turning)
+            turned = equation.rates(y)[turning, None] + signals[turning] @ self.risen.T
+            factors = jnp.concatenate([signals, turned])
         total = jnp.zeros(())
-        for j, (parts, own) in enumerate(zip(self.felt, self.own, strict=True)):
-            felt = jnp.tensordot(own, signals, 2)
-            for part in parts:
-                felt = felt + part.of(y)
-            power = signals[j] * felt[:, 0]
-            if j in self.turning:
-                power = power + (rates[j] + self.risen @ signals[j]) * felt[:, 1]
-            total = total + jnp.sum(self.weights * power)
+        for part in self.felt:
+            near = [jnp.ravel(array[..., part.points]) for array in y[part.group] if array.size]
+            felt = part.rows @ jnp.concatenate(near)
+            felt = felt + jnp.tensordot(part.own, signals[part.sources], 2)
+            total = total + jnp.sum(self.weights * factors[part.factors] * felt)
         return total
 
 
-def work(equation: Equation, driven: list[list[Driven]], step: TimeStep) -> Work | None:
+def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
     """Prepare the tables; None where there is no signal.
 
     Args:
         equation: of the bar, of plain numbers.
-        driven: for each source the groups that it drives.
+        near: the groups that sources drive, in windows about them.
         step: how the bar is stepped.
     """
-    if not driven:
+    if not near:
         return None
     _, weights = nodes_of(step)
     convolved, risen = _convolutions(step.nodes)
-    felt, own = [], []
-    for parts in driven:
-        rows = readings(parts, step)
-        of_signals = sum(
-            np.einsum("neu,iu->nei", row, part.pushed)
-            for row, part in zip(rows, parts, strict=True)
-        )
-        own.append(step.step * np.einsum("nmk,mei->neik", convolved, of_signals))
-        felt.append(
-            tuple(Felt(part.group, part.points, row) for part, row in zip(parts, rows, strict=True))
-        )
-    turning = tuple(int(j) for j in equation.turning)
-    return Work(tuple(felt), tuple(own), step.step * risen, weights, turning)
+    turning = [int(j) for j in equation.turning]
+    felt = []
+    for part in near:
+        rows = readings(part, step)
+        of_signals = np.einsum("enu,iu->eni", rows, part.pushed)
+        own = step.step * np.einsum("nmk,emi->enik", convolved, of_signals, optimize=True)
+        held = [
+            len(equation.sources.sources) + turning.index(j) for j in part.sources if j in turning
+        ]
+        factors = np.array(part.sources + held)
+        felt.append(Felt(part.group, part.points, np.array(part.sources), factors, rows, own))
+    return Work(tuple(felt), step.step * risen, weights, tuple(turning))
 
 
 def _convolutions(count: int) -> tuple[np.ndarray, np.ndarray]:
