@@ -152,5 +152,5 @@ def small_held(small_run):
     from wavesim.readings.dispersion.extract import extract
     from wavesim.verdict.endless import hold
 
-    field, k_range = small_run.field, small_run.problem.k_range
+    field, k_range = small_run.field, small_run.loaded.k_range
     return [hold(field, m, k_range) for m in extract(field, k_range[1])]

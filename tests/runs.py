@@ -13,7 +13,7 @@ from typing import Any
 
 from click.testing import CliRunner, Result
 from filelock import FileLock
-from wavesim.case.problem import load
+from wavesim.case.load import load
 
 from wavesim.cli.main import main
 from wavesim.io import result_reader
@@ -51,7 +51,7 @@ class Run:
     stderr: str
 
     @cached_property
-    def problem(self):
+    def loaded(self):
         return load(self.case)
 
     @cached_property
@@ -60,7 +60,7 @@ class Run:
 
     @cached_property
     def field(self):
-        return result_reader.read(self.result, self.problem)
+        return result_reader.read(self.result, self.loaded.simulation)
 
     @property
     def result(self) -> Path:
@@ -85,5 +85,6 @@ def shipped(name: str, shared: Path) -> Run:
         return run(SHIPPED[name], shared)
     found = Run(SHIPPED[name], elsewhere, 0, "", "")
     stored = result_reader.describe(found.result)
-    assert (stored.status, stored.case) == ("complete", found.problem.resolved), elsewhere
+    resolved = found.loaded.resolved(found.summary["stepper"], found.summary["step"])
+    assert (stored.status, stored.case) == ("complete", resolved), elsewhere
     return found

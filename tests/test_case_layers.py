@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from runs import call
-from wavesim.case.problem import load
+from wavesim.case.load import load
 
 GOOD = """\
 [bar]
@@ -62,7 +62,7 @@ def told(path, *overrides):
 def good(tmp_path):
     path = tmp_path / "bar.toml"
     path.write_text(GOOD)
-    assert not load(path).plan.endless
+    assert not load(path).simulation.endless
     return path
 
 
@@ -80,7 +80,7 @@ def test_a_layer_too_thin_for_the_grid_gives_2_and_one_line(good):
     assert "[[layers]] number 2: from = 0.031, to = 0.032: 0.001 m is 8 cells" in line
     assert "take [bar] spacing = 6.25e-05, a lower [bar] order, or a thicker layer" in line
     fine = ["layers.0.to=0.031", "layers.1.from=0.031", "bar.spacing=6.25e-5"]
-    assert not load(good, fine).plan.endless
+    assert not load(good, fine).simulation.endless
 
 
 def test_a_recorded_signal_with_a_hole_gives_2_and_one_line(good, tmp_path):
@@ -89,7 +89,7 @@ def test_a_recorded_signal_with_a_hole_gives_2_and_one_line(good, tmp_path):
     (tmp_path / "signal.csv").write_text("\n".join(["t,value", *rows]))
     recorded = 'kind = "recorded"\nfile = "signal.csv"'
     good.write_text(GOOD.replace("peak_frequency = 2.0e5", recorded))
-    assert load(good).plan.sources[0].kind == "recorded"
+    assert load(good).simulation.sources[0].kind == "recorded"
     (tmp_path / "signal.csv").write_text("\n".join(["t,value", *rows[:90], *rows[93:]]))
     line = told(good)
     assert 'file = "signal.csv": line 92' in line

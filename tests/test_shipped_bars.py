@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from runs import SHIPPED, call
 from scipy.interpolate import BarycentricInterpolator
-from wavesim.case.problem import load
+from wavesim.case.load import load
 
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS, flux_form
 
@@ -29,7 +29,7 @@ def done(request, shipped):
 
 
 def test_every_bar_that_is_not_endless_is_listed():
-    assert [name for name, path in SHIPPED.items() if not load(path).plan.endless] == NAMES
+    assert [name for name, path in SHIPPED.items() if not load(path).simulation.endless] == NAMES
 
 
 def test_signals_are_judged_and_figures_drawn(done):

@@ -4,7 +4,8 @@ import h5py
 import numpy as np
 import pytest
 from runs import SHIPPED, call
-from wavesim.case.problem import load
+from wavesim.case.load import load
+from wavesim.timedomain.time_step import time_step
 
 from wavesim import planewave
 
@@ -14,15 +15,15 @@ def test_check_says_what_can_be_said_before_integrating(name):
     """Shipped cases give no warning; the numbers printed are those of the settled run."""
     result = call("check", SHIPPED[name])
     assert (result.exit_code, result.stderr) == (0, "")
-    plan = load(SHIPPED[name]).plan
-    assert f"{plan.bar.cells} cells" in result.stdout
-    assert f"{plan.schedule.steps} steps" in result.stdout
-    low, high = planewave.gaps(plan.medium, "longitudinal")[0].lower, 2e3 * np.pi
+    simulation = load(SHIPPED[name]).simulation
+    assert f"{simulation.bar.cells} cells" in result.stdout
+    assert f"{time_step(simulation).steps} steps" in result.stdout
+    low, high = planewave.gaps(simulation.medium, "longitudinal")[0].lower, 2e3 * np.pi
     assert f"{low / high:.2f}" in result.stdout
     for gap in ("RLB1", "RLB2", "RTB1", "RTB2", "RSB"):
         assert gap in result.stdout
     exact = "receivers, against the exact solution in the frequency domain"
-    assert (exact in result.stdout) is not plan.endless
+    assert (exact in result.stdout) is not simulation.endless
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -32,7 +33,7 @@ def test_run_gives_0_and_tells_that_every_check_passed(name, shipped):
     checks = run.summary["checks"]
     assert [check["name"] for check in checks if not check["passed"]] == []
     assert run.summary["passed"] is True
-    assert len(checks) >= (15 if run.problem.plan.endless else 8)
+    assert len(checks) >= (15 if run.loaded.simulation.endless else 8)
     for check in checks:
         assert abs(check["measured"] - check["reference"]) <= check["tolerance"]
     if run.stdout:

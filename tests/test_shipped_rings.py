@@ -90,7 +90,7 @@ def test_all_waves_are_there_and_right(done):
     equations in SI: median |Δω|/ω ≤ 1e-3, maximum ≤ 1e-2. Grid and stepper are off by less than
     1e-6 here, the window by 6e-6 bins; measured medians 2e-8 to 1.2e-7, maxima to 4.4e-6."""
     name, field, run, file = done
-    medium, judged_from = field.medium, run.problem.k_range
+    medium, judged_from = field.medium, run.loaded.k_range
     assert set(file["dispersion"]) == DRIVEN[name]
     seen = 0
     for sector, group in file["dispersion"].items():

@@ -202,7 +202,7 @@ def test_run_passes_with_the_medium_it_was_made_with(small_run):
 def test_run_fails_with_another_medium(small_run, wrong):
     """The same field held against a medium that differs in one parameter by 1 or 2 %, or in the
     closure alone: more than one kind of check falls short."""
-    field_, k_range = small_run.field, small_run.problem.k_range
+    field_, k_range = small_run.field, small_run.loaded.k_range
     other = dataclasses.replace(
         field_, medium=dataclasses.replace(field_.medium, **wrong), energy=None
     )
