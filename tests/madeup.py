@@ -15,6 +15,7 @@ from wavesim.material.wave_equations import fastest_speed
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading
 from wavesim.simulation.field import Field
+from wavesim.simulation.simulation import simulation
 from wavesim.sources import Ricker
 
 SOFT = Medium(closure="consistent")
@@ -24,13 +25,17 @@ LONGITUDINAL = next(block for block in BLOCKS if block.sector == "longitudinal")
 T = np.linspace(0, 1e-4, 801)
 
 
+def made_field(t, values, medium, bar, sources, receivers=None, energy=None, **more):
+    """A field of given values on a bar of a medium or of layers."""
+    made_by = simulation(medium, bar, sources, float(t[-1]), len(t), receivers)
+    return Field(made_by, t, values, energy, **more)
+
+
 def field_of(layers, bar, sources, receivers=(), values=None, t=T, energy=None):
     """A field of phi1 alone; where no values are given each holds its own position."""
     made = np.broadcast_to(bar.nodes, (len(t), len(bar.nodes))) if values is None else values
     places = receivers if isinstance(receivers, dict) else {str(n): x for n, x in receivers}
-    return Field(
-        t, {"phi1": made}, layers.first, bar, tuple(sources), places, energy, layers=layers
-    )
+    return made_field(t, {"phi1": made}, layers, bar, sources, places, energy)
 
 
 def chain(*stretches, start=0.0):

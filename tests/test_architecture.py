@@ -17,7 +17,7 @@ MODULES = {
 # Each room leans on rooms of the floors below it; on one of its own floor if that does not lean
 # back.
 FLOORS = (
-    {"material"},
+    {"material", "worker"},
     {"grid", "planewave", "sources"},
     {"layered"},
     {"simulation"},

@@ -13,6 +13,7 @@ transform.
 
 import numpy as np
 import pytest
+from madeup import made_field
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
@@ -20,7 +21,6 @@ from wavesim.material.scaling import scales
 from wavesim.material.sectors import BLOCKS
 from wavesim.readings.dispersion import spectrum as dispersion
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, peaks, ridges, spectrum
-from wavesim.simulation.field import Field
 from wavesim.sources import Ricker
 
 BLOCK = BLOCKS[0]
@@ -73,7 +73,7 @@ def field_of(*relations, amplitudes=None, noise=0.0, rng=None, name="phi1"):
     values += noise * rng.normal(size=values.shape)
     fields = {f: np.zeros_like(values) for f in BLOCK.fields}
     fields[name] = values * scales(Medium()).unit(name)
-    return Field(t, fields, Medium(), BAR, (SOURCE,))
+    return made_field(t, fields, Medium(), BAR, (SOURCE,))
 
 
 def optical(k):
@@ -254,7 +254,7 @@ def test_samples_with_a_source_are_left_out():
     full = field_of(optical)
     for peak_frequency, delay, first in ((1e6, 4.05e-6, 61), (1e5, None, 0)):
         source = Ricker("phi1", 0.0, peak_frequency, delay=delay)
-        field = Field(full.t, full.values, Medium(), BAR, (source,))
+        field = made_field(full.t, full.values, Medium(), BAR, (source,))
         frames = FRAMES - first
         found = spectrum(field, BLOCK, 1e5)
         assert found.bin == pytest.approx(2 * np.pi / (frames * field.interval), rel=1e-12)

@@ -1,15 +1,12 @@
 """Figures: all are written, the two scales of each axis agree, and gaps stand where they should."""
 
 import dataclasses
-import os
-import signal
 import struct
-import subprocess
-import sys
 
 import matplotlib
 import numpy as np
 import pytest
+from madeup import made_field
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -17,9 +14,8 @@ from wavesim import planewave
 from wavesim.figures import endless as figures
 from wavesim.figures import field as fieldfigures
 from wavesim.figures import style
-from wavesim.figures.process import FigureProcess
-from wavesim.simulation.field import Field
 from wavesim.sources import Ricker
+from wavesim.worker import Worker
 
 TO_KHZ = 1 / (2e3 * np.pi)
 
@@ -89,7 +85,7 @@ def test_every_figure_is_written(small_run):
     ("name", "panel", "side", "label", "unit"),
     [
         ("spacetime", 0, "top", "x / l", lambda m: 1e-3 / m.length_scale),
-        ("spacetime", 0, "right", "t / √", lambda m: 1e-6 / m.time_scale),
+        ("spacetime", 1, "right", "t / √", lambda m: 1e-6 / m.time_scale),
         ("dispersion", 0, "top", "k̄", lambda m: 1e3 * m.length_scale / 2 / np.pi),
         ("dispersion", 0, "right", "ω̄", lambda m: 2e3 * np.pi * m.time_scale),
         ("inplane", 0, "right", "ω̄", lambda m: 2e3 * np.pi * m.time_scale),
@@ -232,7 +228,7 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
     from wavesim.verdict.endless import hold
 
     full = small_run.field
-    made = Field(
+    made = made_field(
         full.t[:8],
         {name: scale * full[name][:8] for name in full.names},
         full.medium,
@@ -264,52 +260,28 @@ def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
     np.testing.assert_allclose(whole, plain, rtol=1e-14)
 
 
-def process(folder, field, held=None):
-    with FigureProcess() as drawing:
-        drawing.draw(folder, field, held)
-        return drawing.wait()
+def drawn_by_forks(folder, field):
+    with Worker() as beside:
+        files = beside.each("wavesim.figures.drawing.of_field", folder, field).result()
+        return [path for own in files for path in own]
 
 
-def test_process_draws_what_this_one_would(small_run, tmp_path):
+def test_forks_draw_what_this_process_would(small_run, tmp_path):
     """The same files, to the byte."""
     field = small_run.field
     here = style.write(fieldfigures.of_field(field), tmp_path / "here")
-    there = process(tmp_path / "there", field)
+    there = drawn_by_forks(tmp_path / "there", field)
     assert [p.name for p in there] == [p.name for p in here]
     for a, b in zip(here, there, strict=True):
         assert a.read_bytes() == b.read_bytes()
 
 
-def test_what_goes_wrong_in_the_process_is_raised_here(small_run, tmp_path):
+def test_what_goes_wrong_in_drawing_is_raised_here(small_run, tmp_path):
     field = small_run.field
     (tmp_path / "figures").write_text("in the way")
     with pytest.raises(FileExistsError):
-        process(tmp_path / "figures", field)
-    gone = dataclasses.replace(field, values={})
+        drawn_by_forks(tmp_path / "figures", field)
+    rest = {name: values for name, values in field.values.items() if name != "phi1"}
+    gone = dataclasses.replace(field, values=rest)
     with pytest.raises(KeyError, match="phi1"):
-        process(tmp_path / "other", gone)
-
-
-def test_one_that_draws_and_is_killed_is_told():
-    """In a process without jax, which must not be forked."""
-    program = """
-import os, signal
-from wavesim.figures import process as figureprocess
-figureprocess._drawn = lambda: os.kill(os.getpid(), signal.SIGKILL)
-print(repr(figureprocess._end(*figureprocess._begin(()))))
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.startswith("MemoryError(")
-    assert "ended with code -9" in done.stdout
-
-
-def test_process_that_is_killed_is_told_and_leaves_no_zombie(small_run, tmp_path):
-    with FigureProcess() as drawing:
-        os.kill(drawing._process.pid, signal.SIGKILL)
-        drawing._process.wait()
-        drawing.draw(tmp_path, small_run.field)
-        with pytest.raises(MemoryError, match="ended with code -9"):
-            drawing.wait()
-    with FigureProcess() as idle:
-        pass
-    assert idle._process.returncode == -signal.SIGKILL
+        drawn_by_forks(tmp_path / "other", gone)

@@ -19,17 +19,15 @@ from madeup import (
     reading_of,
 )
 
-from wavesim.grid.bar import Bar, layered_bar
+from wavesim.grid.bar import layered_bar
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.planewave.dispersion_relation import long_wave_speed, wavenumber
 from wavesim.readings.bar import bloch as cells_module
 from wavesim.readings.bar import transmission as twowaves
 from wavesim.readings.bar.bloch import cells, repeated, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import audible, ringing
-from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.transmission import scattered, specimen
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
-from wavesim.simulation.field import Field
 from wavesim.sources import InitialField, Ricker
 from wavesim.verdict.bar import judge_bar
 
@@ -328,12 +326,3 @@ def test_receivers_that_can_not_be_read_as_a_pulse_test():
     assert pulsed(layers, "absorbing", PLACES, rest, absorber=8e-3)[1] is None
     kept = pulsed(layers, "absorbing", PLACES | {"left": 0.002, "again": 0.014}, absorber=8e-3)[1]
     assert list(kept.result.record.x) == [0.010, 0.014, 0.018]
-
-
-def test_a_bar_without_layers_has_no_reading_of_them():
-    bar = Bar(480, 1.25e-4, 8, "free", "free")
-    field = Field(T, {"phi1": np.zeros((len(T), 481))}, SOFT, bar, (Ricker("phi1", 0.01, 3e5),))
-    assert specimen(field, LONGITUDINAL, 4, 18.0) is None
-    assert repeated_stretch(field, LONGITUDINAL, 4, 18.0) is None
-    assert audible(field, LONGITUDINAL) is None
-    assert pulse_test(field, LONGITUDINAL, {}, 18.0) is None

@@ -3,6 +3,7 @@ and both together against the spectral solver on a run."""
 
 import numpy as np
 import pytest
+from madeup import made_field
 
 from wavesim import planewave
 from wavesim.grid.bar import Bar
@@ -17,7 +18,6 @@ from wavesim.readings.dispersion.decay_along_ring import (
     wavenumber_of_decay,
 )
 from wavesim.readings.dispersion.extract import extract
-from wavesim.simulation.field import Field
 from wavesim.sources import Ricker
 
 LONGITUDINAL, TRANSVERSE = BLOCKS[0], BLOCKS[1]
@@ -100,7 +100,7 @@ BAR = Bar(800, 1.25e-4, 8)  # 0.1 m
 
 
 def empty_field(*sources):
-    return Field(np.array([0.0, 1.0]), {}, Medium(), BAR, sources)
+    return made_field(np.array([0.0, 1.0]), {}, Medium(), BAR, sources)
 
 
 def at(position, width=0.0, field="phi1"):
@@ -144,7 +144,7 @@ def test_pulse_that_travels_without_dispersion(position):
     t = np.linspace(0, 5e-5, 601)
     r = np.mod(BAR.nodes - position, BAR.length)
     values = source.signal(t[:, None] - r / c)
-    field = Field(t, {"phi1": values}, Medium(), BAR, (source,))
+    field = made_field(t, {"phi1": values}, Medium(), BAR, (source,))
     omega = 2 * np.pi * np.linspace(0.2e6, 2e6, 31)
     curve = attenuation(field, LONGITUDINAL, omega, 18.0)
     assert curve.sigma == pytest.approx(18.0 / 5e-5, rel=1e-14)
@@ -163,7 +163,7 @@ def test_wave_that_arrives_too_weak_is_not_a_number():
     t = np.linspace(0, 5e-5, 601)
     r = np.mod(BAR.nodes - 0.05, BAR.length)
     values = source.signal(t)[:, None] * np.exp(-2e4 * r)
-    field = Field(t, {"phi1": values}, Medium(), BAR, (source,))
+    field = made_field(t, {"phi1": values}, Medium(), BAR, (source,))
     curve = attenuation(field, LONGITUDINAL, np.array([5e6]), 18.0)
     assert np.isnan(curve.k).all()
 
@@ -178,7 +178,7 @@ def test_bar_too_short_to_measure_along_gives_no_attenuation():
     sources = tuple(at(p) for p in np.arange(0, 0.1, 0.01))
     values = np.zeros((64, 800))
     fields = dict.fromkeys(LONGITUDINAL.fields, values)
-    field = Field(np.linspace(0, 5e-6, 64), fields, Medium(), BAR, sources)
+    field = made_field(np.linspace(0, 5e-6, 64), fields, Medium(), BAR, sources)
     (measured,) = extract(field)
     assert measured.attenuation is None
 
@@ -239,7 +239,7 @@ def test_record_read_in_parts_is_the_record(small_run, monkeypatch):
     are two parts. k, the floor and the level are those of one part, to rounding: 1e-12."""
     field = small_run.field
     bar = Bar(2048, field.bar.spacing)
-    doubled = Field(
+    doubled = made_field(
         field.t,
         {"phi1": np.hstack([field["phi1"], 0.5 * field["phi1"][:, ::-1]])},
         field.medium,

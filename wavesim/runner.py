@@ -19,9 +19,12 @@ from typing import Any
 
 from wavesim.case.load import Case
 from wavesim.material.scaling import scales
+from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
+from wavesim.worker import Worker
 
 Progress = Callable[[str, float], None]
+_EXPECTED = "wavesim.readings.bar.reading.expected"
 
 
 class RunError(RuntimeError):
@@ -128,10 +131,14 @@ def _run(
         now = time.perf_counter()
         timing[stage], clock = now - clock, now
 
-    from wavesim.figures.process import FigureProcess
-
-    # It loads what it needs while this process loads jax and compiles, on the other core.
-    drawing = until_the_end.enter_context(FigureProcess())
+    # It loads what it needs, and solves what is exact, while this process loads jax and compiles.
+    beside = until_the_end.enter_context(Worker())
+    known: Future[list[Any]] | None = None
+    if not case.simulation.endless:
+        table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
+        known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
+    beside.prepare("importlib.import_module", "wavesim.figures.drawing")
+    beside.prepare("wavesim.figures.drawing.warm_up")
     _keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
@@ -182,16 +189,16 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, simulated)
-    drawing.draw(folder / "figures", field)
-    found = measure(case, field)
+    figures = folder / "figures"
+    drawn = [beside.each("wavesim.figures.drawing.of_field", figures, field)]
+    found = measure(case, field, *(known.result() if known else ()))
     lap("analyse")
     tell("figures", 0.0)
-    # As many as draw at once; the field's own figures are not ready yet.
-    for share in (slice(0, None, 2), slice(1, None, 2)):
-        drawing.draw(folder / "figures", field, found.shown, share)
+    drawn.append(beside.each("wavesim.figures.drawing.of_measurement", figures, field, found.shown))
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
-        drawing.wait()
+        for one in drawn:
+            one.result()
         lap("figures")
         tell("store", 0.0)
         results.finish("complete", found.tables)
@@ -241,7 +248,7 @@ def _analysis(simulated: Simulation) -> tuple[str, ...]:
     return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
 
 
-def measure(case: Case, field: Any) -> Found:
+def measure(case: Case, field: Any, known: Any = None) -> Found:
     """Measure a field and hold it against theory.
 
     An endless bar is measured by its waves, ω(k) and k(ω), one with layers or ends by what its
@@ -250,6 +257,7 @@ def measure(case: Case, field: Any) -> Found:
     Args:
         case: the case.
         field: the field of its run.
+        known: what the exact solvers say of a bar with layers or ends; worked out where None.
     """
     table = case.analysis
     if case.simulation.endless:
@@ -264,7 +272,7 @@ def measure(case: Case, field: Any) -> Found:
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
-    reading = read_bar(field, table.frequencies, table.damping)
+    reading = read_bar(field, table.frequencies, table.damping, known)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]}
     checks = judge_bar(field, reading)
     return Found(checks, reading, reading.tables(), summary, bar_notes(reading, field))

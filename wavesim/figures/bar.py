@@ -6,25 +6,25 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wavesim.figures import pulse_test as pulsefigures
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.style import (
     FOUND,
-    GAP,
+    KHZ,
     SYMBOLS,
     THEORY,
     Drawings,
+    gap_edges,
     second_axes,
+    shade,
     tiles,
 )
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.wave_equations import ROTATIONS
-from wavesim.planewave.dispersion_relation import gaps
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -33,10 +33,8 @@ from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.verdict.bar import SIGNAL_TOLERANCE
 
-_KHZ = 1 / (2e3 * np.pi)
 _POINT: dict[str, Any] = {"ms": 3.2, "mfc": "white", "mew": 0.8, "ls": ""}
 _REFLECTED = "#2f6f9f"
-_LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 _DEEPEST = -80.0
 _MOST_LABELS = 12
 _STYLES = ("-", "--", "-.", ":")
@@ -46,30 +44,10 @@ _MUCH = 0.7
 _MOST_POINTS = 400
 
 
-def _named(axes: Axes, low: float, high: float, name: str) -> None:
-    """Shade frequencies, in kHz, with a name at the top."""
-    axes.axvspan(low, high, **GAP)
-    axes.text(
-        (low + high) / 2, 0.97, name, rotation=90, ha="center", va="top", fontsize=7, bbox=_LABEL,
-        transform=axes.get_xaxis_transform(), clip_on=True,
-    )  # fmt: skip
-
-
 def _inner_media(layers: Layers) -> list[Medium]:
     """Media of a specimen between two buffers, each once; a graded layer's two ends."""
     inner = layers.layers[1:-1] or layers.layers
     return list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
-
-
-def _shade(axes: Axes, field: Field, sector: str, named: bool = True) -> None:
-    """Shade the local gaps of a specimen that is of one medium; of several, none."""
-    assert field.layers is not None
-    media = _inner_media(field.layers)
-    if len(media) > 1:
-        return
-    for gap in gaps(media[0], sector):
-        if gap.upper > gap.lower:
-            _named(axes, gap.lower * _KHZ, gap.upper * _KHZ, gap.name if named else "")
 
 
 def transmission(field: Field, found: Scattered) -> Figure:
@@ -77,15 +55,17 @@ def transmission(field: Field, found: Scattered) -> Figure:
     assert field.layers is not None
     figure = Figure(figsize=(6.4, 5.4))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-    f, judged = found.omega * _KHZ, found.judged
-    _shade(upper, field, found.sector)
+    f, judged = found.omega * KHZ, found.judged
+    media = _inner_media(field.layers)
+    if len(media) == 1:  # the gaps of several are no specimen's
+        shade(upper, gap_edges(media[0], found.sector))
     fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
     for label, value, exact, curve, colour, mark in (
         ("T", found.T, found.T_exact, lines[0], FOUND, "o"),
         ("R", found.R, found.R_exact, lines[1], _REFLECTED, "s"),
     ):
         level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
-        upper.plot(fine * _KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
+        upper.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
                    label=f"{label}, exact")  # fmt: skip
         seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
         upper.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
@@ -93,7 +73,7 @@ def transmission(field: Field, found: Scattered) -> Figure:
     upper.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
     lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
-    lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * _KHZ:.3g} kHz",
+    lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
               ylabel="|measured − exact|")  # fmt: skip
     second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
     figure.legend(loc="outside upper center", ncols=5)
@@ -104,14 +84,14 @@ def bloch(field: Field, found: Cells) -> Figure:
     """Bloch wavenumber against frequency: phase and decay in one period."""
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True)
-    f, shown = found.omega * _KHZ, found.judged
+    f, shown = found.omega * KHZ, found.judged
     fine, exact = found.line or (found.omega, found.q_exact)
     for axes, part, label in (
         (upper, np.real, "Re qL/π"),
         (lower, np.imag, "Im qL"),
     ):
         scale = found.period / np.pi if part is np.real else found.period
-        axes.plot(fine * _KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9,
+        axes.plot(fine * KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9,
                   label="exact")  # fmt: skip
         axes.plot(
             f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="measured", **_POINT
@@ -119,7 +99,7 @@ def bloch(field: Field, found: Cells) -> Figure:
         axes.set(ylabel=label, xlim=(f[0], f[-1]))
     deep = np.imag(found.q_exact[shown]) * found.period if shown.any() else np.ones(1)
     lower.set_ylim(0, 1.15 * float(np.nanmax(deep)))
-    lower.set_xlabel(f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * _KHZ:.3g} kHz")
+    lower.set_xlabel(f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz")
     handles, labels = upper.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return figure
@@ -129,20 +109,20 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     """Spectrum of the receivers with the exact eigenfrequencies on it, and the differences."""
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    f = found.omega * _KHZ
-    last = float(found.exact[-1] * _KHZ)
+    f = found.omega * KHZ
+    last = float(found.exact[-1] * KHZ)
     shown = f <= 1.08 * last
     upper.plot(
         f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6
     )
     for number, omega in enumerate(found.exact):
-        upper.axvline(omega * _KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
+        upper.axvline(omega * KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
                       label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
     heights = np.interp(found.found, found.omega, found.level)
     upper.plot(
-        found.found * _KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT
+        found.found * KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT
     )
-    lower.plot(found.exact * _KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
+    lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
     lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":")
     lower.set_yscale("log")
     upper.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
@@ -220,9 +200,8 @@ def _worst_in_time(field: Field, reading: Reading, receiver: str) -> tuple[Any, 
 
 def _pulse_drawings(test: PulseTest) -> Drawings:
     result = test.result
-    shaded = [
-        (g.name, g.lower / 2 / np.pi, g.upper / 2 / np.pi) for g in test.gaps if g.upper > g.lower
-    ]
+    medium = test.medium
+    shaded = [] if medium is None else gap_edges(medium, test.sector, 1 / (2 * np.pi))
     known = test.exact.loss
     exact = known.omega / 2 / np.pi, np.where(known.valid, known.level, np.nan)
     curves = {}

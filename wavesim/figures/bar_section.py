@@ -11,14 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from wavesim.figures.style import FOUND, TITLES
+from wavesim.figures.style import FOUND, KHZ, TITLES
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import PARAMETERS, Medium
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
 
-_KHZ = 1 / (2e3 * np.pi)
 _GAP, _ABSORBER, _EDGE = "#aeb8c2", "#f2d7d9", "#55606b"
 # Light enough for a letter to be read on, and apart in lightness.
 _MEDIA = ("#e9eef2", "#c6dbe8", "#f3e3b8", "#d5e4c3", "#e3cfe0", "#f0cdb8")
@@ -44,7 +43,7 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
     )
     _stand(places, field)
     _media(made, layers, kinds, (bar.left, bar.right))
-    top = field.band * _KHZ
+    top = field.band * KHZ
     for axes, sector in zip(rows, sectors, strict=True):
         reached = max(top, _gaps(axes, layers, sector))
         for low, high in ((0, bar.clear[0]), (bar.clear[1], layers.length)):
@@ -118,7 +117,7 @@ def _gaps(axes: Axes, layers: Layers, sector: str) -> float:
     known = {medium: gaps(medium, sector) for medium in dict.fromkeys(media)}
     top = 0.0
     for number, first in enumerate(known[media[0]]):
-        edges = np.array([(known[m][number].lower, known[m][number].upper) for m in media]) * _KHZ
+        edges = np.array([(known[m][number].lower, known[m][number].upper) for m in media]) * KHZ
         axes.fill_between(x * 1e3, edges[:, 0], edges[:, 1], color=_GAP, lw=0, step="mid")
         axes.text(
             1.005, edges[-1].mean(), first.name, fontsize=7, va="center",
@@ -180,4 +179,4 @@ def _losses(medium: Medium) -> str:
     if not law.rates:
         return f", mass_damping {law.mass:g} 1/s, stiffness_damping {law.stiffness:g} s"
     middle = float(np.sqrt(law.rates[0] * law.rates[-1]))
-    return f", Q {float(quality(law, middle)):.3g} at {middle * _KHZ:.3g} kHz"
+    return f", Q {float(quality(law, middle)):.3g} at {middle * KHZ:.3g} kHz"

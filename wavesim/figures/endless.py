@@ -16,8 +16,9 @@ from wavesim.figures.style import (
     THEORY,
     TITLES,
     Drawings,
+    gap_edges,
     second_axes,
-    shade_gaps,
+    shade,
     thin,
 )
 from wavesim.material.medium import Medium
@@ -49,7 +50,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
         vmax=0,
         interpolation="nearest",
     )
-    shade_gaps(axes, field, sector, upright=False)
+    shade(axes, gap_edges(medium, sector), upright=False)
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
         exact = block_oscillations(medium, h.measured.block, k)
@@ -124,7 +125,7 @@ def attenuation(field: Field, held: Held) -> Figure:
         (real, lambda k: np.real(k) * 1e-3, "Re k (rad/mm)"),
     )
     for axes, part, label in parts:
-        shade_gaps(axes, field, block.sector, upright=True)
+        shade(axes, gap_edges(medium, block.sector))
         axes.plot(w / (2e3 * np.pi), part(plain), ":", color=THEORY, lw=0.9, label="exact, real ω")
         axes.plot(w / (2e3 * np.pi), part(damped), "-", color=THEORY, lw=1.0, label="exact, ω + iσ")
         axes.plot(

@@ -18,8 +18,9 @@ from wavesim.figures.style import (
     TITLES,
     Drawings,
     decibels,
+    gap_edges,
     second_axes,
-    shade_gaps,
+    shade,
     tiles,
 )
 from wavesim.material.sectors import SECTORS
@@ -70,11 +71,11 @@ def spacetime(field: Field) -> Figure:
     columns = min(2, len(sectors))
     rows = -(-len(sectors) // columns)
     figure = Figure(figsize=(3.6 * columns + 0.8, 3.1 * rows + 0.3))
-    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     medium, bar = field.medium, field.bar
     for axes in panels[len(sectors) :]:
         axes.remove()
-    for axes, sector in zip(panels, sectors, strict=False):
+    for number, (axes, sector) in enumerate(zip(panels, sectors, strict=False), start=1):
         amplitude = _amplitude(field, sector)
         image = axes.imshow(
             decibels(amplitude, float(amplitude.max()) or 1.0),
@@ -93,11 +94,18 @@ def spacetime(field: Field) -> Figure:
                 axes.plot(
                     source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k"
                 )
-        axes.set(title=TITLES[sector], xlabel="x (mm)", ylabel="t (µs)")
+        axes.set_title(TITLES[sector])
+        # Numbers and units stand at the outer sides alone.
+        if number % columns == 1 % columns:
+            axes.set_ylabel("t (µs)")
+        if number + columns > len(sectors):
+            axes.set_xlabel("x (mm)")
+            axes.tick_params(labelbottom=True)
+        last = number % columns == 0 or number == len(sectors)
         second_axes(
             axes,
-            (1e-3 / medium.length_scale, "x / l"),
-            (1e-6 / medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"),
+            (1e-3 / medium.length_scale, "x / l") if number <= columns else None,
+            (1e-6 / medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)") if last else None,
         )
     figure.colorbar(
         image,
@@ -152,11 +160,11 @@ def receivers(field: Field) -> Figure:
             )  # fmt: skip
         largest = float(power.max()) or 1.0
         spectrum.set(xlim=(0, field.band / (2e3 * np.pi)), ylim=(1e-5 * largest, 2 * largest))
-        spectrum.set_yscale("log")
+        spectrum.set_yscale("log", subs=())  # of many decades; ticks between cost much to draw
         one_medium = field.layers is None or len(field.layers.layers) == 1
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
             if one_medium:
-                shade_gaps(spectrum, field, sector, upright=True)
+                shade(spectrum, gap_edges(field.medium, sector))
         spectrum.set_ylabel(f"|∫ {SYMBOLS[name]} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
         pitch = float(f[np.argmax(np.sum(power**2, axis=0))]) * 1e3
         _section(section, field, name, order, signals, shades, pitch)

@@ -10,13 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from wavesim.figures.style import FOUND, GAP, THEORY
+from wavesim.figures.style import FOUND, KHZ, THEORY, shade
 from wavesim.readings.pulse.measurement import PulseResult
 
 Gaps = Sequence[tuple[str, float, float]]
 Curve = tuple[NDArray[Any], NDArray[Any]]
 
-_KHZ = 1 / (2e3 * np.pi)
 # By convention: mark, face, edge. They are told apart by shape and filling, not by colour alone.
 _MARKS = {
     "first break": ("|", THEORY, THEORY),
@@ -24,7 +23,6 @@ _MARKS = {
     "envelope": ("o", "white", FOUND),
     "correlation": ("x", "#0b3954", "#0b3954"),
 }
-_LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 _POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mec": FOUND, "mew": 0.8}
 _MOST_POINTS = 90
 # Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
@@ -91,10 +89,10 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
         exact: (frequency in Hz, level in dB), drawn as a line.
     """
     loss = result.loss
-    frequency = loss.omega * _KHZ
+    frequency = loss.omega * KHZ
     figure = Figure(figsize=(6.2, 3.6))
     axes = figure.subplots()
-    _shade(axes, gaps)
+    shade(axes, _in_kHz(gaps))
     levels = [loss.level[loss.valid]]
     if exact is not None:
         axes.plot(exact[0] / 1e3, exact[1], "-", color=THEORY, lw=1.0, label="exact")
@@ -136,7 +134,7 @@ def velocities_and_losses(
             "group_velocity", "attenuation" (Np/m), "quality".
     """
     found, exact = result.dispersion, exact or {}
-    frequency = found.omega * _KHZ
+    frequency = found.omega * KHZ
     figure = Figure(figsize=(6.2, 7.4))
     speed, loss, factor = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1, 1))
     every = max(1, -(-len(frequency) // _MOST_POINTS))
@@ -148,7 +146,7 @@ def velocities_and_losses(
     )
     labels = {speed: "velocity (m/s)", loss: "attenuation (Np/m)", factor: "Q = ω/2α$v_g$"}
     for axes, label in labels.items():
-        _shade(axes, gaps, named=axes is speed)
+        shade(axes, _in_kHz(gaps), named=axes is speed)
         axes.set_ylabel(label)
     seen: dict[Axes, list[Any]] = {speed: [], loss: [], factor: []}
     for axes, name, error_name, label, mark in parts:
@@ -159,10 +157,10 @@ def velocities_and_losses(
             for _, low, high in gaps:
                 counts &= (frequency < low / 1e3) | (frequency > high / 1e3)
         own = np.flatnonzero(counts & np.isfinite(value))[::every]
-        shade = FOUND if mark == "o" else "#0b3954"
+        colour = FOUND if mark == "o" else "#0b3954"
         axes.errorbar(
-            frequency[own], value[own], np.nan_to_num(error[own]), fmt=mark, ecolor=shade,
-            elinewidth=0.8, label=label or None, **{**_POINT, "mec": shade},
+            frequency[own], value[own], np.nan_to_num(error[own]), fmt=mark, ecolor=colour,
+            elinewidth=0.8, label=label or None, **{**_POINT, "mec": colour},
         )  # fmt: skip
         seen[axes].append(value[own])
         if name in exact:
@@ -218,11 +216,5 @@ def _limit(axes: Axes, values: NDArray[Any]) -> None:
     axes.set_ylim(low - room, high + 1.6 * room)
 
 
-def _shade(axes: Axes, gaps: Gaps, named: bool = True) -> None:
-    for name, low, high in gaps:
-        axes.axvspan(low / 1e3, high / 1e3, **GAP)
-        if named:
-            axes.text(
-                (low + high) / 2e3, 0.97, name, rotation=90, ha="center", va="top", fontsize=7,
-                bbox=_LABEL, transform=axes.get_xaxis_transform(), clip_on=True,
-            )  # fmt: skip
+def _in_kHz(gaps: Gaps) -> Gaps:
+    return [(name, low / 1e3, high / 1e3) for name, low, high in gaps]

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, MAP, STYLE, THEORY
-from wavesim.planewave.dispersion_relation import gaps
+from wavesim.figures import style
+from wavesim.figures.style import FOUND, MAP, THEORY, gap_edges, shade
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
 from wavesim.verdict.record import Recovered
 from wavesim.verdict.recovered_points import Matched, MatchedInSpace
 
 _HZ = 1 / (2 * np.pi)
-_GAP: dict[str, Any] = {"facecolor": "#7f8c99", "alpha": 0.22, "linewidth": 0}
 _SHADES = ("#0b3954", "#c8102e", "#e08e1b", "#2f7f4f", "#7a3e9d", "#555555")
 _MARKS = ("o", "s", "^", "D", "v", "P")
 _MOST_POINTS = 60
@@ -171,8 +170,8 @@ def attenuation(one: Recovered) -> Figure:
                 fine * to_f, factor * part(exact), color=THEORY, lw=0.9, label="theory, ω + iσ"
             )
             assert one.origin.medium is not None
-            for gap in gaps(one.origin.medium, one.origin.block.sector):  # type: ignore[union-attr]
-                axes.axvspan(gap.lower * to_f, gap.upper * to_f, **_GAP)
+            sector = one.origin.block.sector  # type: ignore[union-attr]
+            shade(axes, gap_edges(one.origin.medium, sector, to_f), named=axes is loss)
         axes.set_ylabel(label)
         shown = factor * part(points.k[valid])
         if len(shown):
@@ -213,24 +212,13 @@ def wavenumber_residuals(one: Recovered) -> Figure:
 
 def write(results: Sequence[Recovered], folder: Path) -> list[Path]:
     """Write every figure of what was recovered; the files written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    drawings: dict[str, Callable[[], Figure]] = {}
+    drawings: style.Drawings = {}
     for one in results:
-        name = one.origin.label
         if one.points.in_space:
-            drawings[f"attenuation_{name}"] = lambda one=one: attenuation(one)  # type: ignore[misc]
-            if one.matched is not None:
-                drawings[f"attenuation_{name}_residuals"] = lambda one=one: wavenumber_residuals(  # type: ignore[misc]
-                    one
-                )
+            kind, shown, compared = "attenuation", attenuation, wavenumber_residuals
         else:
-            drawings[f"dispersion_{name}"] = lambda one=one: spectrum(one)  # type: ignore[misc]
-            if one.matched is not None:
-                drawings[f"dispersion_{name}_residuals"] = lambda one=one: residuals(one)  # type: ignore[misc]
-    written = []
-    with matplotlib.rc_context(STYLE):
-        for name, draw in drawings.items():
-            path = folder / f"{name}.png"
-            draw().savefig(path)
-            written.append(path)
-    return written
+            kind, shown, compared = "dispersion", spectrum, residuals
+        drawings[f"{kind}_{one.origin.label}"] = partial(shown, one)
+        if one.matched is not None:
+            drawings[f"{kind}_{one.origin.label}_residuals"] = partial(compared, one)
+    return style.write(drawings, folder)

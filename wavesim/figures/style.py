@@ -6,7 +6,7 @@ as by colour, so that a figure can be read in grey.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from wavesim.material.medium import Medium
 from wavesim.material.wave_equations import FIELDS, ROTATIONS
 from wavesim.planewave.dispersion_relation import gaps
-from wavesim.simulation.field import Field
 
 Drawings = dict[str, Callable[[], Figure]]
 
@@ -41,6 +41,8 @@ HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 THEORY = "#111111"
 GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
+# From ω in rad/s to ω/2π in kHz.
+KHZ = 1 / (2e3 * np.pi)
 _LOWERED = str.maketrans("123", "₁₂₃")
 SYMBOLS = {
     name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
@@ -73,26 +75,38 @@ def _scaling(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]
     return (lambda v: v * factor), (lambda v: v / factor)
 
 
-def shade_gaps(axes: Axes, field: Field, sector: str, upright: bool, named: bool = True) -> None:
-    """Shade a sector's gaps on an axis in kHz; upright where frequency runs along x."""
-    for gap in gaps(field.medium, sector):
-        if gap.upper <= gap.lower:
-            continue
-        low, high = gap.lower / 2e3 / np.pi, gap.upper / 2e3 / np.pi
+def gap_edges(medium: Medium, sector: str, unit: float = KHZ) -> list[tuple[str, float, float]]:
+    """Name, lower and upper edge of each open gap of a sector; a frequency is ω times unit."""
+    return [
+        (gap.name, gap.lower * unit, gap.upper * unit)
+        for gap in gaps(medium, sector)
+        if gap.upper > gap.lower
+    ]
+
+
+def shade(
+    axes: Axes, edges: Iterable[tuple[str, float, float]], upright: bool = True, named: bool = True
+) -> None:
+    """Shade gaps, each with its name.
+
+    Args:
+        axes: on which frequency runs along x, or along y if not upright.
+        edges: of :func:`gap_edges`, in the axes' unit.
+        upright: whether frequency runs along x.
+        named: whether names are written.
+    """
+    for name, low, high in edges:
         (axes.axvspan if upright else axes.axhspan)(low, high, **GAP)
         if not named:
             continue
         middle = (low + high) / 2
         if upright:
-            axes.text(
-                middle, 0.97, gap.name, rotation=90, ha="center", va="top", fontsize=7, bbox=LABEL,
-                transform=axes.get_xaxis_transform(), clip_on=True,
-            )  # fmt: skip
+            own, place = axes.get_xaxis_transform(), (middle, 0.97)
+            turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top"}
         else:
-            axes.text(
-                0.985, middle, gap.name, ha="right", va="center", fontsize=7, bbox=LABEL,
-                transform=axes.get_yaxis_transform(), clip_on=True,
-            )  # fmt: skip
+            own, place = axes.get_yaxis_transform(), (0.985, middle)
+            turned = {"ha": "right", "va": "center"}
+        axes.text(*place, name, fontsize=7, bbox=LABEL, transform=own, clip_on=True, **turned)
 
 
 def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:

@@ -23,6 +23,8 @@ _EXPLAINS = 0.3
 _SHORTER = 5
 # So many cells from an interface or an end the differences are exact to a lower degree.
 ONE_SIDED = 8
+# Steppers that leave no error of their own, rounding apart, whatever the step.
+_EXACT_IN_TIME = ("propagator", "chebyshev")
 # An absorber of fewer branch lengths reflects more than 1e-4.
 _ABSORBER = 4
 # Part of an asymptote's frequency that a wave stays below it to be longer than a few cells.
@@ -45,12 +47,9 @@ def longer_run(field: Field, why: str) -> str:
 
 
 def shorter_step(field: Field) -> str:
-    """A shorter time step."""
-    return f"take [time] step = {field.step / _SHORTER:.2g} or shorter (now {field.step:.2g} s)"
-
-
-def _exact_in_time(field: Field) -> str:
-    return shorter_step(field) + ', or leave [time] solver at "auto"'
+    """A shorter time step, or where that is not one of them a stepper that is exact in time."""
+    text = f"take [time] step = {field.step / _SHORTER:.2g} or shorter (now {field.step:.2g} s)"
+    return text if field.stepper in _EXACT_IN_TIME else text + ', or leave [time] solver at "auto"'
 
 
 def grid_error(field: Field, block: Block, k: Any) -> Any:
@@ -75,9 +74,8 @@ def of_frequencies(field: Field, block: Block, k: Any, branch: int, error: float
     if len(np.atleast_1d(k)) and np.isfinite(error):
         if grid_error(field, block, k)[:, branch].max() >= _EXPLAINS * error:
             return finer(field)
-        omega = float(block_oscillations(field.medium, block, k)[:, branch].max())
-        if field.stepper == "verlet" and (field.step * omega) ** 2 / 24 >= _EXPLAINS * error:
-            return _exact_in_time(field)
+        if field.stepper not in _EXACT_IN_TIME:
+            return shorter_step(field)
     return longer_run(field, "its frequency bins do not tell this branch from its neighbours")
 
 
@@ -112,8 +110,6 @@ def wavenumber_grid_error(
 
 def of_energy(field: Field) -> str:
     """Where the balance of energy does not close."""
-    if field.stepper == "verlet":
-        return _exact_in_time(field)
     return shorter_step(field)
 
 
