@@ -13,8 +13,8 @@ from typing import Any
 
 from click.testing import CliRunner, Result
 from filelock import FileLock
-from wavesim.case.load import load
 
+from wavesim.case.load import load
 from wavesim.cli.main import main
 from wavesim.io import result_reader
 

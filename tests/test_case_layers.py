@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from runs import call
+
 from wavesim.case.load import load
 
 GOOD = """\

@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 import pytest
 from runs import call, run
-from wavesim.case.load import load
 
 from wavesim import runner
+from wavesim.case.load import load
 
 # Losses, an absorber and a moment at an end: all that a state can hold.
 BAR = """\

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from runs import SHIPPED, call
 from scipy.interpolate import BarycentricInterpolator
-from wavesim.case.load import load
 
+from wavesim.case.load import load
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS, flux_form
 
 NAMES = ["free_bar", "lossy", "pulse_test", "rainbow", "slab", "stack"]

@@ -4,10 +4,10 @@ import h5py
 import numpy as np
 import pytest
 from runs import SHIPPED, call
-from wavesim.case.load import load
-from wavesim.timedomain.time_step import time_step
 
 from wavesim import planewave
+from wavesim.case.load import load
+from wavesim.timedomain.time_step import time_step
 
 
 @pytest.mark.parametrize("name", SHIPPED)
