@@ -22,7 +22,7 @@ from wavesim.material.wave_equations import fastest_speed
 
 # Of the fastest wave. Slower waves, and those near a cutoff, whose phase velocity c is high, are
 # reflected more or less: R to the power c_∞/c.
-REFLECTION = 1e-32
+REFLECTION = 1e-28
 _POWER = 3
 _CALM = 2.5e-3
 

@@ -36,8 +36,8 @@ EXPLICIT: dict[str, tuple[int, float]] = {
 _ENDS = 1.05
 # A step of the series longer than this many radians only costs memory.
 _LONGEST_STEP = 200.0
-# Decay of what is lost fastest over a step, by e to twice this: beyond, rounding is felt.
-_MOST_DECAY = 6.0
+# Decay of what is lost fastest over a step, by e to twice this: rounding then is felt at 1e-9.
+_MOST_DECAY = 16.0
 # A propagator that reaches further than this many cells only costs memory.
 _LONGEST_REACH = 160
 # Points of a run whose rows of the propagator are held as one dense matrix.
