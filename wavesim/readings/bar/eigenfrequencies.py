@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
-from scipy.signal import get_window
 
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.sectors import Block
@@ -84,6 +82,9 @@ def ringing(field: Field, block: Block, exact: Float) -> Ringing:
         block: one with a rotation.
         exact: of :func:`audible`.
     """
+    from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
+    from scipy.signal import get_window
+
     (name,) = block.rotations[0]
     first = analysed_from(field)
     frames = len(field.t) - first
@@ -92,7 +93,7 @@ def ringing(field: Field, block: Block, exact: Float) -> Ringing:
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     power = np.zeros(len(omega))
     for position in field.receivers.values():
-        power += np.abs(rfft(field.at(position, name)[first:] * window, padded)) ** 2
+        power += np.abs(np.fft.rfft(field.at(position, name)[first:] * window, padded)) ** 2
     width = _resolution(field)
     spectrum = Spectrum(np.zeros(1), omega, (power / power.max())[None], width)
     tops, heights = peaks(spectrum, 0)
