@@ -56,9 +56,7 @@ def audible(field: Field, block: Block) -> Float | None:
         Of the exact solver, ascending, rad/s; None where the bar is no such bar or none is clear.
     """
     layers, bar = field.layers, field.bar
-    if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
-        return None
-    if layers.lossy:
+    if field.simulation.lossy or not field.receivers:
         return None
     width = _resolution(field)
     own = [source.excited for source in field.sources if source.field in block.fields]
@@ -115,11 +113,9 @@ def _resolution(field: Field) -> float:
 
 def _highest(field: Field, block: Block) -> float:
     """Frequency up to which the grid has so many cells to each wavelength, rad/s."""
-    assert field.layers is not None
-    stretches = field.bar.stretches or ((field.bar.cells, field.bar.spacing),)
     omega = np.linspace(0, np.pi / field.interval, 4001)[1:]
     fine = np.ones(len(omega), bool)
-    for layer, (_, spacing) in zip(field.layers.layers, stretches, strict=True):
+    for layer, (_, spacing) in zip(field.layers.layers, field.bar.all_stretches, strict=True):
         for medium in layer.sampled(2):
             k = wavenumber(medium, block.sector, omega)
             fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS
