@@ -5,11 +5,11 @@ import pytest
 from pulses import named, ricker
 from scipy.optimize import brentq
 
-from wavesim.readings.pulse.arrivals import CONVENTIONS, arrivals
+from wavesim.readings.pulse.arrivals import CONVENTIONS, arrivals, top
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.signals import PulseError, pulse_record
 from wavesim.readings.pulse.velocity import arrival_velocity
-from wavesim.simulation.bandlimited import between, top
+from wavesim.simulation.bandlimited import between
 
 C, F, STEP, DELAY = 2000.0, 5e5, 5e-8, 4e-6
 # Begins before 0, and no receiver's arrival falls on a sample.

@@ -52,7 +52,6 @@ def _inner_media(layers: Layers) -> list[Medium]:
 
 def transmission(field: Field, found: Scattered) -> Figure:
     """Transmission and reflection against frequency, and how far they are off."""
-    assert field.layers is not None
     figure = Figure(figsize=(6.4, 5.4))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     f, judged = found.omega * KHZ, found.judged

@@ -34,7 +34,6 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
         field: of a bar with layers, ends or losses.
         sectors: whose gaps.
     """
-    assert field.layers is not None
     layers, bar = field.layers, field.bar
     kinds = _kinds(layers)
     figure = Figure(figsize=(7.4, 1.9 + 0.17 * min(len(kinds), _MOST_MEDIA) + 2.1 * len(sectors)))

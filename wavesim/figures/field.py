@@ -87,7 +87,7 @@ def spacetime(field: Field) -> Figure:
             vmax=0,
             interpolation="nearest",
         )
-        for edge in field.layers.interfaces if field.layers is not None else ():
+        for edge in field.layers.interfaces:
             axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
         for source in field.sources:
             if any(source.field in b.fields for b in field.blocks if b.sector == sector):
@@ -161,7 +161,7 @@ def receivers(field: Field) -> Figure:
         largest = float(power.max()) or 1.0
         spectrum.set(xlim=(0, field.band / (2e3 * np.pi)), ylim=(1e-5 * largest, 2 * largest))
         spectrum.set_yscale("log", subs=())  # of many decades; ticks between cost much to draw
-        one_medium = field.layers is None or len(field.layers.layers) == 1
+        one_medium = len(field.layers.layers) == 1
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
             if one_medium:
                 shade(spectrum, gap_edges(field.medium, sector))
@@ -244,9 +244,8 @@ def energy(field: Field) -> Figure:
     figure = Figure(figsize=(5.2, 3.2))
     axes = figure.subplots()
     factor, exponent = _power_of_ten(field.energy.total)
-    dissipated = field.energy.dissipated is not None
     for name, style, colour, width in (
-        *([("dissipated", "-.", "#2f6f9f", 0.9)] if dissipated else []),
+        *([("dissipated", "-.", "#2f6f9f", 0.9)] if field.simulation.lossy else []),
         ("potential", "-", "#b9c4cf", 0.6),
         ("kinetic", "--", "#5f7183", 0.6),
         ("total", "-", THEORY, 1.2),

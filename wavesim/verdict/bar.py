@@ -16,6 +16,7 @@ from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
+from wavesim.sources import excitation
 from wavesim.timedomain.absorber import REFLECTION
 from wavesim.verdict import remedies
 from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
@@ -200,10 +201,7 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
 
 def _too_short(reading: Reading, field: Field) -> list[str]:
     """Bars that ring, of which the record is too short to tell one eigenfrequency."""
-    layers, bar = field.layers, field.bar
-    if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
-        return []
-    if reading.ringing or layers.lossy:
+    if field.simulation.lossy or not field.receivers or reading.ringing:
         return []
     if not any(block.rotations for block in field.blocks):
         return []
@@ -221,22 +219,15 @@ def _near_cutoffs(field: Field) -> list[str]:
     phase velocity is high, all but whole.
     """
     layers, bar = field.layers, field.bar
-    media = (
-        {
-            medium
-            for end, medium in (("left", layers.at(0.0)), ("right", layers.at(layers.length)))
-            if getattr(bar, end) == "absorbing"
-        }
-        if layers
-        else set()
-    )
+    ends = (bar.left, layers.at(0.0)), (bar.right, layers.at(layers.length))
+    media = {medium for end, medium in ends if end == "absorbing"}
     told = []
     for block in (block for block in field.blocks if block.rotations):
         driven = pulses(field, block)
         for medium in media:
             for cutoff in cutoffs(medium, block.sector):
                 omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
-                loud = max((abs(s.spectrum(cutoff)) / s.strongest for s in driven), default=0.0)
+                loud = float(excitation(driven, cutoff)) if driven else 0.0
                 slowness = wavenumber(medium, block.sector, omega).real / omega
                 back = REFLECTION ** (slowness * fastest_speed(medium))
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:

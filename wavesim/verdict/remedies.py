@@ -116,7 +116,7 @@ def of_energy(field: Field) -> str:
 def absorber(field: Field) -> str | None:
     """A longer absorber, where it is short."""
     bar, layers = field.bar, field.layers
-    if not bar.absorber or layers is None:
+    if not bar.absorber:
         return None
     least = _ABSORBER * max(float(medium.branch_length) for medium in layers.media)
     if bar.absorber >= least * (1 - 1e-9):
@@ -161,7 +161,7 @@ def lower(field: Field) -> str:
 def of_signal(field: Field, receiver: str) -> str:
     """Where a receiver's signal is off."""
     bar, layers = field.bar, field.layers
-    faces = list(layers.interfaces) if layers else []
+    faces = list(layers.interfaces)
     faces += [] if bar.periodic else [0.0, bar.length]
     reach = ONE_SIDED * bar.spacing
     position = field.receivers[receiver]
@@ -186,16 +186,15 @@ def of_scattering(field: Field, found: Scattered, error: Any) -> str:
     worst = int(np.argmax(np.where(found.judged & np.isfinite(error), error, -1.0)))
     omega = float(found.omega[worst])
     at = f"furthest off at {omega / 2e3 / math.pi:.4g} kHz"
-    if field.layers is not None:
-        ends = {field.layers.layers[0].medium, field.layers.layers[-1].medium}
-        for medium in ends:
-            for edge in asymptotes(medium, found.sector):
-                if _BELOW * edge <= omega <= edge:
-                    return (
-                        f"{at}, close below an asymptote of a buffer ({edge / 2e3 / math.pi:.4g} "
-                        f"kHz), where waves are short: take {lower(field)}, or stiffer buffers "
-                        "([[layers]] G_n_a and G_n_r)"
-                    )
+    ends = {field.layers.layers[0].medium, field.layers.layers[-1].medium}
+    for medium in ends:
+        for edge in asymptotes(medium, found.sector):
+            if _BELOW * edge <= omega <= edge:
+                return (
+                    f"{at}, close below an asymptote of a buffer ({edge / 2e3 / math.pi:.4g} "
+                    f"kHz), where waves are short: take {lower(field)}, or stiffer buffers "
+                    "([[layers]] G_n_a and G_n_r)"
+                )
     return f"{at}: {of_grid(field)}"
 
 

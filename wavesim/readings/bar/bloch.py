@@ -125,7 +125,7 @@ def repeated_stretch(
     Returns:
         What is known; None where fewer than four cells repeat.
     """
-    found = repeated(field.layers) if field.layers is not None else None
+    found = repeated(field.layers)
     own = pulses(field, block)
     if found is None or not own:
         return None

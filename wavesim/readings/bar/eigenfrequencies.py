@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
-from scipy.signal import get_window
 
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.sectors import Block
@@ -58,9 +56,7 @@ def audible(field: Field, block: Block) -> Float | None:
         Of the exact solver, ascending, rad/s; None where the bar is no such bar or none is clear.
     """
     layers, bar = field.layers, field.bar
-    if layers is None or "absorbing" in (bar.left, bar.right) or not field.receivers:
-        return None
-    if layers.lossy:
+    if field.simulation.lossy or not field.receivers:
         return None
     width = _resolution(field)
     own = [source.excited for source in field.sources if source.field in block.fields]
@@ -84,6 +80,9 @@ def ringing(field: Field, block: Block, exact: Float) -> Ringing:
         block: one with a rotation.
         exact: of :func:`audible`.
     """
+    from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
+    from scipy.signal import get_window
+
     (name,) = block.rotations[0]
     first = analysed_from(field)
     frames = len(field.t) - first
@@ -92,7 +91,7 @@ def ringing(field: Field, block: Block, exact: Float) -> Ringing:
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     power = np.zeros(len(omega))
     for position in field.receivers.values():
-        power += np.abs(rfft(field.at(position, name)[first:] * window, padded)) ** 2
+        power += np.abs(np.fft.rfft(field.at(position, name)[first:] * window, padded)) ** 2
     width = _resolution(field)
     spectrum = Spectrum(np.zeros(1), omega, (power / power.max())[None], width)
     tops, heights = peaks(spectrum, 0)
@@ -114,11 +113,9 @@ def _resolution(field: Field) -> float:
 
 def _highest(field: Field, block: Block) -> float:
     """Frequency up to which the grid has so many cells to each wavelength, rad/s."""
-    assert field.layers is not None
-    stretches = field.bar.stretches or ((field.bar.cells, field.bar.spacing),)
     omega = np.linspace(0, np.pi / field.interval, 4001)[1:]
     fine = np.ones(len(omega), bool)
-    for layer, (_, spacing) in zip(field.layers.layers, stretches, strict=True):
+    for layer, (_, spacing) in zip(field.layers.layers, field.bar.all_stretches, strict=True):
         for medium in layer.sampled(2):
             k = wavenumber(medium, block.sector, omega)
             fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS

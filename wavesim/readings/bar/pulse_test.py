@@ -71,7 +71,7 @@ def pulse_test(
     (name,) = block.rotations[0]
     own = pulses(field, block)
     layers, bar = field.layers, field.bar
-    if layers is None or not own:
+    if not own:
         return None
     last = max(source.position + 8.5 * source.width for source in own)
     high = bar.clear[1]

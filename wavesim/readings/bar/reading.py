@@ -99,7 +99,6 @@ def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Exp
         damping: σT of exponential windows.
     """
     layers, bar = field.layers, field.bar
-    assert layers is not None
     low, high = bar.clear
     seen = {name: x for name, x in field.receivers.items() if low <= x <= high}
     exact: dict[str, dict[str, Float]] = {}

@@ -117,7 +117,7 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
         What is known; None where the bar is no such bar, or its buffers are too short.
     """
     layers, bar = field.layers, field.bar
-    if layers is None or (bar.left, bar.right) != ("absorbing", "absorbing"):
+    if (bar.left, bar.right) != ("absorbing", "absorbing"):
         return None
     first, last = layers.layers[0], layers.layers[-1]
     own = pulses(field, block)

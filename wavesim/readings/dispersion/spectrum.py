@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, next_fast_len, rfft
-from scipy.optimize import linear_sum_assignment
 
 from wavesim.material.sectors import Block
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
@@ -99,7 +97,8 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         )
     first = analysed_from(field)
     frames = len(field.t) - first
-    from scipy.signal import get_window  # half a second to import, for those who only draw
+    from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
+    from scipy.signal import get_window
 
     window = get_window(WINDOW, frames, fftbins=False)
     padded = next_fast_len(_PADDING * frames)
@@ -114,7 +113,7 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
     for in_space in _in_space(field, block, first, taken):
         in_space *= window
         for low in range(0, len(k), width):
-            in_time = np.abs(fft(in_space[low : low + width], padded)) ** 2
+            in_time = np.abs(np.fft.fft(in_space[low : low + width], padded)) ** 2
             power[low : low + width] += in_time[:, :kept]
             power[low : low + width, 1:] += in_time[:, : padded - kept : -1]
     power /= max(power.max(), 1e-300)
@@ -137,7 +136,7 @@ def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[n
     for low in range(first, frames, rows):
         some = slice(low, min(low + rows, frames))
         for at, (values, _) in enumerate(field.components(block, some)):
-            found[at, :, low - first : some.stop - first] = rfft(values, axis=1)[:, taken].T
+            found[at, :, low - first : some.stop - first] = np.fft.rfft(values, axis=1)[:, taken].T
     return found
 
 
@@ -177,6 +176,8 @@ def ridges(found: Spectrum) -> list[Ridge]:
     Returns:
         The branches, ascending in their median frequency.
     """
+    from scipy.optimize import linear_sum_assignment  # slow to import, and only a reading needs it
+
     tracks: list[list[tuple[int, float, float]]] = []
     room: dict[int, float] = {}
     for index in range(1, len(found.k)):

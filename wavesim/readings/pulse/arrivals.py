@@ -7,17 +7,16 @@ error of any of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.signal import correlate
 
 from wavesim.readings.pulse.first_break import AT_THE_END, DETECTED, WEAK, envelope, onset
 from wavesim.readings.pulse.signals import PulseError, PulseRecord
-from wavesim.simulation.bandlimited import between, slope, top
+from wavesim.simulation.bandlimited import between, slope
 
 Float = NDArray[Any]
 
@@ -73,9 +72,7 @@ def threshold(values: Float, fraction: float, noise: float) -> Pick:
     if after == 0:
         return np.nan, np.nan, "the threshold is passed when the record begins: begin it earlier"
     sign = np.sign(values[after])
-    place = float(
-        brentq(lambda at: float(sign * between(values, at)) - level, after - 1, after, xtol=1e-9)
-    )
+    place = float(_zero(lambda at: float(sign * between(values, at)) - level, after - 1, after))
     steep = abs(slope(values, place))
     return place, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
 
@@ -133,6 +130,8 @@ def correlation(values: Float, reference: Float, noise: float, reference_noise: 
     Returns:
         (lag, error, reason).
     """
+    from scipy.signal import correlate  # slow to import, and only a reading needs it
+
     c = correlate(values, reference, mode="full", method="fft")
     at = int(np.argmax(c))
     own = float(np.nan_to_num(reference_noise))
@@ -206,3 +205,22 @@ def arrivals(
     return Arrivals(
         convention, record.t[0] + step * (np.array(place) + zero), step * np.array(error), reason
     )
+
+
+def top(values: Float, start: int) -> float:
+    """Position of the local maximum within a sample of the one at ``start``, in samples.
+
+    The zero of the slope; ``start`` itself where it stands at an end of the record.
+    """
+    if not 0 < start < len(values) - 1:
+        return float(start)
+    low, high = start - 1.0, start + 1.0
+    if not slope(values, low) > 0 > slope(values, high):
+        return float(start)
+    return _zero(lambda s: slope(values, s), low, high)
+
+
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    from scipy.optimize import brentq  # slow to import, and only a reading needs it
+
+    return float(brentq(function, low, high, xtol=1e-9))

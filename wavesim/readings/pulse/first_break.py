@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import hilbert
 
 Float = NDArray[Any]
 
@@ -24,6 +23,8 @@ WEAK = "no arrival stands out of the noise: average more, or listen nearer"
 
 def envelope(values: Float) -> Float:
     """|u + iHu|, H the Hilbert transform, padded against wrapping round; shape of u, (nt,)."""
+    from scipy.signal import hilbert  # slow to import, and only a reading needs it
+
     return np.abs(hilbert(values, 2 * len(values)))[: len(values)]
 
 

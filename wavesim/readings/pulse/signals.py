@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import welch
 
 from wavesim.readings.pulse.first_break import WEAK, onset
 
@@ -80,6 +79,8 @@ class PulseRecord:
         Returns:
             S, shape (n, m), unit of u squared, times s; NaN where the quiet part is too short.
         """
+        from scipy.signal import welch  # slow to import, and only a reading needs it
+
         result = np.full((len(frequency), len(self.names)), np.nan)
         for j, part in enumerate(self._quiet_parts()):
             if len(part) >= FEWEST_QUIET:
