@@ -21,7 +21,7 @@ from wavesim.case.load import Case
 from wavesim.material.scaling import scales
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
-from wavesim.worker import Worker
+from wavesim.worker import Answer, Worker
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
@@ -133,7 +133,7 @@ def _run(
 
     # It loads what it needs, and solves what is exact, while this process loads jax and compiles.
     beside = until_the_end.enter_context(Worker())
-    known: Future[list[Any]] | None = None
+    known: Answer | None = None
     if not case.simulation.endless:
         table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
         known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)

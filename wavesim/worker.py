@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
 import socket
 import subprocess
@@ -27,11 +28,40 @@ from types import TracebackType
 from typing import Any
 
 Job = Callable[[], Any]
+# Whether something went wrong, and what that was or else each answer, pickled.
+Told = tuple[bool, list[bytes]]
 
 _PROGRAM = (
     "import sys; sys.path[:] = sys.argv[2:]; from wavesim.worker import serve; "
     "serve(int(sys.argv[1]))"
 )
+
+
+class Answer:
+    """What a worker was asked for, once it is there."""
+
+    def __init__(self) -> None:
+        self.told: Future[Told] = Future()
+
+    def result(self, timeout: float | None = None) -> list[Any]:
+        """What the jobs returned, in their order.
+
+        It is unpickled by who asks, not by the thread that listens: two threads that import what it
+        is made of, each a part, may find modules half made.
+
+        Args:
+            timeout: longest to wait, s; no end where None.
+
+        Raises:
+            TimeoutError: it is not there yet.
+            MemoryError: the system ended a fork, or the worker.
+            Exception: what a job, or what makes them, raised.
+        """
+        wrong, parts = self.told.result(timeout)
+        found = [pickle.loads(part) for part in parts]
+        if wrong:
+            raise found[0]
+        return found
 
 
 class Worker:
@@ -48,7 +78,7 @@ class Worker:
                 start_new_session=True,  # an interrupt from the keyboard is the run's to deal with
             )
         self._line = Connection(here.detach())
-        self._asked: list[Future[Any]] = []
+        self._asked: list[Answer] = []
         self._listener = Thread(target=self._listen, daemon=True)
         self._listener.start()
 
@@ -64,7 +94,7 @@ class Worker:
         self._listener.join()
         self._line.close()
 
-    def each(self, jobs: str, *arguments: Any) -> Future[list[Any]]:
+    def each(self, jobs: str, *arguments: Any) -> Answer:
         """Have jobs done, each by a fork, as many at once as there are cores.
 
         Args:
@@ -72,29 +102,28 @@ class Worker:
             arguments: of it.
 
         Returns:
-            What they return, in their order. It raises what one of them or their maker raises;
-            MemoryError where the system ended one, or the process.
+            The answer to come: what each returns.
         """
         return self._ask(("each", jobs, arguments))
 
-    def one(self, function: str, *arguments: Any) -> Future[list[Any]]:
+    def one(self, function: str, *arguments: Any) -> Answer:
         """Have one thing done by a fork; arguments as of :meth:`each`, a list of one answer."""
         return self._ask(("one", function, arguments))
 
-    def prepare(self, function: str, *arguments: Any) -> Future[list[Any]]:
+    def prepare(self, function: str, *arguments: Any) -> Answer:
         """Have something done by the process itself, as to load what its forks need; no answer."""
         return self._ask(("prepare", function, arguments))
 
-    def _ask(self, question: tuple[str, str, Sequence[Any]]) -> Future[list[Any]]:
-        future: Future[list[Any]] = Future()
-        self._asked.append(future)
+    def _ask(self, question: tuple[str, str, Sequence[Any]]) -> Answer:
+        answer = Answer()
+        self._asked.append(answer)
         try:
             self._line.send((len(self._asked) - 1, *question))
         except (BrokenPipeError, ConnectionResetError):
             self._listener.join()
-            if not future.done():
-                future.set_exception(self._gone())
-        return future
+            if not answer.told.done():
+                answer.told.set_exception(self._gone())
+        return answer
 
     def _gone(self) -> Exception:
         return _ended("the process beside the run", self._process.wait())
@@ -102,17 +131,13 @@ class Worker:
     def _listen(self) -> None:
         try:
             while True:
-                number, wrong, answer = self._line.recv()
-                future = self._asked[number]
-                if wrong:
-                    future.set_exception(answer)
-                else:
-                    future.set_result(answer)
+                number, told = self._line.recv()
+                self._asked[number].told.set_result(told)
         except (EOFError, OSError):
             pass
-        for future in self._asked:
-            if not future.done():
-                future.set_exception(self._gone())
+        for answer in self._asked:
+            if not answer.told.done():
+                answer.told.set_exception(self._gone())
 
 
 def _jobs(how: str, name: str, arguments: Sequence[Any]) -> list[Job]:
@@ -140,24 +165,32 @@ class _Fork:
         self._process.start()
         theirs.close()
 
-    def result(self) -> tuple[bool, Any]:
-        """Whether it went wrong, and what it returned or raised."""
-        made = None
+    def result(self) -> tuple[bool, bytes]:
+        """Whether it went wrong, and what it returned or raised, pickled."""
+        told = None
         with self.answer, suppress(EOFError):
-            made = self.answer.recv()
+            told = self.answer.recv()
         self._process.join()
-        if made is None:
-            return True, _ended("a process that draws or solves", self._process.exitcode)
-        return made
+        if told is None:
+            return True, _pickled(_ended("a process that draws or solves", self._process.exitcode))
+        return told
+
+
+def _pickled(what: Any) -> bytes:
+    return pickle.dumps(what, pickle.HIGHEST_PROTOCOL)
+
+
+def _wrong(error: Exception) -> bytes:
+    error.add_note(traceback.format_exc())
+    return _pickled(error)
 
 
 def _work(job: Job, answer: Connection, line: Connection) -> None:
     line.close()  # the run must see it end with the process alone
     try:
-        answer.send((False, job()))
+        answer.send((False, _pickled(job())))
     except Exception as error:
-        error.add_note(traceback.format_exc())
-        answer.send((True, error))
+        answer.send((True, _wrong(error)))
 
 
 def serve(descriptor: int) -> None:
@@ -165,14 +198,14 @@ def serve(descriptor: int) -> None:
     line = Connection(descriptor)
     waiting: deque[tuple[int, int, Job]] = deque()
     running: dict[Connection, tuple[int, int, _Fork]] = {}
-    answers: dict[int, dict[int, Any]] = {}
+    answers: dict[int, dict[int, bytes]] = {}
     wanted: dict[int, int] = {}
     gc.disable()  # what it loads stays, and what it makes is forked
 
     def tell_if_done(number: int) -> None:
         if len(answers[number]) == wanted[number]:
             found = answers.pop(number)
-            line.send((number, False, [found[place] for place in sorted(found)]))
+            line.send((number, (False, [found[place] for place in sorted(found)])))
 
     while True:
         while waiting and len(running) < (os.cpu_count() or 1):
@@ -188,8 +221,7 @@ def serve(descriptor: int) -> None:
                 try:
                     made = _jobs(*question)
                 except Exception as error:
-                    error.add_note(traceback.format_exc())
-                    line.send((number, True, error))
+                    line.send((number, (True, [_wrong(error)])))
                     continue
                 wanted[number], answers[number] = len(made), {}
                 waiting.extend((number, place, job) for place, job in enumerate(made))
@@ -202,7 +234,7 @@ def serve(descriptor: int) -> None:
                 continue  # of several that go wrong the first is told
             if wrong:
                 del answers[number]
-                line.send((number, True, answer))
+                line.send((number, (True, [answer])))
             else:
                 answers[number][place] = answer
                 tell_if_done(number)
