@@ -1,0 +1,152 @@
+"""Ways to step one equation: exact series, exact propagator, and diffrax's own explicit solvers."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from exact import modal_field
+
+import wavesim as ws
+
+CELL = 1.25e-4
+FIRST = ws.Medium(anisotropy=0.3, closure="consistent")
+SECOND = ws.Medium(closure="consistent", G_n_a=9.0, density=2000.0)
+THIRD = dataclasses.replace(FIRST, anisotropy=0.8)
+GRADIENT = dataclasses.replace(FIRST, G_n_g=2.0)
+LOSSY = dataclasses.replace(ws.constant_quality(30.0, (2e5, 2e6)), mass=1e5, stiffness=2e-9)
+
+
+def stack(*cells_and_media, closure=None):
+    """Layers of these thicknesses in cells; of a pair of media a layer graded between them."""
+    made, start = [], 0.0
+    for cells, medium in cells_and_media:
+        pair = medium if isinstance(medium, tuple) else (medium, None)
+        if closure:
+            pair = [one and dataclasses.replace(one, closure=closure) for one in pair]
+        made.append(ws.Layer(start, start + cells * CELL, *pair))
+        start = made[-1].end
+    return ws.Layers(tuple(made))
+
+
+# (layers, order, left, right): cells of a size of their own in each layer, as 100.4 of them are
+# none; interfaces within each other's reach, and one layer that is all closures; graded ones.
+BARS = {
+    "apart": (stack((150.4, FIRST), (199.7, SECOND), (61, THIRD)), 12, "fixed", "free"),
+    "near": (
+        stack((50, FIRST), (24, SECOND), (16, THIRD), (57, FIRST), (70, SECOND)),
+        8, "free", "free",
+    ),
+    "ring of layers": (
+        stack((90.4, FIRST), (99.7, SECOND), (61, THIRD), closure="printed"),
+        4, "periodic", "periodic",
+    ),
+    "graded": (
+        stack((60, FIRST), (60, (FIRST, THIRD)), (70, THIRD), closure="printed"),
+        6, "free", "fixed",
+    ),
+    "gradient term": (stack((80, GRADIENT), (90, SECOND)), 8, "fixed", "fixed"),
+    "short": (stack((40, SECOND)), 8, "free", "free"),
+}  # fmt: skip
+
+
+def of(name, solver, duration=1.6e-5, frames=81):
+    layers, order, *ends = BARS[name]
+    bar = ws.layered_bar(layers, CELL, order, *ends)
+    sources = [
+        ws.Ricker("phi1", 1.1 * CELL, 7e5),
+        ws.Ricker("B22", layers.length / 2.1, 9e5, amplitude=3e-4, width=2.5e-4),
+        ws.Ricker("phi2", layers.length / 1.7, 8e5),
+    ]
+    return ws.simulate(layers, bar, sources, duration, frames, solver)
+
+
+def agree(one, other, tolerance):
+    assert set(one.names) == set(other.names)
+    for name in other.names:
+        size = np.abs(other[name]).max()
+        assert size > 0
+        assert np.abs(one[name] - other[name]).max() <= tolerance * size, name
+
+
+@pytest.mark.parametrize("name", BARS)
+def test_the_propagator_and_the_series_agree(name):
+    """Law: both solve the same equations exactly, whatever the layers, ends and sources.
+
+    Every field at every frame to 1e-11 of its largest; the work to 1e-12 of its largest. Measured
+    1e-13 to 1e-12.
+    """
+    rows, series = of(name, "propagator"), of(name, "chebyshev")
+    assert (rows.stepper, series.stepper) == ("propagator", "chebyshev")
+    agree(rows, series, 1e-11)
+    work = series.energy.work
+    assert np.abs(rows.energy.work - work).max() <= 1e-12 * np.abs(work).max()
+
+
+def test_they_agree_after_a_long_run():
+    """800 frames, 490 units of time: to 1e-10, measured 1e-12: rounding of the recurrence, the
+    frequencies of whose fastest modes are known to 1e-15 of themselves. Energy is the work all the
+    while, and constant after the last pulse, to 1e-11."""
+    field = of("near", "propagator", 1e-4, 801)
+    agree(field, of("near", "chebyshev", 1e-4, 801), 1e-10)
+    energy, largest = field.energy, field.energy.total.max()
+    assert np.abs(energy.total - energy.work).max() <= 1e-11 * largest
+    assert np.ptp(energy.total[field.t > field.quiet_from]) <= 1e-11 * largest
+
+
+@pytest.mark.parametrize(("solver", "order"), [("Bosh3", 3), ("Tsit5", 5), ("Dopri5", 5)])
+def test_explicit_solvers_have_their_order(solver, order):
+    """Law: the error against the exact modal solution falls as h^order, within ±0.1.
+
+    All fields 4 µs after the start, on cells of l/2, at 0.36 to 0.09 radians of the fastest mode;
+    errors 3e-5 to 1e-12. Measured 3.01, 5.05, 5.04.
+    """
+    medium, bar = ws.Medium(anisotropy=0.4, closure="printed"), ws.Bar(48, 5e-4, 4)
+    source, end = ws.Ricker("phi1", 8.3e-3, 1.2e6), 4e-6
+    exact = modal_field(medium, bar, [source], [end])
+    steps, errors = (1200, 1700, 2400) if order == 3 else (1400, 2000, 2800), []
+    for count in steps:
+        field = ws.simulate(medium, bar, [source], end, 2, solver, end / count * 1.0001)
+        assert field.stepper == solver
+        assert field.step == pytest.approx(end / count)
+        found = [
+            np.abs(field[n][-1] - exact[n][0]).max() / np.abs(exact[n]).max() for n in field.names
+        ]
+        errors.append(max(found))
+    assert errors[0] < 1e-4
+    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("damping", "right"), [(None, "fixed"), (LOSSY, "fixed"), (None, "absorbing")],
+    ids=["lossless", "lossy", "absorbing"],
+)  # fmt: skip
+def test_dopri8_agrees_on_bars_of_all_kinds(damping, right):
+    """Law: diffrax's own Dopri8 on the same equation gives the same field and the same work, with
+    layers, losses and absorbers, prescribed rotation and body moment. Its step of half a radian of
+    the fastest mode leaves 1e-10; held to 1e-8."""
+    media = [m and dataclasses.replace(m, damping=damping or m.damping) for m in (FIRST, SECOND)]
+    layers = stack((40, media[0]), (45, media[1]), (70, media[0]))
+    bar = ws.layered_bar(layers, CELL, 8, "fixed", right, 8e-3 if right == "absorbing" else 0.0)
+    sources = [
+        ws.Ricker("phi1", 0.0, 5e5, amplitude=1e-3, drive="rotation"),
+        ws.Ricker("B11", 3.1e-3, 5e5, amplitude=1e-3),
+    ]
+    known = layers, bar, sources, 6e-6, 31
+    other = ws.simulate(*known)
+    field = ws.simulate(*known, "Dopri8", 5e-9)
+    agree(field, other, 1e-8)
+    work = other.energy.work
+    assert np.abs(field.energy.work - work).max() <= 1e-8 * np.abs(work).max()
+
+
+def test_the_propagator_is_refused_where_waves_are_lost():
+    pulse = [ws.Ricker("phi1", 0.02, 785e3)]
+    lossy = dataclasses.replace(FIRST, damping=ws.Damping(mass=1e4))
+    absorbing = ws.Bar(512, CELL, 8, "absorbing", "free", 8e-3)
+    for medium, bar in ((lossy, ws.Bar(512, CELL, 8, "free", "free")), (FIRST, absorbing)):
+        with pytest.raises(ValueError, match="solver = 'propagator': is for bars without losses"):
+            ws.simulate(medium, bar, pulse, 1e-5, 21, "propagator")
+        assert ws.simulate(medium, bar, pulse, 1e-6, 3).stepper == "chebyshev"
