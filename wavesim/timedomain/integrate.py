@@ -21,9 +21,9 @@ from wavesim.material.scaling import scales
 from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.simulation import Simulation, simulation
 from wavesim.sources import Source
-from wavesim.timedomain.chebyshev_series import ChebyshevSeries, series
+from wavesim.timedomain.chebyshev_series import ChebyshevSeries, ExactStepper, series
 from wavesim.timedomain.energy import Equation, Motion
-from wavesim.timedomain.exact_propagator import propagator
+from wavesim.timedomain.exact_propagator import Propagator, propagator
 from wavesim.timedomain.operator import is_rotation, operator, to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
@@ -31,6 +31,8 @@ from wavesim.timedomain.within_step import driven
 from wavesim.timedomain.work import work
 
 _TERM = diffrax.ODETerm(lambda t, motion, equation: equation(t, motion))
+# Exact steppers take the equation itself, and diffrax would trace it seven times for its shape.
+_NO_TERM = diffrax.ODETerm(lambda t, motion, equation: motion)
 
 
 class NotFiniteError(RuntimeError):
@@ -137,12 +139,13 @@ def advance(
         What is seen of each frame, and what is carried on.
     """
     motion, memory = carried
+    term = _NO_TERM if isinstance(stepper, ExactStepper) else _TERM
     count = frames * per_frame
     times = (at + jnp.arange(count + 1)).astype(float) * h
     if memory is None:
-        memory = stepper.init(_TERM, times[0], times[1], motion, equation)
+        memory = stepper.init(term, times[0], times[1], motion, equation)
     solution = diffrax.diffeqsolve(
-        _TERM,
+        term,
         stepper,
         t0=times[0],
         t1=times[-1],
@@ -218,13 +221,7 @@ def stream(
     stepper = stepper_of(simulated, step, equation, motion)
     h, last = np.asarray(step.step), step.frames - 1
     size, frame = chunk_frames(simulated), 0
-    memory = jax.tree.map(
-        lambda a: np.zeros(a.shape, a.dtype),
-        jax.eval_shape(functools.partial(stepper.init, _TERM), h, h, motion, equation),
-    )
-    if hasattr(stepper, "begun"):
-        memory = stepper.begun
-    carried = (motion, memory)
+    carried = (motion, _memory(stepper, equation, motion, h))
     if carry_on is not None:
         frame, arrays = carry_on
         carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
@@ -245,6 +242,16 @@ def stream(
             at = frame * simulated.interval
             raise NotFiniteError(at, step.solver, step.step * float(scales(simulated.medium).time))
         yield chunk
+
+
+def _memory(stepper: Any, equation: Equation, motion: Motion, h: Any) -> Any:
+    """What a stepper keeps beside the motion, at t = 0."""
+    if isinstance(stepper, Propagator):
+        return stepper.begun
+    if isinstance(stepper, ExactStepper):
+        return None
+    made = jax.eval_shape(functools.partial(stepper.init, _TERM), h, h, motion, equation)
+    return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), made)
 
 
 def _seen_at_start(equation: Equation, motion: Motion) -> Any:
