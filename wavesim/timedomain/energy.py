@@ -1,16 +1,20 @@
-"""Energy and work of a run: ẏ = A y + Σ_j G_j s_j(t) together with the work of its sources.
+"""Energy of a state, and the power of the sources.
 
-The power of the sources is Σ_j s_j ⟨G_j, v⟩ in the norm of kinetic energy, v = (φ̇, Ḃ), and besides,
-for each rotation that is prescribed, its rate times the moment that holds it. Energy never enters:
-where nothing is lost and the closure is symmetric, energy = work is a check of the stepper; with
-losses, work − energy is what was dissipated, which never falls.
+    E = ½ Σ m v² + ½ Σ H e·C e (1 − Σ_l Y_l) + ½ Σ_l Σ H Y_l (e − ζ_l)·C (e − ζ_l) + ½ Σ N g·Γ g,
+
+v = (φ̇, Ḃ), e = (κ, B), by the norms N, H of the grid: kinetic, and stored in strains and in the
+springs of the solids. The power of the sources is Σ_j s_j ⟨G_j, v⟩ in the norm of kinetic energy,
+and besides, for each rotation that is prescribed, its rate times the moment that holds it. Where
+nothing is lost and the closure is symmetric, energy = work is a check of the stepper, as neither
+is made from the other; with losses, work − energy is what was dissipated, which never falls.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import functools
+from typing import Any
 
-import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -18,64 +22,53 @@ from wavesim.timedomain.operator import Group, Operator, State, States
 from wavesim.timedomain.source_terms import SourceTerms
 
 
-class Motion(NamedTuple):
-    """State of a run, scaled.
+def energy(A: Operator, y: States) -> tuple[jax.Array, jax.Array]:
+    """Kinetic and stored energy of a state, per area of the section, scaled.
 
-    Attributes:
-        y: fields, rates and memory.
-        work: done by the sources since the start, energy per area of the section.
+    Args:
+        A: the operator.
+        y: a state of it.
     """
+    parts = [_of_group(group, part) for group, part in zip(A.groups, y, strict=True)]
+    kinetic, stored = zip(*parts, strict=True)
+    return sum(kinetic[1:], start=kinetic[0]), sum(stored[1:], start=stored[0])
 
-    y: States
-    work: Any
+
+def power(A: Operator, sources: SourceTerms, y: States, signals: Any) -> Any:
+    """Power of the sources in a state.
+
+    Args:
+        A: the operator.
+        sources: what drives it.
+        y: a state.
+        signals: s_j, shape (sources,).
+    """
+    moving = [
+        (of_phi * part.phi_rate, of_B * part.B_rate)
+        for part, (of_phi, of_B) in zip(y, (group.mass for group in A.groups), strict=True)
+    ]
+    total = jnp.sum(signals * sources.read(moving))
+    turned = turning(sources)
+    if len(turned):
+        pairs = zip(A.groups, y, strict=True)
+        holding = [(_holding(group, part), part.B_rate) for group, part in pairs]
+        forces = sources.read(holding)
+        total = total + jnp.sum((rates(sources, y) * forces)[turned])
+    return total
 
 
-class Equation(eqx.Module):
-    """ẏ = A y + Σ_j G_j s_j(t), with the work of the sources: what diffrax integrates."""
+def rates(sources: SourceTerms, y: States) -> Any:
+    """G_jᵀ v, shape (sources,): of a prescribed rotation the rate of its end."""
+    return sources.read([(part.phi_rate, part.B_rate) for part in y])
 
-    operator: Operator
-    sources: SourceTerms
 
-    def __call__(self, t: Any, motion: Motion) -> Motion:
-        """Rate of a motion at a scaled time."""
-        signals = self.sources.at(t)
-        rate = self.sources.add(self.operator(motion.y), signals)
-        return Motion(rate, self.power(motion.y, signals))
-
-    def power(self, y: States, signals: Any) -> Any:
-        """Of the sources, from their signals, shape (sources,)."""
-        groups = self.operator.groups
-        moving = [
-            (of_phi * part.phi_rate, of_B * part.B_rate)
-            for part, (of_phi, of_B) in zip(y, (group.mass for group in groups), strict=True)
-        ]
-        total = jnp.sum(signals * self.sources.read(moving))
-        if len(self.turning):
-            rates = self.rates(y)
-            holding = [
-                (_holding(group, part), part.B_rate) for group, part in zip(groups, y, strict=True)
-            ]
-            forces = self.sources.read(holding)
-            total = total + jnp.sum((rates * forces)[self.turning])
-        return total
-
-    def rates(self, y: States) -> Any:
-        """G_jᵀ v, shape (sources,): of a prescribed rotation the rate of its end."""
-        return self.sources.read([(part.phi_rate, part.B_rate) for part in y])
-
-    @property
-    def turning(self) -> np.ndarray:
-        """Sources whose prescribed rotation does work; of two that hold one point, one."""
-        kept: dict[tuple[str, float], int] = {}
-        for j in self.sources.turning:
-            source = self.sources.sources[j]
-            kept.setdefault((source.field, source.position), j)
-        return np.array(list(kept.values()), int)
-
-    def observe(self, motion: Motion) -> Any:
-        """(φ, B) of each group, kinetic and stored energy, and work."""
-        kinetic, stored = self.operator.energy(motion.y)
-        return [(part.phi, part.B) for part in motion.y], kinetic, stored, motion.work
+def turning(sources: SourceTerms) -> np.ndarray:
+    """Sources whose prescribed rotation does work; of two that hold one point, one."""
+    kept: dict[tuple[str, float], int] = {}
+    for j in sources.turning:
+        source = sources.sources[j]
+        kept.setdefault((source.field, source.position), j)
+    return np.array(list(kept.values()), int)
 
 
 def _holding(group: Group, y: State) -> Any:
@@ -85,3 +78,33 @@ def _holding(group: Group, y: State) -> Any:
     if group.losses.damped:
         moment = moment + group.c.node_mass * group.losses.mass_node * y.phi_rate
     return moment
+
+
+def _of_group(group: Group, y: State) -> tuple[jax.Array, jax.Array]:
+    """Kinetic energy, and what is stored in the strains and in the solids' springs."""
+    law = group.losses
+    of_phi, of_B = group.mass
+    kinetic = _total(of_phi * y.phi_rate**2, of_B * y.B_rate**2)
+    share = 1 - jnp.sum(law.strengths, axis=0) if len(law.strengths) else None
+    stored = _stored(group, y.kappa, y.B, share)
+    for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
+        stored = stored + _stored(group, y.kappa - of_kappa, y.B - of_B, strength)
+    return kinetic / 2, stored / 2
+
+
+def _stored(group: Group, kappa: Any, B: Any, share: Any = None) -> jax.Array:
+    """⟨e, C share e⟩ over the bar, e = (κ, B), the gradient term with it."""
+    norm = group.half_norm if share is None else group.half_norm * share
+    sigma, tau = group.stress(kappa, B)
+    parts = [norm * kappa * sigma, norm * B * tau]
+    if group.c.gradient is not None:
+        slope, moment = group.bending(B)
+        if share is not None:
+            _, moment = group.bending(share * B)
+        parts.append(group.node_norm * slope * moment)
+    return _total(*parts)
+
+
+def _total(*parts: Any) -> jax.Array:
+    """Sum of all numbers of some arrays (components, blocks, points), in one go."""
+    return jnp.sum(functools.reduce(jnp.add, [row for part in parts for row in part]))

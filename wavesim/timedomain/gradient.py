@@ -19,10 +19,11 @@ from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import PARAMETERS, Medium
 from wavesim.simulation.simulation import Simulation
-from wavesim.timedomain.chebyshev_series import ChebyshevSeries, series
-from wavesim.timedomain.energy import Equation, Motion
+from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
+from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
-from wavesim.timedomain.operator import is_rotation, operator, to_fields
+from wavesim.timedomain.operator import operator
+from wavesim.timedomain.scaled_fields import is_rotation, to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import highest_frequency, time_step
 

@@ -21,14 +21,15 @@ from wavesim.material.scaling import scales
 from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.simulation import Simulation, simulation
 from wavesim.sources import Source
-from wavesim.timedomain.chebyshev_series import ChebyshevSeries, ExactStepper, series
-from wavesim.timedomain.energy import Equation, Motion
-from wavesim.timedomain.exact_propagator import Propagator, propagator
-from wavesim.timedomain.operator import is_rotation, operator, to_fields
+from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, ExactStepper, series
+from wavesim.timedomain.equation import Equation, Motion
+from wavesim.timedomain.lossless_propagator import Propagator, propagator
+from wavesim.timedomain.operator import operator
+from wavesim.timedomain.scaled_fields import is_rotation, to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
 from wavesim.timedomain.within_step import driven
-from wavesim.timedomain.work import work
+from wavesim.timedomain.work_within_step import work
 
 _TERM = diffrax.ODETerm(lambda t, motion, equation: equation(t, motion))
 # Exact steppers take the equation itself, and diffrax would trace it seven times for its shape.

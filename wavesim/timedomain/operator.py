@@ -16,7 +16,7 @@ kept exactly where the closure is symmetric, as only Q and Qᵀ occur.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -30,7 +30,6 @@ from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.material.sectors import Block, grouped
-from wavesim.material.wave_equations import ROTATIONS
 from wavesim.timedomain.coefficients import (
     Coefficients,
     Losses,
@@ -203,34 +202,6 @@ class Group(eqx.Module):
             rates * (y.B - y.zeta_B),
         )
 
-    def energy(self, y: State) -> tuple[jax.Array, jax.Array]:
-        """Kinetic energy, and what is stored in the strains and in the solids' springs."""
-        law = self.losses
-        of_phi, of_B = self.mass
-        kinetic = _total(of_phi * y.phi_rate**2, of_B * y.B_rate**2)
-        share = 1 - jnp.sum(law.strengths, axis=0) if len(law.strengths) else None
-        stored = self._stored(y.kappa, y.B, share)
-        for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
-            stored = stored + self._stored(y.kappa - of_kappa, y.B - of_B, strength)
-        return kinetic / 2, stored / 2
-
-    def _stored(self, kappa: Any, B: Any, share: Any = None) -> jax.Array:
-        """⟨e, C share e⟩ over the bar, e = (κ, B), the gradient term with it."""
-        norm = self.half_norm if share is None else self.half_norm * share
-        sigma, tau = self.stress(kappa, B)
-        parts = [norm * kappa * sigma, norm * B * tau]
-        if self.c.gradient is not None:
-            slope, moment = self.bending(B)
-            if share is not None:
-                _, moment = self.bending(share * B)
-            parts.append(self.node_norm * slope * moment)
-        return _total(*parts)
-
-
-def _total(*parts: Any) -> jax.Array:
-    """Sum of all numbers of some arrays (components, blocks, points), in one go."""
-    return jnp.sum(functools.reduce(jnp.add, [row for part in parts for row in part]))
-
 
 class Operator(eqx.Module):
     """A of all blocks that are integrated, those of one shape stacked in a group."""
@@ -245,12 +216,6 @@ class Operator(eqx.Module):
     def rest(self) -> States:
         """The state of rest."""
         return tuple(group.rest for group in self.groups)
-
-    def energy(self, y: States) -> tuple[jax.Array, jax.Array]:
-        """Kinetic and stored energy, scaled."""
-        parts = [group.energy(part) for group, part in zip(self.groups, y, strict=True)]
-        kinetic, stored = zip(*parts, strict=True)
-        return sum(kinetic[1:], start=kinetic[0]), sum(stored[1:], start=stored[0])
 
 
 def operator(
@@ -324,64 +289,3 @@ def _difference(
     columns = (rows[:, None] + offset + np.arange(width)) % n
     even = scale[0] if np.ptp(scale) == 0 else scale
     return Difference(weights, np.asarray(even), rows, columns, diagonals[:, rows].T, first, ring)
-
-
-def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium) -> list[Any]:
-    """Fields in SI as components (φ, B) of each group; fields not named are 0.
-
-    Args:
-        fields: {field: shape (…, points)}, rad or 1/m.
-        blocks: those of the operator.
-        medium: whose units it is scaled by.
-
-    Returns:
-        (φ, B) of each group, shapes (components, blocks, …, points).
-    """
-    units = scales(medium)
-    shape = np.shape(next(iter(fields.values())))
-    found: list[Any] = []
-    for stacked in grouped(blocks):
-        pair = []
-        for kind in ("rotations", "curvatures"):
-            rows = [
-                [
-                    sum(
-                        (w / units.unit(f) * fields[f] for f, w in part.items() if f in fields),
-                        start=np.zeros(shape),
-                    )
-                    for part in getattr(block, kind)
-                ]
-                for block in stacked
-            ]
-            pair.append(np.array(rows).reshape(len(stacked), -1, *shape).swapaxes(0, 1))
-        found.append(tuple(pair))
-    return found
-
-
-def to_fields(pairs: Sequence[Any], blocks: Sequence[Block], medium: Medium) -> dict[str, Any]:
-    """The fields in SI of (φ, B) of each group; inverse of :func:`to_scaled`.
-
-    Args:
-        pairs: shapes (…, components, blocks, points) each, numpy or jax.
-        blocks: those of the operator.
-        medium: whose units it is scaled by.
-
-    Returns:
-        {field: shape (…, points)}, rad or 1/m, of every field that the blocks combine.
-    """
-    units = scales(medium)
-    fields: dict[str, Any] = {}
-    for (phi, B), stacked in zip(pairs, grouped(blocks), strict=True):
-        for s, block in enumerate(stacked):
-            for values, parts in ((phi, block.rotations), (B, block.curvatures)):
-                for i, part in enumerate(parts):
-                    for name, weight in part.items():
-                        term = weight * units.unit(name) * values[..., i, s, :]
-                        fields[name] = fields[name] + term if name in fields else term
-    ordered = [name for block in blocks for name in block.fields]
-    return {name: fields[name] for name in dict.fromkeys(ordered)}
-
-
-def is_rotation(field: str) -> bool:
-    """Whether a field lives on the nodes."""
-    return field in ROTATIONS

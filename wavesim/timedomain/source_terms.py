@@ -22,7 +22,8 @@ from wavesim.material.scaling import scales
 from wavesim.material.sectors import Block, grouped
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.coefficients import module
-from wavesim.timedomain.operator import Group, Operator, States, held_nodes, to_scaled
+from wavesim.timedomain.operator import Group, Operator, States, held_nodes
+from wavesim.timedomain.scaled_fields import to_scaled
 
 # What a signal does not depend on, set alike for all, and its amplitude.
 _ALONE: dict[str, Any] = {"field": "phi1", "position": 0.0, "width": 0.0, "amplitude": 1.0}

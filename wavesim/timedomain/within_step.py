@@ -17,7 +17,8 @@ import jax
 import numpy as np
 import scipy.sparse as sp
 
-from wavesim.timedomain.energy import Equation
+from wavesim.timedomain.energy import turning
+from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import Difference, Group
 from wavesim.timedomain.source_terms import Points
 from wavesim.timedomain.sparse_matrix import sparse_matrix
@@ -137,11 +138,11 @@ def _driven(equation: Equation, number: int, sources: list[int], points: np.ndar
             at, weight = _entries(own, source, place, size, start)
             row[at] += weight
     felt = [*(pushed * weights)]
-    turning = [source for source in sources if source in equation.turning]
-    if turning:
+    turned = [source for source in sources if source in turning(equation.sources)]
+    if turned:
         free = dataclasses.replace(cut, free=1 / np.asarray(cut.c.node_mass))
         held = sparse_matrix(free)
-        for source in turning:
+        for source in turned:
             at, weight = _entries(on[0], source, place, sizes[2], starts[2])
             felt.append(-(weight * weights[at]) @ held[at].toarray())
     return Driven(number, points, sparse_matrix(cut), sources, pushed, np.array(felt))
@@ -172,7 +173,7 @@ def _window(where: np.ndarray, size: int, reach: int, ring: bool) -> np.ndarray:
 
 
 def series_terms(matrix: Any, start: np.ndarray, step: TimeStep, factors: np.ndarray) -> np.ndarray:
-    """Σ_k f_ok φ_k(X) u for several o, X of :mod:`chebyshev_series`.
+    """Σ_k f_ok φ_k(X) u for several o, X of ``chebyshev_stepper.py``.
 
     Args:
         matrix: A or Aᵀ, sparse.

@@ -18,7 +18,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.energy import Equation
+from wavesim.timedomain.energy import rates, turning
+from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of
 from wavesim.timedomain.within_step import Driven, readings
@@ -63,7 +64,7 @@ class Work(eqx.Module):
         factors = signals
         if self.turning:
             turning = np.array(self.turning)
-            turned = equation.rates(y)[turning, None] + signals[turning] @ self.risen.T
+            turned = rates(equation.sources, y)[turning, None] + signals[turning] @ self.risen.T
             factors = jnp.concatenate([signals, turned])
         total = jnp.zeros(())
         for part in self.felt:
@@ -86,18 +87,17 @@ def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
         return None
     _, weights = nodes_of(step)
     convolved, risen = _convolutions(step.nodes)
-    turning = [int(j) for j in equation.turning]
+    turned = [int(j) for j in turning(equation.sources)]
     felt = []
     for part in near:
         rows = readings(part, step)
         of_signals = np.einsum("enu,iu->eni", rows, part.pushed)
         own = step.step * np.einsum("nmk,emi->enik", convolved, of_signals, optimize=True)
-        held = [
-            len(equation.sources.sources) + turning.index(j) for j in part.sources if j in turning
-        ]
+        count = len(equation.sources.sources)
+        held = [count + turned.index(j) for j in part.sources if j in turned]
         factors = np.array(part.sources + held)
         felt.append(Felt(part.group, part.points, np.array(part.sources), factors, rows, own))
-    return Work(tuple(felt), step.step * risen, weights, tuple(turning))
+    return Work(tuple(felt), step.step * risen, weights, tuple(turned))
 
 
 def _convolutions(count: int) -> tuple[np.ndarray, np.ndarray]:

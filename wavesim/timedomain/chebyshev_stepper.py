@@ -22,10 +22,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.energy import Equation, Motion
+from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
-from wavesim.timedomain.work import Work
+from wavesim.timedomain.work_within_step import Work
 
 
 class Series(eqx.Module):

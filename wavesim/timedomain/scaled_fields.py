@@ -1,0 +1,74 @@
+"""Fields in SI, and the components of blocks that the operator acts on, scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import scales
+from wavesim.material.sectors import Block, grouped
+from wavesim.material.wave_equations import ROTATIONS
+
+
+def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium) -> list[Any]:
+    """Fields in SI as components (φ, B) of each group; fields not named are 0.
+
+    Args:
+        fields: {field: shape (…, points)}, rad or 1/m.
+        blocks: those of the operator.
+        medium: whose units it is scaled by.
+
+    Returns:
+        (φ, B) of each group, shapes (components, blocks, …, points).
+    """
+    units = scales(medium)
+    shape = np.shape(next(iter(fields.values())))
+    found: list[Any] = []
+    for stacked in grouped(blocks):
+        pair = []
+        for kind in ("rotations", "curvatures"):
+            rows = [
+                [
+                    sum(
+                        (w / units.unit(f) * fields[f] for f, w in part.items() if f in fields),
+                        start=np.zeros(shape),
+                    )
+                    for part in getattr(block, kind)
+                ]
+                for block in stacked
+            ]
+            pair.append(np.array(rows).reshape(len(stacked), -1, *shape).swapaxes(0, 1))
+        found.append(tuple(pair))
+    return found
+
+
+def to_fields(pairs: Sequence[Any], blocks: Sequence[Block], medium: Medium) -> dict[str, Any]:
+    """The fields in SI of (φ, B) of each group; inverse of :func:`to_scaled`.
+
+    Args:
+        pairs: shapes (…, components, blocks, points) each, numpy or jax.
+        blocks: those of the operator.
+        medium: whose units it is scaled by.
+
+    Returns:
+        {field: shape (…, points)}, rad or 1/m, of every field that the blocks combine.
+    """
+    units = scales(medium)
+    fields: dict[str, Any] = {}
+    for (phi, B), stacked in zip(pairs, grouped(blocks), strict=True):
+        for s, block in enumerate(stacked):
+            for values, parts in ((phi, block.rotations), (B, block.curvatures)):
+                for i, part in enumerate(parts):
+                    for name, weight in part.items():
+                        term = weight * units.unit(name) * values[..., i, s, :]
+                        fields[name] = fields[name] + term if name in fields else term
+    ordered = [name for block in blocks for name in block.fields]
+    return {name: fields[name] for name in dict.fromkeys(ordered)}
+
+
+def is_rotation(field: str) -> bool:
+    """Whether a field lives on the nodes."""
+    return field in ROTATIONS
