@@ -24,6 +24,7 @@ from wavesim.sources import InitialField, Source
 from wavesim.timedomain.coefficients import module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
 from wavesim.timedomain.scaled_fields import to_scaled
+from wavesim.timedomain.sparse_matrix import difference_matrix
 
 # What a signal does not depend on, set alike for all, and its amplitude.
 _ALONE: dict[str, Any] = {"field": "phi1", "position": 0.0, "width": 0.0, "amplitude": 1.0}
@@ -232,5 +233,9 @@ def initial_state(
         fields[source.field] = fields.get(source.field, 0.0) + line
     if not fields:
         return A.rest
-    pairs = to_scaled(fields, blocks, medium)
-    return tuple(rest._replace(phi=phi, B=B) for rest, (phi, B) in zip(A.rest, pairs, strict=True))
+    made = []
+    for group, (phi, B) in zip(A.groups, to_scaled(fields, blocks, medium), strict=True):
+        n = phi.shape[-1]
+        kappa = (difference_matrix(group.D, n) @ phi.reshape(-1, n).T).T.reshape(phi.shape)
+        made.append(group.rest._replace(phi=phi, B=B, kappa=kappa))
+    return tuple(made)

@@ -26,9 +26,9 @@ Float = NDArray[np.float64]
 # Explicit solvers of diffrax: products with A in a step, and the step in units of 1/R that is taken
 # unless a shorter one is asked for.
 EXPLICIT: dict[str, tuple[int, float]] = {
-    "Bosh3": (3, 0.1),
-    "Tsit5": (6, 0.5),
-    "Dopri5": (6, 0.5),
+    "Bosh3": (3, 0.05),
+    "Tsit5": (6, 0.35),
+    "Dopri5": (6, 0.25),
     "Dopri8": (13, 1.0),
 }
 
