@@ -98,18 +98,14 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
     kinds: dict[bytes, int] = {}
     members: list[list[int]] = []
     windows, made = [], []
-    uniform = ring and all(
-        np.ptp(np.asarray(a), axis=-1).max(initial=0.0) == 0
-        for a in jax.tree.leaves(group)
-        if np.shape(a)[-1:] == (n,)
-    )
+    uniform = ring and width < n and all(_even(a, n) for a in jax.tree.leaves(group))
     for number, start in enumerate(starts):
         first = start - reach if width < n else 0
         first = first % n if ring else int(np.clip(first, 0, n - width))
         points = (first + np.arange(width)) % n
         windows.append(points)
         inside = (start - first) % n
-        if uniform and width < n:
+        if uniform:
             key = b"all alike"
         else:
             cut = window(group, points)
@@ -118,7 +114,7 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
         kind = kinds.setdefault(key, len(kinds))
         if kind == len(members):
             members.append([])
-            made.append(_run_rows(window(group, points), inside, step))
+            made.append(_run_rows(window(group, points), inside, step, uniform))
         members[kind].append(number)
     many = [kind for kind, own in enumerate(members) if len(own) >= _FEW]
     few = [(number, kind) for kind, own in enumerate(members) for number in own if len(own) < _FEW]
@@ -132,6 +128,14 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
     order = place[order // RUN] * RUN + order % RUN
     of_runs = tuple(np.stack([windows[number] for number in own], axis=1) for own in taken)
     return Rows(np.array(blocks), tuple(matrices), of_runs, order)
+
+
+def _even(values: Any, points: int) -> bool:
+    """Whether numbers are the same at all points, but for rounding where a ring is joined."""
+    if np.shape(values)[-1:] != (points,):
+        return True
+    size = np.abs(values).max(axis=-1, initial=0.0)
+    return bool((np.ptp(values, axis=-1) <= 1e-13 * size).all())
 
 
 def _runs(bar: Bar, n: int) -> tuple[list[int], np.ndarray]:
@@ -154,13 +158,14 @@ def _runs(bar: Bar, n: int) -> tuple[list[int], np.ndarray]:
     return starts, order
 
 
-def _run_rows(cut: Group, inside: int, step: TimeStep) -> np.ndarray:
+def _run_rows(cut: Group, inside: int, step: TimeStep, uniform: bool) -> np.ndarray:
     """Rows of 2(C − 1) of a run on its window, shape (fields · RUN, fields · window).
 
     Args:
         cut: a block on the window.
         inside: place of the run's first point in it.
         step: for h and R.
+        uniform: whether all points are alike: those of the first then serve for all.
     """
     rest = cut.rest
     fields, width = len(rest.phi) + len(rest.B), rest.B.shape[-1]
@@ -171,7 +176,7 @@ def _run_rows(cut: Group, inside: int, step: TimeStep) -> np.ndarray:
     first = len(rest.phi) * width
     strains = np.r_[2 * unknowns : 2 * unknowns + first, first:unknowns]
     L = sp.csr_array(A[rates][:, strains] @ A[strains][:, rates])
-    points = (inside + np.arange(RUN)) % width
+    points = (inside + np.arange(1 if uniform else RUN)) % width
     chosen = (np.arange(fields)[:, None] * width + points).ravel()
     start = np.zeros((unknowns, len(chosen)))
     start[chosen, np.arange(len(chosen))] = 1.0
@@ -187,7 +192,10 @@ def _run_rows(cut: Group, inside: int, step: TimeStep) -> np.ndarray:
         before, now = now, 2 * (X @ now) - before
         total += factor * now
     rows = 2 * (total - start).T
-    rows = rows.reshape(fields, RUN, fields, width)
+    rows = rows.reshape(fields, -1, fields, width)
+    if uniform:
+        rows = np.concatenate([np.roll(rows, j, axis=-1) for j in range(RUN)], axis=1)
+        points = inside + np.arange(RUN)
     _let_uniform_rotations_be(rows, points, len(rest.phi))
     return rows.reshape(fields * RUN, unknowns)
 
