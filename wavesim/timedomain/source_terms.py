@@ -233,4 +233,7 @@ def initial_state(
     if not fields:
         return A.rest
     pairs = to_scaled(fields, blocks, medium)
-    return tuple(rest._replace(phi=phi, B=B) for rest, (phi, B) in zip(A.rest, pairs, strict=True))
+    return tuple(
+        rest._replace(phi=phi, B=B, kappa=np.asarray(group.D(phi)))
+        for group, rest, (phi, B) in zip(A.groups, A.rest, pairs, strict=True)
+    )
