@@ -75,7 +75,7 @@ def simulated(shipped):
 @pytest.fixture(scope="session")
 def recovered(simulated, shared):
     """Of such a field [(block, record, points up to k̄ = 1)], by closure and method."""
-    from known import unit
+    from media import unit_wavenumber
     from runs import once
 
     from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
@@ -85,7 +85,7 @@ def recovered(simulated, shared):
     def found(closure, method="harmonic"):
         field = simulated(closure)
         records = [(block, block_record(field, block)) for block in field.blocks]
-        highest = unit(field.medium)
+        highest = unit_wavenumber(field.medium)
         points = once(
             shared / f"points_{closure}_{method}.pickle",
             lambda: [in_time(record, highest, method) for _, record in records],

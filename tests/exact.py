@@ -10,9 +10,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from media import twelve_by_twelve
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
+from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
 
 
 def modal_field(medium, bar, sources, times, rate=False):
@@ -21,19 +22,11 @@ def modal_field(medium, bar, sources, times, rate=False):
     Works on the 12 × 12 system in SI, not on the program's blocks and scaled unknowns; wavenumbers
     k ≥ 0 are enough, as the fields are real.
     """
-    flux = flux_form(medium)
     n, h = bar.cells, bar.spacing
     k = 2 * np.pi * np.fft.rfftfreq(n, h)
     kt = modified_wavenumber(k, h, bar.order)
     # φ at nodes, B at half nodes: D acts as i k̃ e^{ikh/2}; the half-cell shift is taken out of B.
-    mass = np.concatenate([np.full(3, flux.m_phi), np.full(9, flux.m_B)])
-    root = np.sqrt(mass)
-    K = np.zeros((len(k), 12, 12), dtype=complex)
-    K[:, :3, :3] = kt[:, None, None] ** 2 * flux.C_phi_phi
-    K[:, :3, 3:] = 1j * kt[:, None, None] * flux.C_phi_B
-    K[:, 3:, :3] = -1j * kt[:, None, None] * flux.C_B_phi
-    K[:, 3:, 3:] = flux.C_B_B + kt[:, None, None] ** 2 * flux.Gamma
-    K /= root[:, None] * root[None, :]
+    K, root = twelve_by_twelve(medium, kt)
     squares, V = np.linalg.eig(K)
     assert np.abs(squares.imag).max() < 1e-6 * np.abs(squares).max()
     omega = np.sqrt(np.maximum(squares.real, 0))

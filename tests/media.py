@@ -1,4 +1,4 @@
-"""Random admissible media, for property tests, and the twelve equations as one matrix."""
+"""Media for tests: random admissible ones, and the twelve equations as one matrix."""
 
 from __future__ import annotations
 
@@ -7,6 +7,13 @@ from hypothesis import strategies as st
 
 from wavesim.material.medium import Medium
 from wavesim.material.wave_equations import flux_form
+
+MEDIUM = Medium(anisotropy=0.25)
+
+
+def unit_wavenumber(medium):
+    """Wavenumber of k̄ = 1."""
+    return 2 * np.pi / float(medium.length_scale)
 
 
 def _spread(low, high):
@@ -45,14 +52,15 @@ def any_media(**options):
 def twelve_by_twelve(medium, k):
     """K(k) of all twelve equations in SI, each field times the root of its inertia; ω² v = K v.
 
-    Complex Hermitian where the closure is symmetric. It shares no sector, block or scaled
-    unknown with the program's own route.
+    Complex Hermitian where the closure is symmetric; shape (…, 12, 12) for k of shape (…). It
+    shares no sector, block or scaled unknown with the program's own route. Returns K and the root.
     """
     flux = flux_form(medium)
-    K = np.zeros((12, 12), dtype=complex)
-    K[:3, :3] = k**2 * flux.C_phi_phi
-    K[:3, 3:] = 1j * k * flux.C_phi_B
-    K[3:, :3] = -1j * k * flux.C_B_phi
-    K[3:, 3:] = flux.C_B_B + k**2 * flux.Gamma
+    k = np.asarray(k)[..., None, None]
+    K = np.zeros((*k.shape[:-2], 12, 12), dtype=complex)
+    K[..., :3, :3] = k**2 * flux.C_phi_phi
+    K[..., :3, 3:] = 1j * k * flux.C_phi_B
+    K[..., 3:, :3] = -1j * k * flux.C_B_phi
+    K[..., 3:, 3:] = flux.C_B_B + k**2 * flux.Gamma
     root = np.sqrt(np.concatenate([np.full(3, flux.m_phi), np.full(9, flux.m_B)]))
     return K / np.outer(root, root), root

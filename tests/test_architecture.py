@@ -30,7 +30,7 @@ FLOORS = (
     {"runner"},
     {"cli"},
 )
-FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in sorted(rooms)}
 JAX = {"jax", "diffrax", "equinox"}
 
 

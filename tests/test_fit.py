@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import known
 import numpy as np
 import pytest
+from media import MEDIUM, unit_wavenumber
 
 from wavesim.material.sectors import BLOCKS
 from wavesim.readings.dispersion.points import BranchPoints
@@ -15,7 +15,7 @@ from wavesim.records.of_field import block_record
 from wavesim.records.relations import OfMedium
 from wavesim.studies.medium_fit import FitError, Observed, _Model, fit
 
-UNIT = known.unit(known.MEDIUM)
+UNIT = unit_wavenumber(MEDIUM)
 
 
 def points(omega, k, error, branch):
@@ -39,7 +39,7 @@ def exact_points(medium, block, part=1e-4):
 def test_slopes_against_differences(closure, block):
     # Law: ∂ω/∂θ = uᵀ ∂K v/2ω against central differences of the solver, h = 1e-5: their own error
     # is h² and 1e-16/h. Measured 3e-9 of the largest slope.
-    medium = replace(known.MEDIUM, closure=closure)
+    medium = replace(MEDIUM, closure=closure)
     names = ("anisotropy", "stiffness_ratio", "G_n_a", "G_n_r", "density")
     observed = [Observed(block, exact_points(medium, block))]
     unit = np.array([abs(float(getattr(medium, n))) for n in names])
@@ -57,12 +57,12 @@ def test_slopes_against_differences(closure, block):
 
 def test_slopes_of_complex_k_against_differences(simulated):
     field = simulated("printed")
-    omega = np.linspace(0.3, 1.8, 15) / float(known.MEDIUM.time_scale)
+    omega = np.linspace(0.3, 1.8, 15) / float(MEDIUM.time_scale)
     found = in_space(block_record(field, BLOCKS[0]), omega, component=0, clear=1e-3)
     names = ("anisotropy", "stiffness_ratio", "G_n_a")
     for grid in (None, field.bar):
         observed = [Observed(BLOCKS[0], found, grid)]
-        model = _Model(observed, known.MEDIUM, names, np.ones(3), [np.zeros(15, int)])
+        model = _Model(observed, MEDIUM, names, np.ones(3), [np.zeros(15, int)])
         at = np.array([0.25, 0.5, 5.0])
         slopes = model.slopes(at)
         for i in range(3):
@@ -92,10 +92,10 @@ def test_bars_of_the_fit_hold_the_truth():
     for _ in range(50):
         observed = []
         for block in (BLOCKS[0], BLOCKS[1]):
-            clean = exact_points(known.MEDIUM, block)
+            clean = exact_points(MEDIUM, block)
             noisy = clean.omega + clean.error * rng.normal(size=len(clean))
             observed.append(Observed(block, replace(clean, omega=noisy)))
-        start = replace(known.MEDIUM, anisotropy=0.2, stiffness_ratio=0.55)
+        start = replace(MEDIUM, anisotropy=0.2, stiffness_ratio=0.55)
         found = fit(observed, start, ("anisotropy", "stiffness_ratio"))
         assert 0.5 < found.chi_square < 1.6
         for name, true in (("anisotropy", 0.25), ("stiffness_ratio", 0.5)):
@@ -104,12 +104,12 @@ def test_bars_of_the_fit_hold_the_truth():
 
 
 def test_a_fit_that_cannot_be_made_says_why():
-    observed = [Observed(BLOCKS[0], exact_points(known.MEDIUM, BLOCKS[0]))]
+    observed = [Observed(BLOCKS[0], exact_points(MEDIUM, BLOCKS[0]))]
     with pytest.raises(FitError, match="parameters = colour: must be of anisotropy"):
-        fit(observed, known.MEDIUM, ("colour",))
+        fit(observed, MEDIUM, ("colour",))
     few = Observed(BLOCKS[0], observed[0].points.take(slice(0, 2)))
     with pytest.raises(FitError, match="2 valid points for 2 parameters"):
-        fit([few], known.MEDIUM, ("anisotropy", "stiffness_ratio"))
+        fit([few], MEDIUM, ("anisotropy", "stiffness_ratio"))
     # Density and all stiffnesses scale ω together: no point tells them apart.
     with pytest.raises(FitError, match="do not tell density, G_n_a, G_n_r apart"):
-        fit(observed, known.MEDIUM, ("density", "G_n_a", "G_n_r"))
+        fit(observed, MEDIUM, ("density", "G_n_a", "G_n_r"))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 
-import known
 import numpy as np
 import pytest
+from media import unit_wavenumber
 
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.material.sectors import BLOCKS
@@ -85,7 +85,7 @@ def test_all_twelve_waves_of_the_shipped_case(closure, simulated, recovered):
     a = 0.25), 1.2e-12 and 6e-8 (consistent, a = 0.5); none missed, none false.
     """
     field = simulated(closure)
-    unit = known.unit(field.medium)
+    unit = unit_wavenumber(field.medium)
     waves = 0
     for block, record, points in recovered(closure):
         matched = match(
@@ -111,7 +111,7 @@ def noisy(simulated, recovered):
     """Longitudinal waves at 13 wavenumbers, 50 seeds, with noise: what was found."""
     field = simulated("printed")
     record = recovered("printed")[0][1].since(field.quiet_from)
-    unit = known.unit(field.medium)
+    unit = unit_wavenumber(field.medium)
     k = 2 * np.pi * np.arange(1, 1025) / record.aperture
     rows = np.flatnonzero((k >= 0.02 * unit) & (k <= 0.5 * unit))[::10]
     kt = modified_wavenumber(k[rows], field.bar.spacing, field.bar.order)
@@ -184,7 +184,7 @@ def test_fft_route_sees_every_branch_to_its_own_accuracy(simulated, recovered):
     # is the window's shape error; measured median 3e-6 of ω, largest 6e-6 clear of the main lobe.
     block, record, points = recovered("printed", "fft")[0]
     field = simulated("printed")
-    unit = known.unit(field.medium)
+    unit = unit_wavenumber(field.medium)
     judged = (0.02 * unit, unit / 2)
     matched = match(points, record, block.branches, *references(field, block), judged)
     assert len(points.branches) == 3

@@ -6,9 +6,9 @@ import csv
 import json
 from pathlib import Path
 
-import known
 import numpy as np
 import pytest
+from media import unit_wavenumber
 from runs import SHIPPED, call
 
 from wavesim.readings.dispersion.points import BranchPoints, joined
@@ -24,7 +24,7 @@ CASE = str(SHIPPED["bandgap_pulse"])
 def longitudinal(simulated, recovered):
     field = simulated("printed")
     block, record, points = recovered("printed")[0]
-    unit = known.unit(field.medium)
+    unit = unit_wavenumber(field.medium)
 
     def judge(given):
         judged = (0.02 * unit, 0.5 * unit)

@@ -10,8 +10,9 @@ import h5py
 import numpy as np
 import pytest
 from exact import modal_field
+from media import twelve_by_twelve
 
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
+from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
 
 NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine"]
 # Fields of the longitudinal and of a transverse sector; a wave along x₁ couples no others.
@@ -43,28 +44,12 @@ def done(request, shipped):
         yield request.param, run.field, run, file
 
 
-def matrix(medium, fields, k):
-    """The 12 wave equations as ω² m v = K v for exp(ikx), cut to some fields; SI, shape (n, f, f).
-
-    With B ∝ i b the off-diagonal blocks are real.
-    """
-    flux = flux_form(medium)
-    names = ROTATIONS + CURVATURES
-    mass = np.array([flux.m_phi] * 3 + [flux.m_B] * 9)
-    K = np.zeros((len(k), 12, 12))
-    K[:, :3, :3] = np.multiply.outer(k**2, flux.C_phi_phi)
-    K[:, :3, 3:] = -np.multiply.outer(k, flux.C_phi_B)
-    K[:, 3:, :3] = -np.multiply.outer(k, flux.C_B_phi)
-    K[:, 3:, 3:] = flux.C_B_B + np.multiply.outer(k**2, flux.Gamma)
-    at = [names.index(name) for name in fields]
-    root = np.sqrt(mass)
-    return (K / root[:, None] / root)[:, at][:, :, at]
-
-
 def frequencies(medium, sector, k):
     """All ω(k) of the coupled fields, ascending, rad/s; B₂₂ and B₃₃ bring one of the other
     sector's along."""
-    squares = np.linalg.eigvals(matrix(medium, COUPLED[sector], np.asarray(k)))
+    at = [FIELDS.index(name) for name in COUPLED[sector]]
+    K, _ = twelve_by_twelve(medium, k)
+    squares = np.linalg.eigvals(K[:, at][:, :, at])
     return np.sqrt(np.sort(squares.real, axis=1))
 
 

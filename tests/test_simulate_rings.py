@@ -28,13 +28,14 @@ SOURCES = (
     ws.Ricker("B12", 8.1e-3, 400e3, amplitude=2.0, width=5e-4, delay=4e-6),
     ws.Ricker("B23", 3.2e-3, 700e3, delay=3.5e-6),
 )
-# A moment on every field, each at a place and a time of its own.
+# A moment on every field, each at a place and a time of its own; every other one a Gaussian.
 EVERY = tuple(
     ws.Ricker(
         name,
         (1.07 + 1.1 * n) * 1e-3,
         600e3,
         amplitude=200.0 if name in ROTATIONS else 1.0,
+        width=n % 2 * 5e-4,
         delay=(2.5 + 0.1 * n) * 1e-6,
     )
     for n, name in enumerate(FIELDS)

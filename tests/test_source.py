@@ -12,14 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavesim.grid.bar import Bar
-from wavesim.material.layers import as_layers
-from wavesim.material.medium import Medium
-from wavesim.material.scaling import scales
-from wavesim.material.sectors import excited_blocks
-from wavesim.material.wave_equations import FIELDS, ROTATIONS
 from wavesim.sources import Ricker, excitation, excited_band
-from wavesim.timedomain.operator import operator, to_fields
-from wavesim.timedomain.source_terms import source_terms
 
 frequencies = st.floats(1e4, 2e6)
 
@@ -197,34 +190,6 @@ def test_a_point_on_a_grid_point_is_one_cell():
     # The end of a periodic bar is its beginning.
     density, indices = bar.spread(bar.length, 0.0, staggered=False)
     assert (list(density), list(indices)) == ([1000.0], [0])
-
-
-@pytest.mark.parametrize("field", FIELDS)
-@pytest.mark.parametrize("width", [0.0, 7e-4])
-def test_forcing_is_the_moment_over_the_inertia(field, width):
-    """Law: ρβ φ̈_i = k, ργ B̈_ij = Π from rest, on the named field alone, in SI.
-
-    The scaled source terms converted back: the acceleration of every field at t₀, against density ·
-    amplitude over ρβ or ργ. To 1e-13 of its peak.
-    """
-    medium, bar = Medium(anisotropy=0.3), Bar(64, 2.5e-4)
-    source = Ricker(field, 6.1e-3, 5e5, amplitude=7.0, width=width)
-    blocks, unit = excited_blocks([field]), scales(medium)
-    A = operator(as_layers(medium, bar.length), bar, blocks, medium, True)
-    terms = source_terms([source], medium, bar, blocks, A)
-    pushed = terms.add(A.rest, terms.signals(jnp.asarray(source.peak_time / unit.time)))
-    made = to_fields([(part.phi_rate, part.B_rate) for part in pushed], blocks, medium)
-    density, indices = bar.spread(source.position, width, source.staggered)
-    line = np.zeros(bar.cells)
-    line[indices] = density
-    R, rho = medium.particle_radius, medium.density
-    inertia = rho * (2 * R**2 / 5 if field in ROTATIONS else 12 * R**4 / 35)
-    assert source.staggered is (field not in ROTATIONS)
-    for name, acceleration in made.items():
-        expected = 7.0 * line / inertia if name == field else np.zeros(bar.cells)
-        error = np.abs(np.asarray(acceleration) / unit.time**2 - expected).max()
-        # The unit of a curvature is larger than that of a rotation by its ratio to 1 rad.
-        assert error <= 1e-13 * 7.0 * line.max() / inertia * unit.unit(name) / unit.unit(field)
 
 
 # The bar

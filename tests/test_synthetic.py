@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import known
 import numpy as np
 import pytest
+from media import MEDIUM
 from scipy.integrate import quad
 
 from wavesim.material.sectors import BLOCKS
@@ -93,14 +93,14 @@ def test_waves_of_a_medium_against_the_simulator():
     bar = ws.Bar(cells=512, spacing=1.25e-4)
     width, at = 5e-4, 256 * 1.25e-4
     source = ws.Ricker("phi1", position=at, peak_frequency=6e5, width=width)
-    field = ws.simulate(known.MEDIUM, bar, [source], duration=1.2e-5, samples=61)
+    field = ws.simulate(MEDIUM, bar, [source], duration=1.2e-5, samples=61)
     nodes = np.array([256, 270, 300, 400])
-    relation = OfMedium(known.MEDIUM, BLOCKS[0], bar)
+    relation = OfMedium(MEDIUM, BLOCKS[0], bar)
     made = synthesize(
         relation, field.t, bar.nodes[nodes], Pulse(6e5, at, source.peak_time, width=width),
         bar.length, k_max=np.pi / bar.spacing * 0.999,
     )  # fmt: skip
-    medium = known.MEDIUM
+    medium = MEDIUM
     force = float(medium.density * medium.beta)
     found, expected = made.values[0] / force, field["phi1"][:, nodes]
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

@@ -291,10 +291,10 @@ def _written(path: Path) -> Iterator[h5py.File]:
 
 
 def _put(group: h5py.Group, name: str, data: Any, unit: str) -> None:
-    """An array with its unit, packed where it is long; a number as an attribute of its group."""
-    if np.ndim(data) == 0:
+    """An array with its unit, packed where it is long; a plain number or text as an attribute."""
+    if isinstance(data, float | str):
         where, _, name = name.rpartition("/")
-        group.require_group(where).attrs[name] = np.asarray(data).item()
+        group.require_group(where).attrs[name] = data
         return
     packed = COMPRESSED if np.size(data) > _PACKED else {}
     group.create_dataset(name, data=data, **packed)

@@ -143,9 +143,9 @@ def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
         if curve is not None and h.k_exact is not None:
             group = f"attenuation/{h.measured.block.sector}"
             found[f"{group}/omega"] = curve.omega, "rad/s"
-            found[f"{group}/sigma"] = np.asarray(curve.sigma), "rad/s"
+            found[f"{group}/sigma"] = float(curve.sigma), "rad/s"
             meaning = "k at the complex frequency omega + i sigma (rad/s)"
-            found[f"{group}/meaning"] = np.asarray(meaning), "–"
+            found[f"{group}/meaning"] = meaning, "–"
             found[f"{group}/k"] = curve.k, "rad/m"
             found[f"{group}/k_exact"] = h.k_exact, "rad/m"
             found[f"{group}/distance"] = curve.distance, "m"
