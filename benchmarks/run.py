@@ -38,7 +38,7 @@ _ROUNDS, _ENOUGH = 5, 40.0
 CONTESTANTS: dict[str, tuple[str, str, str | None, tuple[str, ...], tuple[str, ...]]] = {
     "wavesim": ("wavesim_call", "Default", None, PROBLEMS, ()),
     "wavesim, chebyshev": ("wavesim_call", "Chebyshev", None, ("ring", "layered"), ()),
-    "wavesim, Tsit5": ("wavesim_call", "Tsit5", "wavesim Tsit5", ("ring",), ()),
+    "wavesim, Tsit5": ("wavesim_call", "Tsit5", None, ("ring",), ()),
     "numba leapfrog": ("numba_leapfrog", "Peer", "leapfrog", ("ring", "layered"), ()),
     "diffrax Tsit5": ("diffrax_stock", "Tsit5", "diffrax Tsit5", ("ring",), ()),
     "diffrax Dopri8": ("diffrax_stock", "Dopri8", "diffrax Dopri8", ("ring",), ()),

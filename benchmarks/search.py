@@ -17,22 +17,13 @@ from pathlib import Path
 from run import CONTESTANTS, HERE, TARGETS, Folder
 
 KEPT = HERE / "settings.json"
-# Schemes whose setting is a number of steps between frames: their order, and where to begin.
-STEPS = {"leapfrog": (2, 100), "wavesim Tsit5": (5, 2)}
 
 
-def steps(of: Callable[[float], float], order: int, now: int, target: float) -> int:
-    """Fewest steps between frames, to 1 %, by error ∝ 1/steps^order."""
-    while True:
-        seen = of(now)
-        if seen > 1:  # unstable
-            now += 1
-        elif seen > target:
-            now = math.ceil(now * (seen / target / 0.995) ** (1 / order))
-        elif seen > 0.98 * target or of(now - max(1, now // 100)) > target:
-            return now
-        else:
-            now = max(now - max(1, now // 100), math.ceil(now * (seen / target) ** (1 / order)))
+def steps(of: Callable[[float], float], now: int, target: float) -> int:
+    """Fewest steps of a leapfrog between frames, to 1 %, by error ∝ 1/steps²."""
+    while not 0.98 * target < (seen := of(now)) <= target:
+        now = math.ceil(now * math.sqrt(seen / target / 0.995))
+    return now
 
 
 def tolerance(of: Callable[[float], float], n: int, target: float) -> int:
@@ -69,10 +60,10 @@ def main() -> None:
                     return tried[setting]
 
                 best = kept.setdefault(name, {})[scheme] = {}
-                order, at = STEPS.get(scheme, (0, 20))
+                at = 100 if scheme == "leapfrog" else 20
                 for target in TARGETS[::-1]:
-                    if order:
-                        setting = at = steps(of, order, at, float(target))
+                    if scheme == "leapfrog":
+                        setting = at = steps(of, at, float(target))
                     else:
                         at = tolerance(of, at, float(target))
                         setting = 10 ** (-at / 4)

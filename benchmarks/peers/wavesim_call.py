@@ -17,14 +17,13 @@ class Default:
     solver = "auto"
 
     def __init__(self, name: str, setting: float, other: bool) -> None:
-        self.arguments, self.setting = problem(name, other), setting
+        self.arguments = problem(name, other)
 
     def run(self, frames: int) -> ws.Field:
         medium, bar, sources, seconds = self.arguments
         seconds *= (frames - 1) / (FRAMES - 1)
-        step = seconds / (frames - 1) / self.setting * (1 + 1e-9) if self.setting else None
         timing = Timing()
-        field = simulate(medium, bar, sources, seconds, frames, self.solver, step, timing=timing)
+        field = simulate(medium, bar, sources, seconds, frames, self.solver, timing=timing)
         self.prepared = timing.compile
         return field
 
@@ -41,6 +40,6 @@ class Chebyshev(Default):
 
 
 class Tsit5(Default):
-    """diffrax's Tsit5 at a fixed step. Setting: steps from one frame to the next."""
+    """diffrax's Tsit5 at its fixed step."""
 
     solver = "Tsit5"
