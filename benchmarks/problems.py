@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 import wavesim as ws
+from wavesim.grid.stencils import difference_weights
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.material.sectors import BLOCKS
 from wavesim.material.wave_equations import CURVATURES
@@ -97,24 +99,26 @@ def for_peers(arguments: Any, nothing: float = _NOTHING) -> dict[str, Any]:
         "interval": simulated.interval / unit,
         "points": len(simulated.bar.nodes),
     }
-    return made if simulated.lossy else made | _stencil(simulated, A, made)
+    if simulated.lossy:
+        return made
+    # From rest κ is Dφ as κ̇ is Dφ̇: without κ, q̈ = L q.
+    strains = np.concatenate([np.arange(row[4], row[5]) for row in first])
+    L = A[made["rates"]][:, made["fields"]]
+    L = sp.csr_array(L + A[made["rates"]][:, strains] @ A[strains][:, made["rates"]])
+    return made | _stored("L", L) | _stencil(simulated, L, len(simulated.bar.nodes))
 
 
 def _stored(name: str, matrix: Any) -> dict[str, Any]:
     return {f"{name}_{part}": getattr(matrix, part) for part in ("data", "indices", "indptr")}
 
 
-def _stencil(simulated: Any, A: Any, made: dict[str, Any]) -> dict[str, Any]:
+def _stencil(simulated: Any, L: Any, n: int) -> dict[str, Any]:
     """L of q̈ = L q by the stencil and coefficients of each layer, and what differs near interfaces.
 
     Coefficients c[layer, block] are rows for σ/m, B̈₁ and B̈₂ from κ, B₁ and B₂; those of the three
     oscillators are c[layer, 3, 0].
     """
-    import scipy.sparse as sp
-
-    from wavesim.grid.stencils import difference_weights
-
-    units, bar, n = scales(simulated.medium), simulated.bar, made["points"]
+    units, bar = scales(simulated.medium), simulated.bar
     w = np.array(difference_weights(bar.order)) / (bar.spacing / float(units.length))
     edges = np.cumsum([0, *(cells for cells, _ in bar.all_stretches)])
     edges[-1] = n
@@ -140,7 +144,6 @@ def _stencil(simulated: Any, A: Any, made: dict[str, Any]) -> dict[str, Any]:
     rows_of += [sp.diags_array(spread[:, 3, 0, j]) for j in range(3)]
     # From block by block to A's order: φ of the three, their B₁, their B₂, the oscillators.
     order = (np.array([0, 3, 6, 1, 4, 7, 2, 5, 8, 9, 10, 11])[:, None] * n + np.arange(n)).ravel()
-    L = A[made["rates"]][:, made["fields"]]
     change = sp.coo_array(L - sp.csr_array(sp.block_diag(rows_of, format="csr"))[order][:, order])
     felt = np.abs(change.data) > _NOTHING
     near = [change.data[felt], change.row[felt], change.col[felt]]
@@ -150,8 +153,6 @@ def _stencil(simulated: Any, A: Any, made: dict[str, Any]) -> dict[str, Any]:
 
 def _shift(n: int, by: int, ring: bool) -> Any:
     """(S u)_i = u_{i+by}, round the ring or with zeros beyond the ends."""
-    import scipy.sparse as sp
-
     turned = sp.eye_array(n, k=by)
     if ring and by:
         turned = turned + sp.eye_array(n, k=by - n if by > 0 else by + n)

@@ -23,13 +23,17 @@ class Given:
     @cached_property
     def A(self) -> sp.csr_array:
         """The first-order matrix."""
-        n = len(self.g)
-        return sp.csr_array((self.A_data, self.A_indices, self.A_indptr), shape=(n, n))
+        return self._matrix("A")
 
     @cached_property
     def L(self) -> sp.csr_array:
         """The second-order matrix of a bar without losses."""
-        return sp.csr_array(self.A[self.rates][:, self.fields])
+        return self._matrix("L")
+
+    def _matrix(self, name: str) -> sp.csr_array:
+        parts = (self._arrays[f"{name}_{part}"] for part in ("data", "indices", "indptr"))
+        n = len(self._arrays[f"{name}_indptr"]) - 1
+        return sp.csr_array(tuple(parts), shape=(n, n))
 
     def signal(self, t: Any) -> Any:
         """s(t), a Ricker pulse."""
