@@ -20,6 +20,10 @@ from wavesim.grid.stencils import difference_weights
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.material.sectors import BLOCKS
 from wavesim.material.wave_equations import CURVATURES
+from wavesim.simulation.simulation import simulation
+from wavesim.timedomain.integrate import equation_of
+from wavesim.timedomain.scaled_fields import to_fields
+from wavesim.timedomain.sparse_matrix import flat, sparse_matrix
 
 Float = NDArray[np.float64]
 PROBLEMS = ("ring", "lossy", "layered")
@@ -29,40 +33,39 @@ CELLS, UNITS, FRAMES = 4096, 200.0, 401
 _NOTHING = 1e-8
 
 
-def problem(name: str, other: bool = False, cells: int = CELLS, units: float = UNITS) -> Any:
+def problem(name: str, other: bool = False) -> Any:
     """Medium or layers, bar, sources and duration, as ``ws.simulate`` takes them.
 
     Args:
         name: of ``PROBLEMS``.
         other: with another anisotropy: the second run in a process.
-        cells, units: number of cells, and duration in units of time.
     """
     medium = ws.Medium(anisotropy=0.26 if other else 0.25, closure="consistent")
     scale = scales(medium)
     length, unit = float(scale.length), float(scale.time)
     h = length / 8
     made: Any = medium
-    bar = ws.Bar(cells, h)
+    bar = ws.Bar(CELLS, h)
     if name == "lossy":
         law = ws.constant_quality(40.0, (1e5, 2e6))
         made = dataclasses.replace(medium, damping=law)
-        bar = ws.Bar(cells, h, left="absorbing", right="absorbing", absorber=64 * h)
+        bar = ws.Bar(CELLS, h, left="absorbing", right="absorbing", absorber=64 * h)
     if name == "layered":
         stiff = dataclasses.replace(medium, G_n_a=9.0, density=2000.0)
-        edges = [cells * h * n / 4 for n in range(5)]
+        edges = [CELLS * h * n / 4 for n in range(5)]
         kinds = itertools.cycle((medium, stiff))
         pairs = zip(itertools.pairwise(edges), kinds, strict=False)
         made = ws.Layers(tuple(ws.Layer(a, b, kind) for (a, b), kind in pairs))
         bar = ws.layered_bar(made, h)
     # A few branch lengths apart, each on a point of its own grid; in the middle of the ring, so
     # that no wave comes round it, and near an end of the others.
-    middle = cells // 2 if name == "ring" else cells // 8
+    middle = CELLS // 2 if name == "ring" else CELLS // 8
     sources = []
     for field, offset in (("phi1", 0), ("phi2", -3), ("phi3", 4), ("B22", 2), ("B23", -5)):
         at = middle + 8 * offset + (0.5 if field in CURVATURES else 0.0)
         amplitude = float(scale.force(field)) * length
         sources.append(ws.Ricker(field, at * h, 1 / (2 * np.pi * unit), amplitude))
-    return made, bar, tuple(sources), units * unit
+    return made, bar, tuple(sources), UNITS * unit
 
 
 def for_peers(arguments: Any, nothing: float = _NOTHING) -> dict[str, Any]:
@@ -72,10 +75,6 @@ def for_peers(arguments: Any, nothing: float = _NOTHING) -> dict[str, Any]:
         arguments: of :func:`problem`.
         nothing: entries of A below this are left out.
     """
-    from wavesim.simulation.simulation import simulation
-    from wavesim.timedomain.integrate import equation_of
-    from wavesim.timedomain.sparse_matrix import flat, sparse_matrix
-
     simulated = simulation(*arguments, FRAMES)
     equation, start = equation_of(simulated)
     rest, pulse = start.y, simulated.sources[0]
@@ -159,7 +158,7 @@ def _shift(n: int, by: int, ring: bool) -> Any:
     return sp.csr_array(turned)
 
 
-def exact(name: str, **size: Any) -> Float:
+def exact(name: str) -> Float:
     """The reference, fields × frames × points, in SI.
 
     Of the ring the modal solution of the semi-discrete system by the tests' own route: the 12 × 12
@@ -168,9 +167,8 @@ def exact(name: str, **size: Any) -> Float:
 
     Args:
         name: of the problem.
-        size: cells and units of :func:`problem`.
     """
-    made, bar, sources, seconds = problem(name, **size)
+    made, bar, sources, seconds = problem(name)
     if name == "ring":
         sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
         from exact import modal_field
@@ -181,14 +179,12 @@ def exact(name: str, **size: Any) -> Float:
     from peers.given import Given
 
     given = Given(for_peers((made, bar, sources, seconds), nothing=0.0))
-    return in_fields(name, Peer(given, 0.0).run(FRAMES), **size)
+    return in_fields(name, Peer(given, 0.0).run(FRAMES))
 
 
-def in_fields(name: str, frames: Float, **size: Any) -> Float:
+def in_fields(name: str, frames: Float) -> Float:
     """A peer's frames, of A's scaled components, as fields × frames × points in SI."""
-    from wavesim.timedomain.operator import to_fields
-
-    made, bar, _, _ = problem(name, **size)
+    made, bar, _, _ = problem(name)
     medium = made if isinstance(made, ws.Medium) else made.first
     n = len(bar.nodes)
     parts = np.split(frames.reshape(len(frames), 12, n), [3, 9], axis=1)
