@@ -1,11 +1,9 @@
-"""Run the whole benchmark and write results.json and results.md beside this file.
+"""Measure all contestants and write results.json and results.md beside this file.
 
-    python benchmarks/run.py [--quick] [--no-scaling]
+    python benchmarks/run.py [--only PART] [--problems ring,…] [--quick] [--folder FOLDER]
 
-``--no-scaling`` keeps the scaling table that is there.
-
-``--quick`` measures each contestant once, at the loosest target, and writes nothing: for
-development. The settings are those of settings.json; ``python benchmarks/search.py`` finds them.
+A process of its own for each measurement, contestants in turn, with compile caches that are empty.
+Settings are those of settings.json, which ``python benchmarks/search.py`` finds.
 """
 
 from __future__ import annotations
@@ -16,77 +14,106 @@ import importlib.metadata
 import json
 import os
 import platform
+import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from problems import FRAMES, PROBLEMS, error, exact, for_peers, in_fields, problem
 from table import markdown
 
 HERE = Path(__file__).resolve().parent
-TARGETS = ("1e-03", "1e-04", "1e-06")
+TARGETS = ("1e-06", "1e-04")
+# A slow contestant is measured over a tenth of the time, and its steps count ten times.
+TENTH = (FRAMES - 1) // 10 + 1
+# No more processes for a contestant that has taken so many seconds.
+_ROUNDS, _ENOUGH = 5, 40.0
 
-# (name, module, class, its settings in settings.json; None: exact, at one setting)
-CONTESTANTS: tuple[tuple[str, str, str, str | None], ...] = (
-    ("wavesim, default, final frame", "wavesim_steppers", "Peer", None),
-    ("wavesim, default, 401 frames", "wavesim_steppers", "Frames", None),
-    ("wavesim, single precision, 401 frames", "wavesim_steppers", "Single", None),
-    ("wavesim, chebyshev", "wavesim_steppers", "Chebyshev", None),
-    ("wavesim, verlet", "wavesim_steppers", "Verlet", "leapfrog"),
-    ("exact modal, final frame", "modal", "Peer", None),
-    ("exact modal, 401 frames", "modal", "Frames", None),
-    ("numba leapfrog", "numba_leapfrog", "Peer", "leapfrog"),
-    ("Devito leapfrog, one thread", "devito_leapfrog", "Peer", "leapfrog"),
-    ("Devito leapfrog, all cores", "devito_leapfrog", "Threads", "leapfrog"),
-    ("NumPy leapfrog, sparse matrix", "numpy_leapfrog", "Peer", "leapfrog"),
-    ("diffrax Dopri8", "diffrax_stock", "Dopri8", "dopri8"),
-    ("diffrax Tsit5", "diffrax_stock", "Peer", "tsit5"),
-    ("SciPy DOP853, sparse matrix", "scipy_dop853", "Peer", "dop853"),
-)
-# Contestants that lose to their like are not run at every target.
-LOOSE_ONLY = {"wavesim, verlet": 2, "Devito leapfrog, all cores": 1}
+# {name: (module, class, name in settings.json or None where it is exact, problems, those of which
+# a tenth is measured)}
+CONTESTANTS: dict[str, tuple[str, str, str | None, tuple[str, ...], tuple[str, ...]]] = {
+    "wavesim": ("wavesim_call", "Default", None, PROBLEMS, ()),
+    "wavesim, chebyshev": ("wavesim_call", "Chebyshev", None, ("ring", "layered"), ()),
+    "wavesim, Tsit5": ("wavesim_call", "Tsit5", None, ("ring",), ()),
+    "numba leapfrog": ("numba_leapfrog", "Peer", "leapfrog", ("ring", "layered"), ()),
+    "diffrax Tsit5": ("diffrax_stock", "Tsit5", "diffrax Tsit5", ("ring",), ()),
+    "diffrax Dopri8": ("diffrax_stock", "Dopri8", "diffrax Dopri8", ("ring",), ()),
+    "SciPy DOP853": ("dop853", "Peer", "DOP853", PROBLEMS, ("lossy",)),
+    "SciPy expm_multiply": ("expm_multiply", "Peer", None, PROBLEMS, ("lossy",)),
+    "Devito leapfrog": ("devito_leapfrog", "Peer", "leapfrog", ("ring",), ()),
+    "NumPy leapfrog": ("numpy_leapfrog", "Peer", "leapfrog", ("ring",), ("ring",)),
+}
+# Their products of vectors are too small to share: on two threads they take longer.
+_ONE_THREAD = ("dop853", "expm_multiply", "numpy_leapfrog")
 PACKAGES = ("wavesim", "jax", "diffrax", "numpy", "scipy", "numba", "devito")
 
 
-def _python(arguments: list[str]) -> tuple[str, str]:
-    """Standard output of a script in its own process, and why it failed if it did."""
-    environment = os.environ | {"PYTHONPATH": str(HERE)}
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        cwd=HERE,
-    )
-    why = done.stderr.strip().splitlines()[-1] if done.returncode and done.stderr.strip() else ""
-    return done.stdout, why or ("" if done.returncode == 0 else f"exit code {done.returncode}")
+class Folder:
+    """Problems for the peers and their references, made once in a folder."""
 
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.mkdir(parents=True, exist_ok=True)
 
-def _measure(
-    contestant: tuple[str, str, str, str | None], exact: Path, kept: Any, quick: bool
-) -> dict[str, Any]:
-    name, module, cls, scheme = contestant
-    if scheme is None:
-        wanted: list[Any] = [[1e-6, 0]]
-    else:
-        targets = TARGETS[: 1 if quick else LOOSE_ONLY.get(name, len(TARGETS))]
-        wanted = [[float(t), kept[scheme][t]] for t in targets]
-    arguments = ["measure.py", module, cls, str(exact), json.dumps(wanted)]
-    out, why = _python(arguments + (["--quick"] if quick else []))
-    if why:
-        return {"name": name, "skipped": why}
-    return {"name": name, "exact": scheme is None} | json.loads(out.splitlines()[-1])
+    def given(self, name: str) -> list[str]:
+        """Files of the problem and of its other medium."""
+        files = [self.path / f"{name}-{other}.npz" for other in (0, 1)]
+        for other, file in enumerate(files):
+            if not file.is_file():
+                np.savez(file, **for_peers(problem(name, bool(other))))
+        return list(map(str, files))
+
+    def reference(self, name: str) -> Any:
+        """Of :func:`problems.exact`."""
+        file = self.path / f"{name}-exact.npy"
+        if not file.is_file():
+            np.save(file, exact(name))
+        return np.load(file)
+
+    def measured(
+        self, contestant: str, name: str, setting: float, check: bool, warm: bool, tenth: bool
+    ) -> dict[str, Any]:
+        """One process of a contestant; where checked with its error, over the frames it makes."""
+        module, cls = CONTESTANTS[contestant][:2]
+        with tempfile.TemporaryDirectory() as scratch:
+            asked = {
+                "module": f"peers.{module}",
+                "cls": cls,
+                "problem": name,
+                "given": self.given(name),
+                "setting": setting,
+                "frames": TENTH if tenth else FRAMES,
+                "keep": f"{scratch}/frames.npy" if check else "",
+                "warm": warm,
+            }
+            empty = dict.fromkeys(("XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "TMPDIR"), scratch)
+            settled = {"PYTHONPATH": str(HERE), "JAX_PLATFORMS": "cpu"}
+            if module in _ONE_THREAD:
+                settled["OPENBLAS_NUM_THREADS"] = "1"
+            begun = {"begun": time.monotonic()}
+            done = subprocess.run(
+                [sys.executable, str(HERE / "measure.py"), json.dumps(asked | begun)],
+                capture_output=True,
+                text=True,
+                check=False,
+                env=os.environ | empty | settled,
+            )
+            if done.returncode:
+                return {"failed": (done.stderr.strip().splitlines() or ["no message"])[-1]}
+            found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+            if check:
+                frames = np.load(asked["keep"])
+                fields = frames if frames.ndim == 3 else in_fields(name, frames)
+                found["error"] = error(fields, self.reference(name))
+        return found
 
 
 def machine() -> dict[str, Any]:
-    """What it ran on."""
-    model = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
-        model = names[0].partition(":")[2].strip() if names else model
+    """What it ran on, in general words."""
     versions = {}
     for package in PACKAGES:
         try:
@@ -94,60 +121,76 @@ def machine() -> dict[str, Any]:
         except importlib.metadata.PackageNotFoundError:
             versions[package] = "not installed"
     return {
-        "processor": model,
+        "processor": platform.machine(),
         "cores": os.cpu_count(),
+        "load before": round(os.getloadavg()[0], 2),
         "python": platform.python_version(),
         "versions": versions,
         "date": datetime.date.today().isoformat(),
     }
 
 
+def median(runs: list[dict[str, float]], times: float) -> dict[str, float]:
+    """The run that took the median time (the lower of two); a part of the steps in proportion."""
+    scaled = [run | {"steps": times * run["steps"]} for run in runs]
+    middle = statistics.median_low(sum(run.values()) for run in scaled)
+    return next(run for run in scaled if sum(run.values()) == middle)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--no-scaling", action="store_true")
     parser.add_argument("--only", default="", help="part of a contestant's name")
-    parser.add_argument(
-        "--again",
-        action="store_true",
-        help="measure once more, and replace, what other programs disturbed",
-    )
+    parser.add_argument("--problems", default=",".join(PROBLEMS))
+    parser.add_argument("--quick", action="store_true", help="one round")
+    parser.add_argument("--folder", type=Path, help="where problems and references are kept")
     options = parser.parse_args()
-    kept = json.loads((HERE / "settings.json").read_text(encoding="utf-8"))
-    kept_results = HERE / "results.json"
-    before: dict[str, Any] = {}
-    if kept_results.is_file():
-        before = json.loads(kept_results.read_text(encoding="utf-8"))
-    known = {entry["name"]: entry for entry in before.get("contestants", ())}
-    results: dict[str, Any] = {"machine": machine(), "contestants": []}
-    with tempfile.TemporaryDirectory() as folder:
-        exact = Path(folder) / "exact.npz"
-        _, why = _python(["reference.py", str(exact)])
-        if why:
-            sys.exit(f"the exact solution failed: {why}")
-        for contestant in CONTESTANTS:
-            name = contestant[0]
-            kept_one = known.get(name) if options.again else None
-            if kept_one and not (kept_one.get("disturbed", True) and options.only in name):
-                results["contestants"].append(kept_one)
-            elif options.only in name:
-                found = _measure(contestant, exact, kept, options.quick)
-                results["contestants"].append(found | {"again": options.again})
-                print(json.dumps(found), flush=True)
-    if options.again:
-        results["layers"] = before.get("layers", [])
-    else:
-        out, why = _python(["layers.py"] + (["--quick"] if options.quick else []))
-        results["layers"] = {"skipped": why} if why else json.loads(out.splitlines()[-1])
-    if options.no_scaling or options.again:
-        results["scaling"] = before.get("scaling", {})
-    else:
-        out, why = _python(["scaling.py"] + (["--quick"] if options.quick else []))
-        results["scaling"] = {"skipped": why} if why else json.loads(out.splitlines()[-1])
-    print(markdown(results))
-    if not options.quick and (options.again or not options.only):
-        kept_results.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-        (HERE / "results.md").write_text(markdown(results), encoding="utf-8")
+    settings = json.loads((HERE / "settings.json").read_text(encoding="utf-8"))
+    results: dict[str, Any] = {"machine": machine(), "rows": []}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Folder(options.folder or Path(scratch))
+        rows = []
+        for name in options.problems.split(","):
+            folder.given(name)
+            folder.reference(name)
+            for contestant, (_, _, scheme, where, tenths) in CONTESTANTS.items():
+                if name not in where or options.only not in contestant:
+                    continue
+                kept = settings[name][scheme] if scheme else {"any": [0, None]}
+                for target, (setting, seen) in kept.items():
+                    row = {"problem": name, "contestant": contestant, "target": target}
+                    row |= {"setting": setting, "error": seen, "tenth": name in tenths}
+                    rows.append(row | {"cold": [], "warm": [], "spent": 0.0})
+        for turn in range(1 if options.quick else _ROUNDS):
+            for row in rows:
+                if row["spent"] > _ENOUGH or "failed" in row:
+                    continue
+                begun = time.monotonic()
+                tenth = row["tenth"]
+                found = folder.measured(
+                    row["contestant"], row["problem"], row["setting"],
+                    check=turn == 0 and not tenth, warm=True, tenth=tenth,
+                )  # fmt: skip
+                row["spent"] += time.monotonic() - begun
+                if "failed" in found:
+                    row["failed"] = found["failed"]
+                    continue
+                row["error"] = found.get("error", row["error"])
+                row["cold"].append(found["cold"])
+                row["warm"] += found["warm"]
+                print(turn, row["problem"], row["contestant"], row["target"], found, flush=True)
+    for row in rows:
+        del row["spent"]
+        if "failed" not in row:
+            times = 10.0 if row["tenth"] else 1.0
+            row["processes"] = len(row["cold"])
+            row["cold"], row["warm"] = median(row["cold"], times), median(row["warm"], times)
+        results["rows"].append(row)
+    page = markdown(results)
+    print(page)
+    if not (options.only or options.quick) and options.problems == ",".join(PROBLEMS):
+        text = json.dumps(results, indent=1) + "\n"
+        (HERE / "results.json").write_text(text, encoding="utf-8")
+        (HERE / "results.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

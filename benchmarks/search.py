@@ -1,81 +1,75 @@
-"""The settings that reach a target error, found by a short search and kept in settings.json.
+"""The cheapest settings that reach a target error, with the error seen, kept in settings.json.
 
-The search depends on no clock, so it is done once and its result is kept; a measured run checks
-the error again. The leapfrogs are one scheme and share a search.
+    python benchmarks/search.py [--folder FOLDER] [PROBLEM/SCHEME …]
+
+It uses no clock, so it is done once. The leapfrogs are one scheme and share a search.
 """
 
 from __future__ import annotations
 
-import importlib
+import argparse
 import json
 import math
-import sys
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from problem import Problem, error, exact_fields, problem
+from run import CONTESTANTS, HERE, TARGETS, Folder
 
-TARGETS = (1e-3, 1e-4, 1e-6)
-KEPT = Path(__file__).with_name("settings.json")
-SEARCHED = {
-    "leapfrog": ("numba_leapfrog", "Peer"),
-    "dop853": ("scipy_dop853", "Peer"),
-    "tsit5": ("diffrax_stock", "Peer"),
-    "dopri8": ("diffrax_stock", "Dopri8"),
-}
+KEPT = HERE / "settings.json"
 
 
-def key(target: float) -> str:
-    """How a target is written in settings.json: 1e-03."""
-    return f"{target:.0e}"
+def steps(of: Callable[[float], float], now: int, target: float) -> int:
+    """Fewest steps of a leapfrog between frames, to 1 %, by error ∝ 1/steps²."""
+    while not 0.98 * target < (seen := of(now)) <= target:
+        now = math.ceil(now * math.sqrt(seen / target / 0.995))
+    return now
 
 
-def search(name: str, made: Problem, exact: dict[str, np.ndarray]) -> dict[str, float]:
-    """Settings of one scheme for every target."""
-    module, cls = SEARCHED[name]
-    peer = getattr(importlib.import_module(f"peers.{module}"), cls)(made)
-    tried: dict[float, float] = {}
-
-    def of(setting: float) -> float:
-        if setting not in tried:
-            peer.warm_up(setting)
-            tried[setting] = error(peer.run(setting).fields, exact)
-            print(f"{name}: {setting:g} gives {tried[setting]:.2e}", flush=True)
-        return tried[setting]
-
-    if peer.kind == "steps":
-        return {key(target): _steps(of, peer.least_steps, target) for target in TARGETS}
-    return {key(target): _tolerance(of, target) for target in TARGETS}
-
-
-def _steps(of, least: int, target: float) -> int:  # type: ignore[no-untyped-def]
-    """Fewest steps, to 1 %, from error ∝ 1/steps²."""
-    steps = 8 * least
-    while True:
-        # Below 1e-5 the law holds to 1e-4 and a trial only costs time.
-        steps = math.ceil(steps * math.sqrt(of(steps) / target) * 1.002)
-        if target < 1e-5 or 0.97 * target <= of(steps) <= target:
-            return steps
-
-
-def _tolerance(of, target: float) -> float:  # type: ignore[no-untyped-def]
-    """Largest 10^(−n/4) that reaches the target."""
-    n = math.ceil(-4 * math.log10(target))
-    while of(10 ** (-n / 4)) > target:
-        n += 1
+def tolerance(of: Callable[[float], float], n: int, target: float) -> int:
+    """Least n of which the tolerance 10^(−n/4) reaches the target."""
+    while (seen := of(10 ** (-n / 4))) > target:
+        n += max(1, int(3 * math.log10(seen / target)))
     while of(10 ** (-(n - 1) / 4)) <= target:
         n -= 1
-    return 10 ** (-n / 4)
+    return n
 
 
-def main(names: list[str]) -> None:
-    made = problem()
-    exact = exact_fields(made)
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--folder", type=Path)
+    parser.add_argument("wanted", nargs="*")
+    options = parser.parse_args()
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.is_file() else {}
-    for name in names or SEARCHED:
-        kept[name] = search(name, made, exact)
-        KEPT.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    done = set()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Folder(options.folder or Path(scratch))
+        for contestant, (_, _, scheme, problems, _) in CONTESTANTS.items():
+            for name in problems:
+                key = f"{name}/{scheme}"
+                if scheme is None or key in done or key not in (options.wanted or [key]):
+                    continue
+                done.add(key)
+                tried: dict[float, float] = {}
+
+                def of(setting: float, who=contestant, name=name, tried=tried) -> float:
+                    if setting not in tried:
+                        found = folder.measured(who, name, setting, True, False, False)
+                        tried[setting] = found.get("error", math.inf)
+                        print(f"{name}, {who}: {setting:g} gives {found}", flush=True)
+                    return tried[setting]
+
+                best = kept.setdefault(name, {})[scheme] = {}
+                at = 100 if scheme == "leapfrog" else 20
+                for target in TARGETS[::-1]:
+                    if scheme == "leapfrog":
+                        setting = at = steps(of, at, float(target))
+                    else:
+                        at = tolerance(of, at, float(target))
+                        setting = 10 ** (-at / 4)
+                    best[target] = [setting, of(setting)]
+                KEPT.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -1,138 +1,126 @@
-"""results.json as a page of tables."""
+"""results.json as a page: what it takes beside wavesim first, then the seconds."""
 
 from __future__ import annotations
 
 from typing import Any
 
-WAVESIM = "wavesim, default, final frame"
-_HEAD = (
-    "| contestant | target | setting | error | run, s | set-up, s | compile, s | products "
-    "| peak MiB | run ÷ wavesim | with set-up |\n"
-    "|---|---|---|---|---|---|---|---|---|---|---|\n"
-)
+Row = dict[str, Any]
+TITLES = {
+    "ring": "uniform ring",
+    "layered": "layered bar, free ends",
+    "lossy": "lossy bar, absorbing ends",
+}
+_OURS = "wavesim"
+# What was asked of the ring at 1e-6: times as long as wavesim, cold and warm.
+_ASKED = {"SciPy DOP853": (30, 250), "the best of the others": (5, 25)}
 
 
-def _number(value: float | None, digits: int = 3) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.{digits}g}" if value < 1000 else f"{value:.0f}"
+def total(run: dict[str, float]) -> float:
+    """Seconds of a run."""
+    return sum(run.values())
 
 
-def _mark(contestant: dict[str, Any]) -> str:
-    again = " †" if contestant.get("again") else ""
-    return again + (r" \*" if contestant.get("disturbed") else "")
+def reaching(rows: list[Row], problem: str, target: str) -> dict[str, Row]:
+    """{contestant: its row} of one problem that holds for a target and was measured."""
+    return {
+        row["contestant"]: row
+        for row in rows
+        if row["problem"] == problem and row["target"] in (target, "any") and "failed" not in row
+    }
 
 
-def _rows(results: dict[str, Any]) -> list[str]:
-    done = {c["name"]: c for c in results["contestants"] if "rows" in c}
-    base = done.get(WAVESIM)
-    lines = []
-    for contestant in results["contestants"]:
-        if "rows" not in contestant:
-            reason = f"skipped: {contestant['skipped']}"
-            lines.append(f"| {contestant['name']} | {reason} |" + " |" * 9)
-            continue
-        for row in contestant["rows"]:
-            setup = contestant["setup"] + max(row.get("prepare", 0.0), 0.0)
-            ratio = whole = None
-            if base:
-                best = base["rows"][0]
-                ratio = row["run"] / best["run"]
-                whole = (row["run"] + setup) / (best["run"] + base["setup"] + best["prepare"])
-            setting = f"{row['setting']:.3g}" if row["setting"] < 1 else f"{row['setting']:.0f}"
-            lines.append(
-                f"| {contestant['name']}{_mark(contestant)} "
-                f"| {'any' if contestant['exact'] else format(row['target'], '.0e')} "
-                f"| {'–' if contestant['exact'] else setting} "
-                f"| {'(order 2)' if row['error'] is None else format(row['error'], '.1e')} "
-                f"| {'~' if row['extrapolated'] else ''}{_number(row['run'])} "
-                f"| {_number(setup)} | {_number(row['compile'])} "
-                f"| {row['products'] if row['products'] is not None else '–'} "
-                f"| {contestant['peak_bytes'] / 2**20:.0f} "
-                f"| {_number(ratio)} | {_number(whole)} |"
-            )
-    return lines
+def ratio(rows: dict[str, Row], contestant: str, which: str) -> float:
+    """Its time over wavesim's, "cold" or "warm"."""
+    return total(rows[contestant][which]) / total(rows[_OURS][which])
 
 
-def _scaling(found: dict[str, Any]) -> str:
-    if "skipped" in found:
-        return f"Skipped: {found['skipped']}\n"
-    text = (
-        "Default stepper, twelve fields, final frame only; up to 100,000 cells the second run in "
-        "the process.\n\n"
-        "| cells | units of time | steps | run, s | set-up, s | ns a cell and step "
-        "| ns a cell and unit of time | peak MiB |\n|---|---|---|---|---|---|---|---|\n"
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}" if value < 9.95 else f"{value:.1f}"
+
+
+def _short(rows: list[Row], target: str) -> str:
+    problems = [name for name in TITLES if _OURS in reaching(rows, name, target)]
+    known = {name: reaching(rows, name, target) for name in problems}
+    text = f"| at {float(target):.0e} |" + "".join(
+        f" {TITLES[name]}: cold | warm |" for name in problems
     )
-    for row in found["advance"]:
-        if "failed" in row:
-            text += f"| {row['cells']} | failed: {row['failed']} |" + " |" * 6 + "\n"
-            continue
-        text += (
-            f"| {row['cells']} | {row['duration']:.0f} | {row['steps']} | {_number(row['run'])} "
-            f"| {_number(row['setup'])} | {_number(row['ns_per_cell_and_step'])} "
-            f"| {_number(row['ns_per_cell_and_time'])} | {row['peak_bytes'] / 2**20:.0f} |\n"
-        )
-    text += (
-        "\nFrames stored to disk, one sector of four fields, no analysis.\n\n"
-        "| cells | frames | peak MiB while streaming | peak MiB | file, MiB |\n"
-        "|---|---|---|---|---|\n"
-    )
-    for row in found["store"]:
-        if "failed" in row:
-            text += f"| {row['cells']} | failed: {row['failed']} |" + " |" * 3 + "\n"
-            continue
-        text += (
-            f"| {row['cells']} | {row['frames']} | {row['peak_streaming_bytes'] / 2**20:.0f} "
-            f"| {row['peak_bytes'] / 2**20:.0f} | {row['file_bytes'] / 2**20:.0f} |\n"
-        )
+    text += "\n|---|" + "---:|---:|" * len(problems) + "\n"
+    for contestant in dict.fromkeys(row["contestant"] for row in rows):
+        line = f"| {contestant} |"
+        for name in problems:
+            for which in ("cold", "warm"):
+                row = known[name].get(contestant)
+                if row is None:
+                    line += " |"
+                elif contestant == _OURS:
+                    line += f" {_number(total(row[which]))} s |"
+                else:
+                    about = "~" if row["tenth"] else ""
+                    line += f" {about}{_number(ratio(known[name], contestant, which))} × |"
+        text += line + "\n"
     return text
 
 
-def _layers(found: Any) -> str:
-    if isinstance(found, dict):
-        return f"Failed: {found['skipped']}\n"
+def _asked(rows: list[Row]) -> str:
+    known = reaching(rows, "ring", "1e-06")
+    if _OURS not in known or "SciPy DOP853" not in known:
+        return ""
+    others = [name for name in known if not name.startswith(_OURS) and name != "SciPy DOP853"]
+    text = "| ring, 1e-6: times as long as wavesim | cold: asked | seen | warm: asked | seen |\n"
+    text += "|---|---:|---:|---:|---:|\n"
+    for name, asked in _ASKED.items():
+        line = f"| {name} |"
+        for which, least in zip(("cold", "warm"), asked, strict=True):
+            among = [name] if name in known else others
+            best = min(among, key=lambda one, which=which: ratio(known, one, which))
+            seen = ratio(known, best, which)
+            who = "" if name in known else f" ({best})"
+            met = "met" if seen >= least else "not met"
+            line += f" {least} | {_number(seen)}{who}, {met} |"
+        text += line + "\n"
+    return "\n## What was asked\n\n" + text
+
+
+def _seconds(rows: list[Row], problem: str) -> str:
     text = (
-        "Layers, ends and losses beside a uniform periodic bar: longitudinal fields, equal cells, "
-        "401 frames over 200 units of time, in turn in one process of their own, warm, best of 5."
-        "\n\n"
-        "| bar | cells | stepper | run, s | set-up, s | ÷ uniform |\n|---|---|---|---|---|---|\n"
+        "| contestant | target | setting | error | cold, s | imports | set-up, compilation | steps "
+        "| warm, s | set-up |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|\n"
     )
-    for row in found:
-        text += (
-            f"| {row['bar']} | {row['cells']} | {row['stepper']} | {_number(row['run'])} "
-            f"| {_number(row['setup'])} | {row['ratio']:.2f} |\n"
-        )
+    for row in rows:
+        if row["problem"] != problem:
+            continue
+        name, target = row["contestant"], row["target"].replace("e-0", "e-")
+        if "failed" in row:
+            text += f"| {name} | {target} | failed: {row['failed']} |" + " |" * 7 + "\n"
+            continue
+        about = "~" if row["tenth"] else ""
+        number = row["setting"]
+        setting = f"{number:.0f}" if number >= 1 else f"{number:.2g}" if number else "–"
+        seen = "–" if row["error"] is None else f"{row['error']:.1e}"
+        cold, warm = row["cold"], row["warm"]
+        parts = (cold["imports"], cold["prepare"], cold["steps"])
+        text += f"| {name} | {target} | {setting} | {seen} | {about}{_number(total(cold))} | "
+        text += " | ".join(_number(part) for part in parts)
+        text += f" | {about}{_number(total(warm))} | {_number(warm['prepare'])} |\n"
     return text
 
 
 def markdown(results: dict[str, Any]) -> str:
     """The page."""
-    host = results["machine"]
+    host, rows = results["machine"], results["rows"]
     versions = ", ".join(f"{name} {version}" for name, version in host["versions"].items())
     text = (
         "# Results\n\n"
-        "Written by `python benchmarks/run.py`; all of it from one run. How it is measured, and "
-        "what is done for each contestant, stands in [README.md](README.md).\n\n"
-        f"{host['processor']}, {host['cores']} cores, Python {host['python']}; {versions}; "
-        f"{host['date']}.\n\n"
-        "Twelve fields, 4,096 cells of l/8, order 8, 200 units of time, float64 but where named. "
-        "Setting: steps of a leapfrog, tolerance (relative and absolute) of an adaptive solver. "
-        "~: time of some of the steps, in proportion. Ratios are to the default stepper, final "
-        "frame.\n\n"
+        "Written by `python benchmarks/run.py`, all from one run; [README.md](README.md) says what "
+        "is measured.\n\n"
+        f"{host['cores']} cores, {host['processor']}, Python {host['python']}; {versions}; "
+        f"{host['date']}; load before: {host['load before']}.\n\n"
+        "Twelve fields, 4,096 cells, 200 units of time, 401 frames in memory. Times over "
+        "wavesim's, at settings that reach the error; ~: steps of a tenth of the time, ten times.\n"
     )
-    if any(contestant.get("disturbed") for contestant in results["contestants"]):
-        text += (
-            "\\* Other programs took part of the machine while this was measured; the contestant "
-            "is faster than this by an unknown part, and its ratio is no claim.\n\n"
-        )
-    if any(contestant.get("again") for contestant in results["contestants"]):
-        text += (
-            "† Measured once more, after the one run that all others are from, in which other "
-            "programs disturbed it.\n\n"
-        )
-    text += _HEAD + "\n".join(_rows(results)) + "\n"
-    if results.get("layers"):
-        text += "\n## Real bars\n\n" + _layers(results["layers"])
-    if results.get("scaling"):
-        text += "\n## Scaling\n\n" + _scaling(results["scaling"])
+    for target in ("1e-06", "1e-04"):
+        text += "\n" + _short(rows, target)
+    text += _asked(rows)
+    for problem in dict.fromkeys(row["problem"] for row in rows):
+        text += f"\n## {TITLES[problem].capitalize()}: seconds\n\n" + _seconds(rows, problem)
     return text

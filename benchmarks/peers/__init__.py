@@ -1,1 +1,1 @@
-"""The contestants, one a file. Each offers ``Peer(problem)``, as ``contestant.py`` describes."""
+"""Contestants: each a class whose making is its set-up, and that runs to a number of frames."""

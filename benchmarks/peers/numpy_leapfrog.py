@@ -1,41 +1,29 @@
-"""Leapfrog in NumPy, L a SciPy sparse matrix."""
+"""Leapfrog in NumPy, L a SciPy sparse matrix: one product and two sums a step."""
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
-from contestant import Solution
-from leapfrog import forces, least_steps
-from problem import COMPONENTS, Problem
-from sparse import operator_matrix
 
 
 class Peer:
-    kind: ClassVar[str] = "steps"
+    """Setting: steps from one frame to the next."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.L = operator_matrix(problem)
-        self.least_steps = least_steps(problem)
-        cells = problem.bar.cells
-        self.at = np.array([d.component * cells + d.cell for d in problem.drives])
+    def __init__(self, given, setting: float) -> None:
+        self.given, self.per_frame = given, int(setting)
+        self.L = given.L * (given.interval / self.per_frame) ** 2
+        force = given.g[given.rates]
+        self.at = np.flatnonzero(force)
+        self.strength = force[self.at]
 
-    def warm_up(self, setting: float) -> None:
-        self.part(setting, 3)
-
-    def run(self, setting: float) -> Solution:
-        q = self.part(setting, int(setting))
-        return Solution(self.problem.fields(q.reshape(COMPONENTS, -1)), int(setting))
-
-    def part(self, setting: float, steps: int) -> np.ndarray:
-        h = self.problem.duration / int(setting)
-        L = self.L * h**2
-        signal, driven = forces(self.problem, int(setting))
-        q, change = np.zeros(L.shape[0]), np.zeros(L.shape[0])
-        for n in range(steps):
-            change += L @ q
-            if n < driven:
-                np.add.at(change, self.at, signal[n])
+    def run(self, frames: int) -> np.ndarray:
+        signal = self.given.driven(self.per_frame, frames)
+        q, change = np.zeros(self.L.shape[0]), np.zeros(self.L.shape[0])
+        made = np.zeros((frames, len(q)))
+        for step in range(self.per_frame * (frames - 1)):
+            change += self.L @ q
+            if step < len(signal):
+                change[self.at] += self.strength * signal[step]
             q += change
-        return q
+            if (step + 1) % self.per_frame == 0:
+                made[(step + 1) // self.per_frame] = q
+        return made
