@@ -1,0 +1,48 @@
+"""What the documents name is there: links, files, modules, commands, keys of a case."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from wavesim.case.schema import CaseFile
+from wavesim.cli.main import main
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted(
+    path for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("benchmarks/*.md"))
+)
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    targets = re.findall(r"\]\(([^)#\s]+)", text)
+    missing = [t for t in targets if "://" not in t and not (page.parent / t).exists()]
+    assert missing == []
+    # Paths from the root, as they stand in commands and in text.
+    paths = re.findall(r"(?<![\w./])(?:cases|docs|tests|benchmarks|wavesim)/[\w./]+\.\w+", text)
+    assert [p for p in paths if not (ROOT / p).exists()] == []
+
+
+def test_every_module_has_its_line():
+    """In docs/architecture.md, and none that is not there; kinds of sources share one."""
+    rooms = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").split("## Decisions")[0]
+    named = set(re.findall(r"`(\w+\.py)`", rooms))
+    modules = [p for p in (ROOT / "wavesim").rglob("*.py") if p.name != "__init__.py"]
+    assert named <= {path.name for path in modules}
+    assert {p.name for p in modules if p.parent.name != "sources"} <= named
+
+
+def test_every_command_is_told_of_and_none_besides():
+    told = set(re.findall(r"^    wavesim (\w+) ", README, re.MULTILINE))
+    assert told == set(main.commands)
+
+
+def test_every_key_of_a_case_is_told_of():
+    """Those of [bar], [time], [analysis]; media and sources have tables of their own."""
+    for name in ("bar", "time", "analysis"):
+        table = CaseFile.model_fields[name].annotation
+        missing = [key for key in table.model_fields if f"`{key}`" not in README]
+        assert missing == [], name
