@@ -23,7 +23,7 @@ MAXIMUM_TOLERANCE = 1e-2
 WAVENUMBER_TOLERANCE = 1e-3
 ENERGY_TOLERANCE = 1e-9
 ENERGY_AFTER_TOLERANCE = 1e-10
-# Where something is lost its power is integrated over the steps, to order 12.
+# What was dissipated falls by rounding alone.
 LOSSY_TOLERANCE = 1e-9
 # A wave is present where its branch was found at this part of the wavenumbers it is judged at.
 _PRESENT = 0.9

@@ -19,7 +19,7 @@ from wavesim.simulation.field import Field
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
-# What is lost is a sum over nodes of a step, which is exact if the step is shorter by this.
+# By how much a step is to be shorter.
 _SHORTER = 5
 # So many cells from an interface or an end the differences are exact to a lower degree.
 ONE_SIDED = 8
