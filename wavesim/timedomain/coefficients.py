@@ -186,7 +186,7 @@ def _of_block(
         n = len(x) - 1
         c = _along(layer, block, units, np.concatenate([(x[1:] + x[:-1]) / 2, x]))
         c_pp, c_pb, c_bp, c_bb = (c[name][..., :n] for name in ("c_pp", "c_pb", "c_bp", "c_bb"))
-        xp = module(c_bb)
+        xp = module(c_pp, c_pb, c_bp, c_bb)
         upper = xp.concatenate([c_pp, -c_pb], axis=1)
         lower = xp.concatenate([-c_bp, c_bb], axis=1)
         stiffness.append(xp.concatenate([upper, lower]) * unrelaxed)
