@@ -106,5 +106,5 @@ def _stored(group: Group, kappa: Any, B: Any, share: Any = None) -> jax.Array:
 
 
 def _total(*parts: Any) -> jax.Array:
-    """Sum of all numbers of some arrays (components, blocks, points), in one go."""
-    return jnp.sum(functools.reduce(jnp.add, [row for part in parts for row in part]))
+    """Sum of all numbers of some arrays."""
+    return functools.reduce(jnp.add, [jnp.sum(part) for part in parts])

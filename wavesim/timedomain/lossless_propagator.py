@@ -123,11 +123,12 @@ class Propagator(ExactStepper):
         v = jnp.concatenate([y.phi_rate, y.B_rate])
         both = jnp.stack([q, v], axis=-1)
         fields, _, points, _ = both.shape
+        made: dict[int, Any] = {}
         for alike in rows:
-            some = both[:, alike.blocks].swapaxes(1, 2)
-            made = alike(some.reshape(fields, points, -1)).reshape(some.shape).swapaxes(1, 2)
-            before = before.at[:, alike.blocks].add(made)
-        return before
+            some = jnp.stack([both[:, block] for block in alike.blocks], axis=2)
+            product = alike(some.reshape(fields, points, -1)).reshape(some.shape)
+            made |= {block: product[:, :, n] for n, block in enumerate(alike.blocks)}
+        return before + jnp.stack([made[block] for block in sorted(made)], axis=1)
 
     def _pushed(self, change: list[Any], ahead: Any, behind: Any) -> list[Any]:
         change, signals = list(change), jnp.stack([ahead, behind])
@@ -192,7 +193,8 @@ def _pulses(part: Driven, group: Group, step: TimeStep) -> Pulses:
     both = np.pad(np.stack([ahead, behind]), [(0, 0)] * 5 + [(0, 1)])
     place = np.full(n, count)
     place[part.points] = np.arange(count)
-    return Pulses(part.group, np.array(part.sources), both.reshape(2 * sources * nodes, -1), place)
+    made = both.reshape(2 * sources * nodes, -1)
+    return Pulses(part.group, np.array(part.sources, np.uint32), made, place.astype(np.uint32))
 
 
 def _first_change(group: Group, y: State, step: TimeStep) -> np.ndarray:

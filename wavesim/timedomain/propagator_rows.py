@@ -44,7 +44,7 @@ class Rows(eqx.Module):
         order: place among the rows of all runs of each point's, shape (points,).
     """
 
-    blocks: Any
+    blocks: tuple[int, ...] = eqx.field(static=True)
     matrices: tuple[Any, ...]
     windows: tuple[Any, ...]
     order: Any
@@ -126,8 +126,10 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
     place = np.empty(len(starts), int)
     place[np.concatenate(taken)] = np.arange(len(starts))
     order = place[order // RUN] * RUN + order % RUN
-    of_runs = tuple(np.stack([windows[number] for number in own], axis=1) for own in taken)
-    return Rows(np.array(blocks), tuple(matrices), of_runs, order)
+    of_runs = tuple(
+        np.stack([windows[number] for number in own], axis=1).astype(np.uint32) for own in taken
+    )
+    return Rows(tuple(blocks), tuple(matrices), of_runs, order.astype(np.uint32))
 
 
 def _even(values: Any, points: int) -> bool:

@@ -95,8 +95,9 @@ def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
         own = step.step * np.einsum("nmk,emi->enik", convolved, of_signals, optimize=True)
         count = len(equation.sources.sources)
         held = [count + turned.index(j) for j in part.sources if j in turned]
-        factors = np.array(part.sources + held)
-        felt.append(Felt(part.group, part.points, np.array(part.sources), factors, rows, own))
+        factors = np.array(part.sources + held, np.uint32)
+        sources, points = np.array(part.sources, np.uint32), part.points.astype(np.uint32)
+        felt.append(Felt(part.group, points, sources, factors, rows, own))
     return Work(tuple(felt), step.step * risen, weights, tuple(turned))
 
 
