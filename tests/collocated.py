@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from scipy.linalg import lstsq
 
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
 
@@ -99,7 +100,7 @@ def fields(layers, left, right, source, omega, at, kept):
         matrix, rhs = matrix / weight[:, None], rhs / weight
         factor = np.abs(matrix).max(axis=0)
         matrix, column = matrix / factor, column / factor
-    solution = np.linalg.lstsq(matrix, rhs, rcond=None)[0] * column
+    solution = lstsq(matrix, rhs, lapack_driver="gelsy", check_finite=False)[0] * column
     found = {name: [] for name in names}
     for x in at:
         n = next(

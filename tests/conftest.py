@@ -5,8 +5,9 @@ from functools import cache
 from pathlib import Path
 
 WORKER = os.environ.get("PYTEST_XDIST_WORKER")
-if WORKER:  # a core is a worker's share
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Set before the workers start, which inherit it: a core is a worker's share, and threads that wait
+# for each other there take ten times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("EQX_ON_ERROR", "nan")  # as a run has it, so that compiled functions are kept
 
 import jax  # noqa: E402

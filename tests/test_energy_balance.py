@@ -118,3 +118,14 @@ def test_an_initial_field_keeps_its_energy():
     assert energy.total[0] > 0
     assert np.ptp(energy.total) <= 1e-11 * energy.total[0]
     assert np.ptp(energy.kinetic) > 0.1 * energy.total[0]
+
+
+def test_a_source_beside_a_held_end_does_not_move_it():
+    """Law: φ = 0 at a fixed end, though a source's stencil reaches it; what holds it does no work:
+    energy is the sources' work, to 1e-11 of its largest."""
+    source = ws.Ricker("phi1", 1.1 * CELL, 7e5)
+    field = run(three(), ("fixed", "free"), [source], 8e-6, 65)
+    assert not np.any(field["phi1"][:, 0])
+    assert np.abs(field["phi1"]).max() > 0
+    energy = field.energy
+    assert np.abs(energy.total - energy.work).max() <= 1e-11 * energy.total.max()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 
 import jax
 import numpy as np
 import pytest
+import scipy.sparse
+from scipy.sparse.linalg import eigs, splu
 
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.layered import resonances
@@ -114,17 +115,16 @@ def test_dampers_only_take(damping, rng):
         assert energy_rate(A, random_state(A, rng)) < 0
 
 
-@pytest.mark.parametrize("closure", ["printed", "consistent"])
 @pytest.mark.parametrize("damping", [None, EVERYTHING], ids=["lossless", "lossy"])
-def test_nothing_grows_between_ends(closure, damping):
-    """Law: no eigenvalue of A has a positive real part: measured 1e-12 and less, of 19 in size."""
-    layers = three(closure, damping)
+def test_nothing_grows_between_ends(damping):
+    """Law: no eigenvalue of A has a positive real part: measured 1e-12 and less, of 19 in size. In
+    the closure that has no energy; in the other it follows from the laws above."""
+    layers = three("printed", damping)
     values = np.linalg.eigvals(moving(layers, fitted(layers, "free", "fixed")))
     assert values.real.max() <= 1e-10
 
 
-@pytest.mark.parametrize("closure", ["printed", "consistent"])
-@pytest.mark.parametrize("place", ["uniform", "caught"])
+@pytest.mark.parametrize(("closure", "place"), [("consistent", "uniform"), ("printed", "caught")])
 def test_absorbing_ends_are_stable(closure, place):
     """Law: runs of 1e5 units of time are stable: e^{1e5 Re λ} ≤ 1.01.
 
@@ -157,10 +157,11 @@ def test_what_absorbing_ends_reflect(closure, block):
     cells, step = 128, 0.02
     bar = Bar(cells, CELL, 8, "free", "absorbing", 8e-3)
     A = operator(as_layers(medium, cells * CELL), bar, (block,), medium, False)
-    matrix = sparse_matrix(A).toarray()
+    matrix = sparse_matrix(A)
+    unit = scipy.sparse.eye_array(matrix.shape[0])
     rest = A.rest[0]
     at = np.s_[rest.phi.size + rest.B.size :]
-    force = np.zeros(len(matrix))
+    force = np.zeros(matrix.shape[0])
     force[at][4] = 1.0
     edges = [
         (gap.lower * medium.time_scale, gap.upper * medium.time_scale)
@@ -170,7 +171,7 @@ def test_what_absorbing_ends_reflect(closure, block):
     inside = [all(w < 0.98 * low or w > 1.02 * high for low, high in edges) for w in omega]
     x, reflected = np.arange(16, 60), []
     for w in omega[inside]:
-        phi = np.linalg.solve(-1j * w * np.eye(len(matrix)) - matrix, force)[: cells + 1][x]
+        phi = splu((-1j * w * unit - matrix).tocsc()).solve(force + 0j)[x]
         k = wavenumber(medium, block.sector, w / medium.time_scale)[0] * CELL
         design = np.exp(np.multiply.outer(x - x[0], [1j * k, -1j * k]))
         ahead, back = np.linalg.lstsq(design, phi, rcond=None)[0]
@@ -182,12 +183,12 @@ def test_what_absorbing_ends_reflect(closure, block):
     assert reflected.max() > 1e-7
 
 
-@functools.cache
-def frequencies(ends, cells, length=8e-3):
-    """Eigenfrequencies of a uniform bar with ends, from A, rad/s."""
-    bar = Bar(cells, length / cells, 8, *ends)
-    values = np.linalg.eigvals(moving(as_layers(SOFT, length), bar))
-    return np.sort(values.imag[values.imag > 1e-3]) / float(SOFT.time_scale)
+def nearest(layers, bar, omega):
+    """The eigenfrequency of A nearest to one, rad/s."""
+    unit = float(SOFT.time_scale)
+    matrix = sparse_matrix(built(layers, bar)).tocsc().astype(complex)
+    (found,) = eigs(matrix, 1, sigma=1j * omega * unit * (1 + 1e-4), return_eigenvectors=False)
+    return found.imag / unit
 
 
 @pytest.mark.parametrize("ends", [("free", "free"), ("fixed", "fixed"), ("fixed", "free")])
@@ -197,11 +198,11 @@ def test_eigenfrequencies_of_finite_bars(ends):
     The lowest four of the exact solver, which has no grid, on 96 cells of order 8: the fourth has
     48 cells to a wavelength. To 1e-6; measured 2e-8 and less.
     """
-    exact = resonances(as_layers(SOFT, 8e-3), *ends, "longitudinal", (1e4, 4.2e6))[:4]
-    found = frequencies(ends, 96)
-    nearest = np.array([found[np.argmin(np.abs(found - w))] for w in exact])
+    layers, bar = as_layers(SOFT, 8e-3), Bar(96, 8e-3 / 96, 8, *ends)
+    exact = resonances(layers, *ends, "longitudinal", (1e4, 4.2e6))[:4]
     assert len(exact) == 4
-    assert np.abs(nearest / exact - 1).max() <= 1e-6
+    for omega in exact:
+        assert abs(nearest(layers, bar, omega) / omega - 1) <= 1e-6
 
 
 def test_order_at_a_jump():
@@ -214,11 +215,8 @@ def test_order_at_a_jump():
     exact = resonances(layers, "free", "fixed", "longitudinal", (1e4, 3.2e6))[3]
     counts, errors = (96, 120, 144, 180), []
     for cells in counts:
-        values = np.linalg.eigvals(
-            moving(layers, layered_bar(layers, 7e-3 / cells, 8, "free", "fixed"))
-        )
-        found = values.imag[values.imag > 1e-3] / float(SOFT.time_scale)
-        errors.append(np.abs(found / exact - 1).min())
+        bar = layered_bar(layers, 7e-3 / cells, 8, "free", "fixed")
+        errors.append(abs(nearest(layers, bar, exact) / exact - 1))
     assert errors[0] <= 1e-6
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope == pytest.approx(6, abs=0.2)

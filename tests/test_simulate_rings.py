@@ -51,9 +51,9 @@ CASES = {
     "short steps": ("printed", ws.Bar(64, CELL, 8), SOURCES, DURATION, 97, "chebyshev"),
     "long steps": ("consistent", ws.Bar(64, CELL, 8), SOURCES, DURATION, 13, "chebyshev"),
     "order 2": ("printed", ws.Bar(256, CELL, 2), ASTRIDE, DURATION, 97, "auto"),
-    "odd, order 12": ("printed", ws.Bar(257, CELL, 12), SOURCES, DURATION, 25, "propagator"),
-    "propagator": ("consistent", ws.Bar(512, CELL / 2, 8), SOURCES, DURATION, 41, "propagator"),
-    "one long interval": ("printed", ws.Bar(512, CELL / 2, 8), SOURCES, 90e-6, 2, "auto"),
+    "odd, order 12": ("printed", ws.Bar(257, CELL, 12), SOURCES[1:3], DURATION, 25, "propagator"),
+    "propagator": ("consistent", ws.Bar(384, CELL / 2, 8), SOURCES[:2], DURATION, 41, "propagator"),
+    "one long interval": ("printed", ws.Bar(384, CELL / 2, 8), SOURCES[:2], 90e-6, 2, "auto"),
 }
 CONSERVING = [name for name, case in CASES.items() if case[0] == "consistent"]
 
@@ -185,11 +185,10 @@ def contact_energy(medium, length, kappa, B, slope):
 @pytest.mark.parametrize(
     "parameters",
     [
-        {"anisotropy": -0.8, "stiffness_ratio": 1.7, "G_n_g": 0.0},
-        {"anisotropy": 0.7, "stiffness_ratio": 0.2, "G_n_g": 1.25e-11},
+        {"anisotropy": -0.8, "stiffness_ratio": 1.7, "G_n_g": 1.25e-11},
         {"anisotropy": 1.6, "branch_length": 1.3e-3, "density": 900.0, "G_n_a": 9.0, "G_n_g": 6.0},
     ],
-    ids=["no gradient", "Table 1", "gradient"],
+    ids=["no gradient", "gradient"],
 )
 def test_potential_energy_is_what_the_contacts_store(parameters):
     """Law: the deformation energy is that of the contacts, all twelve fields moving.
@@ -240,12 +239,16 @@ def test_reciprocity():
 # What is settled before, and the field that a run leaves
 
 
-def test_frames_by_default():
-    """They hold twice the band of the highest source."""
-    pulse = ws.Ricker("phi1", 4.3e-3, 600e3)
-    t = ws.simulate(ws.Medium(anisotropy=0.4), ws.Bar(64, CELL, 4), [pulse], 3e-6).t
-    assert np.pi / t[1] >= 2 * pulse.band
-    assert np.pi / t[1] < 2.3 * pulse.band
+def test_frames_by_default_and_progress():
+    """Frames hold twice the band of the highest source; what is told of a run ends at 1."""
+    seen, receivers, pulse = [], {"a": 1e-3}, ws.Ricker("phi1", 4.3e-3, 600e3)
+    medium, bar = ws.Medium(anisotropy=0.4), ws.Bar(64, CELL, 4)
+    field = ws.simulate(medium, bar, [pulse], 3e-5, receivers=receivers, progress=seen.append)
+    assert 2 * pulse.band <= np.pi / field.t[1] < 2.3 * pulse.band
+    assert len(seen) > 2
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert field.receivers == receivers
 
 
 @pytest.mark.parametrize(
@@ -267,16 +270,6 @@ def test_what_can_not_be_run_is_refused(change, message):
     }
     with pytest.raises(ValueError, match=message):
         ws.simulate(**(asked | change))
-
-
-def test_progress_ends_at_1():
-    seen = []
-    receivers = {"a": 1e-3}
-    arguments = (ws.Medium(), ws.Bar(64, CELL), SOURCES[:1], 6e-6, 200)
-    field = ws.simulate(*arguments, receivers=receivers, progress=seen.append)
-    assert seen == sorted(seen)
-    assert seen[-1] == 1.0
-    assert field.receivers == receivers
 
 
 def test_field_knows_its_axes():

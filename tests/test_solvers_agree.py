@@ -30,36 +30,33 @@ def stack(*cells_and_media, closure=None):
     return ws.Layers(tuple(made))
 
 
-# (layers, order, left, right): cells of a size of their own in each layer, as 100.4 of them are
-# none; interfaces within each other's reach, and one layer that is all closures; graded ones.
+# (layers, order, left, right, frames): interfaces within each other's reach, one layer that is all
+# closures; cells of a size of their own, as 60.4 of them are none; graded layers; a short bar.
 BARS = {
-    "apart": (stack((150.4, FIRST), (199.7, SECOND), (61, THIRD)), 12, "fixed", "free"),
     "near": (
-        stack((50, FIRST), (24, SECOND), (16, THIRD), (57, FIRST), (70, SECOND)),
-        8, "free", "free",
+        stack((50, FIRST), (24, SECOND), (16, THIRD), (57, FIRST), (50, SECOND)),
+        8, "free", "free", 801,
     ),
     "ring of layers": (
-        stack((90.4, FIRST), (99.7, SECOND), (61, THIRD), closure="printed"),
-        4, "periodic", "periodic",
+        stack((60.4, FIRST), (69.7, SECOND), (61, THIRD), closure="printed"),
+        4, "periodic", "periodic", 81,
     ),
     "graded": (
         stack((60, FIRST), (60, (FIRST, THIRD)), (70, THIRD), closure="printed"),
-        6, "free", "fixed",
+        12, "free", "fixed", 81,
     ),
-    "gradient term": (stack((80, GRADIENT), (90, SECOND)), 8, "fixed", "fixed"),
-    "short": (stack((40, SECOND)), 8, "free", "free"),
+    "short, gradient term": (stack((40, GRADIENT)), 8, "fixed", "fixed", 81),
 }  # fmt: skip
 
 
-def of(name, solver, duration=1.6e-5, frames=81):
-    layers, order, *ends = BARS[name]
+def of(name, solver):
+    layers, order, *ends, frames = BARS[name]
     bar = ws.layered_bar(layers, CELL, order, *ends)
     sources = [
         ws.Ricker("phi1", 1.1 * CELL, 7e5),
         ws.Ricker("B22", layers.length / 2.1, 9e5, amplitude=3e-4, width=2.5e-4),
-        ws.Ricker("phi2", layers.length / 1.7, 8e5),
     ]
-    return ws.simulate(layers, bar, sources, duration, frames, solver)
+    return ws.simulate(layers, bar, sources, (frames - 1) * 1.25e-7, frames, solver)
 
 
 def agree(one, other, tolerance):
@@ -74,38 +71,33 @@ def agree(one, other, tolerance):
 def test_the_propagator_and_the_series_agree(name):
     """Law: both solve the same equations exactly, whatever the layers, ends and sources.
 
-    Every field at every frame to 1e-11 of its largest; the work to 1e-12 of its largest. Measured
-    1e-13 to 1e-12.
+    Every field at every frame to 1e-11 of its largest, over 49 units of time, and to 1e-10 over
+    490: rounding of the recurrence, the frequencies of whose fastest modes are known to 1e-15 of
+    themselves. The work to 1e-12 of its largest. Measured 1e-13 to 1e-12. Where the closure is
+    symmetric energy is the work all the while, and constant after the last pulse, to 1e-11.
     """
     rows, series = of(name, "propagator"), of(name, "chebyshev")
     assert (rows.stepper, series.stepper) == ("propagator", "chebyshev")
-    agree(rows, series, 1e-11)
+    agree(rows, series, 1e-10 if len(rows.t) > 100 else 1e-11)
     work = series.energy.work
     assert np.abs(rows.energy.work - work).max() <= 1e-12 * np.abs(work).max()
+    if rows.medium.closure == "consistent":
+        energy, largest = rows.energy, rows.energy.total.max()
+        assert np.abs(energy.total - energy.work).max() <= 1e-11 * largest
+        assert np.ptp(energy.total[rows.t > rows.quiet_from]) <= 1e-11 * largest
 
 
-def test_they_agree_after_a_long_run():
-    """800 frames, 490 units of time: to 1e-10, measured 1e-12: rounding of the recurrence, the
-    frequencies of whose fastest modes are known to 1e-15 of themselves. Energy is the work all the
-    while, and constant after the last pulse, to 1e-11."""
-    field = of("near", "propagator", 1e-4, 801)
-    agree(field, of("near", "chebyshev", 1e-4, 801), 1e-10)
-    energy, largest = field.energy, field.energy.total.max()
-    assert np.abs(energy.total - energy.work).max() <= 1e-11 * largest
-    assert np.ptp(energy.total[field.t > field.quiet_from]) <= 1e-11 * largest
-
-
-@pytest.mark.parametrize(("solver", "order"), [("Bosh3", 3), ("Tsit5", 5), ("Dopri5", 5)])
+@pytest.mark.parametrize(("solver", "order"), [("Bosh3", 3), ("Tsit5", 5)])
 def test_explicit_solvers_have_their_order(solver, order):
     """Law: the error against the exact modal solution falls as h^order, within ±0.1.
 
     All fields 4 µs after the start, on cells of l/2, at 0.36 to 0.09 radians of the fastest mode;
-    errors 3e-5 to 1e-12. Measured 3.01, 5.05, 5.04.
+    errors 3e-5 to 1e-12. Measured 3.01 and 5.05.
     """
     medium, bar = ws.Medium(anisotropy=0.4, closure="printed"), ws.Bar(48, 5e-4, 4)
     source, end = ws.Ricker("phi1", 8.3e-3, 1.2e6), 4e-6
     exact = modal_field(medium, bar, [source], [end])
-    steps, errors = (1200, 1700, 2400) if order == 3 else (1400, 2000, 2800), []
+    steps, errors = (1200, 2400) if order == 3 else (1400, 2800), []
     for count in steps:
         field = ws.simulate(medium, bar, [source], end, 2, solver, end / count * 1.0001)
         assert field.stepper == solver
@@ -120,8 +112,7 @@ def test_explicit_solvers_have_their_order(solver, order):
 
 
 @pytest.mark.parametrize(
-    ("damping", "right"), [(None, "fixed"), (LOSSY, "fixed"), (None, "absorbing")],
-    ids=["lossless", "lossy", "absorbing"],
+    ("damping", "right"), [(None, "fixed"), (LOSSY, "absorbing")], ids=["lossless", "lossy"]
 )  # fmt: skip
 def test_dopri8_agrees_on_bars_of_all_kinds(damping, right):
     """Law: diffrax's own Dopri8 on the same equation gives the same field and the same work, with
@@ -136,6 +127,7 @@ def test_dopri8_agrees_on_bars_of_all_kinds(damping, right):
     ]
     known = layers, bar, sources, 6e-6, 31
     other = ws.simulate(*known)
+    assert other.stepper == ("chebyshev" if damping else "propagator")
     field = ws.simulate(*known, "Dopri8", 5e-9)
     agree(field, other, 1e-8)
     work = other.energy.work
@@ -149,4 +141,3 @@ def test_the_propagator_is_refused_where_waves_are_lost():
     for medium, bar in ((lossy, ws.Bar(512, CELL, 8, "free", "free")), (FIRST, absorbing)):
         with pytest.raises(ValueError, match="solver = 'propagator': is for bars without losses"):
             ws.simulate(medium, bar, pulse, 1e-5, 21, "propagator")
-        assert ws.simulate(medium, bar, pulse, 1e-6, 3).stepper == "chebyshev"

@@ -187,7 +187,10 @@ def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndar
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
     unit = float(units.force(source.field) * units.length)
-    return indices, density * norm[indices] / unit
+    force = density * norm[indices] / unit
+    if not source.staggered:
+        force = np.where(held_nodes(bar)[indices], 0.0, force)  # what holds a node takes it
+    return indices, force
 
 
 def _points(
