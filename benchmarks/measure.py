@@ -4,7 +4,7 @@
 
 Cold is the first run of the process, up to all frames in memory: start and imports, set-up,
 compilation, steps. Warm are further runs in it with another medium, set-up included.
-Steps of more than 20 s are not run again: warm is then the other medium's set-up and the same steps.
+Steps of more than 20 s are not run again: warm then is the other medium's set-up, and these steps.
 """
 
 from __future__ import annotations
