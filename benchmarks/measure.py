@@ -4,6 +4,7 @@
 
 Cold is the first run of the process, up to all frames in memory: start and imports, set-up,
 compilation, steps. Warm are further runs in it with another medium, set-up included.
+Steps of more than 20 s are not run again: warm then is the other medium's set-up, and these steps.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 
 # Warm runs: this many, or fewer once they have taken so many seconds.
 _WARM, _ENOUGH = 5, 5.0
+_LONG = 20.0
 
 
 def main(asked: dict[str, Any]) -> None:
@@ -52,6 +54,9 @@ def main(asked: dict[str, Any]) -> None:
 
         np.save(asked["keep"], getattr(peer, "stacked", lambda frames: frames)(found))
     warm: list[dict[str, float]] = []
+    if asked["warm"] and cold["steps"] > _LONG:
+        asked["warm"] = False
+        warm = [{"prepare": prepared(True)[1], "steps": cold["steps"]}]
     while asked["warm"] and len(warm) < _WARM and sum(sum(one.values()) for one in warm) < _ENOUGH:
         del peer, found
         peer, found, one = timed(True)
