@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from wavesim.case.load import Case
-from wavesim.material.scaling import scales
-from wavesim.simulation.field import Field
-from wavesim.simulation.simulation import Simulation
 from wavesim.worker import Answer, Worker
+
+if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
+    from wavesim.case.load import Case
+    from wavesim.simulation.simulation import Simulation
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
@@ -59,8 +59,20 @@ class Outcome:
         return all(check["passed"] for check in self.summary["checks"])
 
 
+def begun_beside() -> Worker:
+    """A process beside a run, which loads what it will draw with; the sooner the better."""
+    beside = Worker()
+    beside.prepare("importlib.import_module", "wavesim.figures.drawing")
+    beside.prepare("wavesim.figures.drawing.warm_up")
+    return beside
+
+
 def run(
-    case: Case, folder: Path, resume: bool = False, progress: Progress | None = None
+    case: Case,
+    folder: Path,
+    resume: bool = False,
+    progress: Progress | None = None,
+    beside: Worker | None = None,
 ) -> Outcome:
     """Run a case.
 
@@ -69,6 +81,7 @@ def run(
         folder: where to write; made if need be.
         resume: carry on from the result file that is there.
         progress: called with the name of the stage and the part of it done.
+        beside: of :func:`begun_beside`, where it was begun before; the caller ends it.
 
     Returns:
         What came of it.
@@ -84,7 +97,8 @@ def run(
 
     try:
         with ExitStack() as until_the_end:
-            return _run(case, folder, resume, tell, begun, until_the_end)
+            own = beside or until_the_end.enter_context(begun_beside())
+            return _run(case, folder, resume, tell, begun, own)
     except StorageError as error:
         raise RunError(str(error), False) from error
     except OSError as error:
@@ -122,7 +136,7 @@ def _run(
     resume: bool,
     tell: Progress,
     clock: float,
-    until_the_end: ExitStack,
+    beside: Worker,
 ) -> Outcome:
     timing: dict[str, float] = {}
 
@@ -131,14 +145,13 @@ def _run(
         now = time.perf_counter()
         timing[stage], clock = now - clock, now
 
-    # It loads what it needs, and solves what is exact, while this process loads jax and compiles.
-    beside = until_the_end.enter_context(Worker())
+    from wavesim.material.scaling import scales
+    from wavesim.simulation.field import Field
+
     known: Answer | None = None
     if not case.simulation.endless:
         table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
         known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
-    beside.prepare("importlib.import_module", "wavesim.figures.drawing")
-    beside.prepare("wavesim.figures.drawing.warm_up")
     _keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
@@ -162,14 +175,13 @@ def _run(
     (folder / "summary.json").unlink(missing_ok=True)
     (folder / "resolved.toml").write_text(resolved, encoding="utf-8")
     tell("compile", 0.0)
-    # The compiler leaves Python's lock alone: what the analysis needs is loaded meanwhile.
+    # What the analysis needs is loaded while the compiler leaves Python's lock alone.
     loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
-    loading.start()
     try:
         # A chunk is written while the next one is integrated.
         with ThreadPoolExecutor(1) as writer:
             writing: Future[None] | None = None
-            for chunk in stream(simulated, start, spent):
+            for chunk in stream(simulated, start, spent, loading.start):
                 if writing is not None:
                     writing.result()
                 writing = writer.submit(

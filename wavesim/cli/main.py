@@ -68,6 +68,16 @@ def main() -> None:
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
+    from wavesim.runner import begun_beside
+
+    # It loads what it needs while this process reads the case.
+    with begun_beside() as beside:
+        _whole(case, out, overrides, resume, quiet, beside)
+
+
+def _whole(
+    case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool, beside: Any
+) -> None:
     loaded = _load(case, overrides)
     _planned(case, loaded)
     from wavesim.report import tables as report
@@ -79,7 +89,7 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet) as tell:
-        outcome = _run(loaded, folder, resume, tell)
+        outcome = _run(loaded, folder, resume, tell, beside)
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
         console.print(f"Note: {note}.")
@@ -90,7 +100,9 @@ def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, qu
         sys.exit(FELL_SHORT)
 
 
-def _run(loaded: Any, folder: Path, resume: bool, tell: Callable[[str, float], None]) -> Any:
+def _run(
+    loaded: Any, folder: Path, resume: bool, tell: Callable[[str, float], None], beside: Any
+) -> Any:
     from wavesim import runner
 
     pressed = False
@@ -109,7 +121,7 @@ def _run(loaded: Any, folder: Path, resume: bool, tell: Callable[[str, float], N
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     try:
-        return runner.run(loaded, folder, resume, go_on)
+        return runner.run(loaded, folder, resume, go_on, beside)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:

@@ -177,14 +177,26 @@ _KEPT = 64
 _ALONE = Lock()
 
 
-def _compiled(function: Callable[..., Any], arguments: Any, **settings: Any) -> Any:
-    """A function compiled for arguments of these shapes and for settings, its keywords."""
+def _compiled(
+    function: Callable[..., Any],
+    arguments: Any,
+    meanwhile: Callable[[], object] = lambda: None,
+    **settings: Any,
+) -> Any:
+    """A function compiled for arguments of these shapes and for settings, its keywords.
+
+    ``meanwhile`` is called when it has been traced: from there on Python has nothing to do.
+    """
     leaves, structure = jax.tree.flatten(arguments)
     shapes = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
     key = (function, structure, shapes, tuple(settings.items()))
     if key not in _COMPILED:
         whole = functools.partial(function, **settings)
-        _COMPILED[key] = jax.jit(whole).lower(*arguments).compile()
+        lowered = jax.jit(whole).lower(*arguments)
+        meanwhile()
+        _COMPILED[key] = lowered.compile()
+    else:
+        meanwhile()
     with _ALONE:
         made = _COMPILED[key] = _COMPILED.pop(key)  # to the end, as the last one used
         while len(_COMPILED) > _KEPT:
@@ -200,6 +212,7 @@ def stream(
     simulated: Simulation,
     carry_on: tuple[int, Sequence[np.ndarray]] | None = None,
     timing: Timing | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Iterator[Chunk]:
     """Integrate a simulation and give its frames chunk by chunk, that at t = 0 first.
 
@@ -207,6 +220,7 @@ def stream(
         simulated: of plain numbers.
         carry_on: (index of a frame, state after it) of an earlier run; None begins at t = 0.
         timing: where to note the seconds spent.
+        meanwhile: called once, when Python has nothing to do until all is compiled.
 
     Yields:
         Chunks, in order.
@@ -227,7 +241,7 @@ def stream(
         frame, arrays = carry_on
         carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
     known = (equation, stepper, carried, np.asarray(0), h)
-    run = _compiled(advance, known, frames=size, per_frame=step.per_frame)
+    run = _compiled(advance, known, meanwhile, frames=size, per_frame=step.per_frame)
     timing.compile += time.perf_counter() - begun
     if carry_on is None:
         yield _chunk(simulated, 0, _seen_at_start(equation, motion), 1, carried)
