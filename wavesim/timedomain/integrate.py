@@ -6,7 +6,6 @@ import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from threading import Lock
 from typing import Any
 
 import diffrax
@@ -22,6 +21,7 @@ from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.simulation import Simulation, simulation
 from wavesim.sources import Source
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, ExactStepper, series
+from wavesim.timedomain.compiled import compiled
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.lossless_propagator import Propagator, propagator
 from wavesim.timedomain.operator import operator
@@ -170,40 +170,6 @@ def advance(
     return seen, (jax.tree.map(lambda a: a[-1], last), solution.solver_state)
 
 
-# Compiled functions, by all that they depend on: a second run of one shape compiles nothing. The
-# last ones are kept: each takes some hundred mappings of memory, of which a process has 65,530.
-_COMPILED: dict[Any, Any] = {}
-_KEPT = 64
-_ALONE = Lock()
-
-
-def _compiled(
-    function: Callable[..., Any],
-    arguments: Any,
-    meanwhile: Callable[[], object] = lambda: None,
-    **settings: Any,
-) -> Any:
-    """A function compiled for arguments of these shapes and for settings, its keywords.
-
-    ``meanwhile`` is called when it has been traced: from there on Python has nothing to do.
-    """
-    leaves, structure = jax.tree.flatten(arguments)
-    shapes = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
-    key = (function, structure, shapes, tuple(settings.items()))
-    if key not in _COMPILED:
-        whole = functools.partial(function, **settings)
-        lowered = jax.jit(whole).lower(*arguments)
-        meanwhile()
-        _COMPILED[key] = lowered.compile()
-    else:
-        meanwhile()
-    with _ALONE:
-        made = _COMPILED[key] = _COMPILED.pop(key)  # to the end, as the last one used
-        while len(_COMPILED) > _KEPT:
-            del _COMPILED[next(iter(_COMPILED))]
-    return made
-
-
 def _first(equation: Equation, motion: Motion) -> Any:
     return equation.observe(motion)
 
@@ -241,7 +207,7 @@ def stream(
         frame, arrays = carry_on
         carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
     known = (equation, stepper, carried, np.asarray(0), h)
-    run = _compiled(advance, known, meanwhile, frames=size, per_frame=step.per_frame)
+    run = compiled(advance, known, meanwhile, frames=size, per_frame=step.per_frame)
     timing.compile += time.perf_counter() - begun
     if carry_on is None:
         yield _chunk(simulated, 0, _seen_at_start(equation, motion), 1, carried)
@@ -272,7 +238,7 @@ def _memory(stepper: Any, equation: Equation, motion: Motion, h: Any) -> Any:
 def _seen_at_start(equation: Equation, motion: Motion) -> Any:
     """What is seen of the first frame, with a first axis of one."""
     if any(np.any(array) for array in jax.tree.leaves(motion)):
-        seen = _compiled(_first, (equation, motion))(equation, motion)
+        seen = compiled(_first, (equation, motion))(equation, motion)
     else:
         seen = jax.eval_shape(_first, equation, motion)
         seen = jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), seen)

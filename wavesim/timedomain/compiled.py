@@ -1,0 +1,45 @@
+"""Functions that jax has compiled, kept for runs of the same shape."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from threading import Lock
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+# Compiled functions, by all that they depend on: a second run of one shape compiles nothing. The
+# last ones are kept: each takes some hundred mappings of memory, of which a process has 65,530.
+_COMPILED: dict[Any, Any] = {}
+_KEPT = 64
+_ALONE = Lock()
+
+
+def compiled(
+    function: Callable[..., Any],
+    arguments: Any,
+    meanwhile: Callable[[], object] = lambda: None,
+    **settings: Any,
+) -> Any:
+    """A function compiled for arguments of these shapes and for settings, its keywords.
+
+    ``meanwhile`` is called when it has been traced: from there on Python has nothing to do.
+    """
+    leaves, structure = jax.tree.flatten(arguments)
+    shapes = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
+    key = (function, structure, shapes, tuple(settings.items()))
+    if key not in _COMPILED:
+        whole = functools.partial(function, **settings)
+        lowered = jax.jit(whole).lower(*arguments)
+        meanwhile()
+        _COMPILED[key] = lowered.compile()
+    else:
+        meanwhile()
+    with _ALONE:
+        made = _COMPILED[key] = _COMPILED.pop(key)  # to the end, as the last one used
+        while len(_COMPILED) > _KEPT:
+            del _COMPILED[next(iter(_COMPILED))]
+    return made
