@@ -126,7 +126,7 @@ def test_numpy_numbers_are_checked_too():
             Medium(anisotropy=value)
 
 
-def test_summation_by_parts():
+def test_closures():
     """Two have wave equations; the third has dispersion coefficients alone, and says so."""
     assert CLOSURES == ("printed", "consistent")
     with pytest.raises(ValueError, match=r"closure = 'b': must be one of printed, consistent, app"):
