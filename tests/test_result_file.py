@@ -285,7 +285,7 @@ def test_killed_at_any_instant_leaves_whole_frames(tmp_path, simulation):
     """40 kills in the middle of appending. Each time the file opens as any HDF5 file does, holds
     whole chunks of three frames after the first frame, and can be carried on."""
     program = (
-        "import sys, pathlib; sys.path.insert(0, sys.argv[1]); import test_storage as t\n"
+        "import sys, pathlib; sys.path.insert(0, sys.argv[1]); import test_result_file as t\n"
         "print(*t.kill_and_look(sys.argv[2], pathlib.Path(sys.argv[3]), 40))"
     )
     case, path = tmp_path / "hand.toml", tmp_path / "result.h5"
