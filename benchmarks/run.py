@@ -123,7 +123,7 @@ def machine() -> dict[str, Any]:
     return {
         "processor": platform.machine(),
         "cores": os.cpu_count(),
-        "load before": round(os.getloadavg()[0], 2),
+        "load": [round(os.getloadavg()[0], 1)],
         "python": platform.python_version(),
         "versions": versions,
         "date": datetime.date.today().isoformat(),
@@ -166,6 +166,7 @@ def main() -> None:
                 if spent or "failed" in row:
                     continue
                 begun = time.monotonic()
+                results["machine"]["load"].append(round(os.getloadavg()[0], 1))
                 tenth = row["tenth"]
                 found = folder.measured(
                     row["contestant"], row["problem"], row["setting"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from typing import Any
 
 Row = dict[str, Any]
@@ -114,7 +115,8 @@ def markdown(results: dict[str, Any]) -> str:
         "Written by `python benchmarks/run.py`, all from one run; [README.md](README.md) says what "
         "is measured.\n\n"
         f"{host['cores']} cores, {host['processor']}, Python {host['python']}; {versions}; "
-        f"{host['date']}; load before: {host['load before']}.\n\n"
+        f"{host['date']}; load of the machine {min(host['load'])} to {max(host['load'])}, "
+        f"{statistics.median(host['load'])} in the median (1 or 2 is this run's own).\n\n"
         "Twelve fields, 4,096 cells, 200 units of time, 401 frames in memory. Times over "
         "wavesim's, at settings that reach the error; ~: steps of a tenth of the time, ten times.\n"
     )
