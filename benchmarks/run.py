@@ -31,7 +31,7 @@ TARGETS = ("1e-06", "1e-04")
 # A slow contestant is measured over a tenth of the time, and its steps count ten times.
 TENTH = (FRAMES - 1) // 10 + 1
 # No more processes for a contestant that has taken so many seconds; wavesim has all rounds.
-_ROUNDS, _ENOUGH = 5, 25.0
+_ROUNDS, _ENOUGH = 3, 25.0
 
 # {name: (module, class, name in settings.json or None where it is exact, problems, those of which
 # a tenth is measured)}
@@ -137,6 +137,15 @@ def median(runs: list[dict[str, float]], times: float) -> dict[str, float]:
     return next(run for run in scaled if sum(run.values()) == middle)
 
 
+def summed(row: dict[str, Any]) -> dict[str, Any]:
+    """A row with medians in place of its runs."""
+    if "failed" in row:
+        return row
+    times = 10.0 if row["tenth"] else 1.0
+    middle = {which: median(row[which], times) for which in ("cold", "warm")}
+    return row | {"processes": len(row["cold"])} | middle
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="part of a contestant's name")
@@ -180,19 +189,13 @@ def main() -> None:
                 row["cold"].append(found["cold"])
                 row["warm"] += found["warm"]
                 print(turn, row["problem"], row["contestant"], row["target"], found, flush=True)
-    for row in rows:
-        del row["spent"]
-        if "failed" not in row:
-            times = 10.0 if row["tenth"] else 1.0
-            row["processes"] = len(row["cold"])
-            row["cold"], row["warm"] = median(row["cold"], times), median(row["warm"], times)
-        results["rows"].append(row)
-    page = markdown(results)
+            results["rows"] = [summed(row) for row in rows]
+            page = markdown(results)
+            if not (options.only or options.quick) and options.problems == ",".join(PROBLEMS):
+                text = json.dumps(results, indent=1) + "\n"
+                (HERE / "results.json").write_text(text, encoding="utf-8")
+                (HERE / "results.md").write_text(page, encoding="utf-8")
     print(page)
-    if not (options.only or options.quick) and options.problems == ",".join(PROBLEMS):
-        text = json.dumps(results, indent=1) + "\n"
-        (HERE / "results.json").write_text(text, encoding="utf-8")
-        (HERE / "results.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
