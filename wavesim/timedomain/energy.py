@@ -48,27 +48,17 @@ def power(A: Operator, sources: SourceTerms, y: States, signals: Any) -> Any:
         for part, (of_phi, of_B) in zip(y, (group.mass for group in A.groups), strict=True)
     ]
     total = jnp.sum(signals * sources.read(moving))
-    turned = turning(sources)
-    if len(turned):
+    if sources.turning:
         pairs = zip(A.groups, y, strict=True)
         holding = [(_holding(group, part), part.B_rate) for group, part in pairs]
         forces = sources.read(holding)
-        total = total + jnp.sum((rates(sources, y) * forces)[turned])
+        total = total + jnp.sum((rates(sources, y) * forces)[np.array(sources.turning)])
     return total
 
 
 def rates(sources: SourceTerms, y: States) -> Any:
     """G_jᵀ v, shape (sources,): of a prescribed rotation the rate of its end."""
     return sources.read([(part.phi_rate, part.B_rate) for part in y])
-
-
-def turning(sources: SourceTerms) -> np.ndarray:
-    """Sources whose prescribed rotation does work; of two that hold one point, one."""
-    kept: dict[tuple[str, float], int] = {}
-    for j in sources.turning:
-        source = sources.sources[j]
-        kept.setdefault((source.field, source.position), j)
-    return np.array(list(kept.values()), int)
 
 
 def _holding(group: Group, y: State) -> Any:

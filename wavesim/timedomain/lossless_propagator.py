@@ -175,7 +175,7 @@ def propagator(
     rows = tuple(rows_of(group, bar, step) for group in groups)
     pulses = tuple(_pulses(part, groups[part.group], step) for part in near)
     nodes, weights = nodes_of(step)
-    silent = np.zeros((len(equation.sources.sources), len(nodes)))
+    silent = np.zeros((equation.sources.count, len(nodes)))
     change = tuple(_first_change(g, y, step) for g, y in zip(groups, start, strict=True))
     begun = Memory(change, silent)
     return Propagator(rows, pulses, nodes, weights, np.asarray(step.step), work, begun)

@@ -64,28 +64,29 @@ class SourceTerms(eqx.Module):
 
     Attributes:
         points: G_j on φ and on B, for each group.
-        amplitude: of each source, shape (sources,).
-        sources: those that have a signal; none of an initial field.
-        signals: their signals at amplitude 1, each once; which: of them is each source's.
+        amplitude: of each source that has a signal, an initial field has none; shape (sources,).
         time: s in one scaled unit of time.
+        signals: their signals at amplitude 1, each once; which: of them is each source's.
+        turning: sources that prescribe the rotation of an end and do work by it: of two that turn
+            one end, one.
     """
 
     points: tuple[tuple[Points, Points], ...]
     amplitude: Any
-    sources: tuple[Source, ...] = eqx.field(static=True)
+    time: Any
     signals: tuple[Source, ...] = eqx.field(static=True)
     which: tuple[int, ...] = eqx.field(static=True)
-    time: float = eqx.field(static=True)
+    turning: tuple[int, ...] = eqx.field(static=True)
 
     @property
-    def end(self) -> float:
+    def count(self) -> int:
+        """Number of sources."""
+        return len(self.which)
+
+    @property
+    def end(self) -> Any:
         """Scaled time from which on none acts."""
-        return max((source.end for source in self.sources), default=0.0) / self.time
-
-    @property
-    def turning(self) -> np.ndarray:
-        """Which sources prescribe the rotation of an end."""
-        return np.flatnonzero([source.drive == "rotation" for source in self.sources])
+        return max((signal.end for signal in self.signals), default=0.0) / self.time
 
     def at(self, t: Any) -> Any:
         """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
@@ -137,7 +138,7 @@ class SourceTerms(eqx.Module):
 
     def read(self, y: Sequence[tuple[Any, Any]]) -> Any:
         """G_jᵀ of (values on φ, values on B) of each group, shape (sources,)."""
-        count = len(self.sources)
+        count = self.count
         total = jnp.zeros(count)
         for (phi, B), (on_phi, on_B) in zip(y, self.points, strict=True):
             total = total + on_phi.read(phi, count) + on_B.read(B, count)
@@ -174,8 +175,12 @@ def source_terms(
     signals = list(dict.fromkeys(alone))
     which = tuple(signals.index(one) for one in alone)
     amplitude = np.array([source.amplitude for source in kept])
-    time = float(scales(medium).time)
-    return SourceTerms(points, amplitude, tuple(kept), tuple(signals), which, time)
+    turned: dict[tuple[str, float], int] = {}
+    for j, source in enumerate(kept):
+        if source.drive == "rotation":
+            turned.setdefault((source.field, source.position), j)
+    time = np.asarray(float(scales(medium).time))
+    return SourceTerms(points, amplitude, time, tuple(signals), which, tuple(turned.values()))
 
 
 def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,6 @@ import jax
 import numpy as np
 import scipy.sparse as sp
 
-from wavesim.timedomain.energy import turning
 from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import Difference, Group
 from wavesim.timedomain.source_terms import Points
@@ -96,7 +95,7 @@ def driven(equation: Equation, reach: int, ring: bool) -> list[Driven]:
     pairs = zip(equation.operator.groups, equation.sources.points, strict=True)
     for number, (group, on) in enumerate(pairs):
         size = group.free.shape[-1]
-        for sources, where in _near(on, len(equation.sources.sources), 2 * reach):
+        for sources, where in _near(on, equation.sources.count, 2 * reach):
             points = _window(where, size, reach, ring)
             found.append(_driven(equation, number, sources, points))
     return found
@@ -138,7 +137,7 @@ def _driven(equation: Equation, number: int, sources: list[int], points: np.ndar
             at, weight = _entries(own, source, place, size, start)
             row[at] += weight
     felt = [*(pushed * weights)]
-    turned = [source for source in sources if source in turning(equation.sources)]
+    turned = [source for source in sources if source in equation.sources.turning]
     if turned:
         free = dataclasses.replace(cut, free=1 / np.asarray(cut.c.node_mass))
         held = sparse_matrix(free)

@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.energy import rates, turning
+from wavesim.timedomain.energy import rates
 from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of
@@ -87,18 +87,18 @@ def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
         return None
     _, weights = nodes_of(step)
     convolved, risen = _convolutions(step.nodes)
-    turned = [int(j) for j in turning(equation.sources)]
+    turned = equation.sources.turning
     felt = []
     for part in near:
         rows = readings(part, step)
         of_signals = np.einsum("enu,iu->eni", rows, part.pushed)
         own = step.step * np.einsum("nmk,emi->enik", convolved, of_signals, optimize=True)
-        count = len(equation.sources.sources)
+        count = equation.sources.count
         held = [count + turned.index(j) for j in part.sources if j in turned]
         factors = np.array(part.sources + held, np.uint32)
         sources, points = np.array(part.sources, np.uint32), part.points.astype(np.uint32)
         felt.append(Felt(part.group, points, sources, factors, rows, own))
-    return Work(tuple(felt), step.step * risen, weights, tuple(turned))
+    return Work(tuple(felt), step.step * risen, weights, turned)
 
 
 def _convolutions(count: int) -> tuple[np.ndarray, np.ndarray]:
