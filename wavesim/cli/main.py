@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -278,9 +279,24 @@ def gaps(
     click.echo(f"gap_map.csv and gap_map.png in {folder}")
 
 
+def entry() -> None:
+    """The command: as :func:`main`, but that it ends at once.
+
+    jax takes half a second to take itself down; all that a command writes is written before.
+    """
+    code: Any = 0
+    try:
+        main()
+    except SystemExit as stop:
+        code = stop.code
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code if isinstance(code, int) else bool(code))
+
+
 for _command in labcli.COMMANDS:
     main.add_command(_command)
 
 
 if __name__ == "__main__":
-    main()
+    entry()
