@@ -125,10 +125,10 @@ def build(file: CaseFile, name: str) -> Case:
     for number, table in enumerate(file.layers):
         where = ("layers", str(number))
         layer = make(where, table.build, file.medium)
-        for end in _ends(layer):
+        for end in layer.sampled(2):
             make(where, check_hyperbolic, end)
         stretches.append(layer)
-    media = [m for layer in stretches for m in _ends(layer)] or [medium]
+    media = [m for layer in stretches for m in layer.sampled(2)] or [medium]
     finest = min(media, key=lambda m: float(m.branch_length))
     bar = make(("bar",), file.bar.build, finest)
     for number in range(len(stretches)):
@@ -236,10 +236,6 @@ def _resolved(
     for name in ("medium", "bar"):
         tables[name] = {key: value for key, value in tables[name].items() if value is not None}
     return tables
-
-
-def _ends(layer: Layer) -> tuple[Medium, ...]:
-    return (layer.medium,) if layer.last is None else (layer.medium, layer.last)
 
 
 def _absorber(

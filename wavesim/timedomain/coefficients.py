@@ -231,8 +231,7 @@ def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str
     else:  # one batch, for a trace a twelfth as long
         batch = jax.tree.map(lambda *v: jnp.stack([jnp.asarray(one, float) for one in v]), *at)
         sampled = jax.vmap(named)(batch)
-    s = np.clip((x - layer.start) / layer.thickness, 0.0, 1.0)
-    w = s**3 * (10 - 15 * s + 6 * s**2) if layer.grading == "smooth" else s
+    w = layer.weight(x)
     chebyshev = np.polynomial.chebyshev.chebvander
     basis = chebyshev(2 * w - 1, _SAMPLES - 1) @ np.linalg.inv(
         chebyshev(2 * nodes - 1, _SAMPLES - 1)
