@@ -80,14 +80,14 @@ def _whole(
     case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool, beside: Any
 ) -> None:
     loaded = _load(case, overrides)
-    _planned(case, loaded)
+    steps = _planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
+    from wavesim.verdict.foreseen import warnings
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    warned = report.warnings(loaded.simulation)
-    for warning in warned:
-        click.echo(f"wavesim: warning: {case}: {warning}", err=True)
+    warned = warnings(loaded, steps)
+    _tell(case, loaded, warned)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet) as tell:
         outcome = _run(loaded, folder, resume, tell, beside)
@@ -137,6 +137,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     loaded = _load(case, overrides)
     steps = _planned(case, loaded)
     from wavesim.report import tables as report
+    from wavesim.verdict.foreseen import warnings
 
     report.survey(_console(), loaded, steps)
     layers = loaded.simulation.layers.layers
@@ -151,12 +152,18 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
                 click.echo(f"\nLayer {number}, {where} {place * 1e3:g} mm:")
             _print_bands(medium)
     # Last, and counted with the rest, as the tables before may be long.
-    found = report.warnings(loaded.simulation)
+    found = warnings(loaded, steps)
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")
-    for warning in found:
-        click.echo(f"wavesim: warning: {case}: {warning}", err=True)
+    _tell(case, loaded, found)
     if found:
         sys.exit(FELL_SHORT)
+
+
+def _tell(case: str, loaded: Any, warned: list[str]) -> None:
+    """What was taken otherwise than written, and what will fall short."""
+    for kind, texts in (("note", loaded.notes), ("warning", warned)):
+        for text in texts:
+            click.echo(f"wavesim: {kind}: {case}: {text}", err=True)
 
 
 def _count(warnings: list[str]) -> str:
