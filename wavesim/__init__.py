@@ -43,13 +43,15 @@ _HOMES = {
     "measure_pulses": "wavesim.readings.pulse.measurement",
     "load": "wavesim.case.load",
     "record": "wavesim.records.record",
+    "read_record": "wavesim.records.files",
+    "Layout": "wavesim.records.arrays",
     "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
     "synthesize": "wavesim.records.synthetic",
     "fit": "wavesim.studies.medium_fit",
 }
 # Offered under a name that says more than the one at home.
-_NAMES = {"measure_pulses": "measure"}
+_NAMES = {"measure_pulses": "measure", "read_record": "read"}
 _MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
 
 __all__ = [*_HOMES, *_MODULES]
