@@ -213,12 +213,12 @@ def _run(
     lap("analyse")
     tell("figures", 0.0)
     rows = [check.row() for check in found.checks]
-    told = case.title or folder.name, verdict({"checks": rows})
-    overview = folder / "overview.png"
-    drawn.append(beside.one(f"{_DRAWING}.overview", overview, field, found.shown, *told))
+    sentence, overview = verdict({"checks": rows}), folder / "overview.png"
+    shown = field, found.shown, case.title or folder.name, sentence
+    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *shown))
     if figures:
-        shown = folder / "figures", field, found.shown
-        drawn.append(beside.each(f"{_DRAWING}.of_measurement", *shown))
+        asked = folder / "figures", field, found.shown
+        drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for one in drawn:

@@ -140,9 +140,9 @@ def of_bar(field: Field, reading: Reading) -> Answers:
 
     Returns:
         "transmission": each band where T is below −20 dB, its ends measured and exact (Hz) and the
-        level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes; "eigenfrequencies": the lowest
-        (Hz); "velocities": of a pulse by each convention (m/s); "quality": median Q between
-        receivers, and that of the loss law.
+        level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes;
+        "eigenfrequencies": the lowest (Hz); "velocities": of a pulse by each convention (m/s);
+        "quality": median Q between receivers, and that of the loss law.
     """
     found: Answers = {
         "transmission": [row for one in reading.scattered for row in _levels(field, one)],
@@ -180,16 +180,24 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     places.append(int(np.argmax(np.where(judged, level, -np.inf))))
     nothing = dict.fromkeys(("lower", "upper", "lower_exact", "upper_exact"))
     rows.append({"where": "most passes", **nothing})
-    T, _ = exact_scattering(field.layers, found.sector, found.omega[np.array(places)] + 0j)
-    for row, at, real in zip(rows, places, _level(T), strict=True):
+    for row, at in zip(rows, places, strict=True):
         row |= {
             "sector": found.sector,
             "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": float(real),
+            "level_at_real_frequency": _at_real(field, found.sector, found.omega[at]),
         }
     return rows
+
+
+def _at_real(field: Field, sector: str, omega: float) -> float | None:
+    """Level of T at real ω, dB; None where a graded layer has an asymptote there."""
+    try:
+        T, _ = exact_scattering(field.layers, sector, np.array([omega + 0j]))
+    except ValueError:
+        return None
+    return float(_level(T)[0])
 
 
 def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float]]:
