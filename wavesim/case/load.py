@@ -22,12 +22,11 @@ from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
+from wavesim.material.scaling import JUDGED
 from wavesim.material.wave_equations import fastest_speed
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
-# Branches are judged between these k̄ where the case does not say otherwise.
-_JUDGED = (0.02, 0.5)
 # A run of fewer frames by default shows nothing.
 _FEWEST_FRAMES = 6
 # A grid carries what it slows down by no more than this.
@@ -171,12 +170,12 @@ def _simulation(
 def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
     """Wavenumbers between which branches are judged, held to what the bar resolves."""
     unit = 2 * math.pi / medium.length_scale
-    low = analysis.k_min or _JUDGED[0] * unit
-    high = analysis.k_max or _JUDGED[1] * unit
+    low = analysis.k_min or JUDGED[0] * unit
+    high = analysis.k_max or JUDGED[1] * unit
     if low >= high:
         raise ValueError(
-            f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {_JUDGED[0]:g} and "
-            f"{_JUDGED[1]:g} are the defaults); give the other too"
+            f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {JUDGED[0]:g} and "
+            f"{JUDGED[1]:g} are the defaults); give the other too"
         )
     if high > math.pi / bar.spacing:
         raise ValueError(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wavesim.grid.stencils import difference_weights, interpolation_weights
 from wavesim.grid.summation_by_parts import chain
 from wavesim.material.layers import ENDS, End, Layers
+from wavesim.material.shown import Shown, quantity
 
 MINIMUM_CELLS = 16
 
@@ -39,8 +40,8 @@ class Differences:
     half_norm: Float
 
 
-@dataclass(frozen=True)
-class Bar:
+@dataclass(frozen=True, repr=False)
+class Bar(Shown):
     """A bar on a staggered grid, with its ends.
 
     Rotations φ live on the nodes x_i, φ′, B and σ on the half-nodes x_i + h/2. A periodic bar of N
@@ -106,6 +107,20 @@ class Bar:
             )
         if not self.uniform or not self.periodic:
             self.differences  # noqa: B018  (says which stretch is too short)
+
+    def told(self) -> dict[str, str]:
+        """Length, grid, ends."""
+        ends = "periodic" if self.periodic else f"{self.left} – {self.right}"
+        told = {
+            "length": quantity(self.length, "m"),
+            "cells": f"{self.cells} of {quantity(self.spacing, 'm')}, order {self.order}",
+            "ends": ends,
+        }
+        if not self.uniform:
+            told["stretches"] = str(len(self.stretches))
+        if self.absorber:
+            told["absorber"] = quantity(self.absorber, "m")
+        return told
 
     @property
     def periodic(self) -> bool:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.shown import Shown, quantity
 from wavesim.material.tables import grouped, medium_table, rounded
 
 End = Literal["periodic", "fixed", "free", "absorbing"]
@@ -90,8 +91,8 @@ class Layer:
         return dataclasses.replace(self.medium, **values)
 
 
-@dataclass(frozen=True)
-class Layers:
+@dataclass(frozen=True, repr=False)
+class Layers(Shown):
     """The layers of a bar, in order, without gaps or overlaps.
 
     Args:
@@ -111,6 +112,14 @@ class Layers:
                 check_follow(self.layers[:number], self.layers[-1].end)
             except ValueError as error:
                 raise ValueError(f"layer {number}: {error}") from None
+
+    def told(self) -> dict[str, str]:
+        """Where each layer lies and what it is of."""
+        return {
+            f"{quantity(layer.start, 'm')} – {quantity(layer.end, 'm')}": repr(layer.medium)
+            + ("" if layer.last is None else f" → {layer.last!r}, {layer.grading}")
+            for layer in self.layers
+        }
 
     def mapped(self, change: Callable[[Medium], Medium]) -> Layers:
         """The same layers with every medium changed."""
