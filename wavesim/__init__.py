@@ -34,6 +34,7 @@ _HOMES = {
     "Field": "wavesim.simulation.field",
     "Simulation": "wavesim.simulation.simulation",
     "simulate": "wavesim.timedomain.integrate",
+    "integrate": "wavesim.timedomain.integrate",
     "traced_fields": "wavesim.timedomain.gradient",
     "extract": "wavesim.readings.dispersion.extract",
     "hold": "wavesim.verdict.endless",

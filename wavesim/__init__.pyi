@@ -20,7 +20,7 @@ from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
 from wavesim.studies.medium_fit import fit
 from wavesim.timedomain.gradient import traced_fields
-from wavesim.timedomain.integrate import simulate
+from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.endless import hold, judge
 
@@ -44,6 +44,7 @@ __all__ = [
     "hold",
     "in_space",
     "in_time",
+    "integrate",
     "judge",
     "judge_bar",
     "layered_bar",

@@ -28,6 +28,18 @@ NOT_FINITE, INTERRUPTED = 3, 130
 
 def _load(case: str, overrides: tuple[str, ...]) -> Any:
     from wavesim.case.load import load
+
+    return _read(load, case, overrides)
+
+
+def _medium(case: str, overrides: tuple[str, ...]) -> Any:
+    """[medium] of a case that need not be one of a simulation."""
+    from wavesim.case.layered_case import load_layers
+
+    return _read(load_layers, case, overrides).medium
+
+
+def _read(load: Callable[..., Any], case: str, overrides: tuple[str, ...]) -> Any:
     from wavesim.case.schema import CaseError
 
     try:
@@ -203,7 +215,7 @@ def _print_bands(medium: Any) -> None:
 @_SET
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Branches, cutoffs, asymptotes and gaps of CASE's medium, by the plane-wave solver alone."""
-    medium = _load(case, overrides).medium
+    medium = _medium(case, overrides)
     from wavesim.planewave import bands as content
 
     answer = json.dumps(content.summary(medium))
@@ -272,7 +284,7 @@ def gaps(
     overrides: tuple[str, ...],
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png."""
-    medium = _load(case, overrides).medium
+    medium = _medium(case, overrides)
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure
