@@ -12,6 +12,8 @@ from wavesim.readings.dispersion.extract import extract
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.readings.pulse.measurement import measure as measure_pulses
+from wavesim.records.arrays import Layout
+from wavesim.records.files import read as read_record
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
