@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.sweep import sweep
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -296,6 +297,7 @@ def entry() -> None:
 
 for _command in labcli.COMMANDS:
     main.add_command(_command)
+main.add_command(sweep)
 
 
 if __name__ == "__main__":
