@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.case.layered_case import bar_layers
 from wavesim.case.schema import CaseFile
 from wavesim.material.medium import PARAMETERS, Medium, check_parameter
 from wavesim.planewave.gap_map import GAPS, family_gaps, widest_full_gap
@@ -125,7 +126,7 @@ def gap_measure(swept: SweptCase) -> GapMeasure:
     taken: dict[tuple[int, str], int] = {}
     made = []
     for number, axis in enumerate(swept.varied.axes):
-        other = swept.others(_media, list(anchor), number)
+        other = swept.other(_media, anchor, number)
         if other is None:
             continue
         value, media = other
@@ -150,14 +151,15 @@ def gap_measure(swept: SweptCase) -> GapMeasure:
     )
 
 
-def _media(file: CaseFile) -> Sequence[tuple[str, Medium]]:
-    """The media of a case with their names, no grid made."""
-    if not file.layers:
-        return [("medium", file.medium.build())]
+def _media(file: CaseFile, name: str) -> Sequence[tuple[str, Medium]]:
+    """The media of a case by the tables they stand in."""
+    bar = bar_layers(file, name)
+    if not bar.stretches:
+        return [("medium", bar.medium)]
     found = []
-    for number, table in enumerate(file.layers):
-        layer = table.build(file.medium)
-        found.append((f"layer {number}", layer.medium))
+    for place, layer in zip(bar.places, bar.stretches, strict=True):
+        table = ".".join(place.where)
+        found.append((table, layer.medium))
         if layer.last is not None:
-            found.append((f"layer {number}, to", layer.last))
+            found.append((f"{table}, to", layer.last))
     return found

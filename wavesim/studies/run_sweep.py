@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +20,8 @@ from wavesim.studies.variation import SweepError
 
 # Measures and judges a field of a case; its ``checks`` are looked at.
 Judge = Callable[[Case, Any], Any]
+# Corners of the box of all ranges that are looked at.
+_CORNERS = 64
 
 
 @dataclass(frozen=True)
@@ -136,23 +140,15 @@ def run_measure(swept: SweptCase, judge: Judge | None = None) -> RunMeasure:
     Raises:
         SweepError: no member can be made, or there is nothing to store.
     """
-
-    def make(file: CaseFile) -> Case:
-        return _checked(file, swept.name)
-
-    anchor, first = swept.anchor(make)
-    cases = [first]
-    for number in range(len(swept.varied.axes)):
-        other = swept.others(make, list(anchor), number)
-        cases += [] if other is None else [other[1]]
-    # Frames grow with duration and band: corners hold the most there can be.
-    lows = [axis.low for axis in swept.varied.axes]
-    highs = [axis.high for axis in swept.varied.axes]
-    for corner in (lows, highs):
-        try:
-            cases.append(make(swept.file(corner)))
-        except CaseError:
-            continue
+    axes = swept.varied.axes
+    anchor, first = swept.anchor(_checked)
+    others = (swept.other(_checked, anchor, number) for number in range(len(axes)))
+    cases = [first, *(other[1] for other in others if other is not None)]
+    # A corner of the box holds the most frames there can be.
+    ends = itertools.product(*({axis.low, axis.high} for axis in axes))
+    for corner in itertools.islice(ends, _CORNERS):
+        with suppress(CaseError):
+            cases.append(_checked(swept.file(corner), swept.name))
     receivers = dict.fromkeys(name for case in cases for name in case.simulation.receivers)
     fields = dict.fromkeys(name for case in cases for name in case.simulation.fields)
     if not receivers and judge is None:

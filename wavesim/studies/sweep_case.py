@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from wavesim.case.schema import CaseError, CaseFile, parse, read
 from wavesim.studies.variation import SweepError, Variation
 
 Made = TypeVar("Made")
+Make = Callable[[CaseFile, str], Made]
 # Members that are tried for one that can be made at all.
 _TRIED = 64
 
@@ -43,8 +43,11 @@ class SweptCase:
         own = [*self.overrides, *self.varied.overrides(values)]
         return parse(self.text, self.name, own, self.folder)
 
-    def anchor(self, make: Callable[[CaseFile], Made]) -> tuple[Sequence[float], Made]:
-        """A member that can be made, and what it is made into.
+    def anchor(self, make: Make[Made]) -> tuple[list[float], Made]:
+        """Values of a member that can be made, and what it is made into.
+
+        Args:
+            make: what makes it, of its tables and the name of the file.
 
         Raises:
             SweepError: none of those tried can be; it says why the first can't.
@@ -52,34 +55,43 @@ class SweptCase:
         count = self.varied.count
         tried = sorted({count * n // _TRIED for n in range(_TRIED)} | {count - 1})
         first: CaseError | None = None
-        for values in self.varied.values[tried]:
+        for values in self.varied.values[tried].tolist():
             try:
-                return values, make(self.file(values))
+                return values, make(self.file(values), self.name)
             except CaseError as error:
                 first = first or error
         raise SweepError(_varied(str(first), self.varied.keys))
 
-    def others(
-        self, make: Callable[[CaseFile], Made], anchor: Sequence[float], number: int
+    def other(
+        self, make: Make[Made], anchor: list[float], number: int
     ) -> tuple[float, Made] | None:
-        """What a member is made into that differs from another in one key alone; None if none.
+        """What a member is made into that differs from another in one key alone, and its value.
 
         Args:
             make: what makes it.
             anchor: values of the other member.
             number: of the key.
+
+        Returns:
+            None of a key that has one value only.
+
+        Raises:
+            SweepError: none can be made.
         """
-        axis = self.varied.axes[number]
-        shares = itertools.chain((1.0, 0.0), (n / 16 for n in range(1, 16)))
-        for share in shares:
+        axis, first = self.varied.axes[number], None
+        if axis.low == axis.high:
+            return None
+        for share in (1.0, 0.0, *(n / 16 for n in range(1, 16))):
             value = axis.low + share * (axis.high - axis.low)
             if value == anchor[number]:
                 continue
             try:
-                return value, make(self.file([*anchor[:number], value, *anchor[number + 1 :]]))
-            except CaseError:
+                made = make(self.file([*anchor[:number], value, *anchor[number + 1 :]]), self.name)
+            except CaseError as error:
+                first = first or error
                 continue
-        return None
+            return value, made
+        raise SweepError(_varied(str(first), [axis.key]))
 
 
 def swept_case(path: str | Path, varied: Variation, overrides: Sequence[str] = ()) -> SweptCase:

@@ -17,7 +17,7 @@ from wavesim.studies.variation import SweepError
 _LOST = 10
 # Members under way at a time, for each worker: so that none waits for this process.
 _AHEAD = 2
-_ANSWER = 10.0  # s that a scheduler has to answer
+_ANSWER = 5.0  # s that a scheduler has to answer
 # A worker has one thread: runs side by side share the machine best so.
 _ONE_THREAD = dict.fromkeys(
     ("NPROC", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
