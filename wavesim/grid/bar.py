@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -286,7 +287,7 @@ class Bar(Shown):
 
 def layered_bar(
     layers: Layers,
-    spacing: float,
+    spacing: float | Sequence[float],
     order: int = 8,
     left: End = "free",
     right: End = "free",
@@ -296,15 +297,16 @@ def layered_bar(
 
     Args:
         layers: what it is made of.
-        spacing: the cell size to come nearest to, m.
+        spacing: the cell size to come nearest to, of all layers or of each, m.
         order, left, right, absorber: as of :class:`Bar`.
 
     Raises:
         ValueError: a layer is too thin for the order, or a value is not admissible.
     """
     stretches = []
-    for layer in layers.layers:
-        cells = max(1, round(layer.thickness / spacing))
+    sizes = np.broadcast_to(np.asarray(spacing, dtype=float), len(layers.layers))
+    for layer, size in zip(layers.layers, sizes.tolist(), strict=True):
+        cells = max(1, round(layer.thickness / size))
         stretches.append((cells, layer.thickness / cells))
     return Bar(
         sum(cells for cells, _ in stretches),
