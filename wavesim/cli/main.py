@@ -19,6 +19,7 @@ import click
 
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.figures import figures as figures_of
+from wavesim.cli.sweep import sweep
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -333,7 +334,7 @@ def entry() -> None:
     os._exit(code if isinstance(code, int) else bool(code))
 
 
-for _command in (*labcli.COMMANDS, figures_of):
+for _command in (*labcli.COMMANDS, figures_of, sweep):
     main.add_command(_command)
 
 
