@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.signal import get_window
 
-from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.background import continuum, leakage
+from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record, RecordError
@@ -28,16 +29,28 @@ _NYQUIST = 0.97
 # Part of the record's largest value at the ends of a stretch above which waves have left it.
 _AT_ENDS = 3e-3
 _WORKERS = 2
-# Peaks of the FFT count above this part of the highest at their wavenumber (power), and above
-# this many times the median.
+# Peaks of the FFT count above this part of the highest at their wavenumber (power), this many
+# times the median of all frequencies, and of those close by.
 _PEAK_FLOOR = 1e-8
 _ABOVE_MEDIAN = 40.0
+_ABOVE_CONTINUUM = 20.0
 _PADDING = 2
 # A wave weaker than this part of the record's strongest is rounding.
 ROUNDING = 1e-12
 _CYCLES = 1.0
 # Half-width of the Blackman–Harris main lobe.
 LOBE_BINS = 4
+BROAD = (
+    "no line stands out of what surrounds it: waves that are broad or random, or that other "
+    "wavenumbers leak into"
+)
+RANDOM = (
+    "its line is broad and random, as of thermal motion, and no sum of sinusoids: take --method fft"
+)
+ALONE = "stands alone: no branch goes on from it"
+# Part of the wavenumbers at which lines are random, of which on the whole record is.
+_RANDOM = 0.2
+MORE = "more waves than sought at this k"
 # A wave's k is known to this part of the aperture's resolution 2π/X.
 _OF_LOBE = 0.1
 
@@ -120,14 +133,20 @@ def in_time(
     if method == "harmonic":
         if not record.ring:
             _check_ends(quiet)
-        found = invert(channels, quiet.interval, most, dynamic_range, damped, missing)
+        leaks = None
+        if record.ring and missing is None:
+            heights, per_bin = power(channels)
+            leaks = leakage(heights, 2 * np.pi / per_bin / len(quiet.t))
+        found = invert(channels, quiet.interval, most, dynamic_range, damped, missing, leaks)
         points = _from_sinusoids(found, k)
     else:
-        points = _from_peaks(channels, k, quiet.interval)
+        points = _from_peaks(channels, k, quiet.interval, quiet.ring)
     points = _judged(points, quiet, cell)
     if omega_max is not None:
         points = points.take(points.omega <= omega_max)
-    points = with_branches(points, k, cell)
+    points = widened(with_branches(points, k, cell), k)
+    if method == "fft":
+        points = points.refused(points.branch < 0, ALONE)
     if method == "fft" and not record.ring:
         points = _with_aperture(points, record.aperture)
     return points
@@ -152,10 +171,24 @@ def with_branches(points: BranchPoints, k: Float, cell: float) -> BranchPoints:
     return replace(points, branch=branch)
 
 
+def widened(points: BranchPoints, k: Float) -> BranchPoints:
+    """Errors no smaller than points scatter about their own branch."""
+    error = points.error.copy()
+    for branch in points.branches:
+        own = np.flatnonzero(points.branch == branch)
+        step = np.searchsorted(k, points.k[own] * (1 - 1e-12))
+        more = scatter(step, points.omega[own], error[own])
+        error[own] = np.hypot(error[own], more)
+    return replace(points, error=error)
+
+
 def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
     reason = np.where(found.resolved, "", "not told apart from a neighbour or from noise")
     settled = found.settled[found.series]
-    reason = np.where(found.resolved & ~settled, "more waves than sought at this k", reason)
+    # Where the lines of many wavenumbers are random, those that look alike are too.
+    broad = found.broad[found.series] | (found.broad.mean() > _RANDOM)
+    reason = np.where(found.resolved & ~settled, MORE, reason)
+    reason = np.where(broad, RANDOM, reason)
     return BranchPoints(
         "harmonic",
         k[found.series],
@@ -164,7 +197,7 @@ def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
         found.amplitude,
         found.omega_error,
         found.residual[found.series],
-        found.resolved & settled,
+        reason == "",
         reason.astype(object),
         np.full(len(found.omega), -1),
     )
@@ -224,7 +257,7 @@ def power(channels: Float) -> tuple[Float, float]:
     return total, 2 * np.pi / padded
 
 
-def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
+def _from_peaks(channels: Float, k: Float, interval: float, ring: bool) -> BranchPoints:
     """Peaks of the windowed FFT, placed by a parabola through their logarithm.
 
     The error is half the difference between that and the middle of the peak by a parabola through
@@ -237,11 +270,22 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
     peak = (middle > logarithm[:, 1:-3]) & (middle >= logarithm[:, 3:-1])
     floor = np.log(_PEAK_FLOOR) + logarithm.max(axis=1, keepdims=True)
     noise = np.log(_ABOVE_MEDIAN) + np.median(logarithm, axis=1, keepdims=True)
-    row, at = np.nonzero(peak & (middle > np.maximum(floor, noise)))
+    density = 2 * np.pi / per_bin / channels.shape[-1]
+    local = continuum(heights, density, channels.shape[1])
+    leaks = leakage(heights, density) if ring else 0.0
+    stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leaks)
+    loud = peak & (middle > np.maximum(floor, noise))
+    line = loud & stands[:, 2:-2]
+    # Where no line stands out, the loudest of what there is, to say so of.
+    hump = np.where(loud & ~line.any(axis=1, keepdims=True), middle, -np.inf)
+    only = np.zeros_like(line)
+    only[np.arange(len(hump)), hump.argmax(axis=1)] = np.isfinite(hump.max(axis=1))
+    row, at = np.nonzero(line | only)
+    broad = only[row, at]
     at = at + 2
     near, top = _vertex(*(logarithm[row, at + d] for d in (-1, 0, 1)))
     far, _ = _vertex(*(logarithm[row, at + d] for d in (-2, 0, 2)))
-    snr = np.exp(np.median(logarithm, axis=1))[row] / np.exp(top)
+    snr = local[row, at] / np.exp(top)
     error = np.sqrt((near - 2 * far) ** 2 / 4 + _SHAPE**2 + 4 * snr) * per_bin / interval
     total = heights.sum(axis=1)[row]
     lobe = sum(heights[row, np.clip(at + d, 0, heights.shape[1] - 1)] for d in range(-8, 9))
@@ -254,8 +298,8 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
         np.exp(top / 2),
         error,
         np.clip(1 - explained, 0, 1)[row],
-        np.ones(len(row), bool),
-        np.full(len(row), "", object),
+        ~broad,
+        np.where(broad, BROAD, "").astype(object),
         np.full(len(row), -1),
     )
 
