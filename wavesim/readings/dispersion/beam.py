@@ -26,14 +26,14 @@ from wavesim.readings.dispersion.noise_level import noise_of_transform
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
-# Receivers count where they stand so many deviations above the noise, and as many at least.
-_ABOVE_NOISE = 3.0
+# Receivers count where they stand so many deviations above the noise, and so many at least.
+_ABOVE_NOISE = 1.0
 FEWEST = 5
 # Points of the search over k in each 2π/X.
 _PER_CELL = 8
 _STEPS = 12
 # Chance that phases at random pass for a wave at one frequency.
-_BY_CHANCE = 1e-4
+_BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 1.3
 # Unexplained up to so many times the noise's own is noise.
@@ -161,14 +161,17 @@ def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
     middle = (weight @ x) / total
     away = x - middle[:, None]
     spread = np.sqrt(np.sum(weight * away**2, axis=1) / total)
-    unit = U / np.maximum(np.abs(U), 1e-290)
+    # Newton's steps up |S|², S = Σ w e^{−ikx} U/|U|, no further than an eighth of a cell.
+    unit = weight * U / np.maximum(np.abs(U), 1e-290)
+    limit = np.pi / (2 * _PER_CELL * np.maximum(spread, 1e-290))
     for _ in range(_STEPS):
         turned = unit * np.exp(-1j * k[:, None] * away)
-        mean = np.sum(weight * turned, axis=1)
-        phase = np.angle(turned * np.conj(mean)[:, None])
-        change = np.sum(weight * away * phase, axis=1) / np.maximum(total * spread**2, 1e-290)
-        limit = 0.5 / np.maximum(spread, 1e-290)
-        k = k + np.clip(change, -limit, limit)
+        S, first = turned.sum(axis=1), np.sum(-1j * away * turned, axis=1)
+        second = np.sum(-(away**2) * turned, axis=1)
+        slope = np.real(np.conj(S) * first)
+        bend = np.abs(first) ** 2 + np.real(np.conj(S) * second)
+        step = np.where(bend < 0, -slope / np.where(bend < 0, bend, 1), 0.0)
+        k = k + np.clip(step, -limit, limit)
     return k, np.sqrt(12) * spread
 
 
