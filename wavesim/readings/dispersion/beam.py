@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.noise_level import noise_of_transform
@@ -28,6 +29,8 @@ Complex = NDArray[np.complex128]
 
 # Receivers count where they stand so many deviations above the noise, and so many at least.
 _ABOVE_NOISE = 1.0
+# … and the middle one of so many about each so many.
+_NEIGHBOURS, _ABOUT = 5, 1.5
 FEWEST = 5
 # Points of the search over k in each 2π/X.
 _PER_CELL = 8
@@ -35,17 +38,21 @@ _STEPS = 12
 # Chance that phases at random pass for a wave at one frequency.
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
-_OF_RESOLUTION = 1.3
+_OF_RESOLUTION = 2.0
 # Unexplained up to so many times the noise's own is noise.
 _NOISE_SPREAD = 1.5
 # Amplitudes are tame where so many receivers for each wave hold the power …
 _TAME = 4.0
-# Further waves are fitted there where they lower what is left over, per free parameter, by this factor …
+# Further waves are fitted there where they lower what is left over, per free parameter, so much …
 _BETTER = 6.0
-# … and leave no more than this part of the power; and this strong, over the strongest, at least.
-_LEFT = 0.05
+# … and leave nothing but noise, or this part of the power; each this strong, over the strongest.
+_LEFT = 1e-6
+# Waves closer than half of 2π/X are believed only where nothing at all is left.
+_EXACT = 1e-13
 _WEAKEST = 0.02
 MOST_WAVES = 3
+# A line's beam that comes back to this height is an alias.
+_ALIAS = 0.7
 # The record's last part is let down to 0.
 _TAPER = 0.05
 # Below this part of the strongest frequency's amplitude nothing is looked at.
@@ -86,7 +93,30 @@ def transform(values: Float, interval: float) -> tuple[Float, Complex]:
     window[-fall:] = 0.5 * (1 + np.cos(np.pi * np.arange(fall) / fall))
     U = np.conj(np.fft.rfft(values * window[:, None], axis=0)) * interval
     omega = 2 * np.pi * np.fft.rfftfreq(count, interval)
-    return omega[1:], U[1:]
+    return omega[1:], np.asarray(U[1:], complex)
+
+
+def highest_wavenumber(x: Float) -> float:
+    """Largest |k| that a line tells from its aliases, rad/m: π/d where receivers are d apart.
+
+    Half the least k at which the line's own beam, |Σ e^{ikx}|/N, comes back to 0.7.
+
+    Args:
+        x: positions, ascending, shape (nx,), m.
+    """
+    least = float(np.diff(x).min())
+    k = np.arange(0, 2.02 * np.pi / least, np.pi / (4 * float(np.ptp(x))))
+    own = np.concatenate(
+        [np.abs(np.exp(1j * np.multiply.outer(part, x)).mean(axis=1))
+         for part in np.array_split(k, max(1, len(k) * len(x) // 2_000_000))]
+    )  # fmt: skip
+    lobe = int(np.argmax(own < 0.5))
+    again = np.flatnonzero(own[lobe:] > _ALIAS)
+    if not len(again):
+        return float(np.pi / least)
+    low = lobe + int(again[0])
+    top = low + int(np.argmax(own[low : low + 16]))
+    return min(float(k[top]) / 2, float(np.pi / least))
 
 
 def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
@@ -99,6 +129,7 @@ def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
         k: wavenumbers, shape (nk,), or (nω, nk) for those of each frequency, rad/m.
     """
     unit = weight * U / np.maximum(np.abs(U), 1e-290)
+    unit[(weight > 0).sum(axis=1) < FEWEST] = 0.0
     total = np.maximum(weight.sum(axis=1), 1e-290)[:, None]
     if k.ndim == 1:
         return np.asarray(np.abs(unit @ np.exp(-1j * np.multiply.outer(x, k))) / total)
@@ -109,7 +140,10 @@ def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
 def weights(U: Complex, noise: Float) -> Float:
     """What each receiver's phase tells, shape of U: 1 far above the noise, 0 within it."""
     strength = np.abs(U) / np.maximum(noise, 1e-290)
-    return np.where(strength > _ABOVE_NOISE, strength**2 / (strength**2 + _ABOVE_NOISE**2), 0.0)
+    # Noise alone is above its own deviation at one of three receivers, but not all about it.
+    about = median_filter(strength, size=(1, _NEIGHBOURS), mode="nearest")
+    heard = (strength > _ABOVE_NOISE) & (about > _ABOUT)
+    return np.where(heard, strength**2 / (strength**2 + 1), 0.0)
 
 
 def beams(values: Float, x: Float, interval: float, omega_max: float) -> tuple[Float, Beams]:
@@ -136,22 +170,21 @@ def beams(values: Float, x: Float, interval: float, omega_max: float) -> tuple[F
     one = _by_phase(U, x, noise, weight, k, length)
     fits = _fitted(U, x, weight > 0, k, noise)
     parts = [[np.zeros(0)] * 6]
-    for i in range(len(rows)):
-        waves = fits[i] if fits else None
-        if waves is None:
-            parts.append([np.array([v]) for v in (rows[i], *(c[i] for c in one))])
+    for i, row in enumerate(rows):
+        if i not in fits:
+            parts.append([np.array([v]) for v in (row, *(column[i] for column in one))])
             continue
-        ks, errors, sizes, left = waves
+        ks, errors, sizes, left = fits[i]
         m = len(ks)
         error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(left) / length[i])
-        parts.append([np.full(m, rows[i]), ks, error, sizes, np.full(m, left), np.ones(m)])
-    columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
-    return omega, Beams(columns[0].astype(int), *columns[1:5], columns[5] > 0)
+        parts.append([np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m)])
+    step, k, error, size, left, clear = (np.concatenate(c) for c in zip(*parts, strict=True))
+    return omega, Beams(step.astype(int), k, error, size, left, clear > 0)
 
 
 def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
     """k of the highest beam at each frequency, and √12 times the spread of its receivers, m."""
-    gap = float(np.median(np.diff(x)))
+    gap = np.pi / highest_wavenumber(x)
     cells = max(4, int(np.ceil(float(np.ptp(x)) / gap)) + 1)
     grid = np.linspace(-np.pi, np.pi, 2 * (cells * _PER_CELL // 2) + 1) / gap
     k = np.zeros(len(U))
@@ -183,11 +216,17 @@ def _by_phase(
     total = np.maximum(weight.sum(axis=1), 1e-290)
     telling = total**2 / np.maximum(np.sum(weight**2, axis=1), 1e-290)
     ratio = noise / np.maximum(np.abs(U), 1e-290)
-    own = np.sum(weight * ratio**2 / 2, axis=1) / total
+    variance = ratio**2 / 2 + ratio**4  # of a phase in noise, and within it
+    own = np.sum(weight * variance, axis=1) / total
     left = np.clip(1 - B**2, 0, 1)
     excess = np.maximum(left - _NOISE_SPREAD * own, 0) + _uneven(U, x, weight, ratio)
-    noisy = np.sqrt(12 * np.minimum(left, own * _NOISE_SPREAD) / telling)
-    error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess)) / np.maximum(length, 1e-290)
+    away = x - (weight @ x / total)[:, None]
+    lever = np.maximum(np.sum(weight * away**2, axis=1), 1e-290)
+    noisy = np.sqrt(np.sum((weight * away) ** 2 * variance, axis=1)) / lever
+    # Noise that is known too low shows in what is left over.
+    more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
+    noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
+    error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))
     return k, error, size, left, (chance < _BY_CHANCE).astype(float)
@@ -205,11 +244,11 @@ def _uneven(U: Complex, x: Float, weight: Float, ratio: Float) -> Float:
     return np.asarray(np.maximum(np.sum(weight * left**2, axis=1) - own, 0) / total[:, 0])
 
 
-def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int, Any] | None:
+def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int, Any]:
     """Further waves, amplitude and phase together, where they explain nearly all of the power."""
     level = np.sqrt(np.sum(noise**2 * used, axis=1) / np.maximum(used.sum(axis=1), 1))
     before = fit_line(U, x, used, 1, False, k[:, None].astype(complex))
-    best: dict[int, Any] = dict.fromkeys(range(len(U)))
+    best: dict[int, Any] = {}
     chosen = before.residual
     start = before.k
     power = np.abs(U) ** 2 * used
@@ -228,19 +267,21 @@ def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int
         start[tried] = now.k
         for j, i in enumerate(tried):
             size = now.forward[j]
-            apart = np.abs(np.subtract.outer(now.k[j].real, now.k[j].real)) + np.diag([np.inf] * waves)
+            apart = np.abs(np.subtract.outer(now.k[j].real, now.k[j].real)) + np.diag(
+                [np.inf] * waves
+            )
             good = (
                 now.residual[j] * _BETTER < chosen[i]
-                and now.unexplained[j] < _LEFT
+                and (now.unexplained[j] < _LEFT or now.residual[j] < _NOISE_SPREAD * level[i] ** 2)
                 and size.min() > _WEAKEST * size.max()
                 and size.max() < 4 * np.sqrt(np.mean(np.abs(U[i][used[i]]) ** 2))
-                and apart.min() * float(np.ptp(x)) > 1.0
+                and (apart.min() * float(np.ptp(x)) > np.pi or now.unexplained[j] < _EXACT)
             )
             if good:
                 chosen[i] = now.residual[j]
                 deviation = np.sqrt(max(now.residual[j], level[i] ** 2))
                 errors = deviation * now.unit[j]
-                best[i] = (now.k[j].real, errors, size, float(now.unexplained[j]))
+                best[int(i)] = (now.k[j].real, errors, size, float(now.unexplained[j]))
         settled |= chosen <= 4 * level**2
     return best
 

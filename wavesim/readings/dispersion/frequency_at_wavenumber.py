@@ -1,8 +1,8 @@
-"""ω at each wavenumber of a record: by harmonic inversion in time, or by the peaks of the FFT.
+"""ω(k) of a record: by harmonic inversion in time, or by Fourier transforms.
 
 Receivers round a periodic bar hold its wavenumbers exactly. On a stretch the transform in space
-is exact at every wavenumber while the waves have not come to its ends; where they have, a point
-is good only to the resolution of the aperture, and harmonic inversion is refused.
+is exact at every wavenumber while the waves have not come to its ends; where they have, harmonic
+inversion is refused, and waves are told apart along the line instead (``waves_along_line.py``).
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from scipy.signal import get_window
 from wavesim.readings.dispersion.background import continuum, leakage
 from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
-from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.points import ALONE, BranchPoints
+from wavesim.readings.dispersion.waves_along_line import along_line
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
 
-METHODS = ("harmonic", "fft")
+METHODS = ("harmonic", "fft", "auto")
 # Part of the Nyquist frequency or wavenumber up to which a point counts.
 _NYQUIST = 0.97
 # Part of the record's largest value at the ends of a stretch above which waves have left it.
 _AT_ENDS = 3e-3
+# … looked for in so many stretches of time, above the noise's power and this part more.
+_WINDOWS, _NOISE_ROOM = 16, 1.2
 _WORKERS = 2
 # Peaks of the FFT count above this part of the highest at their wavenumber (power), this many
 # times the median of all frequencies, and of those close by.
@@ -47,12 +50,9 @@ BROAD = (
 RANDOM = (
     "its line is broad and random, as of thermal motion, and no sum of sinusoids: take --method fft"
 )
-ALONE = "stands alone: no branch goes on from it"
 # Part of the wavenumbers at which lines are random, of which on the whole record is.
 _RANDOM = 0.2
 MORE = "more waves than sought at this k"
-# A wave's k is known to this part of the aperture's resolution 2π/X.
-_OF_LOBE = 0.1
 
 
 def wavenumbers(record: Record) -> Float:
@@ -61,7 +61,7 @@ def wavenumbers(record: Record) -> Float:
     return np.asarray(2 * np.pi * np.arange(1, count // 2 + 1) / (count * record.spacing))
 
 
-def series(record: Record, k_max: float | None = None, taper: bool = False) -> tuple[Float, Float]:
+def series(record: Record, k_max: float | None = None) -> tuple[Float, Float]:
     """Transform in space: k (n,) and real and imaginary parts as channels, (n, 2C, nt).
 
         û(k, t) = Σ_x u(x, t) e^{−ikx}
@@ -69,7 +69,6 @@ def series(record: Record, k_max: float | None = None, taper: bool = False) -> t
     Args:
         record: with evenly spaced receivers.
         k_max: highest wavenumber wanted, rad/m.
-        taper: weigh the receivers by a Hann window, for a stretch that waves leave.
 
     Raises:
         RecordError: the receivers are uneven, or hold fewer than three wavenumbers up to k_max.
@@ -89,9 +88,8 @@ def series(record: Record, k_max: float | None = None, taper: bool = False) -> t
             "use more receivers, or measure k at given ω instead (wavesim attenuation)"
         )
     parts = []
-    window = get_window("hann", len(record.x)) if taper else np.ones(len(record.x))
     for values in record.values:
-        hat = rfft(values * window, axis=1, workers=_WORKERS)[:, 1 : kept + 1]
+        hat = rfft(values, axis=1, workers=_WORKERS)[:, 1 : kept + 1]
         parts += [hat.real.T, hat.imag.T]
     return k[:kept], np.stack(parts, axis=1) / len(record.x)
 
@@ -110,8 +108,9 @@ def in_time(
     Args:
         record: with evenly spaced receivers; only frames without a source are used.
         k_max: highest wavenumber wanted, rad/m; Nyquist where None.
-        method: "harmonic", exact without noise and at the Cramér–Rao bound with it, or "fft", the
-            peaks of a windowed transform between its bins.
+        method: "harmonic", exact without noise and at the Cramér–Rao bound with it; "fft", the
+            peaks of a windowed transform between its bins on a ring, and beams on a stretch; or
+            "auto", harmonic where that is exact, and beams where waves leave the stretch.
         omega_max: highest frequency wanted, rad/s.
         most: most waves at one wavenumber, –.
         dynamic_range: weakest wave sought, over the strongest at its wavenumber, –; harmonic.
@@ -127,7 +126,12 @@ def in_time(
     if method not in METHODS:
         raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
     quiet = record.since(record.quiet_from)
-    k, channels = series(quiet, k_max, taper=method == "fft" and not record.ring)
+    if method == "auto":
+        whole = record.ring or (quiet.even and not _at_ends(quiet)[1])
+        method = "harmonic" if whole else "fft"
+    if method == "fft" and not record.ring:
+        return along_line(record if record.sources else quiet, k_max, omega_max)
+    k, channels = series(quiet, k_max)
     cell = 2 * np.pi / (len(quiet.t) * quiet.interval)
     missing = quiet.missing if len(quiet.missing) and quiet.missing.any() else None
     if method == "harmonic":
@@ -140,26 +144,22 @@ def in_time(
         found = invert(channels, quiet.interval, most, dynamic_range, damped, missing, leaks)
         points = _from_sinusoids(found, k)
     else:
-        points = _from_peaks(channels, k, quiet.interval, quiet.ring)
+        points = _from_peaks(channels, k, quiet.interval)
     points = _judged(points, quiet, cell)
     if omega_max is not None:
         points = points.take(points.omega <= omega_max)
     points = widened(with_branches(points, k, cell), k)
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
-    if method == "fft" and not record.ring:
-        points = _with_aperture(points, record.aperture)
-    return points
+    return _with_rounding(points, quiet)
 
 
-def _with_aperture(points: BranchPoints, aperture: float) -> BranchPoints:
-    """Errors with what the width of the aperture's main lobe leaves open in k."""
-    error = points.error.copy()
-    for branch in points.branches:
-        own = np.flatnonzero(points.branch == branch)
-        slope = np.gradient(points.omega[own], points.k[own])
-        error[own] = np.hypot(error[own], np.abs(slope) * _OF_LOBE * 2 * np.pi / aperture)
-    return replace(points, error=error)
+def _with_rounding(points: BranchPoints, record: Record) -> BranchPoints:
+    """Errors with what rounded times and positions leave open of their intervals."""
+    if not (record.interval_error or record.spacing_error):
+        return points
+    part = points.omega * np.hypot(record.interval_error, record.spacing_error)
+    return replace(points, error=np.hypot(points.error, part))
 
 
 def with_branches(points: BranchPoints, k: Float, cell: float) -> BranchPoints:
@@ -223,20 +223,34 @@ def _judged(points: BranchPoints, record: Record, cell: float) -> BranchPoints:
         points.k > nyquist * np.pi / record.spacing,
         "at the Nyquist wavenumber: space receivers closer",
     )
-    if not record.ring and points.method == "fft":
-        points = points.refused(points.k < 2 * np.pi / record.aperture, "longer than the aperture")
     return points
+
+
+def _at_ends(record: Record) -> tuple[float, bool]:
+    """What of the peak is at the ends of a stretch, and whether it is waves that leave it."""
+    moving = record.values - record.values.mean(axis=1, keepdims=True)  # k = 0 is not used
+    ends = moving[..., [0, -1]]
+    peak = float(np.abs(moving).max())
+    parts = np.array_split(ends**2, max(1, min(_WINDOWS, ends.shape[1] // 8)), axis=1)
+    noise = record.noise**2
+    # Of noise alone, the mean square of m samples scatters by √(2/m).
+    loud = [
+        float(part.mean()) > noise * (_NOISE_ROOM + 6 * np.sqrt(2 / part.size))
+        + (_AT_ENDS * peak) ** 2
+        for part in parts
+    ]  # fmt: skip
+    strongest = max(float(part.mean()) for part in parts)
+    return float(np.sqrt(strongest)) / max(peak, 1e-290), any(loud)
 
 
 def _check_ends(record: Record) -> None:
     """Refuse a stretch that waves have left."""
-    ends = float(np.sqrt(np.mean(record.values[..., [0, -1]] ** 2)))
-    peak = float(np.abs(record.values).max())
-    if ends > 2 * record.noise + _AT_ENDS * peak:
+    part, left = _at_ends(record)
+    if left:
         raise RecordError(
-            f"waves reach the ends of the receivers ({100 * ends / max(peak, 1e-290):.2g} % of the "
-            "peak there): ω at given k can't be had exactly; measure k at given ω (wavesim "
-            "attenuation), or take --method fft, which is good to the aperture's resolution"
+            f"waves reach the ends of the receivers ({100 * part:.2g} % of the peak there): ω at "
+            "given k can't be had exactly; measure k at given ω (wavesim attenuation), or take "
+            "--method fft, which is good to a part of the aperture's resolution"
         )
 
 
@@ -257,7 +271,7 @@ def power(channels: Float) -> tuple[Float, float]:
     return total, 2 * np.pi / padded
 
 
-def _from_peaks(channels: Float, k: Float, interval: float, ring: bool) -> BranchPoints:
+def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
     """Peaks of the windowed FFT, placed by a parabola through their logarithm.
 
     The error is half the difference between that and the middle of the peak by a parabola through
@@ -272,8 +286,7 @@ def _from_peaks(channels: Float, k: Float, interval: float, ring: bool) -> Branc
     noise = np.log(_ABOVE_MEDIAN) + np.median(logarithm, axis=1, keepdims=True)
     density = 2 * np.pi / per_bin / channels.shape[-1]
     local = continuum(heights, density, channels.shape[1])
-    leaks = leakage(heights, density) if ring else 0.0
-    stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leaks)
+    stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leakage(heights, density))
     loud = peak & (middle > np.maximum(floor, noise))
     line = loud & stands[:, 2:-2]
     # Where no line stands out, the loudest of what there is, to say so of.

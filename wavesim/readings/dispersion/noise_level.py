@@ -1,8 +1,8 @@
 """How much noise a receiver's transform holds, at each frequency.
 
 White noise shows where there is no signal: at the highest frequencies. Noise in the signal's own
-band, of wind or of a filtered amplifier, shows before the signal comes. Samples on a ladder of steps
-q have q/√12 in any case.
+band, of wind or of a filtered amplifier, shows before the signal comes. Samples on a ladder of
+steps q have q/√12 in any case.
 """
 
 from __future__ import annotations
