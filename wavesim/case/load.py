@@ -20,8 +20,7 @@ from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
-from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.medium import Medium, fastest_speed
 from wavesim.planewave.hyperbolicity import check_hyperbolic
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
@@ -35,7 +34,7 @@ _PHASE_ERROR = 0.01
 # Length of the absorbing layer at an end, in branch lengths of the medium there.
 _ABSORBER = 8
 # What an end must be for a source to drive it.
-_DRIVEN_END: dict[str, End] = {"moment": "free", "rotation": "fixed"}
+_DRIVEN_END: dict[str, End] = {"surface": "free", "prescribed": "fixed"}
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ def build(file: CaseFile, name: str) -> Case:
             make(where, check_hyperbolic, end)
         stretches.append(layer)
     media = [m for layer in stretches for m in layer.sampled(2)] or [medium]
-    finest = min(media, key=lambda m: float(m.branch_length))
+    finest = min(media, key=lambda m: float(m.length_scale))
     bar = make(("bar",), file.bar.build, finest)
     for number in range(len(stretches)):
         where = ("layers", str(number))
@@ -147,7 +146,7 @@ def build(file: CaseFile, name: str) -> Case:
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
         source = make(where, entry.build, bar.length)
-        if source.drive in _DRIVEN_END:
+        if source.acts in _DRIVEN_END:
             make(where, _check_end, source, entry, ends)
         else:
             make(where, bar.spread, source.position, source.width, source.staggered)
@@ -221,7 +220,7 @@ def _resolved(
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
     tables = file.model_dump(by_alias=True)
     own = file.medium.build()
-    tables["medium"] |= {"rotation_inertia": own.beta, "curvature_inertia": own.gamma}
+    tables["medium"] |= {"closure": own.closure} | own.parameters
     tables["bar"].pop("length", None)
     tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
     if absorber:
@@ -245,7 +244,7 @@ def _absorber(
     absorbing = [m for end, m in zip(ends, media, strict=True) if end == "absorbing"]
     if not absorbing:
         return 0.0
-    length = file.bar.absorber or _ABSORBER * max(float(m.branch_length) for m in absorbing)
+    length = file.bar.absorber or _ABSORBER * max(float(m.length_scale) for m in absorbing)
     if len(absorbing) * length >= bar.length:
         raise ValueError(
             f"absorber = {length:g}: the absorbing layers leave nothing of the bar of "
@@ -279,7 +278,7 @@ def _whole(grid: Bar, layers: Layers | None, ends: tuple[End, End], absorber: fl
 def _check_end(source: Source, table: Any, ends: tuple[End, End]) -> None:
     """Hold a source that drives an end to what that end is."""
     end = ends[0] if table.end == "left" else ends[1]
-    needed = _DRIVEN_END[source.drive]
+    needed = _DRIVEN_END[source.acts]
     if end != needed:
         raise ValueError(
             f'drive = "{source.drive}": acts at a {needed} end, and [bar] {table.end} = "{end}"; '

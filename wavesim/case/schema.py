@@ -74,7 +74,7 @@ class BarTable(Table):
 
     def build(self, medium: Medium) -> Bar:
         """The bar, for a medium that gives the default spacing."""
-        spacing = self.spacing or medium.branch_length / 8
+        spacing = self.spacing or medium.length_scale / 8
         if self.cells is not None:
             return Bar(self.cells, spacing, self.order)
         assert self.length is not None

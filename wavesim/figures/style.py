@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from wavesim.material.family import Family, quantity
 from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import FIELDS, ROTATIONS
 from wavesim.planewave.dispersion_relation import gaps
 
 Drawings = dict[str, Callable[[], Figure]]
@@ -43,17 +43,26 @@ GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 # From ω in rad/s to ω/2π in kHz.
 KHZ = 1 / (2e3 * np.pi)
-_LOWERED = str.maketrans("123", "₁₂₃")
-SYMBOLS = {
-    name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
-    for name in FIELDS
-}
-TITLES = {
-    "longitudinal": "longitudinal: φ₁, B₁₁, B₂₂ + B₃₃",
-    "transverse2": "transverse: φ₂, B₂₁, B₁₂",
-    "transverse3": "transverse: φ₃, B₃₁, B₁₃",
-    "inplane": "in-plane shear: B₂₃, B₃₂, B₂₂ − B₃₃",
-}
+# Words for what a sector is called in code.
+SECTORS = {"transverse2": "transverse", "transverse3": "transverse", "inplane": "in-plane shear"}
+
+
+def symbol(name: str) -> str:
+    """A field's symbol, such as φ₁."""
+    return quantity(name).symbol
+
+
+def title(family: Family, sector: str) -> str:
+    """A sector in words, with the fields that are coupled in it."""
+    parts = [part for block in family.blocks_of(sector) for part in block.macro + block.micro]
+    held: dict[str, None] = {}
+    for part in parts:
+        if sum(part.keys() == other.keys() for other in parts) > 1:  # as good as each alone
+            held |= dict.fromkeys(map(symbol, part))
+            continue
+        terms = [("+ " if w > 0 else "− ") + symbol(name) for name, w in part.items()]
+        held[" ".join(terms).removeprefix("+ ")] = None
+    return f"{SECTORS.get(sector, sector)}: {', '.join(held)}"
 
 
 def decibels(amplitude: Any, reference: float) -> np.ndarray:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
+from wavesim.material.family import Block, Family
 from wavesim.material.layers import Layers
-from wavesim.material.sectors import Block, blocks_of
 from wavesim.planewave.band_edges import keeps_gradient
 
 
@@ -43,17 +43,17 @@ class Transmission:
     power_R_back: Any
 
 
-def block_of(sector: str) -> Block:
-    """The block of a sector with a rotation.
+def block_of(family: Family, sector: str) -> Block:
+    """The block of a sector with a macro-field.
 
     Raises:
         ValueError: the sector has none, or is unknown.
     """
-    blocks = blocks_of(sector)
-    if not blocks[0].rotations:
+    blocks = family.blocks_of(sector)
+    if not blocks[0].macro:
         raise ValueError(
-            f"sector {sector!r}: nothing travels in it as Γ → 0; take longitudinal, transverse2 or "
-            "transverse3"
+            f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
+            f"{', '.join(family.travelling)}"
         )
     return blocks[0]
 
@@ -81,7 +81,9 @@ def transmission(
         ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
     """
     kept = keeps_gradient(layers, gradient)
-    stack = Stack(layers, block_of(sector), np.atleast_1d(np.asarray(omega)), kept)
+    stack = Stack(
+        layers, block_of(layers.first.family, sector), np.atleast_1d(np.asarray(omega)), kept
+    )
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)
     n, rows = len(stack.impedance), np.arange(len(stack.scaled))

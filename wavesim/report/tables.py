@@ -94,8 +94,8 @@ def survey(console: Console, case: Case, steps: TimeStep) -> None:
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
-                   f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
+        ("medium", f"{medium.family.name}, {medium.told}; ω̄ = 1 is "
+                   f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
@@ -207,7 +207,7 @@ def _absorbed(simulated: Simulation) -> list[str]:
             f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
             "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
         )
-    least = 4 * max(float(medium.branch_length) for medium in layers.media)
+    least = 4 * max(float(medium.length_scale) for medium in layers.media)
     if 0 < bar.absorber < least:
         found.append(
             f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "

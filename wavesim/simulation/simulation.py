@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.material.family import Block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, excited_blocks
 from wavesim.planewave import block_frequencies, check_hyperbolic
 from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.sources import InitialField, Source
@@ -105,7 +105,7 @@ class Simulation:
     @functools.cached_property
     def blocks(self) -> tuple[Block, ...]:
         """The blocks that the sources set in motion; no others are integrated."""
-        return excited_blocks([source.field for source in self.sources])
+        return self.medium.family.excited([source.field for source in self.sources])
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -163,7 +163,7 @@ def highest_band(sources: Sequence[Source], medium: Medium) -> float:
     return max(
         max(
             float(block_frequencies(medium, block, [source.highest_wavenumber]).max())
-            for block in excited_blocks([source.field])
+            for block in medium.family.excited([source.field])
         )
         if isinstance(source, InitialField)
         else source.band

@@ -118,7 +118,7 @@ def attenuation(
     """
     results = []
     for origin in found:
-        if origin.block is not None and not origin.block.rotations:
+        if origin.block is not None and not origin.block.macro:
             continue
         record, medium = origin.record, origin.medium
         if band is not None:

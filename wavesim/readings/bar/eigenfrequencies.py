@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.eigenfrequencies import resonances
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, WINDOW, Spectrum, analysed_from, peaks
 from wavesim.simulation.field import Field
@@ -83,7 +83,7 @@ def ringing(field: Field, block: Block, exact: Float) -> Ringing:
     from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
     from scipy.signal import get_window
 
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     first = analysed_from(field)
     frames = len(field.t) - first
     padded = next_fast_len(_PADDING * frames)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.signals import signals
-from wavesim.material.wave_equations import UNITS
+from wavesim.material.family import quantity
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
@@ -43,7 +43,7 @@ class Reading:
         found: dict[str, tuple[Any, str]] = {}
         for receiver, own in self.exact.items():
             for name, values in own.items():
-                found[f"exact/{receiver}/{name}"] = values, UNITS[name]
+                found[f"exact/{receiver}/{name}"] = values, quantity(name).unit
         parts: tuple[tuple[str, Sequence[Any]], ...] = (
             ("transmission", self.scattered),
             ("bloch", self.cells),
@@ -105,7 +105,7 @@ def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Exp
     if seen:
         exact = signals(layers, bar.left, bar.right, field.sources, seen, field.t)
     found = Expected(exact, {}, {}, {})
-    for block in (block for block in field.blocks if block.rotations):
+    for block in (block for block in field.blocks if block.macro):
         if (between := specimen(field, block, frequencies, damping)) is not None:
             found.specimens[block.sector] = between
         if (stretch := repeated_stretch(field, block, frequencies, damping)) is not None:
@@ -141,7 +141,7 @@ def read_bar(
         }
         for name, own in exact.items()
     }
-    of = {block.sector: block for block in field.blocks if block.rotations}
+    of = {block.sector: block for block in field.blocks if block.macro}
     pulses = [pulse_test(field, block, exact, damping) for block in of.values() if exact]
     return Reading(
         exact,
