@@ -47,3 +47,17 @@ def test_every_key_of_a_case_is_told_of():
         table = CaseFile.model_fields[name].annotation
         missing = [key for key in table.model_fields if f"`{key}`" not in KEYS]
         assert missing == [], name
+
+
+def test_every_public_name_is_in_the_reference_and_every_page_in_the_index():
+    import wavesim
+
+    docs = ROOT / "docs"
+    reference = (docs / "reference.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"auto(?:class|function):: wavesim\.(\w+)$", reference, re.M))
+    modules = {"planewave", "layeredwave"}
+    assert told == set(wavesim.__all__) - modules
+    assert all(f"ws.{name}" in reference for name in modules)
+    index = (docs / "index.md").read_text(encoding="utf-8").splitlines()
+    pages = {path.stem for path in (*docs.glob("*.md"), *docs.glob("*.ipynb"))} - {"index"}
+    assert pages <= set(index)

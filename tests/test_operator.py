@@ -240,7 +240,7 @@ def test_mass_is_that_of_the_layers():
     A = built(layers, fitted(layers, "free", "free"))
     units = scales(SOFT)
     for row, inertia in ((0, "beta"), (1, "gamma")):
-        unit = units.moment * units.time**2 * units.length
+        unit = units.energy * units.time**2
         if inertia == "gamma":
             unit *= float(SOFT.gamma / SOFT.beta)
         made = float(np.sum(A.groups[0].mass[row])) * unit

@@ -15,7 +15,7 @@ import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from wavesim.material.family import quantity
+from wavesim.material.family import known_field
 from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
@@ -250,8 +250,8 @@ def test_inertia(medium, beta, gamma):
 def test_names_and_units_of_the_twelve_fields():
     rotations, curvatures = "phi1 phi2 phi3", "B11 B12 B13 B21 B22 B23 B31 B32 B33"
     assert tuple(f"{rotations} {curvatures}".split()) == ROTATION.fields
-    assert {quantity(name).unit for name in ROTATION.macro} == {"rad"}
-    assert {quantity(name).unit for name in ROTATION.micro} == {"1/m"}
+    assert {known_field(name).unit for name in ROTATION.macro} == {"rad"}
+    assert {known_field(name).unit for name in ROTATION.micro} == {"1/m"}
 
 
 # Blocks

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from wavesim.case.table import Finite, NotNegative, Positive, Table
-from wavesim.material.family import is_macro, known_fields, quantity
+from wavesim.material.family import is_macro, known_field, known_fields
 from wavesim.sources import (
     Chirp,
     GaussianDerivative,
@@ -69,11 +69,12 @@ class _SignalTable(_SourceTable):
 
     @model_validator(mode="after")
     def _placed(self) -> _SignalTable:
-        family = quantity(self.field).family
+        family = known_field(self.field).family
         words = family.words_for(SIGNAL_ACTS)
         if self.drive not in words:
-            quoted = ", ".join(f'"{word}"' for word in words)
-            raise ValueError(f'drive = "{self.drive}": must be one of {quoted} on {self.field}')
+            *first, last = (f'"{word}"' for word in words)
+            allowed = f"{', '.join(first)} or {last}"
+            raise ValueError(f'drive = "{self.drive}": must be {allowed} on {self.field}')
         if family.acts(self.drive) == "body":
             if self.end is not None:
                 ends = " or ".join(f'"{word}"' for word in family.words_for(END_ACTS))

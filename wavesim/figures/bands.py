@@ -94,7 +94,7 @@ def band_figure(
     panels[0].set_ylabel("$\\bar\\omega$")
     add_hertz_axis(panels[-1], medium)
     figure.suptitle(
-        f"{medium.family.name}, {medium.told};  grey: gap, hatched: no wave of any kind",
+        f"{medium.family.name}, {medium.in_words};  grey: gap, hatched: no wave of any kind",
         fontsize=10,
     )
     return figure

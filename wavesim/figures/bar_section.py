@@ -53,7 +53,7 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
         for source in field.sources:
             if np.isfinite(source.peak_frequency):
                 axes.axhline(source.peak_frequency / 1e3, color=FOUND, lw=0.9, ls="--")
-        axes.set_title(f"gaps, {title(layers.first.family, sector)}")
+        axes.set_title(f"gaps, {title(layers.first.family.blocks_of(sector))}")
         axes.set(ylabel="ω/2π (kHz)", ylim=(0, reached))
     rows[-1].set(xlabel="x (mm)", xlim=(0, layers.length * 1e3))
     figure.legend(handles=_key(field), loc="outside upper center", ncols=5)

@@ -6,7 +6,7 @@ as by colour, so that a figure can be read in grey.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wavesim.material.family import Family, quantity
+from wavesim.material.family import Block, known_field
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import gaps
 
@@ -43,18 +43,21 @@ GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 # From ω in rad/s to ω/2π in kHz.
 KHZ = 1 / (2e3 * np.pi)
+# What a file says of when it was made: left out, so that one figure is one file.
+_DATED = {"pdf": "CreationDate", "svg": "Date"}
 # Words for what a sector is called in code.
 SECTORS = {"transverse2": "transverse", "transverse3": "transverse", "inplane": "in-plane shear"}
 
 
 def symbol(name: str) -> str:
     """A field's symbol, such as φ₁."""
-    return quantity(name).symbol
+    return known_field(name).symbol
 
 
-def title(family: Family, sector: str) -> str:
-    """A sector in words, with the fields that are coupled in it."""
-    parts = [part for block in family.blocks_of(sector) for part in block.macro + block.micro]
+def title(blocks: Sequence[Block]) -> str:
+    """The sector of some blocks in words, with the fields that are coupled in it."""
+    sector = blocks[0].sector
+    parts = [part for block in blocks for part in block.macro + block.micro]
     held: dict[str, None] = {}
     for part in parts:
         if sum(part.keys() == other.keys() for other in parts) > 1:  # as good as each alone
@@ -134,12 +137,13 @@ def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
     )
 
 
-def write(drawings: Drawings, folder: Path) -> list[Path]:
+def write(drawings: Drawings, folder: Path, kind: str = "png") -> list[Path]:
     """Draw figures and write them.
 
     Args:
         drawings: by name, of ``figures.field``, ``figures.endless`` or ``figures.bar``.
         folder: where to; made if need be.
+        kind: of the files: png, pdf or svg.
 
     Returns:
         The files written.
@@ -148,8 +152,11 @@ def write(drawings: Drawings, folder: Path) -> list[Path]:
     written = []
     with matplotlib.rc_context(STYLE):
         for name, draw in drawings.items():
-            path = folder / f"{name}.png"
-            # What savefig does, without its drawing every figure once more to settle the layout.
-            FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            path = folder / f"{name}.{kind}"
+            if kind == "png":
+                # What savefig does, without its drawing every figure once more for the layout.
+                FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            else:
+                draw().savefig(path, format=kind, metadata={_DATED[kind]: None})
             written.append(path)
     return written

@@ -25,7 +25,7 @@ import numpy as np
 
 from wavesim.io.gathering import COMPRESSED, Gathering
 from wavesim.io.result_reader import StorageError, reading
-from wavesim.material.family import is_macro, quantity
+from wavesim.material.family import is_macro, known_field
 from wavesim.simulation.field import Energy
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import parameters
@@ -230,7 +230,7 @@ class Results:
         for name, values in axes.items():
             _put(file, name, values, "s" if name == "t" else "m")
             file[name].make_scale(name)
-        units = {name: quantity(name).unit for name in self.simulation.fields}
+        units = {name: known_field(name).unit for name in self.simulation.fields}
         for name, values in self._series.items():
             _put(file, name, values, units.get(name.rpartition("/")[2], "J/m²"))
             file[name].dims[0].attach_scale(file["t"])
@@ -257,7 +257,7 @@ class Results:
         return ("x", bar.nodes) if is_macro(name) else ("x_half", bar.half_nodes)
 
     def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
-        data.attrs["units"] = quantity(name).unit
+        data.attrs["units"] = known_field(name).unit
         data.dims[0].attach_scale(file["t"])
         data.dims[1].attach_scale(file[self._axis(name)[0]])
 

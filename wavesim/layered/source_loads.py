@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.layered.stack import Load, Stack
-from wavesim.material.family import Acts, Block, is_macro, quantity
+from wavesim.material.family import Acts, Block, is_macro, known_field
 
 
 def acts_of(source: Any) -> Acts:
@@ -18,7 +18,7 @@ def acts_of(source: Any) -> Acts:
     Raises:
         ValueError: its drive is none of its field's family.
     """
-    return quantity(source.field).family.acts(str(getattr(source, "drive", "body")))
+    return known_field(source.field).family.acts(str(getattr(source, "drive", "body")))
 
 
 def components(block: Block, field: str) -> list[tuple[int, float]]:
@@ -63,7 +63,7 @@ def end_drives(stack: Stack, sources: Sequence[Any], left: str, right: str) -> A
     n = len(stack.impedance)
     p = np.zeros((len(stack.scaled), 2 * n), dtype=complex)
     for source in sources:
-        acts, word = acts_of(source), quantity(source.field).family.words[0]
+        acts, word = acts_of(source), known_field(source.field).family.words[0]
         if acts not in ("surface", "prescribed") or source.field not in stack.block.fields:
             continue
         if not is_macro(source.field):

@@ -88,7 +88,7 @@ class Stack:
         for layer in self.layers.layers if self.kept else ():
             gamma = self.bare(layer, layer.start).own.gamma
             if np.linalg.cond(gamma) > 1e12:
-                raise ValueError(f"{layer.medium.told}: Γ is singular; take gradient = False")
+                raise ValueError(f"{layer.medium.in_words}: Γ is singular; take gradient = False")
 
     @cached_property
     def units(self) -> Scales:

@@ -246,7 +246,7 @@ def register(family: Family) -> None:
         _QUANTITIES[name] = one
 
 
-def quantity(name: str) -> Quantity:
+def known_field(name: str) -> Quantity:
     """What is known of a field by its name.
 
     Raises:
@@ -259,7 +259,7 @@ def quantity(name: str) -> Quantity:
 
 def is_macro(name: str) -> bool:
     """Whether a field is a macro-field, and lives on the nodes."""
-    return quantity(name).macro
+    return known_field(name).macro
 
 
 def known_fields() -> tuple[str, ...]:

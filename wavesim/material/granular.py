@@ -21,7 +21,7 @@ _NEGATIVE_CONTACTS = "the contact density is negative in some direction outside 
 _NEGATIVE_STIFFNESS = "a tangential stiffness can't be negative"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class GranularMedium(Medium):
     """Grains in contact; the axis of symmetry is x₁, the bar's axis.
 
@@ -62,10 +62,10 @@ class GranularMedium(Medium):
         return self.stiffnesses[2:]
 
     @property
-    def told(self) -> str:
+    def in_words(self) -> str:
         """Closure, a and η."""
         a, eta = float(self.anisotropy), float(self.stiffness_ratio)
-        return f"{super().told}, a = {a:g}, η = {eta:g}"
+        return f"{super().in_words}, a = {a:g}, η = {eta:g}"
 
     @property
     def settings(self) -> str:

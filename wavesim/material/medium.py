@@ -18,6 +18,7 @@ import numpy as np
 
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Family, register
+from wavesim.material.shown import Shown
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,8 @@ class _ByFamily(type):
         return super().__call__(*args, **given)
 
 
-@dataclass(frozen=True)
-class Medium(metaclass=_ByFamily):
+@dataclass(frozen=True, repr=False)
+class Medium(Shown, metaclass=_ByFamily):
     """The medium of some family; ``Medium(family="…", **parameters)`` makes one, of rotation if
     none is named.
 
@@ -151,6 +152,25 @@ class Medium(metaclass=_ByFamily):
             value = getattr(self, name)
             if isinstance(value, numbers.Real):
                 _check(name, float(value), known)
+
+    def __repr__(self) -> str:
+        made = {"family": self.family.name} if self.family.name != next(iter(_MEDIA)) else {}
+        changed = made | {
+            one.name: getattr(self, one.name)
+            for one in dataclasses.fields(self)
+            if getattr(self, one.name) is not one.default
+            and not _same(getattr(self, one.name), one.default)
+        }
+        return f"Medium({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
+
+    def told(self) -> dict[str, str]:
+        """Every parameter with its symbol and unit."""
+        told: dict[str, str] = {"family": self.family.name, "closure": self.closure}
+        for name, value in self.parameters.items():
+            own = self.known()[name]
+            shown = f"{float(value):.6g}" if isinstance(value, numbers.Real) else str(value)
+            told[f"{own.symbol}, {name}"] = f"{shown} {own.unit}".rstrip()
+        return told | {"damping": str(self.damping) if self.damping else "none"}
 
     @classmethod
     def closure_missing(cls, closure: str) -> str:
@@ -213,7 +233,7 @@ class Medium(metaclass=_ByFamily):
         return self.closure == "consistent"
 
     @property
-    def told(self) -> str:
+    def in_words(self) -> str:
         """What is said of it in a line: closure, and what else tells it from others."""
         return f"closure {self.closure}"
 
@@ -255,6 +275,11 @@ def with_each_class(act: Callable[[type[Medium]], None]) -> None:
 def families() -> tuple[str, ...]:
     """Names of the families."""
     return tuple(_MEDIA)
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Whether a parameter is a plain number or word that equals its default."""
+    return isinstance(value, str | numbers.Real) and value == default
 
 
 def check_parameter(name: str, value: float) -> None:

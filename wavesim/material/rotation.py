@@ -74,7 +74,7 @@ def _printed_patterns() -> np.ndarray:
 _PATTERNS = _printed_patterns()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RotationMedium(GranularMedium):
     """The medium of rotation waves; defaults are those of Table 1.
 

@@ -17,6 +17,9 @@ from typing import Any
 from wavesim.material.family import Block, is_macro, weights
 from wavesim.material.medium import Medium
 
+# Branches are judged between these k̄ where nobody says otherwise.
+JUDGED = (0.02, 0.5)
+
 
 @dataclass(frozen=True)
 class Scales:

@@ -94,7 +94,7 @@ def survey(console: Console, case: Case, steps: TimeStep) -> None:
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"{medium.family.name}, {medium.told}; ω̄ = 1 is "
+        ("medium", f"{medium.family.name}, {medium.in_words}; ω̄ = 1 is "
                    f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),

@@ -5,19 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.grid.bar import Bar
-from wavesim.material.family import Block, is_macro, quantity
+from wavesim.material.family import Block, is_macro, known_field
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
+from wavesim.material.shown import Shown, quantity
 from wavesim.simulation.bandlimited import between
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
+
+if TYPE_CHECKING:
+    import xarray
 
 Float = NDArray[np.float64]
 
@@ -51,8 +55,8 @@ class Energy:
         return self.work - (self.total - self.total[0])
 
 
-@dataclass(frozen=True)
-class Field:
+@dataclass(frozen=True, repr=False)
+class Field(Shown):
     """A space-time field on a bar.
 
     Attributes:
@@ -70,6 +74,42 @@ class Field:
     energy: Energy | None = None
     stepper: str = ""
     step: float = 0.0
+
+    def told(self) -> dict[str, str]:
+        """Fields, axes and what made them."""
+        return {
+            "fields": ", ".join(self.names),
+            "t": f"{len(self.t)} frames to {quantity(float(self.t[-1]), 's')}",
+            "x": f"{len(self.bar.nodes)} nodes over {quantity(self.bar.length, 'm')}",
+            "sources": self.simulation.told()["sources"],
+            "stepper": f"{self.stepper}, steps of {quantity(self.step, 's')}",
+        }
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The field as a labelled data set.
+
+        Returns:
+            Fields over (t, x) or (t, x_half), energies over t, with attributes ``units``.
+        """
+        import xarray
+
+        axes = {
+            "t": ("t", self.t, {"units": "s"}),
+            "x": ("x", self.bar.nodes, {"units": "m"}),
+            "x_half": ("x_half", self.bar.half_nodes, {"units": "m"}),
+        }
+        data: dict[str, Any] = {
+            name: (
+                ("t", "x" if is_macro(name) else "x_half"),
+                self[name],
+                {"units": self.unit(name)},
+            )
+            for name in self.names
+        }
+        if self.energy is not None:
+            for name in ("kinetic", "potential", "work", "total"):
+                data[f"energy_{name}"] = ("t", getattr(self.energy, name), {"units": "J/m²"})
+        return xarray.Dataset(data, axes, {"stepper": self.stepper, "step": self.step})
 
     @property
     def medium(self) -> Medium:
@@ -184,4 +224,4 @@ class Field:
     @staticmethod
     def unit(name: str) -> str:
         """Unit of a field."""
-        return quantity(name).unit
+        return known_field(name).unit

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.family import Acts, is_macro, quantity
+from wavesim.material.family import Acts, is_macro, known_field
 
 # What acts by a signal, and what of that acts at an end.
 SIGNAL_ACTS: tuple[str, ...] = ("body", "surface", "prescribed")
@@ -167,7 +167,7 @@ class Source(abc.ABC):
     @property
     def acts(self) -> Acts:
         """What its drive does: "body", "surface", "prescribed" or "initial"."""
-        return quantity(self.field).family.acts(self.drive)
+        return known_field(self.field).family.acts(self.drive)
 
     @property
     def staggered(self) -> bool:
@@ -185,7 +185,7 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
     Raises:
         ValueError: a value is not admissible; the message names it.
     """
-    family = quantity(source.field).family
+    family = known_field(source.field).family
     if source.width < 0:
         raise ValueError(f"width = {source.width:g} m: must be 0 (a point) or greater")
     if source.drive not in (allowed := family.words_for(acts)):

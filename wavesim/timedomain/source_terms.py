@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
-from wavesim.material.family import Block, grouped, quantity
+from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.sources import InitialField, Source
@@ -173,7 +173,7 @@ def source_terms(
     )
     alone = [
         dataclasses.replace(
-            cast(Any, source), field=quantity(source.field).family.macro[0], **_ALONE
+            cast(Any, source), field=known_field(source.field).family.macro[0], **_ALONE
         )
         for source in kept
     ]

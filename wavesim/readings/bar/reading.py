@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.signals import signals
-from wavesim.material.family import quantity
+from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
@@ -43,7 +43,7 @@ class Reading:
         found: dict[str, tuple[Any, str]] = {}
         for receiver, own in self.exact.items():
             for name, values in own.items():
-                found[f"exact/{receiver}/{name}"] = values, quantity(name).unit
+                found[f"exact/{receiver}/{name}"] = values, known_field(name).unit
         parts: tuple[tuple[str, Sequence[Any]], ...] = (
             ("transmission", self.scattered),
             ("bloch", self.cells),
