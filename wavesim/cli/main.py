@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Callable
@@ -117,7 +118,7 @@ def _whole(
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet) as tell:
-        outcome = _run(loaded, folder, resume, tell, beside, figures)
+        outcome = _run(loaded, folder, resume, tell, beside, figures, _typed(case, overrides))
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
         console.print(f"Note: {note}.")
@@ -128,6 +129,12 @@ def _whole(
         sys.exit(FELL_SHORT)
 
 
+def _typed(case: str, overrides: tuple[str, ...]) -> str:
+    """What runs the case once more, as it would be typed."""
+    changes = [word for change in overrides for word in ("--set", change)]
+    return shlex.join(["wavesim", "run", case, *changes])
+
+
 def _run(
     loaded: Any,
     folder: Path,
@@ -135,6 +142,7 @@ def _run(
     tell: Callable[[str, float], None],
     beside: Any,
     figures: bool,
+    rerun: str,
 ) -> Any:
     from wavesim import runner
 
@@ -154,7 +162,7 @@ def _run(
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     try:
-        return runner.run(loaded, folder, resume, go_on, beside, figures)
+        return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:
