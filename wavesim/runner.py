@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import resource
 import sys
 import time
@@ -121,21 +120,6 @@ def run(
         ) from error
 
 
-def _keep_compiled() -> None:
-    """Let jax keep compiled functions from one process to the next, unless it was told where to.
-
-    Equinox's checks call back to Python, and jax keeps nothing on disk that does: they are set to
-    turn into values that are not finite, which the integration looks for.
-    """
-    os.environ.setdefault("EQX_ON_ERROR", "nan")
-    import jax
-    from platformdirs import user_cache_path
-
-    if jax.config.values["jax_compilation_cache_dir"] is None:
-        jax.config.update("jax_compilation_cache_dir", str(user_cache_path("wavesim") / "jax"))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-
-
 def _run(
     case: Case,
     folder: Path,
@@ -162,7 +146,9 @@ def _run(
     if not case.simulation.endless:
         table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
         known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
-    _keep_compiled()
+    from wavesim.timedomain.compiled import keep_compiled
+
+    keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
     from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
