@@ -171,6 +171,11 @@ class Family:
         return self.gaps.get(sector) or tuple(f"{sector} {n + 1}" for n in range(count))
 
     @property
+    def all_gaps(self) -> tuple[str, ...]:
+        """Names of all its gaps, each once."""
+        return tuple(dict.fromkeys(name for s in self.sectors for name in self.gap_names(s)))
+
+    @property
     def unlike(self) -> tuple[str, ...]:
         """Sectors whose waves differ: of those whose gaps share their names, the first."""
         return tuple({self.gap_names(s): s for s in reversed(self.sectors)}.values())[::-1]

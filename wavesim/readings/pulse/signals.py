@@ -18,7 +18,7 @@ Float = NDArray[Any]
 QUIET_PART = 0.75
 # Fewer quiet samples tell nothing of a noise.
 FEWEST_QUIET = 32
-_FEWEST_SAMPLES = 32
+FEWEST_SAMPLES = 32
 # Rounding is a noise too, of this part of the peak: a simulated signal has no other.
 _ROUNDING = 2.0**-53
 
@@ -122,9 +122,9 @@ def pulse_record(
         PulseError: fewer than two receivers, or what is given doesn't fit together.
     """
     time = np.asarray(t, float)
-    if time.ndim != 1 or len(time) < _FEWEST_SAMPLES:
+    if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
         raise PulseError(
-            f"t: {time.size} samples; must be one row of at least {_FEWEST_SAMPLES}: record longer"
+            f"t: {time.size} samples; must be one row of at least {FEWEST_SAMPLES}: record longer"
         )
     steps = np.diff(time)
     step = float(np.mean(steps))
