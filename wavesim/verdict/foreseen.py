@@ -99,8 +99,8 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
             held = end == "fixed" and not any(abs(at - x) < bar.spacing for x in turned)
             if held and abs(position - at) <= 1e-9 * bar.length and moving:
                 yield (
-                    f"{where} stands on the fixed end, where no {macro} is; move it in, or look "
-                    f"at {micro} alone"
+                    f"{where} stands on the fixed end, where no {macro} moves; move it inward, "
+                    f"or look at {micro} alone"
                 )
         for face in layers.interfaces:
             if abs(position - face) <= _ON_INTERFACE * bar.spacing:
