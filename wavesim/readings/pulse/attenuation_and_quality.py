@@ -51,9 +51,10 @@ def _logarithms(seen: Spectra) -> tuple[Float, Float, bool]:
     size = np.abs(seen.values)
     used = seen.above & seen.driven[:, None]
     logarithm = np.log(np.maximum(size, 1e-290))
-    known = bool(np.isfinite(seen.noise).all() and (seen.noise > 0).all())
+    known = seen.noise_known
+    noise = np.where(seen.whole, seen.noise, np.inf)
     # Of the noise only the part along U changes ln|U|: half of its variance.
-    weight = 2 * (size / seen.noise) ** 2 if known else np.ones_like(size)
+    weight = 2 * (size / noise) ** 2 if known else np.ones_like(size)
     return logarithm, np.where(used, weight, 0), known
 
 

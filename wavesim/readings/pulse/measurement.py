@@ -136,8 +136,9 @@ def measure(
 
     Args:
         t: times, even, shape (nt,), s; may start anywhere.
-        signals: of each receiver, shape (nt,) each, one unit, without an offset; 2 to about 20
-            receivers, all on one side of the source, ascending away from it.
+        signals: of each receiver, shape (nt,) each, one unit; 2 to about 20 receivers, all on one
+            side of the source, ascending away from it. What is wrong with them is put right, or
+            keeps them from being read, and stands in ``record.notes``.
         positions: x of each, m.
         window: for spectra; where None a gate over the whole record, of which the last 5 %
             fade.
