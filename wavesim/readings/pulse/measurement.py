@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
 from wavesim.readings.pulse.attenuation_and_quality import (
     ConstantQuality,
+    MeanQuality,
     attenuation_of_amplitudes,
     constant_quality_of_amplitudes,
+    mean_quality,
+    under_its_assumption,
 )
 from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
 from wavesim.readings.pulse.signals import PulseRecord, pulse_record
@@ -41,7 +44,8 @@ class PulseResult:
         spectra: of the receivers, n frequencies.
         dispersion: complex k and what follows.
         amplitude_attenuation, amplitude_error: α by amplitudes alone, shape (n,), Np/m.
-        constant_quality: Q by the spectral ratio over all n frequencies.
+        constant_quality: Q by the spectral ratio over all n frequencies, which takes the velocity
+            as constant; its reason says where it is not.
         loss: between the receivers named.
     """
 
@@ -55,6 +59,15 @@ class PulseResult:
     amplitude_error: Float
     constant_quality: ConstantQuality
     loss: Loss
+
+    @property
+    def quality(self) -> MeanQuality:
+        """Q over the band, from α and v_g."""
+        found = self.dispersion
+        return mean_quality(
+            found.omega, found.k, found.k_error, found.group_velocity, found.group_error,
+            self.spectra.duration,
+        )  # fmt: skip
 
     def rows(self) -> dict[str, list[dict[str, Any]]]:
         """Plain tables, for JSON or print: units stand in the names, None where there is no number.
@@ -183,6 +196,8 @@ def measure(
         quality = ConstantQuality(math.nan, math.nan, math.nan, math.nan, 0, nothing)
     else:
         quality = constant_quality_of_amplitudes(seen, record.x / speed)
+    found = dispersion(record, window, grid, k_max, expected, known)
+    quality = under_its_assumption(quality, grid, found.group_velocity, found.group_error)
     ends = through or (record.names[0], record.names[-1])
     return PulseResult(
         record,
@@ -190,7 +205,7 @@ def measure(
         picks,
         speeds,
         seen,
-        dispersion(record, window, grid, k_max, expected, known),
+        found,
         alpha,
         alpha_error,
         quality,
