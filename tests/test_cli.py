@@ -91,7 +91,7 @@ def test_run_that_passes_gives_0(small_run):
         assert line.rstrip().endswith("pass")
     count = len(small_run.summary["checks"])
     assert any(f"{count} of {count} checks passed" in line for line in lines)
-    assert f"Resultsin{small_run.folder}" in "".join(small_run.stdout.split())
+    assert lines[-1] == f"The page: {small_run.folder / 'report.html'}"
 
 
 def test_quiet_run_prints_nothing_and_goes_to_outputs(small_case, small_run, monkeypatch):

@@ -13,6 +13,7 @@ PAGES = sorted(
     path for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("benchmarks/*.md"))
 )
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+KEYS = (ROOT / "docs" / "case-file.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -44,5 +45,19 @@ def test_every_key_of_a_case_is_told_of():
     """Those of [bar], [time], [analysis]; media and sources have tables of their own."""
     for name in ("bar", "time", "analysis"):
         table = CaseFile.model_fields[name].annotation
-        missing = [key for key in table.model_fields if f"`{key}`" not in README]
+        missing = [key for key in table.model_fields if f"`{key}`" not in KEYS]
         assert missing == [], name
+
+
+def test_every_public_name_is_in_the_reference_and_every_page_in_the_index():
+    import wavesim
+
+    docs = ROOT / "docs"
+    reference = (docs / "reference.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"auto(?:class|function):: wavesim\.(\w+)$", reference, re.M))
+    modules = {"planewave", "layeredwave"}
+    assert told == set(wavesim.__all__) - modules
+    assert all(f"ws.{name}" in reference for name in modules)
+    index = (docs / "index.md").read_text(encoding="utf-8").splitlines()
+    pages = {path.stem for path in (*docs.glob("*.md"), *docs.glob("*.ipynb"))} - {"index"}
+    assert pages <= set(index)

@@ -9,6 +9,7 @@ import pytest
 from madeup import made_field
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from runs import call
 
 from wavesim import planewave
 from wavesim.figures import endless as figures
@@ -17,6 +18,14 @@ from wavesim.figures import style
 from wavesim.sources import Ricker
 from wavesim.worker import Worker
 
+DRAWN = (
+    "attenuation_longitudinal",
+    "dispersion_inplane",
+    "dispersion_longitudinal",
+    "energy",
+    "receivers",
+    "spacetime",
+)
 TO_KHZ = 1 / (2e3 * np.pi)
 
 
@@ -61,24 +70,58 @@ def gaps_in_khz(medium, sector):
     ]
 
 
-def test_every_figure_is_written(small_run):
-    """Those of the run itself, at the size that was asked for, none of them blank."""
-    files = sorted(p.name for p in (small_run.folder / "figures").iterdir())
-    assert files == [
-        "attenuation_longitudinal.png",
-        "dispersion_inplane.png",
-        "dispersion_longitudinal.png",
-        "energy.png",
-        "receivers.png",
-        "spacetime.png",
-    ]
+def test_every_figure_is_written(small_run, tmp_path):
+    """From the run's folder, at the size that was asked for, none of them blank."""
+    result = call("figures", small_run.folder, "--out", tmp_path / "figures")
+    assert (result.exit_code, result.stderr) == (0, "")
+    files = sorted(p.name for p in (tmp_path / "figures").iterdir())
+    assert files == [f"{name}.png" for name in DRAWN]
     for name in files:
-        content = (small_run.folder / "figures" / name).read_bytes()
+        content = (tmp_path / "figures" / name).read_bytes()
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         width, height = struct.unpack(">II", content[16:24])
         assert 700 <= width <= 2000
         assert 450 <= height <= 2000
         assert len(content) > 15_000
+
+
+@pytest.mark.parametrize(("kind", "head"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_one_figure_in_a_format_for_paper(small_run, tmp_path, kind, head):
+    """That one and no other; drawn twice it is one file, byte for byte but for names in an SVG."""
+    result = call("figures", small_run.folder, "--only", "energy", "--format", kind,
+                  "--out", tmp_path)  # fmt: skip
+    assert (result.exit_code, result.stderr) == (0, "")
+    (path,) = tmp_path.iterdir()
+    assert path.name == f"energy.{kind}"
+    assert path.read_bytes()[: len(head)] == head
+
+
+def test_a_figure_that_is_none_is_told_with_those_there_are(small_run, tmp_path):
+    result = call("figures", small_run.folder, "--only", "energie", "--out", tmp_path / "none")
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert "--only energie: must be one of spacetime, receivers, energy" in line
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("what", ["nothing", "no result"])
+def test_figures_of_no_run_give_2_and_one_line(tmp_path, what):
+    folder = tmp_path / "folder"
+    if what == "no result":
+        folder.mkdir()
+        (folder / "result.h5").write_text("not HDF5")
+    result = call("figures", folder)
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_run_writes_one_picture_and_draws_the_rest_on_demand(small_case, small_run, tmp_path):
+    assert (small_run.folder / "overview.png").read_bytes()[1:4] == b"PNG"
+    assert not (small_run.folder / "figures").exists()
+    result = call("run", small_case, "--figures", "--quiet", "--out", tmp_path)
+    assert (result.exit_code, result.output) == (0, "")
+    made = {path.stem for path in (tmp_path / "figures").glob("*.png")}
+    assert made == {*DRAWN}
 
 
 @pytest.mark.parametrize(

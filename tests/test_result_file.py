@@ -129,7 +129,7 @@ def test_layout_is_the_contract(small_run):
         assert curve["k"].dtype == curve["k_exact"].dtype == np.complex128
         assert curve["omega"].shape == curve["k"].shape == curve["k_exact"].shape
     assert sorted(p.name for p in small_run.folder.iterdir()) == [
-        "figures", "resolved.toml", "result.h5", "summary.json",
+        "overview.png", "report.html", "resolved.toml", "result.h5", "summary.json",
     ]  # fmt: skip
 
 

@@ -7,7 +7,9 @@ from runs import SHIPPED, call
 from scipy.interpolate import BarycentricInterpolator
 
 from wavesim.case.load import load
+from wavesim.figures.drawing import drawings
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS, flux_form
+from wavesim.runner import measure
 
 NAMES = ["free_bar", "lossy", "pulse_test", "rainbow", "slab", "stack"]
 LONGITUDINAL = ("phi1", "B11", "B22", "B33")
@@ -32,15 +34,16 @@ def test_every_bar_that_is_not_endless_is_listed():
     assert [name for name, path in SHIPPED.items() if not load(path).simulation.endless] == NAMES
 
 
-def test_signals_are_judged_and_figures_drawn(done):
+def test_signals_are_judged_and_figures_offered(done):
     """Every receiver's signals are among the checks, and so is the energy."""
     names = [check["name"] for check in done.summary["checks"]]
     for receiver in done.field.receivers:
         assert any(name.startswith(f"signal at {receiver}:") for name in names)
     assert any("energy" in name for name in names)
-    made = {path.stem for path in (done.folder / "figures").glob("*.png")}
     wanted = {"bar", "signals", "spacetime", "receivers", "energy"}
-    assert made >= wanted | FIGURES[done.case.stem]
+    offered = drawings(done.field, measure(done.loaded, done.field).shown)
+    assert set(offered) >= wanted | FIGURES[done.case.stem]
+    assert (done.folder / "overview.png").read_bytes()[1:4] == b"PNG"
 
 
 def test_layout_of_the_result(done):

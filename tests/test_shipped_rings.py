@@ -12,7 +12,9 @@ import pytest
 from exact import modal_field
 from media import twelve_by_twelve
 
+from wavesim.figures.drawing import drawings
 from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
+from wavesim.runner import measure
 
 NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine"]
 # Fields of the longitudinal and of a transverse sector; a wave along x₁ couples no others.
@@ -179,10 +181,11 @@ def test_fields_are_the_exact_semi_discrete_solution(done):
         assert np.abs(found - exact[each]).max() <= 1e-9 * np.abs(exact[each]).max(), each
 
 
-def test_figures_are_written(done):
-    name, _, run, _ = done
-    files = {path.stem for path in (run.folder / "figures").glob("*.png")}
+def test_figures_are_offered(done):
+    name, field, run, _ = done
+    files = set(drawings(field, measure(run.loaded, field).shown))
     wanted = {"spacetime", "receivers", "energy"}
     wanted |= {f"dispersion_{sector}" for sector in DRIVEN[name]}
     wanted |= {f"attenuation_{sector}" for sector in DRIVEN[name] - {"inplane"}}
     assert files >= wanted
+    assert (run.folder / "overview.png").read_bytes()[1:4] == b"PNG"

@@ -34,6 +34,7 @@ _HOMES = {
     "Field": "wavesim.simulation.field",
     "Simulation": "wavesim.simulation.simulation",
     "simulate": "wavesim.timedomain.integrate",
+    "integrate": "wavesim.timedomain.integrate",
     "traced_fields": "wavesim.timedomain.gradient",
     "extract": "wavesim.readings.dispersion.extract",
     "hold": "wavesim.verdict.endless",
@@ -42,14 +43,17 @@ _HOMES = {
     "judge_bar": "wavesim.verdict.bar",
     "measure_pulses": "wavesim.readings.pulse.measurement",
     "load": "wavesim.case.load",
+    "open": "wavesim.records.run_folder",
     "record": "wavesim.records.record",
+    "read_record": "wavesim.records.files",
+    "Layout": "wavesim.records.arrays",
     "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
     "synthesize": "wavesim.records.synthetic",
     "fit": "wavesim.studies.medium_fit",
 }
 # Offered under a name that says more than the one at home.
-_NAMES = {"measure_pulses": "measure"}
+_NAMES = {"measure_pulses": "measure", "open": "open_run", "read_record": "read"}
 _MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
 
 __all__ = [*_HOMES, *_MODULES]
@@ -60,8 +64,10 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(_HOMES[name]), _NAMES.get(name, name))
     if name in _MODULES:
         return importlib.import_module(_MODULES[name])
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("wavesim")
     raise AttributeError(f"module 'wavesim' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*__all__, "__doc__", "__version__"])

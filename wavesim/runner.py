@@ -1,4 +1,4 @@
-"""One run, from a settled case to a folder of results: integrate, measure, judge, draw."""
+"""One run, from a settled case to a folder of results: integrate, measure, judge, tell."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
+_DRAWING = "wavesim.figures.drawing"
 
 
 class RunError(RuntimeError):
@@ -62,8 +63,8 @@ class Outcome:
 def begun_beside() -> Worker:
     """A process beside a run, which loads what it will draw with; the sooner the better."""
     beside = Worker()
-    beside.prepare("importlib.import_module", "wavesim.figures.drawing")
-    beside.prepare("wavesim.figures.drawing.warm_up")
+    beside.prepare("importlib.import_module", _DRAWING)
+    beside.prepare(f"{_DRAWING}.warm_up")
     return beside
 
 
@@ -73,6 +74,7 @@ def run(
     resume: bool = False,
     progress: Progress | None = None,
     beside: Worker | None = None,
+    figures: bool = False,
 ) -> Outcome:
     """Run a case.
 
@@ -82,6 +84,7 @@ def run(
         resume: carry on from the result file that is there.
         progress: called with the name of the stage and the part of it done.
         beside: of :func:`begun_beside`, where it was begun before; the caller ends it.
+        figures: draw all figures too.
 
     Returns:
         What came of it.
@@ -98,7 +101,7 @@ def run(
     try:
         with ExitStack() as until_the_end:
             own = beside or until_the_end.enter_context(begun_beside())
-            return _run(case, folder, resume, tell, begun, own)
+            return _run(case, folder, resume, tell, begun, own, figures)
     except StorageError as error:
         raise RunError(str(error), False) from error
     except OSError as error:
@@ -137,6 +140,7 @@ def _run(
     tell: Progress,
     clock: float,
     beside: Worker,
+    figures: bool,
 ) -> Outcome:
     timing: dict[str, float] = {}
 
@@ -146,6 +150,8 @@ def _run(
         timing[stage], clock = now - clock, now
 
     from wavesim.material.scaling import scales
+    from wavesim.report.answers import verdict
+    from wavesim.report.page import page
     from wavesim.simulation.field import Field
 
     known: Answer | None = None
@@ -172,7 +178,8 @@ def _run(
         _begin(folder)
         results.create()
     # An earlier run's verdict must not be taken for this one's.
-    (folder / "summary.json").unlink(missing_ok=True)
+    for name in ("summary.json", "report.html", "overview.png"):
+        (folder / name).unlink(missing_ok=True)
     (folder / "resolved.toml").write_text(resolved, encoding="utf-8")
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
@@ -201,12 +208,17 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, simulated)
-    figures = folder / "figures"
-    drawn = [beside.each("wavesim.figures.drawing.of_field", figures, field)]
+    drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
     found = measure(case, field, *(known.result() if known else ()))
     lap("analyse")
     tell("figures", 0.0)
-    drawn.append(beside.each("wavesim.figures.drawing.of_measurement", figures, field, found.shown))
+    rows = [check.row() for check in found.checks]
+    sentence, overview = verdict({"checks": rows}), folder / "overview.png"
+    shown = field, found.shown, case.title or folder.name, sentence
+    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *shown))
+    if figures:
+        asked = folder / "figures", field, found.shown
+        drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for one in drawn:
@@ -217,7 +229,7 @@ def _run(
     timing["store"] += time.perf_counter() - clock
     summary = {
         "title": case.title,
-        "checks": [check.row() for check in found.checks],
+        "checks": rows,
         "passed": all(check.passed for check in found.checks),
         "timing": timing,
         "stepper": steps.solver,
@@ -228,10 +240,13 @@ def _run(
         "fields": list(simulated.fields),
         "peak_memory_bytes": peak_memory(),
         "versions": storage.versions(),
+        "answers": found.answers,
     } | found.summary
+    summary = _plain(summary)
     (folder / "summary.json").write_text(
-        json.dumps(_plain(summary), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        json.dumps(summary, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
     )
+    (folder / "report.html").write_text(page(summary, resolved, folder), encoding="utf-8")
     return Outcome(summary, folder, found.notes)
 
 
@@ -244,10 +259,12 @@ class Found:
         shown: what its figures are drawn from.
         tables: what is stored of it, with units.
         summary: what summary.json gets besides.
+        answers: the few rows that a reader asks for first.
         notes: as of :class:`Outcome`.
     """
 
     checks: list[Any]
+    answers: dict[str, Any]
     shown: Any
     tables: dict[str, Any]
     summary: dict[str, Any]
@@ -274,20 +291,78 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     table = case.analysis
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
+        from wavesim.verdict.answers import of_endless
         from wavesim.verdict.endless import hold, judge, tables
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]
         checks = judge(field, held)
-        return Found(checks, held, tables(held), {}, notes(case.simulation, checks))
+        found = tables(held)
+        told = notes(case.simulation, checks)
+        return Found(checks, of_endless(field, held), held, found, {}, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
+    from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]}
     checks = judge_bar(field, reading)
-    return Found(checks, reading, reading.tables(), summary, bar_notes(reading, field))
+    answers = of_bar(field, reading)
+    told = bar_notes(reading, field)
+    return Found(checks, answers, reading, reading.tables(), summary, told)
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A run's folder, opened.
+
+    Attributes:
+        case: as it was run.
+        field: of result.h5, read where it is looked at.
+        status: running, complete or failed.
+    """
+
+    case: Case
+    field: Any
+    status: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run came to its end."""
+        return self.status == "complete"
+
+    @property
+    def why(self) -> str:
+        """Why there is not all that a complete run has."""
+        seconds = float(self.field.t[-1])
+        return (
+            f"the run is not complete (status {self.status}, {len(self.field.t)} frames, to "
+            f"{seconds:.4g} s): only the field is shown; wavesim run --resume carries it on"
+        )
+
+    def measured(self) -> Any:
+        """What was measured, once more from the field: what figures are drawn from."""
+        return measure(self.case, self.field).shown
+
+
+def opened(folder: Path) -> Opened:
+    """Open the folder of a run's results.
+
+    Raises:
+        RunError: there is no result in it, or it can't be read.
+    """
+    from wavesim.case.load import build
+    from wavesim.case.schema import CaseError, parse
+    from wavesim.io.result_reader import StorageError, describe, read
+
+    path = folder if folder.suffix == ".h5" else folder / "result.h5"
+    try:
+        stored = describe(path)
+        case = build(parse(stored.case, str(path)), str(path))
+        return Opened(case, read(path, case.simulation), stored.status)
+    except (StorageError, CaseError) as error:
+        raise RunError(str(error), False) from error
 
 
 def _begin(folder: Path) -> None:

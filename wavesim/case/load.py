@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,19 @@ import tomli_w
 
 from wavesim.case import medium_tables as casemedia
 from wavesim.case import source_tables as casesources
-from wavesim.case.messages import place
-from wavesim.case.schema import AnalysisTable, CaseError, CaseFile, read
+from wavesim.case.layered_case import BarLayers, bar_layers, builder
+from wavesim.case.medium_tables import Placed
+from wavesim.case.schema import AnalysisTable, BarTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
+from wavesim.material.scaling import JUDGED
 from wavesim.material.wave_equations import fastest_speed
-from wavesim.planewave.hyperbolicity import check_hyperbolic
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
-# Branches are judged between these k̄ where the case does not say otherwise.
-_JUDGED = (0.02, 0.5)
 # A run of fewer frames by default shows nothing.
 _FEWEST_FRAMES = 6
 # A grid carries what it slows down by no more than this.
@@ -88,26 +87,6 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     return build(read(path, overrides), str(path))
 
 
-def builder(name: str) -> Callable[..., Any]:
-    """A function that makes something of a table, and tells what is wrong with it.
-
-    Args:
-        name: of the file, for messages.
-
-    Returns:
-        build(where, make, *arguments): make(*arguments), whose ValueError becomes a CaseError that
-        names the table at that path.
-    """
-
-    def build(where: tuple[str, ...], make: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            return make(*arguments)
-        except ValueError as error:
-            raise CaseError(f"{name}: {place(where)} {error}") from None
-
-    return build
-
-
 def build(file: CaseFile, name: str) -> Case:
     """Build what a case file describes.
 
@@ -118,31 +97,28 @@ def build(file: CaseFile, name: str) -> Case:
     Raises:
         CaseError: as :func:`load`.
     """
-    make = builder(name)
-    medium = make(("medium",), file.medium.build)
-    make(("medium",), check_hyperbolic, medium)
-    stretches: list[Layer] = []
-    for number, table in enumerate(file.layers):
-        where = ("layers", str(number))
-        layer = make(where, table.build, file.medium)
-        for end in layer.sampled(2):
-            make(where, check_hyperbolic, end)
-        stretches.append(layer)
+    for heading in file.missing:
+        raise CaseError(f"{name}: {heading}: required, but not given; add it")
+    make, known = builder(name), bar_layers(file, name)
+    medium, stretches, ends = known.medium, known.stretches, known.ends
     media = [m for layer in stretches for m in layer.sampled(2)] or [medium]
     finest = min(media, key=lambda m: float(m.branch_length))
-    bar = make(("bar",), file.bar.build, finest)
-    for number in range(len(stretches)):
-        where = ("layers", str(number))
+    sized = not stretches or file.bar.length is not None or file.bar.cells is not None
+    plain = make(("bar",), file.bar.build, finest) if sized else None
+    length = plain.length if plain else stretches[-1].end
+    for number, one in enumerate(known.places):
         last = number + 1 == len(stretches)
-        make(where, check_follow, stretches[: number + 1], bar.length, last)
-    layers = casemedia.as_bar(stretches)
-    if stretches and layers is None:
-        medium = stretches[0].medium
-    ends = (file.bar.left, file.bar.right)
-    for number, layer in enumerate(layers.layers if layers else ()):
-        make(("layers", str(number)), _check_thick, layer, bar)
-    absorber = make(("bar",), _absorber, file, ends, (media[0], media[-1]), bar)
-    bar = make(("bar",), _whole, bar, layers, ends, absorber)
+        make(one.where, check_follow, stretches[: number + 1], length, last)
+    layers = known.layers
+    order = file.bar.order
+    widest = file.bar.spacing or (plain.spacing if plain else float(finest.branch_length) / 8)
+    spacings = []
+    for one, layer in zip(known.places, stretches, strict=True):
+        if layers:
+            make(one.where, _check_thick, one, file.bar, widest)
+        spacings.append(_spacing(file.bar, layer, widest))
+    absorber = make(("bar",), _absorber, file, ends, (media[0], media[-1]), length)
+    bar = make(("bar",), _whole, plain, layers, length, spacings, order, ends, absorber)
     sources = []
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
@@ -161,7 +137,7 @@ def build(file: CaseFile, name: str) -> Case:
     judged = (0.0, 0.0)
     if simulation.endless:
         judged = make(("analysis",), _judged, file.analysis, medium, bar)
-    tables = _resolved(file, bar, absorber, sources)
+    tables = _resolved(file, known, bar, absorber, sources)
     return Case(file.title, simulation, file.analysis, judged, medium, tables)
 
 
@@ -194,12 +170,12 @@ def _simulation(
 def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
     """Wavenumbers between which branches are judged, held to what the bar resolves."""
     unit = 2 * math.pi / medium.length_scale
-    low = analysis.k_min or _JUDGED[0] * unit
-    high = analysis.k_max or _JUDGED[1] * unit
+    low = analysis.k_min or JUDGED[0] * unit
+    high = analysis.k_max or JUDGED[1] * unit
     if low >= high:
         raise ValueError(
-            f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {_JUDGED[0]:g} and "
-            f"{_JUDGED[1]:g} are the defaults); give the other too"
+            f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {JUDGED[0]:g} and "
+            f"{JUDGED[1]:g} are the defaults); give the other too"
         )
     if high > math.pi / bar.spacing:
         raise ValueError(
@@ -216,18 +192,21 @@ def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, f
 
 
 def _resolved(
-    file: CaseFile, bar: Bar, absorber: float, sources: Sequence[Source]
+    file: CaseFile, known: BarLayers, bar: Bar, absorber: float, sources: Sequence[Source]
 ) -> dict[str, Any]:
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
     tables = file.model_dump(by_alias=True)
     own = file.medium.build()
     tables["medium"] |= {"rotation_inertia": own.beta, "curvature_inertia": own.gamma}
-    tables["bar"].pop("length", None)
-    tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
+    tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}
+    if not _own_cells(file.bar, known):
+        tables["bar"].pop("length", None)
+        tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
     if absorber:
         tables["bar"]["absorber"] = absorber
     tables["layers"] = [
-        casemedia.resolved(table.build(file.medium), table, file.medium) for table in file.layers
+        casemedia.resolved(layer, one.table, file.medium)
+        for one, layer in zip(known.places, known.stretches, strict=True)
     ]
     tables["sources"] = [
         casesources.resolved(table, source)
@@ -238,42 +217,73 @@ def _resolved(
     return tables
 
 
+def _own_cells(table: BarTable, known: BarLayers) -> bool:
+    """Whether each layer has cells as its thickness asks, where no spacing is given."""
+    return bool(known.layers) and table.spacing is None and table.cells is None
+
+
 def _absorber(
-    file: CaseFile, ends: tuple[End, End], media: tuple[Medium, Medium], bar: Bar
+    file: CaseFile, ends: tuple[End, End], media: tuple[Medium, Medium], whole: float
 ) -> float:
     """Length of the absorbing layers; they must leave something of the bar."""
     absorbing = [m for end, m in zip(ends, media, strict=True) if end == "absorbing"]
     if not absorbing:
         return 0.0
     length = file.bar.absorber or _ABSORBER * max(float(m.branch_length) for m in absorbing)
-    if len(absorbing) * length >= bar.length:
+    if len(absorbing) * length >= whole:
         raise ValueError(
             f"absorber = {length:g}: the absorbing layers leave nothing of the bar of "
-            f"{bar.length:g} m; take less than {bar.length / len(absorbing):g}, or lengthen the bar"
+            f"{whole:g} m; take less than {whole / len(absorbing):g}, or lengthen the bar"
         )
     return length
 
 
-def _check_thick(layer: Layer, grid: Bar) -> None:
-    """Hold a layer to the fewest cells that its closures take."""
-    cells, least = max(1, round(layer.thickness / grid.spacing)), closure(grid.order).cells
+def _check_thick(layer: Placed, table: BarTable, spacing: float) -> None:
+    """Hold a layer to the fewest cells that its closures take, where a spacing is given."""
+    if table.spacing is None and table.cells is None:
+        return
+    thickness, by_thickness = layer.end - layer.start, layer.table.thickness is not None
+    cells, least = max(1, round(thickness / spacing)), closure(table.order).cells
     if cells >= least:
         return
     # A whole part of the spacing, as a bar's length is a whole number of cells.
-    parts = math.ceil(least * grid.spacing / layer.thickness * (1 - 1e-9))
+    parts = math.ceil(least * spacing / thickness * (1 - 1e-9))
+    given = (
+        f"thickness = {thickness:g}"
+        if by_thickness
+        else f"from = {layer.start:g}, to = {layer.end:g}"
+    )
     raise ValueError(
-        f"from = {layer.start:g}, to = {layer.end:g}: {layer.thickness:.4g} m is {cells} "
-        f"cell{'s' if cells > 1 else ''} of [bar] spacing = {grid.spacing:.6g}, and order "
-        f"{grid.order} needs {least} in a layer; take [bar] spacing = {grid.spacing / parts:.6g}, "
+        f"{given}: {thickness:.4g} m is {cells} "
+        f"cell{'s' if cells > 1 else ''} of [bar] spacing = {spacing:.6g}, and order "
+        f"{table.order} needs {least} in a layer; take [bar] spacing = {spacing / parts:.6g}, "
         "a lower [bar] order, or a thicker layer"
     )
 
 
-def _whole(grid: Bar, layers: Layers | None, ends: tuple[End, End], absorber: float) -> Bar:
+def _spacing(table: BarTable, layer: Layer, widest: float) -> float:
+    """Cell size of a layer: that of [bar], or small enough for the closures."""
+    if table.spacing is not None or table.cells is not None:
+        return widest
+    return min(widest, layer.thickness / closure(table.order).cells)
+
+
+def _whole(
+    plain: Bar | None,
+    layers: Layers | None,
+    length: float,
+    spacings: Sequence[float],
+    order: int,
+    ends: tuple[End, End],
+    absorber: float,
+) -> Bar:
     """The bar with its ends, and with a stretch of the grid for each layer."""
-    if layers is None:
-        return dataclasses.replace(grid, left=ends[0], right=ends[1], absorber=absorber)
-    return layered_bar(layers, grid.spacing, grid.order, *ends, absorber)
+    if layers is not None:
+        return layered_bar(layers, spacings, order, *ends, absorber)
+    if plain is None:
+        cells = max(1, round(length / spacings[0]))
+        plain = Bar(cells, length / cells, order)
+    return dataclasses.replace(plain, left=ends[0], right=ends[1], absorber=absorber)
 
 
 def _check_end(source: Source, table: Any, ends: tuple[End, End]) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import numbers
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
@@ -17,9 +18,9 @@ from pydantic import (
     model_validator,
 )
 
-from wavesim.case.table import NotNegative, Table
+from wavesim.case.table import NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
-from wavesim.material.layers import Grading, Layer, Layers
+from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import PARAMETERS, Closure, Medium, check_parameter
 
 
@@ -81,6 +82,8 @@ def damping(losses: dict[str, Any]) -> Damping:
     )
 
 
+MOST_REPEATS = 10_000
+
 Band = Annotated[list[float] | None, AfterValidator(_check_band)]
 
 # The type and the default of each loss key.
@@ -116,17 +119,71 @@ class MediumTable(_MediumKeys):
 
 
 class LayerTable(_LayerKeys):
-    """[[layers]]: from, to (m), grading, and any key of [medium], a pair where it is graded."""
+    """[[layers]]: a layer, or a group of layers that is repeated.
 
-    start: Annotated[NotNegative, Field(alias="from")]
-    end: Annotated[NotNegative, Field(alias="to")]
+    A layer has from and to (m), or thickness (m) and begins where the one before it ends; grading;
+    and any key of [medium], a pair where it is graded. A group has repeat, and its layers in
+    [[layers.layers]], by thickness.
+    """
+
+    start: NotNegative | None = Field(default=None, alias="from")
+    end: NotNegative | None = Field(default=None, alias="to")
+    thickness: Positive | None = None
     grading: Grading = "smooth"
+    repeat: Annotated[int, Field(gt=0, le=MOST_REPEATS)] | None = None
+    layers: list[LayerTable] = Field(default_factory=list)
 
     _graded = field_validator(*PARAMETERS, mode="before")(_number_or_pair)
     _ungraded = field_validator(*LOSSES, mode="before")(_one_number)
 
+    @property
+    def group(self) -> bool:
+        """Whether it is a group."""
+        return self.repeat is not None or bool(self.layers)
+
     @model_validator(mode="after")
-    def _thick(self) -> LayerTable:
+    def _one_or_several(self) -> LayerTable:
+        if not self.group:
+            return self
+        if not self.layers:
+            raise ValueError(
+                f"repeat = {self.repeat}: has no layers to repeat; add [[layers.layers]] below it"
+            )
+        own = [
+            type(self).model_fields[name].alias or name
+            for name in sorted(self.model_fields_set - {"repeat", "layers"})
+        ]
+        if own:
+            raise ValueError(
+                f"{own[0]}: a group has repeat and [[layers.layers]] alone; give it in these, or "
+                "in [medium]"
+            )
+        for number, inner in enumerate(self.layers, start=1):
+            if not inner.group and inner.thickness is None:
+                raise ValueError(
+                    f"[[layers.layers]] number {number}: thickness: required in a group, but not "
+                    "given; add it in place of from and to"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _one_extent(self) -> LayerTable:
+        if self.group:
+            return self
+        if self.thickness is not None:
+            if self.start is not None or self.end is not None:
+                raise ValueError(
+                    f"thickness = {self.thickness:g}: stands in place of from and to; give the one "
+                    "or the others"
+                )
+            return self
+        if self.start is None and self.end is None:
+            raise ValueError("thickness, or from and to: neither is given; give one of the two (m)")
+        for name, value in (("from", self.start), ("to", self.end)):
+            if value is None:
+                raise ValueError(f"{name}: required, but not given; add it")
+        assert self.start is not None
+        assert self.end is not None
         if self.end <= self.start:
             raise ValueError(
                 f"to = {self.end:g}: must be greater than from = {self.start:g}; a layer has a "
@@ -134,15 +191,15 @@ class LayerTable(_LayerKeys):
             )
         return self
 
-    def build(self, medium: MediumTable) -> Layer:
-        """The layer, with the defaults that [medium] gives.
+    def build(self, medium: MediumTable, start: float, end: float) -> Layer:
+        """The layer from start to end (m), with the defaults that [medium] gives.
 
         Raises:
             ValueError: the loss keys do not go together.
         """
         given = {
             key: value
-            for key, value in self.model_dump(exclude={"start", "end", "grading"}).items()
+            for key, value in self.model_dump(exclude=set(_EXTENT)).items()
             if value is not None
         }
         whole = medium.model_dump() | given
@@ -154,7 +211,53 @@ class LayerTable(_LayerKeys):
             for n in (0, 1)
         ]
         last = None if ends[0] == ends[1] else ends[1]
-        return Layer(self.start, self.end, ends[0], last, self.grading)
+        return Layer(start, end, ends[0], last, self.grading)
+
+
+_EXTENT = ("start", "end", "thickness", "grading", "repeat", "layers")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A layer of the bar, groups written out.
+
+    Attributes:
+        where: the path to its table, such as ("layers", "1", "layers", "0").
+        table: its table.
+        start, end: m.
+    """
+
+    where: tuple[str, ...]
+    table: LayerTable
+    start: float
+    end: float
+
+
+def placed(tables: Sequence[LayerTable]) -> list[Placed]:
+    """The layers of a case in order, each where it stands.
+
+    Raises:
+        ValueError: there are more than can be meant.
+    """
+    found: list[Placed] = []
+
+    def put(inside: Sequence[LayerTable], path: tuple[str, ...]) -> None:
+        for number, table in enumerate(inside):
+            where = (*path, str(number))
+            if table.group:
+                for _ in range(table.repeat or 1):
+                    put(table.layers, (*where, "layers"))
+                continue
+            if len(found) >= MOST_REPEATS:
+                raise ValueError(f"more than {MOST_REPEATS} layers; lower a repeat")
+            start = table.start
+            if start is None:
+                start = found[-1].end if found else 0.0
+            end = start + table.thickness if table.end is None else table.end  # type: ignore[operator]
+            found.append(Placed(where, table, start, end))
+
+    put(tables, ("layers",))
+    return found
 
 
 def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, Any]:
@@ -176,10 +279,3 @@ def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, 
         | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in PARAMETERS}
         | {key: value for key, value in losses.items() if value is not None}
     )
-
-
-def as_bar(layers: Sequence[Layer]) -> Layers | None:
-    """The layers as one bar; None where it is uniform."""
-    if not layers or (len(layers) == 1 and layers[0].last is None):
-        return None
-    return Layers(tuple(layers))

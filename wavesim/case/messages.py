@@ -25,11 +25,15 @@ _LONGEST = 60
 
 
 def place(parts: Sequence[Any]) -> str:
-    """[medium] or [[sources]] number 1, from a path through the tables."""
-    table, *rest = (str(part) for part in parts)
-    if rest and rest[0].isdigit():
-        return f"[[{table}]] number {int(rest[0]) + 1}:"
-    return f"[{table}]"
+    """[medium], or [[sources]] number 1:, from a path through the tables."""
+    told: list[str] = []
+    names: list[str] = []
+    for part in map(str, parts):
+        if part.isdigit() and names:
+            told.append(f"[[{'.'.join(names)}]] number {int(part) + 1}")
+        else:
+            names.append(part)
+    return f"{', '.join(told)}:" if told else f"[{names[0]}]"
 
 
 def sentence(schema: type[BaseModel], error: ValidationError) -> str:

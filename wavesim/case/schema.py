@@ -19,8 +19,10 @@ from wavesim.case.source_tables import SourceTable
 from wavesim.case.table import NotNegative, Positive, Table
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import ORDERS
-from wavesim.material.layers import End
 from wavesim.material.medium import Medium
+
+HALF_SPACE = "half-space"
+CaseEnd = Literal["half-space", "periodic", "fixed", "free", "absorbing"]
 
 
 class CaseError(ValueError):
@@ -28,18 +30,19 @@ class CaseError(ValueError):
 
 
 class BarTable(Table):
-    """[bar]: length (m) or cells is required; spacing (m) is an eighth of the branch length.
+    """[bar]: length (m) or cells, which layers give where there are any; spacing (m).
 
-    absorber is the length (m) of the absorbing layer at each absorbing end, inside the bar; None
-    stands for 8 branch lengths.
+    spacing is an eighth of the branch length, less in layers too thin for that. absorber is the
+    length (m) of the absorbing layer at each absorbing end, inside the bar; None stands for 8
+    branch lengths. An end that is a half-space stands for [medium] going on for ever.
     """
 
     length: Positive | None = None
     cells: Annotated[int, Field(gt=0)] | None = None
     spacing: Positive | None = None
     order: int = 8
-    left: End = "periodic"
-    right: End = "periodic"
+    left: CaseEnd = "periodic"
+    right: CaseEnd = "periodic"
     absorber: Positive | None = None
 
     @field_validator("order")
@@ -50,13 +53,6 @@ class BarTable(Table):
         return value
 
     @model_validator(mode="after")
-    def _one_size(self) -> BarTable:
-        if (self.length is None) == (self.cells is None):
-            both = "both are given" if self.cells is not None else "neither is given"
-            raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
-        return self
-
-    @model_validator(mode="after")
     def _ends_match(self) -> BarTable:
         ends = {"left": self.left, "right": self.right}
         if (self.left == "periodic") != (self.right == "periodic"):
@@ -65,7 +61,7 @@ class BarTable(Table):
                 f'{side} = "{ends[side]}": {other} is "periodic", and a bar is periodic at both '
                 f"ends or at neither; give {other} too"
             )
-        if self.absorber is not None and "absorbing" not in ends.values():
+        if self.absorber is not None and not {"absorbing", HALF_SPACE} & set(ends.values()):
             raise ValueError(
                 f'absorber = {self.absorber:g}: neither end is "absorbing"; set left or right to '
                 "it, or leave absorber out"
@@ -73,7 +69,10 @@ class BarTable(Table):
         return self
 
     def build(self, medium: Medium) -> Bar:
-        """The bar, for a medium that gives the default spacing."""
+        """The bar of no layers, for a medium that gives the default spacing."""
+        if (self.length is None) == (self.cells is None):
+            both = "both are given" if self.cells is not None else "neither is given"
+            raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
         spacing = self.spacing or medium.branch_length / 8
         if self.cells is not None:
             return Bar(self.cells, spacing, self.order)
@@ -131,15 +130,15 @@ class AnalysisTable(Table):
 
 
 class CaseFile(Table):
-    """A whole case file."""
+    """A whole case file; what only a simulation needs of it may be missing."""
 
     title: str = ""
     medium: MediumTable = MediumTable()
-    bar: BarTable
+    bar: BarTable = BarTable()
     layers: list[LayerTable] = Field(default_factory=list)
-    sources: Annotated[list[SourceTable], Field(min_length=1)]
+    sources: Annotated[list[SourceTable], Field(min_length=1)] = []  # noqa: RUF012
     receivers: list[ReceiverTable] = Field(default_factory=list)
-    time: TimeTable
+    time: TimeTable = TimeTable.model_construct()
     analysis: AnalysisTable = AnalysisTable()
 
     @field_validator("receivers")
@@ -150,6 +149,12 @@ class CaseFile(Table):
         if twice:
             raise ValueError(f'name = "{twice[0]}" is given twice; each receiver needs its own')
         return value
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Headings of the tables that a simulation needs and this lacks."""
+        needed = {"bar": "[bar]", "sources": "[[sources]]", "time": "[time]"}
+        return tuple(needed[name] for name in needed if name not in self.model_fields_set)
 
 
 def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:

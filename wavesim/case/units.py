@@ -9,7 +9,7 @@ from wavesim.material.medium import PARAMETERS
 # By key; where the tables give one key two meanings the unit is the same.
 UNITS = (
     dict.fromkeys(
-        ("length", "spacing", "absorber", "from", "to", "position", "width"), "m"
+        ("length", "spacing", "absorber", "from", "to", "thickness", "position", "width"), "m"
     )
     | dict.fromkeys(("duration", "step", "delay", "start", "times", "stiffness_damping"), "s")
     | dict.fromkeys(("peak_frequency", "frequency", "low", "high", "quality_band"), "Hz")

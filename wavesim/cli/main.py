@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.figures import figures as figures_of
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -27,6 +28,18 @@ NOT_FINITE, INTERRUPTED = 3, 130
 
 def _load(case: str, overrides: tuple[str, ...]) -> Any:
     from wavesim.case.load import load
+
+    return _read(load, case, overrides)
+
+
+def _medium(case: str, overrides: tuple[str, ...]) -> Any:
+    """[medium] of a case that need not be one of a simulation."""
+    from wavesim.case.layered_case import load_layers
+
+    return _read(load_layers, case, overrides).medium
+
+
+def _read(load: Callable[..., Any], case: str, overrides: tuple[str, ...]) -> Any:
     from wavesim.case.schema import CaseError
 
     try:
@@ -66,18 +79,32 @@ def main() -> None:
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
 @_SET
 @click.option("--resume", is_flag=True, help="Carry on an interrupted run of the same case.")
+@click.option("--figures", is_flag=True, help="Draw all figures too, as wavesim figures does.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-def run(case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool) -> None:
+def run(
+    case: str,
+    out: str | None,
+    overrides: tuple[str, ...],
+    resume: bool,
+    figures: bool,
+    quiet: bool,
+) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
     from wavesim.runner import begun_beside
 
     # It loads what it needs while this process reads the case.
     with begun_beside() as beside:
-        _whole(case, out, overrides, resume, quiet, beside)
+        _whole(case, out, overrides, resume, figures, quiet, beside)
 
 
 def _whole(
-    case: str, out: str | None, overrides: tuple[str, ...], resume: bool, quiet: bool, beside: Any
+    case: str,
+    out: str | None,
+    overrides: tuple[str, ...],
+    resume: bool,
+    figures: bool,
+    quiet: bool,
+    beside: Any,
 ) -> None:
     loaded = _load(case, overrides)
     _planned(case, loaded)
@@ -90,19 +117,24 @@ def _whole(
         click.echo(f"wavesim: warning: {case}: {warning}", err=True)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet) as tell:
-        outcome = _run(loaded, folder, resume, tell, beside)
+        outcome = _run(loaded, folder, resume, tell, beside, figures)
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
         console.print(f"Note: {note}.")
     if warned:
         console.print(f"{_count(warned)} before the run, told again by wavesim check.")
-    console.print(f"Results in {folder}")
+    click.echo(f"The page: {folder / 'report.html'}") if not quiet else None
     if not outcome.passed:
         sys.exit(FELL_SHORT)
 
 
 def _run(
-    loaded: Any, folder: Path, resume: bool, tell: Callable[[str, float], None], beside: Any
+    loaded: Any,
+    folder: Path,
+    resume: bool,
+    tell: Callable[[str, float], None],
+    beside: Any,
+    figures: bool,
 ) -> Any:
     from wavesim import runner
 
@@ -122,7 +154,7 @@ def _run(
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     try:
-        return runner.run(loaded, folder, resume, go_on, beside)
+        return runner.run(loaded, folder, resume, go_on, beside, figures)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:
@@ -183,7 +215,7 @@ def _print_bands(medium: Any) -> None:
 @_SET
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Branches, cutoffs, asymptotes and gaps of CASE's medium, by the plane-wave solver alone."""
-    medium = _load(case, overrides).medium
+    medium = _medium(case, overrides)
     from wavesim.planewave import bands as content
 
     answer = json.dumps(content.summary(medium))
@@ -252,7 +284,7 @@ def gaps(
     overrides: tuple[str, ...],
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png."""
-    medium = _load(case, overrides).medium
+    medium = _medium(case, overrides)
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure
@@ -294,7 +326,7 @@ def entry() -> None:
     os._exit(code if isinstance(code, int) else bool(code))
 
 
-for _command in labcli.COMMANDS:
+for _command in (*labcli.COMMANDS, figures_of):
     main.add_command(_command)
 
 

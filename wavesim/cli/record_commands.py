@@ -10,11 +10,13 @@ import importlib.util
 import json
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
+from wavesim.cli.record_options import record_options
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 _SECTORS = ("longitudinal", "transverse2", "transverse3")
@@ -29,26 +31,20 @@ def _options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--out", type=click.Path(), help="Folder for points, numbers and figures."),
         click.option("--json", "as_json", is_flag=True, help="Print one JSON object."),
         click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
-        click.option("--values", metavar="NAME", help="Array of the record in the file."),
-        click.option("--time", metavar="NAME", help="Array of its times."),
-        click.option("--positions", metavar="NAME", help="Array of its receivers' positions."),
-        click.option("--interval", type=float, help="Δt in s, where the file has no times."),
-        click.option("--spacing", type=float, help="Receiver spacing in m, where it has none."),
         click.option("--quiet-from", type=float, help="Time in s from which no source acts."),
         click.option("--source", "places", type=float, multiple=True, help="Position in m."),
         click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar."),
         click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
     ]
+    function = record_options(function)
     for option in reversed(given):
         function = option(function)
     return function
 
 
 def _layout(options: dict[str, Any]) -> Any:
-    from wavesim.records.files import Layout
-
-    names = ("values", "time", "positions", "interval", "spacing", "quiet_from", "ring", "lattice")
-    return Layout(**{name: options[name] for name in names}, sources=options["places"])
+    own = {name: options[name] for name in ("quiet_from", "ring", "lattice")}
+    return replace(options["layout"], **own, sources=options["places"])
 
 
 def _medium(case: str | None, sources: Sequence[Any] = ()) -> Any:

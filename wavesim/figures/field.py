@@ -65,6 +65,29 @@ def _amplitude(field: Field, sector: str) -> np.ndarray:
     return amplitude
 
 
+def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
+    """Amplitude of one sector over position and time, dB below its peak; returns the image."""
+    amplitude = _amplitude(field, sector)
+    image = axes.imshow(
+        decibels(amplitude, float(amplitude.max()) or 1.0),
+        origin="lower",
+        aspect="auto",
+        extent=(0, field.bar.length * 1e3, 0, field.t[-1] * 1e6),
+        cmap=MAP,
+        vmin=-_DECIBELS,
+        vmax=0,
+        interpolation="nearest",
+    )
+    for edge in field.layers.interfaces:
+        axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
+    for source in field.sources:
+        if any(source.field in b.fields for b in field.blocks if b.sector == sector):
+            axes.plot(
+                source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k"
+            )
+    return image
+
+
 def spacetime(field: Field) -> Figure:
     """Amplitude of every sector over position and time, in dB below its peak."""
     sectors = [s for s in SECTORS if any(b.sector == s for b in field.blocks)]
@@ -72,28 +95,11 @@ def spacetime(field: Field) -> Figure:
     rows = -(-len(sectors) // columns)
     figure = Figure(figsize=(3.6 * columns + 0.8, 3.1 * rows + 0.3))
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    medium, bar = field.medium, field.bar
+    medium = field.medium
     for axes in panels[len(sectors) :]:
         axes.remove()
     for number, (axes, sector) in enumerate(zip(panels, sectors, strict=False), start=1):
-        amplitude = _amplitude(field, sector)
-        image = axes.imshow(
-            decibels(amplitude, float(amplitude.max()) or 1.0),
-            origin="lower",
-            aspect="auto",
-            extent=(0, bar.length * 1e3, 0, field.t[-1] * 1e6),
-            cmap=MAP,
-            vmin=-_DECIBELS,
-            vmax=0,
-            interpolation="nearest",
-        )
-        for edge in field.layers.interfaces:
-            axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
-        for source in field.sources:
-            if any(source.field in b.fields for b in field.blocks if b.sector == sector):
-                axes.plot(
-                    source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k"
-                )
+        image = spacetime_panel(axes, field, sector)
         axes.set_title(TITLES[sector])
         # Numbers and units stand at the outer sides alone.
         if number % columns == 1 % columns:
@@ -181,6 +187,18 @@ def receivers(field: Field) -> Figure:
     second_axes(rows[0, 0], (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
     second_axes(rows[0, 1], (2e3 * np.pi * field.medium.time_scale, "ω̄"), None)
     return figure
+
+
+def section_panel(axes: Axes, field: Field, name: str) -> None:
+    """Record section of one field at the receivers, on given axes."""
+    order = sorted(field.receivers.items(), key=lambda item: item[1])
+    signals = np.array([field.at(position, name) for _, position in order])
+    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(order)))
+    f = np.fft.rfftfreq(4 * signals.shape[1], field.interval)
+    power = np.abs(np.fft.rfft(signals * _end_taper(signals.shape[1]), 4 * signals.shape[1]))
+    pitch = float(f[np.argmax(np.sum(power**2, axis=0))])
+    _section(axes, field, name, order, signals, shades, pitch)
+    axes.set_xlabel("t (µs)")
 
 
 def _section(

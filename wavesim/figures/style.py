@@ -43,6 +43,8 @@ GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 # From ω in rad/s to ω/2π in kHz.
 KHZ = 1 / (2e3 * np.pi)
+# What a file says of when it was made: left out, so that one figure is one file.
+_DATED = {"pdf": "CreationDate", "svg": "Date"}
 _LOWERED = str.maketrans("123", "₁₂₃")
 SYMBOLS = {
     name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
@@ -125,12 +127,13 @@ def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
     )
 
 
-def write(drawings: Drawings, folder: Path) -> list[Path]:
+def write(drawings: Drawings, folder: Path, kind: str = "png") -> list[Path]:
     """Draw figures and write them.
 
     Args:
         drawings: by name, of ``figures.field``, ``figures.endless`` or ``figures.bar``.
         folder: where to; made if need be.
+        kind: of the files: png, pdf or svg.
 
     Returns:
         The files written.
@@ -139,8 +142,11 @@ def write(drawings: Drawings, folder: Path) -> list[Path]:
     written = []
     with matplotlib.rc_context(STYLE):
         for name, draw in drawings.items():
-            path = folder / f"{name}.png"
-            # What savefig does, without its drawing every figure once more to settle the layout.
-            FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            path = folder / f"{name}.{kind}"
+            if kind == "png":
+                # What savefig does, without its drawing every figure once more for the layout.
+                FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            else:
+                draw().savefig(path, format=kind, metadata={_DATED[kind]: None})
             written.append(path)
     return written

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from wavesim.grid.stencils import difference_weights, interpolation_weights
 from wavesim.grid.summation_by_parts import chain
 from wavesim.material.layers import ENDS, End, Layers
+from wavesim.material.shown import Shown, quantity
 
 MINIMUM_CELLS = 16
 
@@ -38,8 +40,8 @@ class Differences:
     half_norm: Float
 
 
-@dataclass(frozen=True)
-class Bar:
+@dataclass(frozen=True, repr=False)
+class Bar(Shown):
     """A bar on a staggered grid, with its ends.
 
     Rotations φ live on the nodes x_i, φ′, B and σ on the half-nodes x_i + h/2. A periodic bar of N
@@ -105,6 +107,20 @@ class Bar:
             )
         if not self.uniform or not self.periodic:
             self.differences  # noqa: B018  (says which stretch is too short)
+
+    def told(self) -> dict[str, str]:
+        """Length, grid, ends."""
+        ends = "periodic" if self.periodic else f"{self.left} – {self.right}"
+        told = {
+            "length": quantity(self.length, "m"),
+            "cells": f"{self.cells} of {quantity(self.spacing, 'm')}, order {self.order}",
+            "ends": ends,
+        }
+        if not self.uniform:
+            told["stretches"] = str(len(self.stretches))
+        if self.absorber:
+            told["absorber"] = quantity(self.absorber, "m")
+        return told
 
     @property
     def periodic(self) -> bool:
@@ -271,7 +287,7 @@ class Bar:
 
 def layered_bar(
     layers: Layers,
-    spacing: float,
+    spacing: float | Sequence[float],
     order: int = 8,
     left: End = "free",
     right: End = "free",
@@ -281,15 +297,16 @@ def layered_bar(
 
     Args:
         layers: what it is made of.
-        spacing: the cell size to come nearest to, m.
+        spacing: the cell size to come nearest to, of all layers or of each, m.
         order, left, right, absorber: as of :class:`Bar`.
 
     Raises:
         ValueError: a layer is too thin for the order, or a value is not admissible.
     """
     stretches = []
-    for layer in layers.layers:
-        cells = max(1, round(layer.thickness / spacing))
+    sizes = np.broadcast_to(np.asarray(spacing, dtype=float), len(layers.layers))
+    for layer, size in zip(layers.layers, sizes.tolist(), strict=True):
+        cells = max(1, round(layer.thickness / size))
         stretches.append((cells, layer.thickness / cells))
     return Bar(
         sum(cells for cells, _ in stretches),

@@ -1,4 +1,4 @@
-"""Reading result files, and the arrays of any other HDF5 file."""
+"""Reading result files."""
 
 from __future__ import annotations
 
@@ -102,26 +102,3 @@ def is_result(path: Path) -> bool:
             return bool(file.attrs.get("format") == "wavesim")
     except OSError:
         return False
-
-
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Every array of numbers in any HDF5 file, by its path within, up to three axes.
-
-    Args:
-        path: of the file.
-
-    Raises:
-        StorageError: it can't be read as HDF5.
-    """
-    found: dict[str, np.ndarray] = {}
-
-    def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.ndim <= 3 and item.dtype.kind in "fiub":
-            found[name] = item[()]
-
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(keep)
-    except OSError as error:
-        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
-    return found

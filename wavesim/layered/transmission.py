@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +12,15 @@ from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
 from wavesim.material.layers import Layers
 from wavesim.material.sectors import Block, blocks_of
+from wavesim.material.shown import Shown
 from wavesim.planewave.band_edges import keeps_gradient
 
+if TYPE_CHECKING:
+    import xarray
 
-@dataclass(frozen=True)
-class Transmission:
+
+@dataclass(frozen=True, repr=False)
+class Transmission(Shown):
     """Amplitude ratios of rotation φ and power coefficients at each ω.
 
     Reference planes are x = 0 (incident and reflected from the left, transmitted to the left) and
@@ -41,6 +45,22 @@ class Transmission:
     power_R: Any
     power_T_back: Any
     power_R_back: Any
+
+    def told(self) -> dict[str, str]:
+        """Frequencies, and the least and the most that is transmitted."""
+        power = np.asarray(self.power_T, float)
+        told = {"frequencies": str(np.size(self.omega))}
+        if np.isfinite(power).any():
+            low, high = (10 * np.log10(f(power)) for f in (np.nanmin, np.nanmax))
+            told["transmitted energy"] = f"{low:.1f} to {high:.1f} dB"
+        return told
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All ratios over omega (rad/s)."""
+        import xarray
+
+        ratios = {name: ("omega", value) for name, value in vars(self).items() if name != "omega"}
+        return xarray.Dataset(ratios, {"omega": ("omega", self.omega, {"units": "rad/s"})})
 
 
 def block_of(sector: str) -> Block:

@@ -14,7 +14,7 @@ Emmerich & Korn, Geophysics 52, 1252 (1987); Moczo & Kristek, Geophys. Res. Lett
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ class Damping:
         rates: relaxation rates ω_l, rad/s, > 0.
         strengths: Y_l, –, ≥ 0, as many as rates; their sum is below 1, or the medium is
             unstable under slow deformation.
+        made: (Q, band in Hz) of :func:`constant_quality`, where it was made by that.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
@@ -44,6 +45,7 @@ class Damping:
     unrelaxed: float = 1.0
     rates: tuple[float, ...] = ()
     strengths: tuple[float, ...] = ()
+    made: tuple[float, tuple[float, float]] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("mass", "stiffness"):
@@ -181,7 +183,10 @@ def constant_quality(
     used = strengths > 0
     plain = Damping(rates=tuple(rates[used].tolist()), strengths=tuple(strengths[used].tolist()))
     return Damping(
-        unrelaxed=float(1 / plain.modulus(at).real), rates=plain.rates, strengths=plain.strengths
+        unrelaxed=float(1 / plain.modulus(at).real),
+        rates=plain.rates,
+        strengths=plain.strengths,
+        made=None if reference else (float(quality), (float(low), float(high))),
     )
 
 

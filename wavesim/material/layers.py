@@ -14,6 +14,8 @@ from typing import Any, Literal
 import numpy as np
 
 from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.shown import Shown, quantity
+from wavesim.material.tables import grouped, medium_table, rounded
 
 End = Literal["periodic", "fixed", "free", "absorbing"]
 Grading = Literal["smooth", "linear"]
@@ -89,8 +91,8 @@ class Layer:
         return dataclasses.replace(self.medium, **values)
 
 
-@dataclass(frozen=True)
-class Layers:
+@dataclass(frozen=True, repr=False)
+class Layers(Shown):
     """The layers of a bar, in order, without gaps or overlaps.
 
     Args:
@@ -110,6 +112,14 @@ class Layers:
                 check_follow(self.layers[:number], self.layers[-1].end)
             except ValueError as error:
                 raise ValueError(f"layer {number}: {error}") from None
+
+    def told(self) -> dict[str, str]:
+        """Where each layer lies and what it is of."""
+        return {
+            f"{quantity(layer.start, 'm')} – {quantity(layer.end, 'm')}": repr(layer.medium)
+            + ("" if layer.last is None else f" → {layer.last!r}, {layer.grading}")
+            for layer in self.layers
+        }
 
     def mapped(self, change: Callable[[Medium], Medium]) -> Layers:
         """The same layers with every medium changed."""
@@ -162,6 +172,56 @@ class Layers:
     def first(self) -> Medium:
         """The medium at the left end, whose units the program scales by."""
         return self.layers[0].at(0.0)
+
+    def tables(self) -> dict[str, Any]:
+        """{"medium": …, "layers": […]}: itself as tables of a case file, layers by thickness.
+
+        [medium] is that of the first layer, and a layer gives what it has otherwise; a sequence
+        that repeats is written once. Numbers have fourteen digits.
+
+        Raises:
+            ValueError: a loss law has no keys in a case file.
+        """
+        ends = [
+            [medium_table(m) for m in (layer.medium, layer.last) if m is not None]
+            for layer in self.layers
+        ]
+        every = [table for pair in ends for table in pair]
+        # What some medium goes without can't be inherited.
+        common = {k: v for k, v in every[0].items() if all(k in table for table in every)}
+        own = []
+        for layer, (first, *others) in zip(self.layers, ends, strict=True):
+            table: dict[str, Any] = {"thickness": rounded(layer.thickness)}
+            last = others[0] if others else first
+            for key, value in first.items():
+                if last[key] != value:
+                    table[key] = [value, last[key]]
+                elif key not in common or common[key] != value:
+                    table[key] = value
+            if others:
+                table["grading"] = layer.grading
+            own.append(table)
+        return {"medium": common, "layers": grouped(own)}
+
+    def case_text(self, left: str = "absorbing", right: str = "absorbing", **tables: Any) -> str:
+        """Itself as the text of a case file.
+
+        Args:
+            left, right: ends of the bar, as in [bar].
+            tables: others of the file, such as title="…", bar={"spacing": 6.25e-5},
+                sources=[{…}], receivers=[{…}], time={"duration": 1e-4}.
+
+        Raises:
+            ValueError: as :meth:`tables`.
+        """
+        from tomli_w import dumps
+
+        bar = {"left": left, "right": right} | tables.pop("bar", {})
+        head = {"title": tables.pop("title", "")}
+        whole = self.tables()
+        return dumps(
+            head | {"medium": whole["medium"], "bar": bar, "layers": whole["layers"]} | tables
+        )
 
     def layer_at(self, position: float) -> Layer:
         """The layer that holds a position; at an interface the one to its right."""

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 import numbers
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
 from wavesim.material.damping import UNDAMPED, Damping
+from wavesim.material.shown import Shown
 
 Closure = Literal["printed", "consistent"]
 SpectralClosure = Literal["printed", "consistent", "appendix_c"]
@@ -55,8 +56,8 @@ class Parameter:
         return self.low < value <= self.high or (value == self.low and not self.open)
 
 
-@dataclass(frozen=True)
-class Medium:
+@dataclass(frozen=True, repr=False)
+class Medium(Shown):
     """A transversely isotropic granular medium; its axis of symmetry is x₁, the bar's axis.
 
     Every parameter may be a float or a scalar ``jax`` array, so that gradients and batches go
@@ -109,6 +110,24 @@ class Medium:
             if isinstance(value, numbers.Real):
                 check_parameter(name, float(value))
 
+    def __repr__(self) -> str:
+        changed = {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if getattr(self, field.name) is not field.default
+            and not _same(getattr(self, field.name), field.default)
+        }
+        return f"Medium({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
+
+    def told(self) -> dict[str, str]:
+        """Every parameter with its symbol and unit."""
+        told: dict[str, str] = {"closure": self.closure}
+        for name, value in self.parameters.items():
+            own = PARAMETERS[name]
+            shown = f"{float(value):.6g}" if isinstance(value, numbers.Real) else str(value)
+            told[f"{own.symbol}, {name}"] = f"{shown} {own.unit}".rstrip()
+        return told | {"damping": str(self.damping) if self.damping else "none"}
+
     @property
     def beta(self) -> Any:
         """Micro-inertia of rotation β = 2R²/5 (m²) unless given."""
@@ -151,6 +170,11 @@ PARAMETERS: dict[str, Parameter] = {
     if get_origin(hint) is Annotated
 }
 """What the case file, gap maps and fits know of the parameters of a medium, by name."""
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Whether a parameter is a plain number or word that equals its default."""
+    return isinstance(value, str | numbers.Real) and value == default
 
 
 def check_parameter(name: str, value: float) -> None:

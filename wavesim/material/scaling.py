@@ -18,6 +18,9 @@ from wavesim.material.medium import Medium
 from wavesim.material.sectors import Block
 from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
 
+# Branches are judged between these k̄ where nobody says otherwise.
+JUDGED = (0.02, 0.5)
+
 
 @dataclass(frozen=True)
 class Scales:

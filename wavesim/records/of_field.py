@@ -34,6 +34,7 @@ def block_record(field: Field, block: Block) -> Record:
         ring=True,
         quiet_from=field.quiet_from,
         sources=own,
+        trusted=True,
     )
 
 

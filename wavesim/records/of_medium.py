@@ -84,26 +84,24 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
 
 
 def _of_result(path: Path) -> list[RecordOfMedium]:
-    from wavesim.case.load import build
-    from wavesim.case.schema import CaseError, parse
-    from wavesim.io import result_reader as resultfile
+    from wavesim.case.schema import CaseError
+    from wavesim.io.result_reader import StorageError
     from wavesim.records.of_field import block_record
+    from wavesim.records.run_folder import open_run
 
     try:
-        stored = resultfile.describe(path)
-        case = build(parse(stored.case, str(path)), str(path))
-        if not case.simulation.endless:
+        field = open_run(path).field
+        if not field.simulation.endless:
             # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
             raise RecordError(
                 "is of a bar with layers or ends; its run has read its receivers already: see "
                 "summary.json and the groups exact, transmission, bloch, eigenfrequencies, pulse"
             )
-        field = resultfile.read(path, case.simulation)
         return [
             RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar)
             for b in field.blocks
         ]
-    except (resultfile.StorageError, CaseError) as error:
+    except (StorageError, CaseError) as error:
         raise RecordError(str(error)) from None
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None

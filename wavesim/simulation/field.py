@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +15,14 @@ from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.material.sectors import Block
+from wavesim.material.shown import Shown, quantity
 from wavesim.material.wave_equations import ROTATIONS, UNITS
 from wavesim.simulation.bandlimited import between
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
+
+if TYPE_CHECKING:
+    import xarray
 
 Float = NDArray[np.float64]
 
@@ -52,8 +56,8 @@ class Energy:
         return self.work - (self.total - self.total[0])
 
 
-@dataclass(frozen=True)
-class Field:
+@dataclass(frozen=True, repr=False)
+class Field(Shown):
     """A space-time field on a bar.
 
     Attributes:
@@ -71,6 +75,42 @@ class Field:
     energy: Energy | None = None
     stepper: str = ""
     step: float = 0.0
+
+    def told(self) -> dict[str, str]:
+        """Fields, axes and what made them."""
+        return {
+            "fields": ", ".join(self.names),
+            "t": f"{len(self.t)} frames to {quantity(float(self.t[-1]), 's')}",
+            "x": f"{len(self.bar.nodes)} nodes over {quantity(self.bar.length, 'm')}",
+            "sources": self.simulation.told()["sources"],
+            "stepper": f"{self.stepper}, steps of {quantity(self.step, 's')}",
+        }
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The field as a labelled data set.
+
+        Returns:
+            Fields over (t, x) or (t, x_half), energies over t, with attributes ``units``.
+        """
+        import xarray
+
+        axes = {
+            "t": ("t", self.t, {"units": "s"}),
+            "x": ("x", self.bar.nodes, {"units": "m"}),
+            "x_half": ("x_half", self.bar.half_nodes, {"units": "m"}),
+        }
+        data: dict[str, Any] = {
+            name: (
+                ("t", "x" if name in ROTATIONS else "x_half"),
+                self[name],
+                {"units": self.unit(name)},
+            )
+            for name in self.names
+        }
+        if self.energy is not None:
+            for name in ("kinetic", "potential", "work", "total"):
+                data[f"energy_{name}"] = ("t", getattr(self.energy, name), {"units": "J/m²"})
+        return xarray.Dataset(data, axes, {"stepper": self.stepper, "step": self.step})
 
     @property
     def medium(self) -> Medium:

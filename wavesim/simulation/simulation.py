@@ -18,6 +18,7 @@ from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
 from wavesim.material.sectors import Block, excited_blocks
+from wavesim.material.shown import Shown, quantity
 from wavesim.planewave import block_frequencies, check_hyperbolic
 from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.sources import InitialField, Source
@@ -34,8 +35,8 @@ SOLVERS: tuple[str, ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Simulation:
+@dataclass(frozen=True, repr=False)
+class Simulation(Shown):
     """A bar, what drives it, and how long.
 
     Args:
@@ -86,6 +87,19 @@ class Simulation:
             )
         for medium in self.layers.media:
             check_hyperbolic(medium)
+
+    def told(self) -> dict[str, str]:
+        """Bar, sources, receivers and time."""
+        driven = ", ".join(
+            f"{one.kind} on {one.field} at {quantity(one.position, 'm')}" for one in self.sources
+        )
+        return {
+            "bar": ", ".join(self.bar.told().values()),
+            "layers": str(len(self.layers.layers)),
+            "sources": driven,
+            "receivers": ", ".join(self.receivers) or "none",
+            "duration": f"{quantity(self.duration, 's')}, {self.frames} frames",
+        }
 
     @property
     def medium(self) -> Medium:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.scaling import JUDGED
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
 from wavesim.readings.dispersion.extract import Measured
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge
@@ -153,7 +155,7 @@ def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
     return found
 
 
-def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held:
+def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None = None) -> Held:
     """Put the theory beside the measurement of one block.
 
     A ridge is taken for the branch that it lies nearest to; a branch is judged where its
@@ -163,8 +165,11 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float]) -> Held
     Args:
         field: the field.
         measured: of one block.
-        k_range: judged wavenumbers, rad/m.
+        k_range: judged wavenumbers, rad/m; k̄ = 0.02 to 0.5 where None.
     """
+    if k_range is None:
+        unit = 2 * math.pi / float(field.medium.length_scale)
+        k_range = JUDGED[0] * unit, JUDGED[1] * unit
     block, found = measured.block, measured.spectrum
     exact = block_oscillations(field.medium, block, found.k)
     clear = _clear(exact, LOBE_BINS * found.bin)

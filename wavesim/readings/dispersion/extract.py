@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesim.material.sectors import Block
+from wavesim.material.shown import Shown
 from wavesim.readings.dispersion.decay_along_ring import FEWEST_POINTS, Attenuation, attenuation
 from wavesim.readings.dispersion.spectrum import Ridge, Spectrum, ridges, spectrum
 from wavesim.simulation.field import Field
@@ -21,8 +22,8 @@ _ABOVE_PEAK = 2.0
 _MARGIN = 1.25
 
 
-@dataclass(frozen=True)
-class Measured:
+@dataclass(frozen=True, repr=False)
+class Measured(Shown):
     """What was measured of one block.
 
     Attributes:
@@ -36,6 +37,16 @@ class Measured:
     spectrum: Spectrum
     ridges: list[Ridge]
     attenuation: Attenuation | None
+
+    def told(self) -> dict[str, str]:
+        """Block, branches, what was measured of the attenuation."""
+        curve = self.attenuation
+        return {
+            "block": self.block.name,
+            "branches": str(len(self.ridges)),
+            "spectrum": "{} wavenumbers × {} frequencies".format(*self.spectrum.power.shape),
+            "attenuation": "none" if curve is None else f"{len(curve.omega)} frequencies",
+        }
 
 
 def extract(

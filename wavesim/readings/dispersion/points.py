@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wavesim.material.shown import Shown
+
+if TYPE_CHECKING:
+    import xarray
+
 
 Float = NDArray[Any]
 
@@ -16,8 +22,8 @@ BAR = 1.959963984540054
 COMPLEX_BAR = 1.7308183826022854
 
 
-@dataclass(frozen=True)
-class BranchPoints:
+@dataclass(frozen=True, repr=False)
+class BranchPoints(Shown):
     """Points (k, ω) of dispersion branches, in arrays of shape (m,).
 
     Attributes:
@@ -62,6 +68,29 @@ class BranchPoints:
     def branches(self) -> tuple[int, ...]:
         """Numbers of the branches."""
         return tuple(int(b) for b in np.unique(self.branch[self.branch >= 0]))
+
+    def told(self) -> dict[str, str]:
+        """Method, how many count, how large the bars are."""
+        own = self.take(self.valid)
+        told = {
+            "method": self.method,
+            "points": f"{len(own)} valid of {len(self)}",
+            "branches": str(len(own.branches)),
+        }
+        if len(own):
+            size = np.abs(own.k if self.in_space else own.omega)
+            median = float(np.median(own.bar / np.where(size > 0, size, np.nan)))
+            told["95 % bar, median"] = f"{median:.1e} of {'|k|' if self.in_space else 'ω'}"
+        return told
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The points as a data set over their number, the names of columns with their units."""
+        import xarray
+
+        return xarray.Dataset(
+            {name: ("point", np.asarray(values)) for name, values in self.columns().items()},
+            attrs={"method": self.method},
+        )
 
     def take(self, which: Any) -> BranchPoints:
         """The points at an index or mask."""

@@ -1,0 +1,67 @@
+"""What `import wavesim as ws` offers, for editors: completions and types."""
+
+from wavesim import layered as layeredwave
+from wavesim import planewave
+from wavesim.case.load import load
+from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.readings.bar.reading import read_bar
+from wavesim.readings.dispersion.extract import extract
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.readings.pulse.measurement import measure as measure_pulses
+from wavesim.records.arrays import Layout
+from wavesim.records.files import read as read_record
+from wavesim.records.record import record
+from wavesim.records.run_folder import open_run as open
+from wavesim.records.synthetic import synthesize
+from wavesim.simulation.field import Field
+from wavesim.simulation.simulation import Simulation
+from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
+from wavesim.studies.medium_fit import fit
+from wavesim.timedomain.gradient import traced_fields
+from wavesim.timedomain.integrate import integrate, simulate
+from wavesim.verdict.bar import judge_bar
+from wavesim.verdict.endless import hold, judge
+
+__all__ = [
+    "Bar",
+    "Chirp",
+    "Damping",
+    "Field",
+    "GaussianDerivative",
+    "InitialField",
+    "Layer",
+    "Layers",
+    "Layout",
+    "Medium",
+    "Recorded",
+    "Ricker",
+    "Simulation",
+    "ToneBurst",
+    "constant_quality",
+    "extract",
+    "fit",
+    "hold",
+    "in_space",
+    "in_time",
+    "integrate",
+    "judge",
+    "judge_bar",
+    "layered_bar",
+    "layeredwave",
+    "load",
+    "measure_pulses",
+    "open",
+    "planewave",
+    "read_bar",
+    "read_record",
+    "record",
+    "simulate",
+    "synthesize",
+    "traced_fields",
+]
+
+__version__: str

@@ -1,0 +1,134 @@
+"""What a case file says of the bar's material: its medium, its layers, its ends. No grid yet.
+
+What needs no simulation, such as transmission or a design, reads a case by this alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wavesim.case.medium_tables import LayerTable, Placed, placed
+from wavesim.case.messages import place
+from wavesim.case.schema import HALF_SPACE, BarTable, CaseError, CaseFile, read
+from wavesim.material.layers import End, Layer, Layers, check_follow
+from wavesim.material.medium import Medium
+from wavesim.planewave.hyperbolicity import check_hyperbolic
+
+# A half-space is, in a run, a buffer of so many branch lengths: an absorber, and room for a source
+# and a receiver.
+BUFFER = 24
+
+
+@dataclass(frozen=True)
+class BarLayers:
+    """The material of a case.
+
+    Attributes:
+        title: of the case.
+        medium: of [medium], which layers inherit from; of the layer where one is all.
+        places: where the table of each layer stands; of a half-space's buffer, [bar].
+        stretches: the layers; none where the case gives none.
+        ends: of the bar; a half-space's buffer ends in an absorbing one.
+    """
+
+    title: str
+    medium: Medium
+    places: tuple[Placed, ...]
+    stretches: tuple[Layer, ...]
+    ends: tuple[End, End]
+
+    @property
+    def layers(self) -> Layers | None:
+        """The layers as one bar; None where it is uniform."""
+        some = self.stretches
+        if not some or (len(some) == 1 and some[0].last is None):
+            return None
+        return Layers(some)
+
+
+def builder(name: str) -> Callable[..., Any]:
+    """A function that makes something of a table, and tells what is wrong with it.
+
+    Args:
+        name: of the file, for messages.
+
+    Returns:
+        build(where, make, *arguments): make(*arguments), whose ValueError becomes a CaseError that
+        names the table at that path.
+    """
+
+    def build(where: tuple[str, ...], make: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return make(*arguments)
+        except ValueError as error:
+            raise CaseError(f"{name}: {place(where)} {error}") from None
+
+    return build
+
+
+def bar_layers(file: CaseFile, name: str) -> BarLayers:
+    """The material of a case.
+
+    Args:
+        file: its tables.
+        name: of the file, for messages.
+
+    Raises:
+        CaseError: anything that can't be used; the message names file, key, value and remedy.
+    """
+    make = builder(name)
+    medium = make(("medium",), file.medium.build)
+    make(("medium",), check_hyperbolic, medium)
+    bar = file.bar
+    make(("bar",), _check_half_spaces, bar, file.layers)
+    places = make(("layers",), _with_buffers, bar, file.layers, float(medium.branch_length))
+    stretches: list[Layer] = []
+    for one in places:
+        layer = make(one.where, one.table.build, file.medium, one.start, one.end)
+        if layer not in stretches[-2:]:
+            for end in layer.sampled(2):
+                make(one.where, check_hyperbolic, end)
+        stretches.append(layer)
+        make(one.where, check_follow, stretches, max(one.end, stretches[-1].end))
+    if len(stretches) == 1 and stretches[0].last is None:
+        medium = stretches[0].medium
+    ends = tuple("absorbing" if end == HALF_SPACE else end for end in (bar.left, bar.right))
+    return BarLayers(file.title, medium, tuple(places), tuple(stretches), ends)  # type: ignore[arg-type]
+
+
+def load_layers(path: str | Path, overrides: Sequence[str] = ()) -> BarLayers:
+    """The material of a case file; arguments and errors as of :func:`wavesim.case.load.load`."""
+    return bar_layers(read(path, overrides), str(path))
+
+
+def _check_half_spaces(bar: BarTable, tables: Sequence[LayerTable]) -> None:
+    for side, end in (("left", bar.left), ("right", bar.right)):
+        if end == HALF_SPACE and not tables:
+            raise ValueError(
+                f'{side} = "{HALF_SPACE}": stands beside layers, and there are none; add '
+                '[[layers]], or take "absorbing"'
+            )
+
+
+def _with_buffers(bar: BarTable, tables: Sequence[LayerTable], unit: float) -> list[Placed]:
+    """The layers where they stand, with a buffer of [medium] for each half-space."""
+    own = LayerTable(thickness=BUFFER * unit)
+    first = [own] if bar.left == HALF_SPACE else []
+    last = [own] if bar.right == HALF_SPACE else []
+    found = placed([*first, *tables, *last])
+    given = next((p for p in found if p.table.start is not None), None)
+    if first and given is not None:
+        raise ValueError(
+            f'number {int(given.where[1])}: from = {given.start:g}: [bar] left = "{HALF_SPACE}" '
+            "puts a buffer before the first layer; give thickness in place of from and to"
+        )
+    whole = []
+    for number, one in enumerate(found):
+        buffer = (first and number == 0) or (last and number == len(found) - 1)
+        where = ("bar",) if buffer else (one.where[0], str(int(one.where[1]) - len(first)))
+        rest = () if buffer else one.where[2:]
+        whole.append(Placed((*where, *rest), one.table, one.start, one.end))
+    return whole

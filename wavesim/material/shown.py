@@ -1,0 +1,72 @@
+"""What a notebook shows of a thing: a line, a small table, a picture. Leans on nothing.
+
+A class that is :class:`Shown` says what there is to say of it; how it is drawn is known to
+``wavesim.figures.notebook``, which is loaded when the first picture is asked for.
+"""
+
+from __future__ import annotations
+
+import html
+import importlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+_DRAWN_BY = "wavesim.figures.notebook"
+
+
+class Shown:
+    """A thing with a line, a table and a picture of its own."""
+
+    __slots__ = ()
+
+    def told(self) -> Mapping[str, str]:
+        """What there is to say of it: {what: value with its unit}, the most telling first."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        said = ", ".join(f"{what} {value}" for what, value in self.told().items())
+        return f"<{type(self).__name__}: {said}>"
+
+    def _repr_html_(self) -> str:
+        return table({type(self).__name__: ""} | dict(self.told()))
+
+    def plot(self, **options: Any) -> Any:
+        """Its picture, a figure of matplotlib that a notebook shows by itself.
+
+        Args:
+            options: of :func:`wavesim.figures.notebook.draw` for this kind of thing.
+
+        Returns:
+            The figure; ``figure.savefig("name.pdf")`` writes it.
+
+        Raises:
+            TypeError: there is no such option.
+        """
+        return importlib.import_module(_DRAWN_BY).picture(self, **options)
+
+
+def table(rows: Mapping[str, str]) -> str:
+    """Rows of text as a table in HTML; a row without a value is a heading."""
+    lines = []
+    for what, value in rows.items():
+        name = html.escape(what)
+        if value:
+            lines.append(f"<tr><td>{name}</td><td>{html.escape(value)}</td></tr>")
+        else:
+            lines.append(f'<tr><th colspan="2">{name}</th></tr>')
+    return f"<table>{''.join(lines)}</table>"
+
+
+def quantity(value: float, unit: str = "") -> str:
+    """A number of four digits with its unit, for a reader: prefixed m and s, kHz and MHz."""
+    for scale, prefix in _PREFIXES.get(unit, ()):
+        if abs(value) >= 0.9999 * scale:
+            return f"{value / scale:.4g} {prefix}{unit}"
+    return f"{value:.4g} {unit}".rstrip()
+
+
+_PREFIXES: dict[str, Sequence[tuple[float, str]]] = {
+    "m": ((1.0, ""), (1e-3, "m"), (1e-6, "µ")),
+    "s": ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")),
+    "Hz": ((1e6, "M"), (1e3, "k"), (1.0, "")),
+}
