@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.pulse import pulse
 from wavesim.cli.figures import figures as figures_of
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.report.terminal import console as _console
@@ -326,7 +327,7 @@ def entry() -> None:
     os._exit(code if isinstance(code, int) else bool(code))
 
 
-for _command in (*labcli.COMMANDS, figures_of):
+for _command in (*labcli.COMMANDS, figures_of, pulse):
     main.add_command(_command)
 
 

@@ -1,6 +1,6 @@
 """What is wrong with the signals of a pulse test, and what of it can be put right.
 
-Each function looks at one thing, on plain arrays. An offset and rounded times are taken out; noise is
+Each function looks at one thing, on plain arrays. An offset or a drift is taken out; noise is
 at least that of the steps the digitiser wrote, LSB/√12; what precedes a stretch of equal samples
 tells nothing of the noise. Flat tops keep a receiver from amplitudes, a reversed one is turned over.
 """
@@ -32,44 +32,6 @@ _WANDERS = 1.5
 _TURNED = 0.15
 _FITS = 0.03
 _IN_BAND = 0.3
-
-
-def even_times(t: Float) -> tuple[Float, str]:
-    """Times put back on the even grid that they were rounded from.
-
-    Args:
-        t: times as written, ascending, shape (nt,), s.
-
-    Returns:
-        (t, what was done); t itself, and "", where they are even as they stand, and NaN in place of
-        the times where they are not even within half of their last digit.
-    """
-    n = np.arange(len(t))
-    even = np.linspace(t[0], t[-1], len(t))
-    step = even[1] - even[0]
-    if step > 0 and np.abs(t - even).max() <= 1e-6 * step:
-        return t, ""
-    digit = last_digit(t)
-    slope, start = np.polyfit(n, t - t[0], 1)
-    line = t[0] + start + slope * n
-    off = float(np.abs(t - line).max())
-    if not (slope > 0 and off <= max(0.51 * digit, 1e-3 * slope) and digit < slope):
-        return np.full(len(t), np.nan), ""
-    # The first time is a rounded one as well, and the middle of what the digits allow is kept.
-    return line, f"times written to {digit:.0e} s are taken as even, {slope:.6g} s apart"
-
-
-def last_digit(values: Float) -> float:
-    """The power of ten that all values are multiples of, as far as five to nine digits go; or 0."""
-    size = float(np.abs(values).max())
-    if size == 0:
-        return 0.0
-    top = int(np.floor(np.log10(size)))
-    for power in range(top - 1, top - 10, -1):
-        scaled = values / 10.0**power
-        if np.abs(scaled - np.round(scaled)).max() < 1e-4:
-            return float(10.0**power)
-    return 0.0
 
 
 def overload(values: Float) -> int | None:

@@ -95,6 +95,7 @@ class Reading:
         record: of a single receiver.
         result: of several.
         common: part of the error that other records of the same series share, s.
+        delay: of the system, which the arrivals hold and the best time does not, s.
     """
 
     file: str
@@ -105,6 +106,7 @@ class Reading:
     record: TransmissionRecord | None = None
     result: PulseResult | None = None
     common: float = 0.0
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,7 @@ def _settled(
         tuple(notes),
         record,
         common=share,
+        delay=delay,
     )
 
 
@@ -353,7 +356,7 @@ def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list
         elif time + record.start - record.blank < _HIDDEN * record.period:
             reason = _hidden(record)
         best = judged(FOLLOWED, time, float(np.hypot(noise, share)), float(distance[i]), reason)
-        followed = TravelTime(time, noise, "" if best.valid else best.reason)
+        followed = TravelTime(time + one.delay, noise, "" if best.valid else best.reason)
         receiver = replace(one.receivers[0], arrivals={**arrivals, FOLLOWED: followed})
         readings.append(
             replace(one, receivers=(receiver,), best=best, notes=tuple(notes), common=share)
@@ -368,7 +371,7 @@ def _open_in_periods(alone: list[Reading], time: Float, period: Float) -> float:
     """
     apart = {}
     for name in alone[0].receivers[0].arrivals:
-        each = np.array([one.receivers[0].arrivals[name].time for one in alone])
+        each = np.array([one.receivers[0].arrivals[name].time - one.delay for one in alone])
         off = (each - time) / period
         if np.isfinite(off).sum() >= max(1, len(alone) // 2):
             apart[name] = TravelTime(float(np.nanmedian(off)), 0.0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.first_break import WEAK, onset
+from wavesim.records.evenness import even
 
 Float = NDArray[Any]
 
@@ -20,6 +21,8 @@ QUIET_PART = 0.75
 # Fewer quiet samples tell nothing of a noise.
 FEWEST_QUIET = 32
 _FEWEST_SAMPLES = 32
+# Times even to this part of their interval count as even, and to that part they stay as written.
+_EVEN, _AS_WRITTEN = 1e-3, 1e-6
 # Rounding is a noise too, of this part of the peak: a simulated signal has no other.
 _ROUNDING = 2.0**-53
 CLIPPED = "flat tops: the signal is clipped; lower the gain"
@@ -234,13 +237,16 @@ def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
         )
     if not np.isfinite(time).all():
         raise PulseError("t: holds values that are not finite; give every time")
-    even, note = faults.even_times(time)
-    if np.isnan(even).any():
+    found = even(time, tolerance=_EVEN) if (np.diff(time) >= 0).all() else None
+    if found is None:
         raise PulseError(
             "t: must ascend in even steps, or be rounded from such; resample the signals, or give "
             "times with more digits"
         )
-    return even, [note] if note else []
+    if found.off <= _AS_WRITTEN:
+        return time, []
+    said = f"times written to {found.digit:.0e} s are taken as even, {found.step:.6g} s apart"
+    return found.values(len(time)), [said]
 
 
 def checked(name: str, signal: ArrayLike, time: Float) -> Float:

@@ -22,14 +22,15 @@ Float = NDArray[Any]
 
 # What is sent begins where it has this part of its peak.
 _SENT = 0.03
-# Crosstalk stands this many deviations above the noise.
-_HEARD = 4.5
+# Crosstalk stands this many deviations above the noise, and this part of the largest amplitude, within
+# that part of a period after the start.
+_HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
 # Crosstalk is over where it has fallen to this part of its peak, and after 1.5 lengths of what was
 # sent at the latest.
 _OVER = 0.1
 _LENGTHS = 1.5
 # The band about the central frequency, over and in multiples of it.
-_LOW, _HIGH = 5.0, 4.0
+_LOW, _HIGH = 5.0, 8.0
 _FEWEST_BEFORE = 16
 
 
@@ -169,10 +170,11 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     size = envelope(band)
     quiet = band[: int(np.searchsorted(t, found.start - 0.25 * rough))]
     noise = float(np.std(quiet)) if len(quiet) >= _FEWEST_BEFORE else 0.0
-    inside = (t >= found.start) & (t <= found.start + max(0.5 * found.length, 0.25 * rough))
+    # It comes with what is sent, when no wave can have come yet.
+    inside = (t >= found.start) & (t <= found.start + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part = found.start, 0.0
-    if found.sent is not None and peak > _HEARD * max(noise, 1e-3 * float(size.max())):
+    if found.sent is not None and peak > max(_HEARD * noise, _LEAST * float(size.max())):
         latest = found.start + max(_LENGTHS * found.length, rough)
         ends = np.flatnonzero((t > found.start + found.length) & (size < _OVER * peak))
         blank = min(float(t[ends[0]]) if len(ends) else latest, latest)

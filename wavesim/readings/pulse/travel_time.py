@@ -13,7 +13,7 @@ open, and the error of the one that is taken holds that, beside the noise. Lee &
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.wave_packets import break_between
+from wavesim.readings.pulse.signals import PulseError
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.wave_packets import break_between, direct, packets
 
 Float = NDArray[Any]
 
@@ -56,13 +57,13 @@ class TravelTime:
 
 
 def travel_times(
-    record: TransmissionRecord, direct: float, delays: Mapping[str, float]
+    record: TransmissionRecord, begins: float, delays: Mapping[str, float]
 ) -> dict[str, TravelTime]:
     """Travel times of the direct wave.
 
     Args:
         record: the record.
-        direct: roughly when it breaks, after the start, s.
+        begins: roughly when it breaks, after the start, s.
         delays: of the system, by convention, s; 0 where left out.
 
     Returns:
@@ -71,7 +72,7 @@ def travel_times(
     found: dict[str, TravelTime] = {}
     for name in CONVENTIONS:
         if name == "first break":
-            one = _first_break(record, direct)
+            one = _first_break(record, begins)
         elif record.sent is None:
             one = TravelTime(np.nan, np.nan, NOT_SENT)
         elif _is_step(record):
@@ -81,11 +82,31 @@ def travel_times(
         else:
             one = {"threshold": _threshold, "envelope": _envelope, "correlation": _correlation}[
                 name
-            ](record, record.sent, direct)
-        if abs(one.time - direct) > _ELSEWHERE * record.period:
+            ](record, record.sent, begins)
+        if abs(one.time - begins) > _ELSEWHERE * record.period:
             one = TravelTime(np.nan, np.nan, ELSEWHERE)
         found[name] = TravelTime(one.time - delays.get(name, 0.0), one.error, one.reason)
     return found
+
+
+def face_to_face(record: TransmissionRecord) -> dict[str, float]:
+    """Delays of a system, by convention, from a record with the transducers in touch, s.
+
+    What was received begins with what was sent, so that nothing can be taken for crosstalk.
+
+    Raises:
+        PulseError: no arrival stands out.
+    """
+    before = max(record.start - record.period, float(record.t[0]))
+    plain = blanked(replace(record, crosstalk=0.0), before)
+    heard = packets(plain)
+    at = direct(heard)
+    if at is None:
+        raise PulseError(f"{record.name}: no arrival stands out of the noise: average more")
+    found = travel_times(plain, heard[at].begins, {})
+    first = found["first break"].time
+    # A convention that tells nothing here is put right by what the first break tells.
+    return {name: one.time if np.isfinite(one.time) else first for name, one in found.items()}
 
 
 def open_between(found: Mapping[str, TravelTime], time: float, period: float) -> float:
@@ -100,11 +121,11 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     return _FURTHEST * float(np.abs(np.array(known) - time).max())
 
 
-def second_cycle(record: TransmissionRecord, direct: float) -> float:
+def second_cycle(record: TransmissionRecord, begins: float) -> float:
     """How far from the best lag another one lies that correlates as well, s; NaN where none does."""
     if record.sent is None or _is_step(record):
         return float("nan")
-    lags, c = _correlations(record, record.sent, direct)
+    lags, c = _correlations(record, record.sent, begins)
     size = np.abs(c)
     best = int(np.argmax(size))
     tops = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
@@ -119,25 +140,25 @@ def _is_step(record: TransmissionRecord) -> bool:
     return sent is not None and abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())
 
 
-def _window(record: TransmissionRecord, direct: float, before: float, after: float) -> slice:
+def _window(record: TransmissionRecord, begins: float, before: float, after: float) -> slice:
     """Samples about a time after the start, from the blanked part on."""
     first = int(np.searchsorted(record.t, record.blank))
-    at = (direct + record.start - record.t[0]) / record.interval
+    at = (begins + record.start - record.t[0]) / record.interval
     reach = record.period / record.interval
     low = max(first, int(at - before * reach))
     return slice(low, max(low + 1, min(len(record.t), int(at + after * reach) + 1)))
 
 
-def _first_break(record: TransmissionRecord, direct: float) -> TravelTime:
-    own = _window(record, direct, *_ABOUT)
+def _first_break(record: TransmissionRecord, begins: float) -> TravelTime:
+    own = _window(record, begins, *_ABOUT)
     found = break_between(record, own.start, own.stop)
     if found is None:
         return TravelTime(np.nan, np.nan, "no break stands out near the direct wave")
     return TravelTime(*found)
 
 
-def _threshold(record: TransmissionRecord, sent: Float, direct: float) -> TravelTime:
-    own = _window(record, direct, *_PACKET)
+def _threshold(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
+    own = _window(record, begins, *_PACKET)
     part = record.got[own]
     place, slope = _reaches_half(part)
     there, _ = _reaches_half(sent)
@@ -160,8 +181,8 @@ def _reaches_half(u: Float) -> tuple[float, float]:
     return at - 1 + (level - float(size[at - 1])) / rise, rise
 
 
-def _envelope(record: TransmissionRecord, sent: Float, direct: float) -> TravelTime:
-    own = _window(record, direct, *_PACKET)
+def _envelope(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
+    own = _window(record, begins, *_PACKET)
     size = envelope(record.got)[own]
     first = _first_top(size)
     if first is None:
@@ -189,8 +210,8 @@ def top_of(size: Float, at: int) -> float:
     return at + (0.5 * float((a - c) / bend) if bend < 0 else 0.0)
 
 
-def _correlation(record: TransmissionRecord, sent: Float, direct: float) -> TravelTime:
-    lags, c = _correlations(record, sent, direct)
+def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
+    lags, c = _correlations(record, sent, begins)
     # A later packet may be larger: the first top of the correlation's envelope counts.
     first = _first_top(envelope(c))
     reach = 0.3 * record.period / record.interval
@@ -206,14 +227,14 @@ def _correlation(record: TransmissionRecord, sent: Float, direct: float) -> Trav
     return TravelTime(float(time), min(float(error), 0.5) * record.interval)
 
 
-def _correlations(record: TransmissionRecord, sent: Float, direct: float) -> tuple[Float, Float]:
+def _correlations(record: TransmissionRecord, sent: Float, begins: float) -> tuple[Float, Float]:
     """Lags about the direct wave, s, and the correlation of its packet with what was sent."""
     from scipy.signal import correlate  # slow to import, and only a reading needs it
 
-    own = _window(record, direct, *_PACKET)
+    own = _window(record, begins, *_PACKET)
     packet = np.zeros(len(record.t))
     packet[own] = record.got[own] * np.hanning(own.stop - own.start + 2)[1:-1] ** 0.25
     c = correlate(packet, sent, mode="full", method="fft")
     lags = (np.arange(len(c)) - (len(sent) - 1)) * record.interval
-    near = np.abs(lags - direct) <= 1.25 * record.period
+    near = np.abs(lags - begins) <= 1.25 * record.period
     return lags[near], c[near]

@@ -1,6 +1,6 @@
 """The packets that one receiver hears one after the other, and which of them went straight.
 
-A packet is a top of the envelope. The direct wave is the first that is not much smaller than the
+A packet is a top of the envelope. The direct wave is the first that is not small beside the
 largest: what comes before it is a faster wave or the transmitter's near field, both small; what
 comes after it was guided by the specimen's sides, or reflected. After three times its time the
 direct wave is back, having gone to the transmitter and returned.
@@ -19,9 +19,12 @@ from wavesim.readings.pulse.transmission_record import TransmissionRecord
 
 Float = NDArray[Any]
 
-# A packet counts from this part of the largest on, and is the direct one from that part on.
+# A packet counts from this part of the largest on.
 _COUNTS = 0.08
-DIRECT = 0.45
+# It is the direct one from the lower part on; from the higher where it and the largest may be a P
+# and an S wave by their times.
+_NOT_SMALL, DIRECT = 0.3, 0.45
+_PAIR = (1.45, 2.4)
 # Packets stand at least this far apart, and a break is sought this far before a top, and
 # no more than so much before the lull since the packet before, in periods.
 _APART = 0.6
@@ -113,5 +116,17 @@ def named(found: list[Packet], direct: float, period: float, delay: float) -> li
 
 
 def direct(found: list[Packet]) -> int | None:
-    """Which packet went straight: the first of at least 0.45 of the largest."""
-    return next((i for i, one in enumerate(found) if one.size >= DIRECT), None)
+    """Which packet went straight: the first that is not small beside the largest.
+
+    A packet that the largest follows at 1.45 to 2.4 times its time, as an S wave does a P wave,
+    must be nearly half as large; else three tenths will do.
+    """
+    if not found:
+        return None
+    largest = max(found, key=lambda one: one.size)
+    for i, one in enumerate(found):
+        ratio = largest.top / one.top if one.top > 0 else 0.0
+        least = DIRECT if _PAIR[0] <= ratio <= _PAIR[1] else _NOT_SMALL
+        if one.size >= least:
+            return i
+    return None
