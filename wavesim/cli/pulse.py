@@ -31,17 +31,33 @@ class _Set:
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(), required=True)
-@click.option("--input", "column", metavar="COLUMN",
-              help="The transmitter's column: its heading, or its number from 1 (times are 1).")
-@click.option("--distance", metavar="L|L1,L2,…",
-              help="From tip to tip in m, or one for each record.")
+@click.option(
+    "--input",
+    "column",
+    metavar="COLUMN",
+    help="The transmitter's column: its heading, or its number from 1 (times are 1).",
+)
+@click.option(
+    "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
+)
 @click.option("--delay", type=float, help="Of cables and transducers, s.")
-@click.option("--face-to-face", metavar="FILE",
-              help="Record of the transducers in touch, that tells the delay.")
-@click.option("--against", metavar="NAME=V1,V2,…",
-              help="What differs from record to record, as stress=20,40,80: a series.")
-@click.option("--expected", type=float, nargs=2, metavar="F C",
-              help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.")
+@click.option(
+    "--face-to-face",
+    metavar="FILE",
+    help="Record of the transducers in touch, that tells the delay.",
+)
+@click.option(
+    "--against",
+    metavar="NAME=V1,V2,…",
+    help="What differs from record to record, as stress=20,40,80: a series.",
+)
+@click.option(
+    "--expected",
+    type=float,
+    nargs=2,
+    metavar="F C",
+    help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.",
+)
 @click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @record_options
@@ -59,8 +75,8 @@ def pulse(
 ) -> None:
     """Read pulse tests: FILES of a scope or a digitiser, or the folder of a run.
 
-    One receiver beside its transmitter (--input, --distance), several receivers with positions, or a
-    series of records of one set-up in different states (--against).
+    One receiver beside its transmitter (--input, --distance), several receivers with positions,
+    or a series of records of one set-up in different states (--against).
     """  # fmt: skip
     from wavesim.readings.pulse.answers import answer
 
@@ -125,7 +141,8 @@ def _setup(
     delays = {} if delay is None else _same(delay)
     if face_to_face is not None:
         delays = _delays(face_to_face, layout, column)
-    parameter, values = None, ()
+    parameter: str | None = None
+    values: tuple[float, ...] = ()
     if against is not None:
         parameter, mark, listed = against.partition("=")
         if not (mark and parameter.strip()):
@@ -185,8 +202,8 @@ def _readings(
     count = len(tests)
     if setup.parameter is not None and len(setup.values) != count:
         stop(
-            f"--against {setup.parameter}: {len(setup.values)} values for {count} records; give one "
-            "for each, in the order of the files",
+            f"--against {setup.parameter}: {len(setup.values)} values for {count} records; give "
+            "one for each, in the order of the files",
             BAD_INPUT,
         )
     if len(setup.distances) not in (0, 1, count):
@@ -259,7 +276,8 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
         distance = abs(test.positions[name])
     if not (math.isfinite(distance) and distance > 0):
         stop(
-            f"{test.name}: holds one receiver and no position: give --distance, from tip to tip in m",
+            f"{test.name}: holds one receiver and no position: give --distance, from tip to tip, "
+            "in m",
             BAD_INPUT,
         )
     return transmission_record(test.t, signal, test.sent, test.name), distance

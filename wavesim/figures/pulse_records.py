@@ -1,4 +1,4 @@
-"""Figures of pulse tests of single receivers: what was heard, with its arrivals, and a series' law."""
+"""Figures of pulse tests of single receivers: what was heard, arrivals in it, a series' law."""
 
 from __future__ import annotations
 
@@ -117,8 +117,8 @@ def law(readings: Sequence[Reading], series: Series) -> Figure:
     if found is not None:
         aside[list(found.outliers)] = True
         curve = np.geomspace(p[valid].min(), p[valid].max(), 100)
-        axes.plot(curve, found.a * curve**found.b, "-", color=THEORY, lw=1.0,
-                  label=f"V = {found.a:.4g} p$^{{{found.b:.3f}}}$ (b ± {found.b_error:.3f})")  # fmt: skip
+        told = f"V = {found.a:.4g} p$^{{{found.b:.3f}}}$ (b ± {found.b_error:.3f})"
+        axes.plot(curve, found.a * curve**found.b, "-", color=THEORY, lw=1.0, label=told)
         axes.set(xscale="log", yscale="log")
     for own, mark, label in ((valid & ~aside, "o", "measured"), (aside, "x", "set aside")):
         if own.any():

@@ -44,7 +44,7 @@ class PulseTestRecord:
 
 
 def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
-    """The pulse tests of a file: one with placed receivers, or one for each column that has no place.
+    """The pulse tests of a file: one with placed receivers, or one for each column without a place.
 
     Args:
         path: of any file that a record can be read from, or of a run's folder or result.h5.
@@ -79,7 +79,9 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
     if whole.placed or len(labels) == 1:
         return [whole]
     return [
-        replace(whole, name=f"{path}: {label}", signals={label: u}, positions={label: places[label]})
+        replace(
+            whole, name=f"{path}: {label}", signals={label: u}, positions={label: places[label]}
+        )
         for label, u in columns.items()
     ]
 

@@ -119,9 +119,9 @@ def _several(console: Console, one: Reading) -> None:
     for receiver in one.receivers:
         table.add_column(f"{receiver.name}\n{receiver.position * 1e3:.5g} mm", justify="right")
     for name, own in result.arrivals.items():
-        speed = result.velocities[name]
+        one_speed = result.velocities[name]
         each = [f"{t * scale:.5g}" if math.isfinite(t) else "–" for t in own.time.tolist()]
-        table.add_row(f"{name} ({unit})", number(speed.velocity, speed.error), *each[:8])
+        table.add_row(f"{name} ({unit})", number(one_speed.velocity, one_speed.error), *each[:8])
     console.print(table)
     _spectra(console, one)
 
@@ -173,15 +173,17 @@ def _notes(console: Console, readings: Sequence[Reading]) -> None:
     # Of those that differ in a number alone, one speaks for all.
     alike: dict[str, list[str]] = {}
     for note in said:
-        alike.setdefault("".join(c for c in note if not c.isdigit() and c not in ".-+e"), []).append(
-            note
-        )
+        alike.setdefault(
+            "".join(c for c in note if not c.isdigit() and c not in ".-+e"), []
+        ).append(note)
     for number_of, notes in enumerate(alike.values()):
         if number_of == _MOST_NOTES:
             console.print(f"… and {len(alike) - _MOST_NOTES} more notes: see --json")
             break
         files = [file for note in notes for file in said[note]]
-        where = "" if len(readings) == 1 else (
-            f"{files[0]}: " if len(files) == 1 else f"{len(files)} records, as {files[0]}: "
+        where = (
+            ""
+            if len(readings) == 1
+            else (f"{files[0]}: " if len(files) == 1 else f"{len(files)} records, as {files[0]}: ")
         )
         console.print(f"Note: {where}{notes[0]}.", markup=False)

@@ -61,9 +61,7 @@ def read_array(
     if window is not None:
         notes.append(f"the record is read up to {window.end:.4g} s, before the first echo")
         weights = window.weights(looked_at.t, looked_at.x)
-        given = {
-            key: _ended(given[key], weights[:, j]) for j, key in enumerate(looked_at.names)
-        }
+        given = {key: _ended(given[key], weights[:, j]) for j, key in enumerate(looked_at.names)}
     result = measure(
         t, given, positions, window=window, expected=expected,
         source=None if sent is None else np.asarray(sent, float),
@@ -153,6 +151,6 @@ def _dispersion(result: PulseResult) -> list[str]:
         return []
     f = found.omega[strongest] / (2 * math.pi)
     return [
-        f"the medium disperses: at {f:.4g} Hz phases run at {c:.4g} m/s and groups at {v:.4g} m/s, so "
-        "that each convention reads a speed of its own"
+        f"the medium disperses: at {f:.4g} Hz phases run at {c:.4g} m/s and groups at {v:.4g} m/s, "
+        "so that each convention reads a speed of its own"
     ]

@@ -167,8 +167,8 @@ def arrivals(
         convention: "first break", "threshold", "envelope" or "correlation".
         fraction: of the peak, for the threshold, –.
         reference: signal to correlate with, shape (nt,), on the record's times (the source's, say);
-            that of the first receiver that is whole where None. Times are the lag plus the time at which the
-            reference's envelope peaks.
+            that of the first receiver that is whole where None. Times are the lag plus the time at
+            which the reference's envelope peaks.
 
     Returns:
         The arrivals.
@@ -198,18 +198,18 @@ def arrivals(
             picks.append((np.nan, np.nan, unusable))
         elif convention == "first break":
             first = int(record.filled[j]) if len(record.filled) else 0
-            place, error, why = onset(u[first:])
-            picks.append((first + place, error, why))
+            place, spread, why = onset(u[first:])
+            picks.append((first + place, spread, why))
         elif convention == "threshold":
             picks.append(threshold(u, fraction, noise))
         elif convention == "envelope":
             picks.append(envelope_peak(u, noise))
         else:
             picks.append(correlation(u, own, noise, own_noise))
-    place, error, reason = zip(*picks, strict=True)
+    places, errors, reasons = zip(*picks, strict=True)
     step = record.interval
     return Arrivals(
-        convention, record.t[0] + step * (np.array(place) + zero), step * np.array(error), reason
+        convention, record.t[0] + step * (np.array(places) + zero), step * np.array(errors), reasons
     )
 
 

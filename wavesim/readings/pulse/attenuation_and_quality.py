@@ -16,6 +16,7 @@ Tonn, Geophys. Prospect. 39, 1 (1991).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -188,6 +189,8 @@ def mean_quality(
     excess = float(np.sum(weight * (inverse - mean) ** 2) / (count - 1))
     shared = max(1.0, 1 / duration / float(np.median(np.diff(f))))
     bar = float(np.sqrt(max(1.0, excess) * shared / weight.sum()))
+    # Losses change v_g themselves, by the part 1/πQ of it, which the definition leaves open.
+    bar = math.hypot(bar, mean**2 / math.pi)
     reason = ""
     if not mean > 2 * bar:
         reason = f"no loss is seen: Q above {1 / max(mean + 2 * bar, 1e-300):.3g}"

@@ -72,10 +72,9 @@ def echo_gate(record: PulseRecord) -> tuple[Gate | None, str]:
     over_all, first = max(ends), min(echoes)
     if not over_all < first:
         return None, OVERLAP
-    start, end = float(t[0]), first
-    flank = min(first - over_all, _TAPER * (end - start))
-    taper = flank / (end - start + flank)
-    return Gate(start - flank, end, taper), ""
+    start = float(t[0])
+    flank = min(first - over_all, _TAPER * (first - start))
+    return Gate(start - flank, first, flank / (first - start + flank)), ""
 
 
 def _period(u: Float) -> int:

@@ -1,8 +1,8 @@
 """What is wrong with the signals of a pulse test, and what of it can be put right.
 
 Each function looks at one thing, on plain arrays. An offset or a drift is taken out; noise is
-at least that of the steps the digitiser wrote, LSB/√12; what precedes a stretch of equal samples
-tells nothing of the noise. Flat tops keep a receiver from amplitudes, a reversed one is turned over.
+at least that of the steps the digitiser wrote, LSB/√12; a stretch of equal samples at the beginning
+tells nothing of it. Flat tops keep a receiver from amplitudes, a reversed one is turned over.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def flat_tops(values: Float) -> int:
 
 
 def padding(values: Float) -> int:
-    """Samples at the beginning that were filled in: all equal, and noise sets in at once after them.
+    """Samples at the beginning that were filled in: all equal, and noise sets in at once.
 
     A simulated signal is 0 before its front and grows from nothing: no padding.
     """
@@ -103,8 +103,8 @@ def base(u: Float, quiet: int, late: int) -> tuple[Float, str]:
         late: samples at the end, which a slope must meet too.
 
     Returns:
-        (base, shape (nt,), what it is): 0 and "" where the quiet part is about 0, a constant, a line;
-        NaN in place of it where it is none of them.
+        (base, shape (nt,), what it is): 0 and "" where the quiet part is about 0, a constant, a
+        line; NaN in place of it where it is none of them.
     """
     n = np.arange(len(u), dtype=float)
     part = u[:quiet]
@@ -118,7 +118,9 @@ def base(u: Float, quiet: int, late: int) -> tuple[Float, str]:
     own = np.r_[:quiet, len(u) - late : len(u)]
     line = np.polynomial.Polynomial.fit(n[own], u[own], 1)(n)
     left = np.polynomial.Polynomial.fit(n[:quiet], part - line[:quiet], 1)(n[:quiet])
-    if max(np.abs(left).max(), abs(np.mean((u - line)[-late:]))) > max(_WANDERS * rough, 1e-3 * np.ptp(u)):
+    if max(np.abs(left).max(), abs(np.mean((u - line)[-late:]))) > max(
+        _WANDERS * rough, 1e-3 * np.ptp(u)
+    ):
         return np.full(len(u), np.nan), ""
     return line, f"a drift of {line[-1] - line[0]:.4g} from end to end"
 
@@ -134,7 +136,8 @@ def reversed_receivers(values: Float, x: Float) -> list[int]:
     """Receivers whose sign is the other one's, among four or more that one wave passes.
 
     At each frequency of the band the phases are those of e^{ikx} for some k: how well they are,
-    Σ_j |U_j|⁻¹ U_j e^{−ikx_j}/m at the best k, is looked at as they stand, and with one turned over.
+    Σ_j |U_j|⁻¹ U_j e^{−ikx_j}/m at the best k, is looked at with all as they stand, and with one
+    turned over.
 
     Args:
         values: u, shape (nt, m).

@@ -1,4 +1,4 @@
-"""A power law through a series of velocities, V = a pᵇ, robust against single records that are off."""
+"""A power law through a series of velocities, V = a pᵇ, robust against single ones that are off."""
 
 from __future__ import annotations
 

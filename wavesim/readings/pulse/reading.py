@@ -131,9 +131,7 @@ def refused(file: str, name: str, position: float, reason: str) -> Reading:
     return Reading(file, (ReceiverArrivals(name, position, {}),), best)
 
 
-def read_one(
-    record: TransmissionRecord, distance: float, delays: Mapping[str, float]
-) -> Reading:
+def read_one(record: TransmissionRecord, distance: float, delays: Mapping[str, float]) -> Reading:
     """Read a record of one receiver by itself.
 
     Args:
@@ -206,8 +204,8 @@ def _hidden(record: TransmissionRecord) -> str:
     until = record.blank - record.start
     if record.crosstalk:
         return (
-            f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, shield "
-            "the transducers, or take a longer specimen"
+            f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
+            "shield the transducers, or take a longer specimen"
         )
     return "it would arrive as what was sent begins: is --input the right column?"
 
@@ -225,11 +223,10 @@ def _other_readings(
                 f"an earlier packet of {one.size:.0%} of the largest is taken for a faster wave or "
                 f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
             )
-        larger = own is not None and one.size > 2 * own.size and one.begins > begins
-        if larger and one.name != "direct":
+        if own and one.size > 2 * own.size and one.begins > begins and one.name != "direct":
             notes.append(
-                f"a packet {one.size / own.size:.1f} times as large follows; were it the direct one "  # type: ignore[union-attr]
-                f"and this a near field, the velocity would be {speed:.4g} m/s"
+                f"a packet {one.size / own.size:.1f} times as large follows; were it the direct "
+                f"one and this a near field, the velocity would be {speed:.4g} m/s"
             )
     return notes
 
@@ -316,8 +313,7 @@ def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[Trans
     if not breaks or until > 0.8 * min(breaks):
         return list(records)
     return [
-        blanked(one, one.start + until) if one.start + until > one.blank else one
-        for one in records
+        blanked(one, one.start + until) if one.start + until > one.blank else one for one in records
     ]
 
 
@@ -345,8 +341,8 @@ def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list
         if np.isfinite(found.rival[i]):
             share = float(np.hypot(share, found.rival[i]))
             notes.append(
-                f"two cycles follow its neighbours as well, {found.rival[i]:.3g} s apart; the error "
-                "holds both"
+                f"two cycles follow its neighbours as well, {found.rival[i]:.3g} s apart; the "
+                "error holds both"
             )
         reason = ""
         record = one.record

@@ -1,14 +1,15 @@
 """One arrival followed through a series of records of the same set-up in different states.
 
-Picks that are made record by record jump: to another cycle, to a later wave, to crosstalk. Waves of
-neighbouring states differ by a stretch of time, t → r t, all packets alike. So the record that shows
-its direct wave best is picked, and every other follows from those next to it by the r at which the
-stretch from 0.9 to 1.7 of the arrival correlates best,
+Picks that are made record by record jump: to another cycle, to a later wave, to crosstalk. Waves
+of neighbouring states differ by a stretch of time, t → r t, all packets alike. So the record that
+shows its direct wave best is picked, and every other follows from those next to it by the r at
+which the stretch from 0.9 to 1.7 of the arrival correlates best,
 
     C(r) = Σ u_i(τ) u_j(rτ) / √(Σ u_i²(τ) Σ u_j²(rτ)),
 
 less a mild prior, (ln r − ln r₀)²/2s². Pairs of records one, two and three apart then vote on all
-times at once, by the shift that lays the packet of one on that of the other best, in least squares: VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
+times at once, by the shift that lays the packet of one on that of the other best, in least squares:
+VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ Float = NDArray[Any]
 QUIET_PART = 0.75
 # Fewer quiet samples tell nothing of a noise.
 FEWEST_QUIET = 32
-_FEWEST_SAMPLES = 32
+FEWEST_SAMPLES = 32
 # Times even to this part of their interval count as even, and to that part they stay as written.
 _EVEN, _AS_WRITTEN = 1e-3, 1e-6
 # Rounding is a noise too, of this part of the peak: a simulated signal has no other.
@@ -231,9 +231,9 @@ def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
         PulseError: they are too few, or neither even nor rounded from even ones.
     """
     time = np.asarray(t, float)
-    if time.ndim != 1 or len(time) < _FEWEST_SAMPLES:
+    if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
         raise PulseError(
-            f"t: {time.size} samples; must be one row of at least {_FEWEST_SAMPLES}: record longer"
+            f"t: {time.size} samples; must be one row of at least {FEWEST_SAMPLES}: record longer"
         )
     if not np.isfinite(time).all():
         raise PulseError("t: holds values that are not finite; give every time")

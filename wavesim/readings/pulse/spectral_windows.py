@@ -189,6 +189,4 @@ def spectra(
     truncation = tail * np.exp(-sigma * t[-1]) / sigma if sigma else 0 * tail
     duration = float((total[:, 0].sum() * record.interval) ** 2 / power[0])
     driving = np.abs(U[:, 0] if source is None else damped_transform(source, t, omega, sigma))
-    return Spectra(
-        omega, sigma, record.x, U, noise, truncation, driving, duration, record.unusable
-    )
+    return Spectra(omega, sigma, record.x, U, noise, truncation, driving, duration, record.unusable)

@@ -22,8 +22,8 @@ Float = NDArray[Any]
 
 # What is sent begins where it has this part of its peak.
 _SENT = 0.03
-# Crosstalk stands this many deviations above the noise, and this part of the largest amplitude, within
-# that part of a period after the start.
+# Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
+# within that part of a period after the start.
 _HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
 # Crosstalk is over where it has fallen to this part of its peak, and after 1.5 lengths of what was
 # sent at the latest.
@@ -113,8 +113,8 @@ def transmission_record(
     at = faults.overload(u)
     if at is not None:
         raise PulseError(
-            f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, no "
-            "signal: record it again with less gain"
+            f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
+            "no signal: record it again with less gain"
         )
     length, v = 0.0, None
     if sent is not None:
@@ -132,7 +132,20 @@ def transmission_record(
     if clipped:
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
     found = TransmissionRecord(
-        name, time, v, start, length, raw, raw[:0], raw, noise, start, 0.0, 0.0, clipped, tuple(notes)
+        name,
+        time,
+        v,
+        start,
+        length,
+        raw,
+        raw[:0],
+        raw,
+        noise,
+        start,
+        0.0,
+        0.0,
+        clipped,
+        tuple(notes),
     )
     return _ready(found)
 
@@ -198,15 +211,14 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     u = found.raw.copy()
     early = int(np.searchsorted(t, found.start))
     level = float(np.median(u[first : first + max(3, int(0.2 * found.period / dt))]))
-    u[early:first] = np.linspace(0.0, level, first - early)
+    if first > early:
+        u[early:first] = np.linspace(0.0, level, first - early)
     period = _central_period(replace(found, raw=u), blank)
     got = _band(u, dt, period)
     quiet = got[: max(0, early - int(0.25 * period / dt))].copy()
     got[:first] = 0.0
     part = found.crosstalk / float(np.abs(got).max() or 1.0) if found.crosstalk else 0.0
-    return replace(
-        found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period
-    )
+    return replace(found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period)
 
 
 def _band(u: Float, dt: float, period: float) -> Float:

@@ -1,4 +1,4 @@
-"""Travel time from transmitter to one receiver, by each convention: what was heard less what was sent.
+"""Travel time from transmitter to one receiver, by each convention: heard less sent.
 
     first break     where each leaves its noise
     threshold       where each first reaches half of its peak
@@ -7,7 +7,8 @@
 
 The system's own delay, of cables and transducers, comes off each: it is what the same convention
 reads with the transducers face to face. The conventions are apart by what a pulse's form leaves
-open, and the error of the one that is taken holds that, beside the noise. Lee & Santamarina, J. Geotech. Geoenviron. Eng. 131, 1063 (2005).
+open, and the error of the one that is taken holds that, beside the noise.
+Lee & Santamarina, J. Geotech. Geoenviron. Eng. 131, 1063 (2005).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Float = NDArray[Any]
 # The first break and the packet are looked for about the arrival that is known, in periods.
 _ABOUT = (0.8, 0.5)
 _PACKET = (0.5, 2.0)
-# A convention that lies further off than this, in periods, does not tell of the direct wave's break.
+# A convention that lies further off than this, in periods, does not tell of the direct wave.
 _ELSEWHERE = 0.6
 _FURTHEST = 0.7
 # Another lag with this part of the largest correlation is a second cycle.
@@ -38,7 +39,7 @@ _SECOND = 0.9
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
 ELSEWHERE = (
-    "it lies more than 0.6 of a period from the first break: transducers that ring, or a later packet"
+    "it lies over 0.6 of a period from the first break: transducers that ring, or a later packet"
 )
 
 
@@ -122,7 +123,7 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
 
 
 def second_cycle(record: TransmissionRecord, begins: float) -> float:
-    """How far from the best lag another one lies that correlates as well, s; NaN where none does."""
+    """How far from the best lag another lies that correlates as well, s; NaN where none does."""
     if record.sent is None or _is_step(record):
         return float("nan")
     lags, c = _correlations(record, record.sent, begins)
