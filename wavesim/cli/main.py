@@ -19,6 +19,7 @@ import click
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.media import bands, gaps, print_all_bands
+from wavesim.cli.pulse import pulse
 from wavesim.cli.sweep import sweep
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, SET
 from wavesim.report.terminal import console as _console
@@ -222,7 +223,15 @@ def entry() -> None:
     os._exit(code if isinstance(code, int) else bool(code))
 
 
-for _command in (*labcli.COMMANDS, bands, figures_of, gaps, sweep):
+_COMMANDS = (
+    *labcli.COMMANDS,
+    bands,
+    figures_of,
+    gaps,
+    pulse,
+    sweep,
+)
+for _command in _COMMANDS:
     main.add_command(_command)
 
 
