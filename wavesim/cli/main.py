@@ -19,6 +19,7 @@ import click
 
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.figures import figures as figures_of
+from wavesim.cli.inspect import inspect
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -328,6 +329,7 @@ def entry() -> None:
 
 for _command in (*labcli.COMMANDS, figures_of):
     main.add_command(_command)
+main.add_command(inspect)
 
 
 if __name__ == "__main__":
