@@ -241,9 +241,11 @@ def record(
     if signal is not None and len(signal) != len(t):
         raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
     raw = None
+    first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
     if not trusted:
         values[np.isinf(values)] = np.nan
-        alive = _living(values, x, names_of, ring, found, still=False)
+        alive = _living(values, x, names_of, ring, still=False)
+        first_dead = x[~alive], tuple(np.array(names_of, object)[~alive])
         values, x = values[..., alive], x[alive]
         names_of = tuple(name for name, a in zip(names_of, alive, strict=True) if a)
         raw = samples(values, t, x, names_of, found)
@@ -258,7 +260,8 @@ def record(
     values, t = whole_frames(values, t, found)
     if signal is not None and len(t) != frames:
         raise RecordError("frames are missing, so that the input is not whole: give all frames")
-    alive = _living(values, x, channels.labels, ring, found)
+    alive = _living(values, x, channels.labels, ring)
+    _tell_dead(x, alive, channels.labels, first_dead, found)
     values, x, channels = values[..., alive], x[alive], channels.take(alive)
     quiet = np.zeros(values.shape[1:], bool)
     if not trusted:
@@ -384,7 +387,6 @@ def _living(
     x: Float,
     labels: tuple[str, ...],
     ring: bool,
-    found: list[Finding],
     still: bool = True,
 ) -> Mask:
     """Which receivers say something, shape (nx,); those that stand still are dead if so wished."""
@@ -415,11 +417,29 @@ def _living(
             f"receivers at {where} are dead, so that the ring is not whole: treat the record "
             "as a stretch instead"
         )
-    found.append(
-        Finding("dead", where, f"{dead.sum()} of {len(x)}", TAKEN_OUT,
-                f"{dead.sum()} dead receivers left out ({where})")
-    )  # fmt: skip
     return ~dead
+
+
+def _tell_dead(
+    x: Float,
+    alive: Mask,
+    labels: tuple[str, ...],
+    before: tuple[Float, tuple[str, ...]],
+    found: list[Finding],
+) -> None:
+    """One finding for all that are dead, with those left out before."""
+    gone = np.r_[before[0], x[~alive]]
+    if not len(gone):
+        return
+    names = (*before[1], *(label for label, a in zip(labels, alive, strict=True) if not a))
+    order = np.argsort(gone, kind="stable")
+    listed = tuple(str(names[j]) for j in order)
+    # One more that is not meant: else it would read "all".
+    where = places(np.r_[gone[order], np.inf], np.arange(len(gone)), listed)
+    found.append(
+        Finding("dead", where, f"{len(gone)} of {len(x) + len(before[0])}", TAKEN_OUT,
+                f"{len(gone)} dead receivers left out ({where})")
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
