@@ -80,12 +80,13 @@ def moving(layers, bar):
     return sparse_matrix(A)[phi:, phi:].toarray()
 
 
+@pytest.mark.parametrize("cell", [CELL, CELL / 8], ids=["few cells", "many cells"])
 @pytest.mark.parametrize("ends", [*ENDS, ("absorbing", "free"), ("fixed", "absorbing")])
-def test_as_jax_applies_it_is_the_sparse_matrix(ends, rng):
+def test_as_jax_applies_it_is_the_sparse_matrix(ends, cell, rng):
     """The operator in jax and the sparse matrix, formed apart from the same coefficients, agree to
     rounding: layers, a graded one, every loss, Γ, all blocks; measured 7e-16 of the largest."""
     layers = three(damping=EVERYTHING, gradient=1e-3)
-    A = built(layers, fitted(layers, *ends), BLOCKS, with_gradient=True)
+    A = built(layers, fitted(layers, *ends, cell), BLOCKS, with_gradient=True)
     y = random_state(A, rng)
     by_matrix = sparse_matrix(A) @ flat(y)
     assert np.abs(flat(A(y)) - by_matrix).max() <= 1e-14 * np.abs(by_matrix).max()

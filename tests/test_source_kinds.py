@@ -340,7 +340,7 @@ def test_file_that_can_not_be_used(tmp_path, rows, message):
 def test_file_that_is_none(tmp_path):
     with pytest.raises(ValueError, match="no such file"):
         read_csv(tmp_path / "absent.csv")
-    with pytest.raises(ValueError, match="can't be read: Is a directory"):
+    with pytest.raises(ValueError, match="is a folder, no regular file"):
         read_csv(tmp_path)
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"\xff\xfe\x00")

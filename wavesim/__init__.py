@@ -52,6 +52,7 @@ _HOMES = {
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
     "synthesize": "wavesim.records.synthetic",
     "fit": "wavesim.studies.medium_fit",
+    "sweep": "wavesim.studies.sweep",
 }
 # Offered under a name that says more than the one at home.
 _NAMES = {"measure_pulses": "measure", "open": "open_run", "read_record": "read"}

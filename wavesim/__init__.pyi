@@ -22,6 +22,7 @@ from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
 from wavesim.studies.medium_fit import fit
+from wavesim.studies.sweep import sweep
 from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
@@ -62,6 +63,7 @@ __all__ = [
     "read_record",
     "record",
     "simulate",
+    "sweep",
     "synthesize",
     "traced_fields",
 ]

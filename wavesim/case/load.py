@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import tomli_w
@@ -16,6 +16,7 @@ from wavesim.case import medium_tables as casemedia
 from wavesim.case import source_tables as casesources
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.medium_tables import Placed
+from wavesim.case.messages import place
 from wavesim.case.schema import AnalysisTable, BarTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
@@ -48,6 +49,7 @@ class Case:
         k_range: wavenumbers between which branches of an endless bar are judged, rad/m.
         medium: of [medium], which layers inherit from.
         tables: the file's tables, every default filled in but those of [time] and [analysis].
+        notes: what was taken otherwise than it was written, as the grid has it.
     """
 
     title: str
@@ -56,6 +58,7 @@ class Case:
     k_range: tuple[float, float]
     medium: Medium
     tables: dict[str, Any]
+    notes: tuple[str, ...] = ()
 
     def resolved(self, solver: str, step: float) -> str:
         """The case as TOML, every default filled in; a run of it repeats this one.
@@ -105,7 +108,14 @@ def build(file: CaseFile, name: str) -> Case:
     finest = min(media, key=lambda m: float(m.branch_length))
     sized = not stretches or file.bar.length is not None or file.bar.cells is not None
     plain = make(("bar",), file.bar.build, finest) if sized else None
-    length = plain.length if plain else stretches[-1].end
+    notes: list[str] = []
+    if stretches:  # each gets cells of its own size, so that all their lengths are kept
+        length = stretches[-1].end
+        if plain:
+            length = file.bar.length or plain.length
+    elif plain:
+        length, rounded = plain.length, file.bar.rounded(plain)
+        notes += [rounded] if rounded else []
     for number, one in enumerate(known.places):
         last = number + 1 == len(stretches)
         make(one.where, check_follow, stretches[: number + 1], length, last)
@@ -123,22 +133,47 @@ def build(file: CaseFile, name: str) -> Case:
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
         source = make(where, entry.build, bar.length)
+        source, taken = _on_grid(source, number, file, bar)
+        notes += taken
         if source.drive in _DRIVEN_END:
             make(where, _check_end, source, entry, ends)
         else:
             make(where, bar.spread, source.position, source.width, source.staggered)
         make(where, check_carried, source, media, bar)
         sources.append(source)
+    receivers = {}
     for number, receiver in enumerate(file.receivers):
-        make(("receivers", str(number)), bar.sampling, receiver.position, False)
-    receivers = {receiver.name: receiver.position for receiver in file.receivers}
+        position = _within(receiver.position, file, bar)
+        make(("receivers", str(number)), bar.sampling, position, False)
+        receivers[receiver.name] = position
     of_bar = layers or as_layers(medium, bar.length)
     simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)
     judged = (0.0, 0.0)
     if simulation.endless:
         judged = make(("analysis",), _judged, file.analysis, medium, bar)
     tables = _resolved(file, known, bar, absorber, sources)
-    return Case(file.title, simulation, file.analysis, judged, medium, tables)
+    return Case(file.title, simulation, file.analysis, judged, medium, tables, tuple(notes))
+
+
+def _within(position: float, file: CaseFile, bar: Bar) -> float:
+    """A position, at the end of the bar where that was rounded down past it."""
+    given = file.bar.length or 0.0
+    return min(position, bar.length) if position <= given <= bar.length + bar.spacing else position
+
+
+def _on_grid(source: Source, number: int, file: CaseFile, bar: Bar) -> tuple[Source, list[str]]:
+    """A source as the grid of a bar has it, and what is to be said of that."""
+    changed: dict[str, float] = {"position": _within(source.position, file, bar)}
+    said = []
+    cell = min(size for _, size in bar.all_stretches)
+    if source.drive == "body" and 0 < source.width < cell:
+        changed["width"] = 0.0
+        said.append(
+            f"{place(('sources', str(number)))} width = {source.width:g}: less than a cell of the "
+            f"grid, {cell:g} m; taken for a point, width = 0"
+        )
+    same = all(getattr(source, key) == value for key, value in changed.items())
+    return source if same else dataclasses.replace(cast(Any, source), **changed), said
 
 
 def _simulation(
@@ -305,7 +340,7 @@ def check_carried(source: Source, media: Sequence[Medium], bar: Bar) -> None:
             too narrow.
     """
     if isinstance(source, InitialField):
-        limit = _largest_phase(bar) / bar.spacing
+        limit = largest_phase(bar) / bar.spacing
         if source.highest_wavenumber > limit:
             least = source.width * source.highest_wavenumber / limit
             raise ValueError(
@@ -341,10 +376,10 @@ def highest_frequency(medium: Medium, bar: Bar) -> float:
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    return fastest_speed(medium) * _largest_phase(bar) / bar.spacing / (2 * math.pi)
+    return fastest_speed(medium) * largest_phase(bar) / bar.spacing / (2 * math.pi)
 
 
-def _largest_phase(bar: Bar) -> float:
+def largest_phase(bar: Bar) -> float:
     """kh at which the differences slow a wave down by 1 %."""
     phase = np.linspace(1e-3, math.pi, 20001)
     slowing = 1 - modified_wavenumber(phase, 1.0, bar.order) / phase

@@ -215,5 +215,7 @@ def resolved(table: Any, source: Source) -> dict[str, Any]:
         source: what it was built into.
     """
     settled = parameters(source)
-    tables = table.model_dump() | {k: settled[k] for k in ("delay", "start") if k in settled}
+    given = table.model_dump()
+    kept = ("delay", "start", *(key for key in ("position", "width") if given.get(key) is not None))
+    tables = given | {key: settled[key] for key in kept if key in settled}
     return {key: value for key, value in tables.items() if value is not None}

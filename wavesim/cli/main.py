@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Callable
@@ -20,6 +21,8 @@ import click
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.inspect import inspect
+from wavesim.cli.pulse import pulse
+from wavesim.cli.sweep import sweep
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -108,17 +111,17 @@ def _whole(
     beside: Any,
 ) -> None:
     loaded = _load(case, overrides)
-    _planned(case, loaded)
+    steps = _planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
+    from wavesim.verdict.foreseen import warnings
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    warned = report.warnings(loaded.simulation)
-    for warning in warned:
-        click.echo(f"wavesim: warning: {case}: {warning}", err=True)
+    warned = warnings(loaded, steps)
+    _tell(case, loaded, warned)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet) as tell:
-        outcome = _run(loaded, folder, resume, tell, beside, figures)
+        outcome = _run(loaded, folder, resume, tell, beside, figures, _typed(case, overrides))
     report.verdict(console, outcome.summary)
     for note in outcome.notes:
         console.print(f"Note: {note}.")
@@ -129,6 +132,12 @@ def _whole(
         sys.exit(FELL_SHORT)
 
 
+def _typed(case: str, overrides: tuple[str, ...]) -> str:
+    """What runs the case once more, as it would be typed."""
+    changes = [word for change in overrides for word in ("--set", change)]
+    return shlex.join(["wavesim", "run", case, *changes])
+
+
 def _run(
     loaded: Any,
     folder: Path,
@@ -136,6 +145,7 @@ def _run(
     tell: Callable[[str, float], None],
     beside: Any,
     figures: bool,
+    rerun: str,
 ) -> Any:
     from wavesim import runner
 
@@ -155,7 +165,7 @@ def _run(
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     try:
-        return runner.run(loaded, folder, resume, go_on, beside, figures)
+        return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
     except runner.RunError as error:
         _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
     except KeyboardInterrupt:
@@ -170,6 +180,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     loaded = _load(case, overrides)
     steps = _planned(case, loaded)
     from wavesim.report import tables as report
+    from wavesim.verdict.foreseen import warnings
 
     report.survey(_console(), loaded, steps)
     layers = loaded.simulation.layers.layers
@@ -184,12 +195,18 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
                 click.echo(f"\nLayer {number}, {where} {place * 1e3:g} mm:")
             _print_bands(medium)
     # Last, and counted with the rest, as the tables before may be long.
-    found = report.warnings(loaded.simulation)
+    found = warnings(loaded, steps)
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")
-    for warning in found:
-        click.echo(f"wavesim: warning: {case}: {warning}", err=True)
+    _tell(case, loaded, found)
     if found:
         sys.exit(FELL_SHORT)
+
+
+def _tell(case: str, loaded: Any, warned: list[str]) -> None:
+    """What was taken otherwise than written, and what will fall short."""
+    for kind, texts in (("note", loaded.notes), ("warning", warned)):
+        for text in texts:
+            click.echo(f"wavesim: {kind}: {case}: {text}", err=True)
 
 
 def _count(warnings: list[str]) -> str:
@@ -327,9 +344,8 @@ def entry() -> None:
     os._exit(code if isinstance(code, int) else bool(code))
 
 
-for _command in (*labcli.COMMANDS, figures_of):
+for _command in (*labcli.COMMANDS, figures_of, inspect, pulse, sweep):
     main.add_command(_command)
-main.add_command(inspect)
 
 
 if __name__ == "__main__":

@@ -21,16 +21,14 @@ from wavesim.figures.style import (
     gap_edges,
     second_axes,
     shade,
-    tiles,
 )
 from wavesim.material.sectors import SECTORS
 from wavesim.material.wave_equations import ROTATIONS
+from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.simulation.field import Field
 
 _DECIBELS = 60.0
-_PIXELS = (900, 700)
-# Frames are read so many at a time that they fit into these bytes.
-_AT_ONCE = 64e6
+_PIXELS = (360, 420)
 _STYLES = ("-", "--", "-.", ":")
 # Receivers named in a legend, and beside their traces, at most.
 _MOST_LABELS, _MOST_NAMES = 9, 24
@@ -43,31 +41,9 @@ _MOST_PERIODS = 30
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def _amplitude(field: Field, sector: str) -> np.ndarray:
-    """Largest amplitude of a sector in each tile of the record, (times, positions)."""
-    blocks = [block for block in field.blocks if block.sector == sector]
-    high, wide = (-(-n // p) for n, p in zip((len(field.t), field.bar.cells), _PIXELS, strict=True))
-    rows = high * max(1, int(_AT_ONCE / (32 * field.bar.cells * high)))
-    found = []
-    for low in range(0, len(field.t), rows):
-        square: Any = 0.0
-        for block in blocks:
-            for values, _ in field.components(block, slice(low, low + rows)):
-                values *= values
-                square = square + values[:, : field.bar.cells]
-        found.append(tiles(tiles(square, 0, high), 1, wide))
-    amplitude = np.sqrt(np.concatenate(found))
-    if not field.bar.uniform:
-        # A picture has even columns: each shows the tile that its place lies in.
-        x = field.bar.half_nodes[::wide]
-        even = (np.arange(len(x)) + 0.5) * field.bar.length / len(x)
-        amplitude = amplitude[:, np.clip(np.searchsorted(x, even) - 1, 0, len(x) - 1)]
-    return amplitude
-
-
 def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
     """Amplitude of one sector over position and time, dB below its peak; returns the image."""
-    amplitude = _amplitude(field, sector)
+    amplitude = amplitude_map(field, sector, _PIXELS)
     image = axes.imshow(
         decibels(amplitude, float(amplitude.max()) or 1.0),
         origin="lower",
@@ -76,7 +52,6 @@ def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
         cmap=MAP,
         vmin=-_DECIBELS,
         vmax=0,
-        interpolation="nearest",
     )
     for edge in field.layers.interfaces:
         axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")

@@ -15,6 +15,8 @@ from wavesim.planewave.band_edges import GAP_NAMES, form_asymptotes, form_cutoff
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.many_media import block_forms
 
+GAPS = ("RLB1", "RLB2", "RTB1", "RTB2", "RSB")
+
 
 @dataclass(frozen=True)
 class GapMap:

@@ -11,13 +11,24 @@ The four media a, η ∈ {0, 1} therefore determine those of all, and no equatio
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
 from wavesim.material.medium import PARAMETERS, Medium, check_parameter
 from wavesim.material.scaling import BlockCoefficients, scales
-from wavesim.material.sectors import Block
-from wavesim.planewave.eigenproblem import spectral_form
+from wavesim.material.sectors import BLOCKS, Block
+from wavesim.planewave.eigenproblem import spectral_form, stiffness
+
+# Wavenumbers at which media are looked at for waves that grow, scaled.
+_LOOKED_AT = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 49)])
+# Times that a local minimum between them is followed down, by a quarter each.
+_ROUNDS = 8
+# What of a matrix of size 1 is rounding.
+_ROUNDING = 1e-13
+# Media looked at together, for the memory they take.
+_TOGETHER = 2000
+_NAMES = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
 
 
 def _check(medium: Medium) -> None:
@@ -70,7 +81,7 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
     weights = {(i, j): (a if i else 1 - a) * (eta if j else 1 - eta) for i, j in corners}
     shape = np.broadcast_shapes(*(np.shape(getattr(medium, n)) for n in PARAMETERS))
     made = {}
-    for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma"):
+    for name in _NAMES:
         ratio = getattr(wanted, name) / getattr(at_corner, name)
         ratio = np.broadcast_to(np.asarray(ratio, float), shape)
         made[name] = sum(
@@ -78,3 +89,75 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
             for corner, weight in weights.items()
         )
     return BlockCoefficients(**made)
+
+
+def growing(medium: Medium, count: int) -> np.ndarray:
+    """Which media of a family have waves that grow; ``check_hyperbolic`` tells of one how fast.
+
+    ω² are complex where the discriminant of the characteristic polynomial is negative, often over
+    a very short range of k: its local minima are followed down. They are looked for only where
+    they are possible, with closure "printed" and a or η outside 0 to 1.
+
+    Args:
+        medium: parameters that are numbers, or arrays of shape (count,).
+        count: of the media.
+
+    Returns:
+        Shape (count,).
+    """
+    found = np.zeros(count, bool)
+    if medium.closure == "consistent":
+        return found
+    shares = [np.broadcast_to(getattr(medium, n), count) for n in ("anisotropy", "stiffness_ratio")]
+    outside = np.any([(share < 0) | (share > 1) for share in shares], axis=0)
+    for first in range(0, int(outside.sum()), _TOGETHER):
+        some = np.flatnonzero(outside)[first : first + _TOGETHER]
+        own: dict[str, Any] = {
+            name: np.asarray(value)[some]
+            for name in PARAMETERS
+            if np.ndim(value := getattr(medium, name))
+        }
+        part = dataclasses.replace(medium, **own)
+        for block in BLOCKS:
+            form = block_forms(part, block)
+            found[some] |= _grows([np.asarray(getattr(form, n)) for n in _NAMES])
+    return found
+
+
+def _grows(form: list[np.ndarray]) -> np.ndarray:
+    """Whether a block has complex or negative ω², by media; coefficients (media, ·, ·) each."""
+
+    def reality(which: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        own = (part[which][:, None] for part in form)
+        return _reality(stiffness(BlockCoefficients(*own), k))
+
+    media = np.arange(len(form[0]))
+    disc, least = reality(media, _LOOKED_AT)
+    found: np.ndarray = np.any((disc < -_ROUNDING) | (least < -_ROUNDING), axis=1)
+    inner = disc[:, 1:-1]
+    member, place = np.nonzero((inner <= disc[:, :-2]) & (inner <= disc[:, 2:]) & ~found[:, None])
+    low, high = _LOOKED_AT[place], _LOOKED_AT[place + 2]
+    for _ in range(_ROUNDS):
+        k = np.linspace(low, high, 9, axis=1)
+        values, _ = reality(member, k)
+        at, rows = np.argmin(values, axis=1), np.arange(len(member))
+        found[member[values[rows, at] < -_ROUNDING]] = True
+        low, high = k[rows, np.maximum(at - 1, 0)], k[rows, np.minimum(at + 1, 8)]
+    return found
+
+
+def _reality(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of matrices (..., m, m), m ≤ 3, of size 1: the discriminant of the characteristic polynomial,
+    negative where an eigenvalue is complex, and its least coefficient up to its sign, negative
+    where a real one is."""
+    scale = np.abs(matrices).max(axis=(-2, -1))[..., None, None]
+    m = matrices / np.where(scale > 0, scale, 1.0)
+    trace, last = np.trace(m, axis1=-2, axis2=-1), np.linalg.det(m)
+    if m.shape[-1] == 1:
+        return np.ones_like(trace), trace
+    if m.shape[-1] == 2:
+        return trace**2 - 4 * last, np.minimum(trace, last)
+    second = (trace**2 - np.einsum("...ij,...ji->...", m, m)) / 2
+    b, c, d = -trace, second, -last
+    disc = 18 * b * c * d - 4 * b**3 * d + b**2 * c**2 - 4 * c**3 - 27 * d**2
+    return disc, np.minimum(np.minimum(trace, second), last)

@@ -17,7 +17,7 @@ from wavesim.material.damping import quality
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.simulation.simulation import Simulation
-from wavesim.sources import GaussianDerivative, Recorded, Ricker, Source
+from wavesim.sources import Source
 from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
@@ -161,86 +161,11 @@ def _carried(simulated: Simulation) -> float:
     return min(highest_frequency(medium, simulated.bar) for medium in simulated.layers.media)
 
 
-def warnings(simulated: Simulation) -> list[str]:
-    """What will make a run less than it could be; each with its remedy."""
-    band, found = simulated.band, []
-    if math.pi / simulated.interval < band:
-        needed = math.ceil(simulated.duration * band / math.pi) + 1
-        found.append(
-            f"[time] samples = {simulated.frames}: the frames alias the sources' band "
-            f"(to {band / 2e3 / math.pi:.4g} kHz); take at least {needed}"
-        )
-    late = [s for s in simulated.sources if s.end > simulated.duration]
-    if late:
-        found.append(
-            f"[time] duration = {simulated.duration:g}: the {late[0].field} source acts until "
-            f"{late[0].end:.4g} s; lengthen the run"
-        )
-    for source in simulated.sources:
-        found += _begins_with_a_jump(source)
-    return found + _absorbed(simulated)
-
-
-def _absorbed(simulated: Simulation) -> list[str]:
-    """What stands in an absorbing layer, and absorbers that are too short."""
-    bar, layers = simulated.bar, simulated.layers
-    low, high = bar.clear
-    found = []
-    for key, places in (
-        ("[[sources]] position", [s.position for s in simulated.sources]),
-        ("[[receivers]] position", list(simulated.receivers.values())),
-    ):
-        inside = [x for x in places if not low <= x <= high]
-        if inside:
-            found.append(
-                f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
-                f"the medium; move it into {low:g} to {high:g} m"
-            )
-    room = 2 * float(simulated.medium.length_scale)
-    free = (
-        low + room if bar.left == "absorbing" else 0.0,
-        high - room if bar.right == "absorbing" else bar.length,
-    )
-    near = [x for x in layers.interfaces if not free[0] <= x <= free[1]]
-    if near:
-        found.append(
-            f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
-            "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
-        )
-    least = 4 * max(float(medium.branch_length) for medium in layers.media)
-    if 0 < bar.absorber < least:
-        found.append(
-            f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "
-            f"1e-4; take at least {least:g}"
-        )
-    return found
-
-
 def _source(source: Source) -> str:
     pitch = source.peak_frequency
     at = f", {pitch / 1e3:.5g} kHz" if math.isfinite(pitch) else ""
     kind = "" if source.kind == "ricker" else f"{source.kind} on "
     return f"{kind}{source.field} at {source.position:g} m{at}"
-
-
-def _begins_with_a_jump(source: Source) -> list[str]:
-    if isinstance(source, Ricker | GaussianDerivative):
-        # From three quarters of the way to its onset on, a pulse is below 1e-8 of its peak.
-        least = 0.75 * (source.peak_time - source.onset)
-        if source.peak_time < least * (1 - 1e-9):
-            return [
-                f"[[sources]] delay = {source.peak_time:g}: the pulse begins with a jump; take at "
-                f"least {least:.3g} s"
-            ]
-    if isinstance(source, Recorded) and source.onset < 0:
-        jump = abs(source.signal(0.0)) / abs(source.signal(source.peak_time))
-        if jump > 1e-8:
-            return [
-                f"[[sources]] start = {source.first:g}: the recorded signal begins with a jump of "
-                f"{jump:.1e} of its peak at t = 0; taper it, or take at least "
-                f"{2 * source.interval:.3g} s"
-            ]
-    return []
 
 
 def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[Any]) -> None:

@@ -168,6 +168,17 @@ def simulation(
     return Simulation(layers, bar, *known)
 
 
+def at_double_moment(simulated: Simulation, position: float) -> bool:
+    """Whether a place is that of a point source on a micro-curvature, which is infinite there."""
+    return any(
+        source.staggered
+        and source.drive == "body"
+        and source.width == 0
+        and abs(source.position - position) <= 1e-9 * simulated.bar.length
+        for source in simulated.sources
+    )
+
+
 def highest_band(sources: Sequence[Source], medium: Medium) -> float:
     """End of the sources' band, rad/s.
 

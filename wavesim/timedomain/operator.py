@@ -60,6 +60,9 @@ class State(NamedTuple):
     zeta_B: Any
 
 
+# Where more of the rows than this are near an interface, weights for each row are the faster.
+_MANY = 0.1
+
 States = tuple[State, ...]  # of all groups of blocks that are integrated
 
 
@@ -70,7 +73,7 @@ class Difference(eqx.Module):
     their own columns instead.
 
     Attributes:
-        weights: of the stencil, shape (width,).
+        weights: of the stencil, shape (width,); or of each row, (width, points), and no ``rows``.
         scale: shape (points,), or one number.
         rows: shape (r,), ascending; columns, factors: shape (r, c).
         first: offset of the stencil's first point.
@@ -286,6 +289,11 @@ def _difference(
     plain[first - offset : first - offset + len(weights)] = weights[:, None] * scale
     away = np.abs(diagonals - plain).max(axis=0) > 1e-13 * np.abs(diagonals).max()
     rows = np.flatnonzero(away)
+    if len(rows) > _MANY * n:
+        none = np.zeros((0, width))
+        return Difference(
+            diagonals, np.ones(()), rows[:0], none.astype(int), none, int(offset), ring
+        )
     columns = (rows[:, None] + offset + np.arange(width)) % n
     even = scale[0] if np.ptp(scale) == 0 else scale
     return Difference(weights, np.asarray(even), rows, columns, diagonals[:, rows].T, first, ring)

@@ -49,6 +49,7 @@ def window(group: Group, points: np.ndarray) -> Group:
         factors = np.where(columns >= 0, difference.factors[own], 0.0)
         return dataclasses.replace(
             difference,
+            weights=cut(difference.weights),
             scale=cut(difference.scale),
             rows=place[difference.rows[own]],
             columns=np.maximum(columns, 0),
