@@ -18,6 +18,7 @@ import click
 
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.figures import figures as figures_of
+from wavesim.cli.inspect import inspect
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
 from wavesim.cli.sweep import sweep
@@ -228,6 +229,7 @@ _COMMANDS = (
     bands,
     figures_of,
     gaps,
+    inspect,
     pulse,
     sweep,
 )
