@@ -82,16 +82,20 @@ def test_override_is_laid_over(tiny):
 
 
 def test_run_that_passes_gives_0(small_run):
-    """The verdict on the terminal: every check, in one line each, and where the results are."""
+    """The terminal, 80 columns of it: what was found, then the verdict, then where the page is."""
     assert (small_run.exit_code, small_run.stderr) == (0, "")
     assert small_run.summary["passed"]
     lines = small_run.stdout.splitlines()
-    for check in small_run.summary["checks"]:
-        (line,) = [line for line in lines if check["name"] in line]
-        assert line.rstrip().endswith("pass")
     count = len(small_run.summary["checks"])
-    assert any(f"{count} of {count} checks passed" in line for line in lines)
+    verdict = next(n for n, line in enumerate(lines) if f"{count} of {count} checks" in line)
+    for gap in small_run.summary["answers"]["gaps"]:
+        at = next(n for n, line in enumerate(lines) if gap["gap"] in line)
+        assert at < verdict
+        assert f"{gap['lower'] / 1e3:.6g}" in lines[at]
+        assert f"{gap['upper'] / 1e3:.6g}" in lines[at]
+    assert all(len(line) <= 80 for line in lines[:verdict])
     assert lines[-1] == f"The page: {small_run.folder / 'report.html'}"
+    assert len(lines) == verdict + 2
 
 
 def test_quiet_run_prints_nothing_and_goes_to_outputs(small_case, small_run, monkeypatch):

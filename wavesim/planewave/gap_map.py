@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -135,15 +136,18 @@ def table(gaps: GapMap) -> tuple[list[str], Float]:
     """The map as one row for each medium, for a file.
 
     Returns:
-        Names of the columns: the two parameters, then lower and upper edge of each gap and of
-        the widest full gap, rad/s; and the rows, shape (ny·nx, columns).
+        Names of the columns, each with its unit: the two parameters, then lower and upper edge of
+        each gap and of the widest full gap (kHz); and the rows, shape (ny·nx, columns).
     """
     shape = gaps.full_lower.shape
-    columns = {
-        gaps.x: np.broadcast_to(getattr(gaps.medium, gaps.x), shape),
-        gaps.y: np.broadcast_to(getattr(gaps.medium, gaps.y), shape),
-    }
-    for name in gaps.lower:
-        columns[f"{name}_lower"], columns[f"{name}_upper"] = gaps.lower[name], gaps.upper[name]
-    columns["full_lower"], columns["full_upper"] = gaps.full_lower, gaps.full_upper
+    columns = {}
+    for name in (gaps.x, gaps.y):
+        unit = PARAMETERS[name].unit
+        heading = f"{name} ({unit})" if unit else name
+        columns[heading] = np.broadcast_to(getattr(gaps.medium, name), shape)
+    edges = {name: (gaps.lower[name], gaps.upper[name]) for name in gaps.lower}
+    edges["full"] = gaps.full_lower, gaps.full_upper
+    for name, pair in edges.items():
+        for side, edge in zip(("lower", "upper"), pair, strict=True):
+            columns[f"{name}_{side} (kHz)"] = edge * 1e-3 / (2 * math.pi)
     return list(columns), np.column_stack([np.ravel(column) for column in columns.values()])
