@@ -142,7 +142,7 @@ def table(gaps: GapMap) -> tuple[list[str], Float]:
     shape = gaps.full_lower.shape
     columns = {}
     for name in (gaps.x, gaps.y):
-        unit = PARAMETERS[name].unit
+        unit = gaps.medium.known()[name].unit
         heading = f"{name} ({unit})" if unit else name
         columns[heading] = np.broadcast_to(getattr(gaps.medium, name), shape)
     edges = {name: (gaps.lower[name], gaps.upper[name]) for name in gaps.lower}
