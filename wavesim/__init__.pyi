@@ -14,6 +14,7 @@ from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.readings.pulse.measurement import measure as measure_pulses
 from wavesim.records.arrays import Layout
 from wavesim.records.files import read as read_record
+from wavesim.records.inspection import inspect
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
@@ -21,6 +22,7 @@ from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
 from wavesim.studies.medium_fit import fit
+from wavesim.studies.sweep import sweep
 from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
@@ -47,6 +49,7 @@ __all__ = [
     "hold",
     "in_space",
     "in_time",
+    "inspect",
     "integrate",
     "judge",
     "judge_bar",
@@ -60,6 +63,7 @@ __all__ = [
     "read_record",
     "record",
     "simulate",
+    "sweep",
     "synthesize",
     "traced_fields",
 ]

@@ -232,10 +232,10 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
     if (medium is None) == (function is None):
         stop("give either --medium CASE.toml or --relation FILE.py:NAME, one of the two", BAD_INPUT)
     if medium is not None:
-        from wavesim.material.sectors import blocks_of
         from wavesim.records.relations import OfMedium
 
-        return OfMedium(_medium(medium), blocks_of(sector)[0])
+        made = _medium(medium)
+        return OfMedium(made, made.family.blocks_of(sector)[0])
     assert function is not None
     file, _, name = function.rpartition(":")
     if not file or not Path(file).is_file():

@@ -15,6 +15,7 @@ from wavesim.readings.dispersion.decaying_waves import ABOVE_WEAKEST, weakest, w
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import RecordError
 from wavesim.verdict.endless import Check
@@ -84,6 +85,7 @@ def dispersion(
             origin, least = replace(origin, record=record), ABOVE_WEAKEST * weakest(origin.law)
             if method != "fft":
                 own = {"dynamic_range": weakest(origin.law)} | options
+        origin = replace(origin, record=for_frequency_at_k(origin.record, method == "harmonic"))
         points = in_time(origin.record, highest, method, **own)
         matched = None
         if origin.theory is not None and unit is not None and origin.block is not None:
@@ -122,8 +124,9 @@ def attenuation(
     """
     results = []
     for origin in found:
-        if origin.block is not None and not origin.block.rotations:
+        if origin.block is not None and not origin.block.macro:
             continue
+        origin = replace(origin, record=for_k_at_frequency(origin.record))
         record, medium = origin.record, origin.medium
         if band is not None:
             low, high = (2 * np.pi * f for f in band)
