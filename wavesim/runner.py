@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
-_DRAWING = "wavesim.figures.drawing"
+_DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
 class RunError(RuntimeError):
@@ -66,6 +66,7 @@ def begun_beside() -> Worker:
     """A process beside a run, which loads what it will draw with; the sooner the better."""
     beside = Worker()
     beside.prepare("importlib.import_module", _DRAWING)
+    beside.prepare("importlib.import_module", _PAGE_DATA)
     beside.prepare(f"{_DRAWING}.warm_up")
     return beside
 
@@ -77,6 +78,7 @@ def run(
     progress: Progress | None = None,
     beside: Worker | None = None,
     figures: bool = False,
+    rerun: str = "",
 ) -> Outcome:
     """Run a case.
 
@@ -87,6 +89,7 @@ def run(
         progress: called with the name of the stage and the part of it done.
         beside: of :func:`begun_beside`, where it was begun before; the caller ends it.
         figures: draw all figures too.
+        rerun: the command that runs this case, for the page.
 
     Returns:
         What came of it.
@@ -108,7 +111,7 @@ def run(
             if folder.is_dir():
                 until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
-            return _run(case, folder, resume, tell, begun, own, figures)
+            return _run(case, folder, resume, tell, begun, own, figures, rerun)
     except StorageError as error:
         raise RunError(str(error), False, not isinstance(error, WriteError)) from error
     except OSError as error:
@@ -138,6 +141,7 @@ def _run(
     clock: float,
     beside: Worker,
     figures: bool,
+    rerun: str,
 ) -> Outcome:
     timing: dict[str, float] = {}
 
@@ -206,14 +210,16 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, simulated)
+    shown = beside.one(f"{_PAGE_DATA}.of_field", field)
     drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
     found = measure(case, field, *(known.result() if known else ()))
     lap("analyse")
     tell("figures", 0.0)
     rows = [check.row() for check in found.checks]
     sentence, overview = verdict({"checks": rows}), folder / "overview.png"
-    shown = field, found.shown, case.title or folder.name, sentence
-    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *shown))
+    told_of = field, found.shown, case.title or folder.name, sentence
+    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *told_of))
+    measured = beside.one(f"{_PAGE_DATA}.of_found", field, found.shown)
     if figures:
         asked = folder / "figures", field, found.shown
         drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
@@ -225,6 +231,11 @@ def _run(
                 one.result()
             except Exception as error:  # a picture that fails takes nothing else with it
                 undrawn.append(error)
+        data = None
+        try:
+            data = shown.result()[0] | measured.result()[0]
+        except Exception as error:
+            undrawn.append(error)
         lap("figures")
         tell("store", 0.0)
         results.finish("complete", found.tables)
@@ -247,11 +258,15 @@ def _run(
     summary = _plain(summary)
     text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
     storage.write_whole(folder / "summary.json", text.encode())
-    storage.write_whole(folder / "report.html", page(summary, resolved, folder).encode())
+    for failure in undrawn:
+        why = str(failure).partition("\n")[0]
+        found.notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+    if data is not None:
+        made = page(summary, data, resolved, folder, rerun, found.notes)
+        storage.write_whole(folder / "report.html", made.encode())
     for failure in undrawn:
         if isinstance(failure, OSError):
             raise failure
-        found.notes.append(f"a picture could not be drawn ({str(failure).partition(chr(10))[0]})")
     return Outcome(summary, folder, found.notes)
 
 
@@ -318,58 +333,6 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     return Found(checks, answers, reading, reading.tables(), summary, told)
 
 
-@dataclass(frozen=True)
-class Opened:
-    """A run's folder, opened.
-
-    Attributes:
-        case: as it was run.
-        field: of result.h5, read where it is looked at.
-        status: running, complete or failed.
-    """
-
-    case: Case
-    field: Any
-    status: str
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run came to its end."""
-        return self.status == "complete"
-
-    @property
-    def why(self) -> str:
-        """Why there is not all that a complete run has."""
-        seconds = float(self.field.t[-1])
-        return (
-            f"the run is not complete (status {self.status}, {len(self.field.t)} frames, to "
-            f"{seconds:.4g} s): only the field is shown; wavesim run --resume carries it on"
-        )
-
-    def measured(self) -> Any:
-        """What was measured, once more from the field: what figures are drawn from."""
-        return measure(self.case, self.field).shown
-
-
-def opened(folder: Path) -> Opened:
-    """Open the folder of a run's results.
-
-    Raises:
-        RunError: there is no result in it, or it can't be read.
-    """
-    from wavesim.case.load import build
-    from wavesim.case.schema import CaseError, parse
-    from wavesim.io.result_reader import StorageError, describe, read
-
-    path = folder if folder.suffix == ".h5" else folder / "result.h5"
-    try:
-        stored = describe(path)
-        case = build(parse(stored.case, str(path)), str(path))
-        return Opened(case, read(path, case.simulation), stored.status)
-    except (StorageError, CaseError) as error:
-        raise RunError(str(error), False) from error
-
-
 def _begin(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -393,7 +356,7 @@ def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.rotations for block in simulated.blocks) and not any(
+    if any(block.macro for block in simulated.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks
     ):
         found.append(

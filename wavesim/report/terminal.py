@@ -23,6 +23,15 @@ def told(message: str, kind: str = "") -> None:
     click.echo(f"wavesim: {kind}: {text}" if kind else f"wavesim: {text}", err=True)
 
 
+SET = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="TABLE.KEY=VALUE",
+    help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
+)
+
+
 def stop(message: str, code: int) -> NoReturn:
     """End with one line on standard error and an exit code."""
     told(message)
@@ -54,9 +63,9 @@ def failed(error: BaseException) -> int:
 
 
 def console(quiet: bool = False) -> Any:
-    """A console as wide as the terminal, or 120 columns where there is none."""
+    """A console as wide as the terminal, or 80 columns where there is none."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else 120
+    width = None if sys.stdout.isatty() else 80
     # Without markup: [time] in a message is a table of the case file.
     return Console(quiet=quiet, highlight=False, markup=False, width=width)
