@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 
 import click
 
-from wavesim.material.shown import printable
 
 # Exit codes: a check of the run fell short; bad input; the integration or the writing of its
 # results failed; interrupted.
@@ -19,6 +18,8 @@ _LONGEST = 2000
 
 def told(message: str, kind: str = "") -> None:
     """One line on standard error, in which nothing is left that a terminal would obey."""
+    from wavesim.material.shown import printable  # loads numpy, which --help does without
+
     text = printable(message, _LONGEST)
     click.echo(f"wavesim: {kind}: {text}" if kind else f"wavesim: {text}", err=True)
 
