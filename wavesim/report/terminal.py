@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 
 import click
 
-
 # Exit codes: a check of the run fell short; bad input; the integration or the writing of its
 # results failed; interrupted.
 FELL_SHORT, BAD_INPUT, FAILED, INTERRUPTED = 1, 2, 3, 130
