@@ -176,8 +176,8 @@ def signals(field: Field, reading: Reading) -> Figure:
         if axes is not rows[-1]:
             axes.set_xticklabels([])
         axes.text(
-            1.01, 0.5, f"{as_written(receiver)}\n{field.receivers[receiver] * 1e3:g} mm", va="center",
-            fontsize=7, transform=axes.transAxes,
+            1.01, 0.5, f"{as_written(receiver)}\n{field.receivers[receiver] * 1e3:g} mm",
+            va="center", fontsize=7, transform=axes.transAxes,
         )  # fmt: skip
     shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(receivers)))
     tops = []
