@@ -14,18 +14,22 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesim.material.medium import fastest_speed
 from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.time_step import RUN, TimeStep, chunk_frames
 
-# Seconds on the machine that was measured on, quiet.
-_START, _COMPILE = 2.6, {"propagator": 2.2, "chebyshev": 3.0}
-_PER_FLOP, _PER_PRODUCT, _PER_POINT = 3.0e-11, 1.0e-4, 2.5e-8
+# Seconds on the machine that was measured on, quiet; products of states in the cache take less.
+_START, _COMPILE = 1.6, {"propagator": 1.0, "chebyshev": 1.2}
+_PER_FLOP, _PER_PRODUCT, _PER_POINT, _CACHED = 3.0e-11, 1.0e-5, (4.0e-9, 1.1e-8), 4.0e4
 _PER_STORED, _PER_READ = 8.0e-9, 3.0e-9  # a byte
-_ENDLESS, _BAR, _PER_SIGNAL, _PAGE = 0.8, 1.2, 6.0e-7, 2.2
-# Bytes: what is loaded and compiled, here and in the process beside; what a packed number takes
-# where waves are; page and picture.
-_LOADED, _PACKED, _SHOWN = 0.85e9, 6.9, 5.0e6
+_ENDLESS, _PER_SPECTRUM, _BAR, _PER_SIGNAL, _PAGE = 0.5, 6.0e-8, 0.6, 2.0e-7, 1.2
+# Bytes: what is loaded and compiled, here and in the process beside; how many times a chunk and a
+# state are held; what a packed number takes where waves are; page and picture.
+_LOADED, _CHUNKS, _STATES, _PACKED, _SHOWN = 0.48e9, 14, 20, 6.9, 5.5e6
+# So much faster than waves travels what is no more than rounding, but takes as much room.
+_FRONT = 1.5
+_LOOKED_AT = 64
 # What the same work took there: arithmetic of one thread, and a loop of Python.
 _PRODUCT_THEN, _LOOP_THEN = 5.5e-5, 2.8e-3
 _PART_OF_MEMORY = 0.8
@@ -105,29 +109,50 @@ def cost(simulated: Simulation, steps: TimeStep, page: bool = True) -> Cost:
     frames, cells, count = simulated.frames, simulated.bar.cells, len(simulated.fields)
     numbers = float(frames) * cells * count
     arithmetic, python = slowness()
-    each = _PER_PRODUCT + _PER_POINT * cells * count
+    state = float(cells * count)
+    near, far = _PER_POINT
+    each = _PER_PRODUCT + state * (near + far * state / (state + _CACHED))
     if steps.solver == "propagator":
         window = RUN + 2 * steps.reach
         fields = sum(len(b.macro + b.micro) ** 2 for b in simulated.blocks)
         each += _PER_FLOP * 2.0 * cells * window * fields
     seconds = arithmetic * steps.operator_products * each
-    seconds += python * (_START + _COMPILE.get(steps.solver, 2.0))
-    seconds += arithmetic * numbers * 8 * _PER_STORED / 4
-    chunk = 8.0 * cells * count * (12 + 8 * chunk_frames(simulated))
+    seconds += python * (_START + _COMPILE.get(steps.solver, 1.0))
+    memory = _LOADED + 8.0 * state * (_STATES + _CHUNKS * chunk_frames(simulated))
     if not page:
-        return Cost(seconds, _LOADED / 2 + chunk + 2 * 8 * numbers, 0.0)
-    seconds += python * _PAGE + arithmetic * numbers * 8 * (_PER_STORED + _PER_READ)
+        return Cost(seconds, memory + 2 * 8 * numbers, 0.0)
+    moving = numbers * _reached(simulated)
+    seconds += python * _PAGE + arithmetic * 8 * (moving * _PER_STORED + numbers * _PER_READ)
     waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
-    memory, disk = _LOADED + chunk, _PACKED * numbers + _SHOWN
+    disk = _PACKED * moving + 0.02 * numbers + _SHOWN
     if simulated.endless:
-        seconds += python * _ENDLESS
-        memory += 8.0 * frames * waves * (6 + 2 * len(simulated.blocks))
+        seconds += python * _ENDLESS + arithmetic * _PER_SPECTRUM * numbers
+        memory += 8.0 * frames * waves * 4
         disk += 8.0 * frames * waves * len({block.sector for block in simulated.blocks}) / 2
     else:
         signals = float(frames) * len(simulated.receivers) * len(simulated.layers.layers)
         seconds += python * _BAR + arithmetic * _PER_SIGNAL * signals * len(simulated.blocks)
-        memory += 8.0 * frames * 64 * max(len(simulated.receivers), 1)
     return Cost(seconds, memory, disk)
+
+
+def _reached(simulated: Simulation) -> float:
+    """Part of the bar that anything reaches, mean over the run: at rest it takes no room."""
+    bar, layers = simulated.bar, simulated.layers
+    speed = _FRONT * max(fastest_speed(medium) for medium in layers.media)
+    found = []
+    for t in np.linspace(0.0, simulated.duration, _LOOKED_AT):
+        spans = []
+        for source in simulated.sources:
+            reach = speed * max(t - max(source.onset, 0.0), 0.0) + 4 * source.width
+            for shift in (-bar.length, 0.0, bar.length) if bar.periodic else (0.0,):
+                low, high = source.position + shift - reach, source.position + shift + reach
+                spans.append((max(low, 0.0), min(high, bar.length)))
+        total, end = 0.0, 0.0
+        for low, high in sorted(spans):
+            total += max(0.0, high - max(low, end))
+            end = max(end, high)
+        found.append(total / bar.length)
+    return float(np.mean(found))
 
 
 def check_cost(
