@@ -25,6 +25,7 @@ from wavesim.timedomain.coefficients import module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
 from wavesim.timedomain.scaled_fields import to_scaled
 from wavesim.timedomain.sparse_matrix import difference_matrix
+from wavesim.timedomain.traced_grid import TracedGrid
 
 # What a signal does not depend on, set alike for all, and its amplitude.
 _ALONE: dict[str, Any] = {"field": "phi1", "position": 0.0, "width": 0.0, "amplitude": 1.0}
@@ -151,7 +152,12 @@ def derivative(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def source_terms(
-    sources: Sequence[Source], medium: Medium, bar: Bar, blocks: Sequence[Block], A: Operator
+    sources: Sequence[Source],
+    medium: Medium,
+    bar: Bar,
+    blocks: Sequence[Block],
+    A: Operator,
+    grid: TracedGrid | None = None,
 ) -> SourceTerms:
     """Lay sources on the grid of a bar.
 
@@ -160,10 +166,11 @@ def source_terms(
         medium: whose units the operator is scaled by, of plain numbers.
         bar: the grid.
         blocks: those of the operator.
-        A: for the shape and the inertias of its states.
+        A: for the shape, the norms and the inertias of its states.
+        grid: the bar with cells of other sizes.
     """
     kept = [source for source in sources if source.drive != "initial"]
-    lines = [_line(source, medium, bar) for source in kept]
+    lines = [_line(source, medium, bar, A.groups[0], grid) for source in kept]
     points = tuple(
         (
             _points(kept, lines, [block.rotations for block in stacked], group, 0),
@@ -183,11 +190,25 @@ def source_terms(
     return SourceTerms(points, amplitude, time, tuple(signals), which, tuple(turned.values()))
 
 
-def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
+def _line(
+    source: Source, medium: Medium, bar: Bar, group: Group, grid: TracedGrid | None
+) -> tuple[Any, Any]:
     """Nodes or half-nodes that a source acts on, and its scaled force there."""
+    end = np.array([0 if source.position < bar.length / 2 else bar.cells])
     if source.drive == "rotation":
-        return np.array([0 if source.position < bar.length / 2 else bar.cells]), np.ones(1)
+        return end, np.ones(1)
     units = scales(medium)
+    if grid is not None:
+        known = group.half_norm if source.staggered else group.node_norm
+        own: Any = end
+        force: Any = np.ones(1)
+        if source.drive == "body":
+            place = source.position, source.width, source.staggered
+            own, force = grid.spread(*place, known * float(units.length))
+        force = force / float(units.force(source.field) * units.length)
+        if not source.staggered:
+            force = jnp.where(jnp.asarray(held_nodes(bar))[own], 0.0, force)
+        return own, force
     density, indices = bar.spread(source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
@@ -202,7 +223,7 @@ def _points(
     sources: Sequence[Source], lines: Sequence[Any], parts: Sequence[Any], group: Group, kind: int
 ) -> Points:
     """G of all sources on the rotations (kind 0) or micro-curvatures (1) of a group."""
-    where: list[np.ndarray] = [np.zeros((4, 0), int)]
+    where: list[Any] = [np.zeros((4, 0), int)]
     weights: list[Any] = [np.zeros(0)]
     for number, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
         for b, components in enumerate(parts):
@@ -210,11 +231,12 @@ def _points(
                 weight = component.get(source.field, 0.0)
                 if weight:
                     zero = 0 * nodes
-                    where.append(np.stack([zero + number, zero + i, zero + b, nodes]))
+                    each = [zero + number, zero + i, zero + b, nodes]
+                    where.append(module(nodes).stack(each))
                     turning = source.drive == "rotation"
                     inertia = 1.0 if turning else group.mass[kind][b, nodes]
                     weights.append(weight * force / inertia)
-    source, component, block, point = np.concatenate(where, axis=1)
+    source, component, block, point = module(*where).concatenate(where, axis=1)
     return Points(source, component, block, point, module(*weights).concatenate(weights))
 
 
