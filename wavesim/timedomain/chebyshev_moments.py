@@ -247,7 +247,7 @@ def _let_members_join(function: Any) -> None:
         def joined(array: Any, is_batched: bool) -> Any:
             whole = array if is_batched else jnp.broadcast_to(array, (size, *jnp.shape(array)))
             moved = jnp.moveaxis(whole, 0, -2)
-            return moved.reshape(*moved.shape[:-2], -1)
+            return moved.reshape(*moved.shape[:-2], moved.shape[-2] * moved.shape[-1])
 
         def parted(array: Any) -> Any:
             members = array.shape[-1] // size

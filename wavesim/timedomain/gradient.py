@@ -95,9 +95,11 @@ def traced_fields(
         ValueError: the layers differ from the plan's in more than parameters, a receiver is
             outside the bar, or media of plain numbers are faster than those of the plan.
     """
+    sizes = _sizes(thicknesses, planned)
+    if sizes is not None:
+        layers = _placed(layers, planned)
     given = as_layers(layers, planned.bar.length)
     step = time_step(dataclasses.replace(planned, solver="chebyshev"))
-    sizes = _sizes(thicknesses, planned)
     _check(given, planned)
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
     by_moments = receivers is not None and not planned.lossy
@@ -153,7 +155,21 @@ def _sizes(thicknesses: Any, planned: Simulation) -> Any:
         )
     if any(source.drive == "initial" for source in planned.sources):
         raise ValueError("thicknesses: not beside initial fields; take a source with a signal")
-    return jnp.asarray(thicknesses) / cells
+    return jnp.asarray(thicknesses, float) / cells.astype(float)
+
+
+def _placed(layers: Medium | Layers | Sequence[Layer], planned: Simulation) -> Any:
+    """Layers at the places of the plan's, whatever theirs."""
+    if isinstance(layers, Medium):
+        return layers
+    own = layers.layers if isinstance(layers, Layers) else tuple(layers)
+    places = planned.layers.layers
+    if len(own) != len(places):
+        return layers
+    return [
+        dataclasses.replace(layer, start=place.start, end=place.end)
+        for layer, place in zip(own, places, strict=True)
+    ]
 
 
 def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:

@@ -204,7 +204,7 @@ def _line(
         force: Any = np.ones(1)
         if source.drive == "body":
             place = source.position, source.width, source.staggered
-            own, force = grid.spread(*place, known * float(units.length))
+            force, own = grid.spread(*place, known * float(units.length))
         force = force / float(units.force(source.field) * units.length)
         if not source.staggered:
             force = jnp.where(jnp.asarray(held_nodes(bar))[own], 0.0, force)
@@ -223,21 +223,21 @@ def _points(
     sources: Sequence[Source], lines: Sequence[Any], parts: Sequence[Any], group: Group, kind: int
 ) -> Points:
     """G of all sources on the rotations (kind 0) or micro-curvatures (1) of a group."""
-    where: list[Any] = [np.zeros((4, 0), int)]
+    where: list[Any] = [np.zeros((3, 0), int)]
+    points: list[Any] = [np.zeros(0, int)]
     weights: list[Any] = [np.zeros(0)]
     for number, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
         for b, components in enumerate(parts):
             for i, component in enumerate(components):
                 weight = component.get(source.field, 0.0)
                 if weight:
-                    zero = 0 * nodes
-                    each = [zero + number, zero + i, zero + b, nodes]
-                    where.append(module(nodes).stack(each))
+                    where.append(np.repeat([[number], [i], [b]], len(nodes), axis=1))
+                    points.append(nodes)
                     turning = source.drive == "rotation"
                     inertia = 1.0 if turning else group.mass[kind][b, nodes]
                     weights.append(weight * force / inertia)
-    source, component, block, point = module(*where).concatenate(where, axis=1)
-    return Points(source, component, block, point, module(*weights).concatenate(weights))
+    made = [module(*parts).concatenate(parts) for parts in (points, weights)]
+    return Points(*np.concatenate(where, axis=1), *made)
 
 
 def initial_state(

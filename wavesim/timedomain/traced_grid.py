@@ -31,7 +31,7 @@ class TracedGrid:
     @property
     def edges(self) -> Any:
         """Where stretches begin, and the last one ends, shape (stretches + 1,), m."""
-        cells = np.array([cells for cells, _ in self.bar.all_stretches])
+        cells = np.array([float(cells) for cells, _ in self.bar.all_stretches])
         return jnp.concatenate([jnp.zeros(1), jnp.cumsum(cells * self.sizes)])
 
     def points(self, staggered: bool) -> Any:
@@ -63,9 +63,10 @@ class TracedGrid:
             last = jnp.asarray(counts)[at] - (1 if staggered else 0)
             first = jnp.clip(first, 0, last + 1 - width)
         steps = np.arange(width)
+        local = place - first.astype(float)
         weights = jnp.stack(
             [
-                jnp.prod(jnp.stack([(place - first - j) / float(i - j) for j in steps if j != i]))
+                jnp.prod(jnp.stack([(local - float(j)) / float(i - j) for j in steps if j != i]))
                 for i in steps
             ]
         )
