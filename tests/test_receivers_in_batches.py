@@ -97,7 +97,7 @@ def loss(p, thicknesses, plan, host=HOST):
 
 def test_gradients_of_a_batch_by_media_and_thicknesses():
     """By the media of one and the thicknesses of the other, against differences of order 4 of whole
-    runs of its own layers; sources and receivers stay where they are. To 1e-7 of value and slope."""
+    runs of its own layers; sources and receivers stay where they are. To 1e-7 of both."""
     plan = planned("one", thicknesses=THIN)
     members = jnp.asarray([[0.3, 6.0], [0.45, 8.0]])
     sizes = jnp.asarray([THICK, (0.00705, 0.006, 0.00505, 0.0061)])

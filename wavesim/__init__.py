@@ -46,6 +46,7 @@ _HOMES = {
     "open": "wavesim.records.run_folder",
     "record": "wavesim.records.record",
     "read_record": "wavesim.records.files",
+    "inspect": "wavesim.records.inspection",
     "Layout": "wavesim.records.arrays",
     "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",

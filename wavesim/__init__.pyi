@@ -14,6 +14,7 @@ from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.readings.pulse.measurement import measure as measure_pulses
 from wavesim.records.arrays import Layout
 from wavesim.records.files import read as read_record
+from wavesim.records.inspection import inspect
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
@@ -48,6 +49,7 @@ __all__ = [
     "hold",
     "in_space",
     "in_time",
+    "inspect",
     "integrate",
     "judge",
     "judge_bar",

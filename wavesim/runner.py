@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
-_DRAWING = "wavesim.figures.drawing"
+_DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
 class RunError(RuntimeError):
@@ -63,6 +63,7 @@ def begun_beside() -> Worker:
     """A process beside a run, which loads what it will draw with; the sooner the better."""
     beside = Worker()
     beside.prepare("importlib.import_module", _DRAWING)
+    beside.prepare("importlib.import_module", _PAGE_DATA)
     beside.prepare(f"{_DRAWING}.warm_up")
     return beside
 
@@ -74,6 +75,7 @@ def run(
     progress: Progress | None = None,
     beside: Worker | None = None,
     figures: bool = False,
+    rerun: str = "",
 ) -> Outcome:
     """Run a case.
 
@@ -84,6 +86,7 @@ def run(
         progress: called with the name of the stage and the part of it done.
         beside: of :func:`begun_beside`, where it was begun before; the caller ends it.
         figures: draw all figures too.
+        rerun: the command that runs this case, for the page.
 
     Returns:
         What came of it.
@@ -100,7 +103,7 @@ def run(
     try:
         with ExitStack() as until_the_end:
             own = beside or until_the_end.enter_context(begun_beside())
-            return _run(case, folder, resume, tell, begun, own, figures)
+            return _run(case, folder, resume, tell, begun, own, figures, rerun)
     except StorageError as error:
         raise RunError(str(error), False) from error
     except OSError as error:
@@ -125,6 +128,7 @@ def _run(
     clock: float,
     beside: Worker,
     figures: bool,
+    rerun: str,
 ) -> Outcome:
     timing: dict[str, float] = {}
 
@@ -194,14 +198,16 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, simulated)
+    shown = beside.one(f"{_PAGE_DATA}.of_field", field)
     drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
     found = measure(case, field, *(known.result() if known else ()))
     lap("analyse")
     tell("figures", 0.0)
     rows = [check.row() for check in found.checks]
     sentence, overview = verdict({"checks": rows}), folder / "overview.png"
-    shown = field, found.shown, case.title or folder.name, sentence
-    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *shown))
+    told_of = field, found.shown, case.title or folder.name, sentence
+    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *told_of))
+    measured = beside.one(f"{_PAGE_DATA}.of_found", field, found.shown)
     if figures:
         asked = folder / "figures", field, found.shown
         drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
@@ -209,6 +215,7 @@ def _run(
         # The file is read until all is drawn; only then may another take its place.
         for one in drawn:
             one.result()
+        data = shown.result()[0] | measured.result()[0]
         lap("figures")
         tell("store", 0.0)
         results.finish("complete", found.tables)
@@ -232,7 +239,8 @@ def _run(
     (folder / "summary.json").write_text(
         json.dumps(summary, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
     )
-    (folder / "report.html").write_text(page(summary, resolved, folder), encoding="utf-8")
+    made = page(summary, data, resolved, folder, rerun, found.notes)
+    (folder / "report.html").write_text(made, encoding="utf-8")
     return Outcome(summary, folder, found.notes)
 
 
@@ -299,58 +307,6 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     return Found(checks, answers, reading, reading.tables(), summary, told)
 
 
-@dataclass(frozen=True)
-class Opened:
-    """A run's folder, opened.
-
-    Attributes:
-        case: as it was run.
-        field: of result.h5, read where it is looked at.
-        status: running, complete or failed.
-    """
-
-    case: Case
-    field: Any
-    status: str
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run came to its end."""
-        return self.status == "complete"
-
-    @property
-    def why(self) -> str:
-        """Why there is not all that a complete run has."""
-        seconds = float(self.field.t[-1])
-        return (
-            f"the run is not complete (status {self.status}, {len(self.field.t)} frames, to "
-            f"{seconds:.4g} s): only the field is shown; wavesim run --resume carries it on"
-        )
-
-    def measured(self) -> Any:
-        """What was measured, once more from the field: what figures are drawn from."""
-        return measure(self.case, self.field).shown
-
-
-def opened(folder: Path) -> Opened:
-    """Open the folder of a run's results.
-
-    Raises:
-        RunError: there is no result in it, or it can't be read.
-    """
-    from wavesim.case.load import build
-    from wavesim.case.schema import CaseError, parse
-    from wavesim.io.result_reader import StorageError, describe, read
-
-    path = folder if folder.suffix == ".h5" else folder / "result.h5"
-    try:
-        stored = describe(path)
-        case = build(parse(stored.case, str(path)), str(path))
-        return Opened(case, read(path, case.simulation), stored.status)
-    except (StorageError, CaseError) as error:
-        raise RunError(str(error), False) from error
-
-
 def _begin(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -371,7 +327,7 @@ def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.rotations for block in simulated.blocks) and not any(
+    if any(block.macro for block in simulated.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks
     ):
         found.append(

@@ -10,6 +10,15 @@ import click
 FELL_SHORT, BAD_INPUT = 1, 2
 
 
+SET = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="TABLE.KEY=VALUE",
+    help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
+)
+
+
 def stop(message: str, code: int) -> NoReturn:
     """End with one line on standard error and an exit code."""
     click.echo(f"wavesim: {message}", err=True)
@@ -17,9 +26,9 @@ def stop(message: str, code: int) -> NoReturn:
 
 
 def console(quiet: bool = False) -> Any:
-    """A console as wide as the terminal, or 120 columns where there is none."""
+    """A console as wide as the terminal, or 80 columns where there is none."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else 120
+    width = None if sys.stdout.isatty() else 80
     # Without markup: [time] in a message is a table of the case file.
     return Console(quiet=quiet, highlight=False, markup=False, width=width)

@@ -34,7 +34,7 @@ from wavesim.grid.bar import Bar
 
 
 class Force(NamedTuple):
-    """−(4/R²) L of blocks of one shape, p rotations and b micro-curvatures.
+    """−(4/R²) L of blocks of one shape, p macro- and b micro-fields.
 
     Arrays are of shape (blocks, points, M).
 

@@ -17,8 +17,9 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_norm
+from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
@@ -26,7 +27,7 @@ from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
 from wavesim.timedomain.moments_in_time import signals
 from wavesim.timedomain.operator import operator
-from wavesim.timedomain.scaled_fields import is_rotation, to_fields
+from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
 from wavesim.timedomain.traced_grid import TracedGrid
@@ -36,7 +37,7 @@ class _Recorded(Equation):
     """A bar's equation without work and energy, seen as a whole or at receivers.
 
     Attributes:
-        nodes, halves: (weights, indices) that interpolate rotations and micro-curvatures at the
+        nodes, halves: (weights, indices) that interpolate macro- and micro-fields at the
             receivers, shape (receivers, points) each; None for the whole field.
     """
 
@@ -78,7 +79,7 @@ def traced_fields(
     RecursiveCheckpointAdjoint keeps checkpoints, as many as the root of the number of steps.
 
     A gradient term that is negligible (a share below 1e-9 of ω²) is left out at receivers, and with
-    losses, unless a G_n_g is a jax array.
+    losses, unless it has a jax array in it.
 
     Args:
         layers: what the bar is made of; parameters of media may be traced. Boundaries, closures
@@ -107,7 +108,10 @@ def traced_fields(
     if by_moments:
         kept = planned.gradient_felt
     kept = kept or any(
-        isinstance(one.G_n_g, jax.Array) for layer in given.layers for one in _ends(layer)
+        isinstance(value, jax.Array)
+        for layer in given.layers
+        for one in _ends(layer)
+        for value in one.of_gradient
     )
     A = operator(given, bar, blocks, medium, kept, planned.layers, sizes)
     grid = None if sizes is None else TracedGrid(bar, sizes)
@@ -115,13 +119,13 @@ def traced_fields(
     start = initial_state(planned.sources, medium, bar, blocks, A)
     places = [_places(bar, receivers, staggered, grid) for staggered in (False, True)]
     if by_moments:
-        initial = any(source.drive == "initial" for source in planned.sources)
+        initial = any(source.acts == "initial" for source in planned.sources)
         pairs = signals(A, terms, start if initial else None, places, bar, step)
     else:
         pairs = _integrated(_Recorded(A, terms, *places), start, step)
     fields = to_fields(pairs, blocks, medium)
     if receivers is None:
-        fields = {n: f if is_rotation(n) else f[:, : bar.cells] for n, f in fields.items()}
+        fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
     fits = _fits(given, planned, sizes)
     return {name: jnp.where(fits, values, jnp.nan) for name, values in fields.items()}
 
@@ -153,7 +157,7 @@ def _sizes(thicknesses: Any, planned: Simulation) -> Any:
             f"thicknesses: shape {np.shape(thicknesses)} given for {len(cells)} layers; one for "
             "each, in m"
         )
-    if any(source.drive == "initial" for source in planned.sources):
+    if any(source.acts == "initial" for source in planned.sources):
         raise ValueError("thicknesses: not beside initial fields; take a source with a signal")
     return jnp.asarray(thicknesses, float) / cells.astype(float)
 
@@ -243,7 +247,7 @@ def _plain(layer: Layer) -> Layer | None:
     """A layer with its parameters as floats; None where one of them is traced."""
     made = []
     for medium in _ends(layer):
-        values = {name: getattr(medium, name) for name in PARAMETERS}
+        values = {name: getattr(medium, name) for name in medium.known()}
         if any(isinstance(value, jax.core.Tracer) for value in values.values()):
             return None
         plain: dict[str, Any] = {name: v if v is None else float(v) for name, v in values.items()}

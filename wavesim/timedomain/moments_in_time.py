@@ -91,7 +91,7 @@ def _parts(array: Any) -> tuple[Any, ...]:
 
 def _force(group: Group, scale: float) -> Force:
     """The coefficients of a group, folded."""
-    c, p = group.c, group.c.rotations
+    c, p = group.c, group.c.macro
     C, half_norm = jnp.asarray(c.stiffness), jnp.asarray(group.half_norm)
     per_half = 1 / jnp.where(half_norm == 0, 1.0, half_norm)
     count = len(C)

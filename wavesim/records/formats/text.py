@@ -106,6 +106,8 @@ def read_table(path: Path) -> Table:
         above = sorted(above + before)
     _check_heading(above, width, body[0][0])
     headings, units = _headings([row for _, row in above[-_LONGEST_HEAD:]], width)
+    if decimal == ",":
+        headings = [re.sub(r"(?<=\d),(?=\d)", ".", heading) for heading in headings]
     # The last row of a file cut short.
     if len(body) > 2 and not _whole(body[-1][1], cells, decimal, width):
         body = body[:-1]
