@@ -20,7 +20,7 @@ MODULES = {
 FLOORS = (
     {"material", "worker"},
     {"grid", "planewave", "sources"},
-    {"layered"},
+    {"layered", "differentiable"},
     {"simulation"},
     {"case", "timedomain", "io"},
     {"records"},
@@ -162,7 +162,7 @@ def test_readings_of_waves_know_no_theory():
         (("click", "rich"), {"cli", "report"}),
         (("pydantic",), {"case"}),
         (("diffrax", "equinox"), {"timedomain"}),
-        (("jax",), {"timedomain", "studies", "runner"}),
+        (("jax",), {"timedomain", "differentiable", "studies", "runner"}),
     ],
     ids=lambda given: " ".join(sorted(given)),
 )
@@ -183,7 +183,7 @@ def test_one_module_integrates():
     assert {room(name) for name in calls} == {"timedomain"}
 
 
-LIGHT = set(FLOOR) - {"timedomain", "studies", "runner", "cli"}
+LIGHT = set(FLOOR) - {"timedomain", "differentiable", "studies", "runner", "cli"}
 
 
 @pytest.mark.parametrize("name", sorted(LIGHT))
