@@ -160,6 +160,7 @@ def test_readings_of_waves_know_no_theory():
         (("h5py",), {"io"}),
         (("matplotlib",), {"figures", "paper", "report"}),
         (("click", "rich"), {"cli", "report"}),
+        (("zarr", "dask", "distributed"), {"studies"}),
         (("pydantic",), {"case"}),
         (("diffrax", "equinox"), {"timedomain"}),
         (("jax",), {"timedomain", "differentiable", "studies", "runner"}),

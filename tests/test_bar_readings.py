@@ -178,7 +178,7 @@ def test_bloch_wave_of_a_made_up_field(layers, ends, monkeypatch):
     transforming(monkeypatch, cells_module, made)
     field = field_of(layers, bar, [Ricker("phi1", 0.012, 2e5)])
     stretch = repeated_stretch(field, LONGITUDINAL, 30, 18.0)
-    found = cells(field, LONGITUDINAL, stretch, 18.0)
+    found = cells(field, LONGITUDINAL, stretch)
     assert found.period == pytest.approx(period, rel=1e-12)
     assert found.judged.sum() >= 10
     np.testing.assert_allclose(found.cosine, np.cos(phase["qL"]), atol=1e-10)

@@ -89,7 +89,6 @@ BAD = [
     ("bar.length=-0.1", "[bar] length = -0.1", "greater than 0"),
     ("bar.length=nan", "[bar] length = nan", "finite"),
     ("bar.length=inf", "[bar] length = inf", "finite"),
-    ("bar.length=0.0321", "[bar] length = 0.0321", "the nearest is 0.032125"),
     ("bar.length=0.001", "[bar] cells = 8", "needs at least 16; lengthen the bar"),
     ("bar.cells=256", "[bar] length, cells: both", "one of the two"),
     ("bar.spacing=0", "[bar] spacing = 0", "greater than 0"),
@@ -223,7 +222,7 @@ def test_peak_frequency_limit_and_remedy_hold():
 def test_not_a_file_not_text_and_not_toml(tmp_path):
     for path, told in (
         (tmp_path / "absent.toml", "no such file"),
-        (tmp_path, "can't be read: Is a directory"),
+        (tmp_path, "is a folder, no regular file; name a case file"),
     ):
         with pytest.raises(CaseError, match=told) as caught:
             read(path)
@@ -231,7 +230,7 @@ def test_not_a_file_not_text_and_not_toml(tmp_path):
         assert "\n" not in str(caught.value)
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(CaseError, match="not a text file in UTF-8"):
+    with pytest.raises(CaseError, match="not text in UTF-8"):
         read(binary)
     for broken in ("[medium\n", "a = \n", 'title = "x\n', "[bar]\n[bar]\n"):
         message = message_of(text=broken)
@@ -273,17 +272,42 @@ def test_overrides_are_laid_over_in_order():
         "bar.order=10",
         "bar.order=12",
         "sources.0.field='phi2'",
-        "sources.0.width = 1e-4",
+        "sources.0.width = 2e-4",
         "medium.closure=consistent",
         "title=A bar",
         "time.samples=33",
     )
     made = case.simulation
     assert made.bar.order == 12
-    assert (made.sources[0].field, made.sources[0].width) == ("phi2", 1e-4)
+    assert (made.sources[0].field, made.sources[0].width) == ("phi2", 2e-4)
     assert made.medium.closure == "consistent"
     assert case.title == "A bar"
     assert made.frames == 33
+
+
+def test_a_length_is_rounded_to_whole_cells_and_said():
+    case = case_of("bar.length=0.0321")
+    assert (case.simulation.bar.cells, case.simulation.bar.length) == (257, 257 * 1.25e-4)
+    (note,) = case.notes
+    assert "[bar] length = 0.0321" in note
+    assert "257 cells, 0.032125 m" in note
+    assert case_of().notes == ()
+
+
+def test_a_receiver_at_a_rounded_end_stands_at_the_end():
+    text = TEXT.replace("length = 0.032", 'length = 0.03205\nleft = "free"\nright = "free"')
+    case = case_of("receivers.0.position=0.03205", text=text)
+    assert case.simulation.receivers["near"] == case.simulation.bar.length == pytest.approx(0.032)
+
+
+def test_a_width_below_a_cell_is_a_point_and_said():
+    case = case_of("sources.0.width=1e-4")
+    assert case.simulation.sources[0].width == 0
+    (note,) = case.notes
+    assert "[[sources]] number 1: width = 0.0001" in note
+    # What is written of it is what was run.
+    again = parse(case.resolved("propagator", 1e-7), "resolved.toml")
+    assert again.sources[0].width == 0
 
 
 def meaning(simulation):

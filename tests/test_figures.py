@@ -9,14 +9,27 @@ import pytest
 from madeup import made_field
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from runs import call
 
 from wavesim import planewave
 from wavesim.figures import endless as figures
 from wavesim.figures import field as fieldfigures
 from wavesim.figures import style
+from wavesim.grid.bar import Bar
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import scales
+from wavesim.readings import amplitude_map
 from wavesim.sources import Ricker
 from wavesim.worker import Worker
 
+DRAWN = (
+    "attenuation_longitudinal",
+    "dispersion_inplane",
+    "dispersion_longitudinal",
+    "energy",
+    "receivers",
+    "spacetime",
+)
 TO_KHZ = 1 / (2e3 * np.pi)
 
 
@@ -61,24 +74,58 @@ def gaps_in_khz(medium, sector):
     ]
 
 
-def test_every_figure_is_written(small_run):
-    """Those of the run itself, at the size that was asked for, none of them blank."""
-    files = sorted(p.name for p in (small_run.folder / "figures").iterdir())
-    assert files == [
-        "attenuation_longitudinal.png",
-        "dispersion_inplane.png",
-        "dispersion_longitudinal.png",
-        "energy.png",
-        "receivers.png",
-        "spacetime.png",
-    ]
+def test_every_figure_is_written(small_run, tmp_path):
+    """From the run's folder, at the size that was asked for, none of them blank."""
+    result = call("figures", small_run.folder, "--out", tmp_path / "figures")
+    assert (result.exit_code, result.stderr) == (0, "")
+    files = sorted(p.name for p in (tmp_path / "figures").iterdir())
+    assert files == [f"{name}.png" for name in DRAWN]
     for name in files:
-        content = (small_run.folder / "figures" / name).read_bytes()
+        content = (tmp_path / "figures" / name).read_bytes()
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         width, height = struct.unpack(">II", content[16:24])
         assert 700 <= width <= 2000
         assert 450 <= height <= 2000
         assert len(content) > 15_000
+
+
+@pytest.mark.parametrize(("kind", "head"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_one_figure_in_a_format_for_paper(small_run, tmp_path, kind, head):
+    """That one and no other; drawn twice it is one file, byte for byte but for names in an SVG."""
+    result = call("figures", small_run.folder, "--only", "energy", "--format", kind,
+                  "--out", tmp_path)  # fmt: skip
+    assert (result.exit_code, result.stderr) == (0, "")
+    (path,) = tmp_path.iterdir()
+    assert path.name == f"energy.{kind}"
+    assert path.read_bytes()[: len(head)] == head
+
+
+def test_a_figure_that_is_none_is_told_with_those_there_are(small_run, tmp_path):
+    result = call("figures", small_run.folder, "--only", "energie", "--out", tmp_path / "none")
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert "--only energie: must be one of spacetime, receivers, energy" in line
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("what", ["nothing", "no result"])
+def test_figures_of_no_run_give_2_and_one_line(tmp_path, what):
+    folder = tmp_path / "folder"
+    if what == "no result":
+        folder.mkdir()
+        (folder / "result.h5").write_text("not HDF5")
+    result = call("figures", folder)
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_run_writes_one_picture_and_draws_the_rest_on_demand(small_case, small_run, tmp_path):
+    assert (small_run.folder / "overview.png").read_bytes()[1:4] == b"PNG"
+    assert not (small_run.folder / "figures").exists()
+    result = call("run", small_case, "--figures", "--quiet", "--out", tmp_path)
+    assert (result.exit_code, result.output) == (0, "")
+    made = {path.stem for path in (tmp_path / "figures").glob("*.png")}
+    assert made == {*DRAWN}
 
 
 @pytest.mark.parametrize(
@@ -247,17 +294,35 @@ def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
 
 
 def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
-    """The largest in each tile, √Σq² over the sector's components, to the last bit however much
-    is read at a time, and by the plain formula over the whole record to rounding."""
+    """√(2⟨Σq²⟩) over tiles, the same to rounding however much is read at a time, and by the plain
+    formula where a tile is longer than a period, so that nothing more is averaged."""
     field = small_run.field
-    monkeypatch.setattr(fieldfigures, "_PIXELS", (37, 41))
-    whole = fieldfigures._amplitude(field, "inplane")
-    monkeypatch.setattr(fieldfigures, "_AT_ONCE", 1e6)
-    np.testing.assert_array_equal(fieldfigures._amplitude(field, "inplane"), whole)
+    whole = amplitude_map.amplitude_map(field, "inplane", (17, 41))
+    monkeypatch.setattr(amplitude_map, "_AT_ONCE", 1e6)
+    parts = amplitude_map.amplitude_map(field, "inplane", (17, 41))
+    np.testing.assert_allclose(parts, whole, rtol=1e-12)
     blocks = [b for b in field.blocks if b.sector == "inplane"]
-    parts = [values for b in blocks for values, _ in field.components(b)]
-    plain = style.thin(np.sqrt(np.sum(np.square(parts), axis=0)), (37, 41))
-    np.testing.assert_allclose(whole, plain, rtol=1e-14)
+    square = sum(np.square(values) for b in blocks for values, _ in field.components(b))
+    high, wide = (-(-n // m) for n, m in zip(square.shape, (17, 41), strict=True))
+    assert high * field.interval > 1 / field.sources[0].peak_frequency
+    plain = [
+        [square[i : i + high, j : j + wide].mean() for j in range(0, square.shape[1], wide)]
+        for i in range(0, square.shape[0], high)
+    ]
+    np.testing.assert_allclose(whole, np.sqrt(2 * np.array(plain)), rtol=1e-12)
+
+
+def test_amplitude_of_a_steady_wave_is_its_amplitude():
+    """A sin(kx − ωt), twelve frames to a period: A in every tile that sees a whole period, whatever
+    its phase there; a running mean over 13 frames for 12 is off by 1/26 of it at most."""
+    medium, bar = Medium(), Bar(cells=512, spacing=1.25e-4)
+    t = np.arange(600) / 12e6
+    wave = 3.0 * np.sin(2 * np.pi * (8 * bar.nodes / bar.length - 1e6 * t[:, None]))
+    still = dict.fromkeys(("B11", "B22", "B33"), np.zeros((600, 512)))
+    made = made_field(t, {"phi1": wave} | still, medium, bar, [Ricker("phi1", 0.032, 1e6)])
+    amplitude = 3.0 / scales(medium).unit("phi1")
+    shown = amplitude_map.amplitude_map(made, "longitudinal", (600, 128))
+    np.testing.assert_allclose(shown[6:-6], amplitude, rtol=1 / 26)
 
 
 def drawn_by_forks(folder, field):

@@ -47,13 +47,22 @@ _HOMES = {
     "load": "wavesim.case.load",
     "open": "wavesim.records.run_folder",
     "record": "wavesim.records.record",
+    "read_record": "wavesim.records.files",
+    "inspect": "wavesim.records.inspection",
+    "Layout": "wavesim.records.arrays",
     "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
     "synthesize": "wavesim.records.synthetic",
     "fit": "wavesim.studies.medium_fit",
+    "sweep": "wavesim.studies.sweep",
 }
 # Offered under a name that says more than the one at home.
-_NAMES = {"measure_pulses": "measure", "traced_transmission": "transmission", "open": "open_run"}
+_NAMES = {
+    "measure_pulses": "measure",
+    "open": "open_run",
+    "read_record": "read",
+    "traced_transmission": "transmission",
+}
 _MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
 
 __all__ = [*_HOMES, *_MODULES]

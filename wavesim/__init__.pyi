@@ -14,6 +14,9 @@ from wavesim.readings.dispersion.extract import extract
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.readings.pulse.measurement import measure as measure_pulses
+from wavesim.records.arrays import Layout
+from wavesim.records.files import read as read_record
+from wavesim.records.inspection import inspect
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
@@ -21,6 +24,7 @@ from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
 from wavesim.studies.medium_fit import fit
+from wavesim.studies.sweep import sweep
 from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
@@ -35,6 +39,7 @@ __all__ = [
     "InitialField",
     "Layer",
     "Layers",
+    "Layout",
     "Medium",
     "Recorded",
     "Ricker",
@@ -46,6 +51,7 @@ __all__ = [
     "hold",
     "in_space",
     "in_time",
+    "inspect",
     "integrate",
     "judge",
     "judge_bar",
@@ -56,8 +62,10 @@ __all__ = [
     "open",
     "planewave",
     "read_bar",
+    "read_record",
     "record",
     "simulate",
+    "sweep",
     "synthesize",
     "traced_fields",
     "traced_layers",

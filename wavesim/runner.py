@@ -1,10 +1,10 @@
-"""One run, from a settled case to a folder of results: integrate, measure, judge, draw."""
+"""One run, from a settled case to a folder of results: integrate, measure, judge, tell."""
 
 from __future__ import annotations
 
+import errno
 import json
 import math
-import os
 import resource
 import sys
 import time
@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
+_DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
 class RunError(RuntimeError):
@@ -32,10 +33,12 @@ class RunError(RuntimeError):
 
     Attributes:
         unstable: the integration failed, rather than a file.
+        code: to end with: 2 where what was asked for can't be, 3 where the integration, or the
+            writing of its results, failed.
     """
 
-    def __init__(self, message: str, unstable: bool) -> None:
-        self.unstable = unstable
+    def __init__(self, message: str, unstable: bool, written: bool = True) -> None:
+        self.unstable, self.code = unstable, 2 if written and not unstable else 3
         super().__init__(message)
 
 
@@ -62,8 +65,9 @@ class Outcome:
 def begun_beside() -> Worker:
     """A process beside a run, which loads what it will draw with; the sooner the better."""
     beside = Worker()
-    beside.prepare("importlib.import_module", "wavesim.figures.drawing")
-    beside.prepare("wavesim.figures.drawing.warm_up")
+    beside.prepare("importlib.import_module", _DRAWING)
+    beside.prepare("importlib.import_module", _PAGE_DATA)
+    beside.prepare(f"{_DRAWING}.warm_up")
     return beside
 
 
@@ -73,6 +77,8 @@ def run(
     resume: bool = False,
     progress: Progress | None = None,
     beside: Worker | None = None,
+    figures: bool = False,
+    rerun: str = "",
 ) -> Outcome:
     """Run a case.
 
@@ -82,6 +88,8 @@ def run(
         resume: carry on from the result file that is there.
         progress: called with the name of the stage and the part of it done.
         beside: of :func:`begun_beside`, where it was begun before; the caller ends it.
+        figures: draw all figures too.
+        rerun: the command that runs this case, for the page.
 
     Returns:
         What came of it.
@@ -93,17 +101,27 @@ def run(
     begun = time.perf_counter()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
-    from wavesim.io.result_reader import StorageError
+    from wavesim.io.folder_lock import locked
+    from wavesim.io.result_reader import StorageError, WriteError
 
     try:
         with ExitStack() as until_the_end:
+            if not resume:
+                _begin(folder)
+            if folder.is_dir():
+                until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
-            return _run(case, folder, resume, tell, begun, own)
+            return _run(case, folder, resume, tell, begun, own, figures, rerun)
     except StorageError as error:
-        raise RunError(str(error), False) from error
+        raise RunError(str(error), False, not isinstance(error, WriteError)) from error
     except OSError as error:
         what = error.strerror or error
-        raise RunError(f"{error.filename or folder}: can't be written: {what}", False) from error
+        raise RunError(
+            f"{error.filename or folder}: can't be written: {what}; make room on the disk, and "
+            "run again with --resume if result.h5 is there",
+            False,
+            False,
+        ) from error
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "RESOURCE_EXHAUSTED" not in str(error):
             raise
@@ -115,21 +133,6 @@ def run(
         ) from error
 
 
-def _keep_compiled() -> None:
-    """Let jax keep compiled functions from one process to the next, unless it was told where to.
-
-    Equinox's checks call back to Python, and jax keeps nothing on disk that does: they are set to
-    turn into values that are not finite, which the integration looks for.
-    """
-    os.environ.setdefault("EQX_ON_ERROR", "nan")
-    import jax
-    from platformdirs import user_cache_path
-
-    if jax.config.values["jax_compilation_cache_dir"] is None:
-        jax.config.update("jax_compilation_cache_dir", str(user_cache_path("wavesim") / "jax"))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-
-
 def _run(
     case: Case,
     folder: Path,
@@ -137,6 +140,8 @@ def _run(
     tell: Progress,
     clock: float,
     beside: Worker,
+    figures: bool,
+    rerun: str,
 ) -> Outcome:
     timing: dict[str, float] = {}
 
@@ -146,13 +151,17 @@ def _run(
         timing[stage], clock = now - clock, now
 
     from wavesim.material.scaling import scales
+    from wavesim.report.answers import verdict
+    from wavesim.report.page import page
     from wavesim.simulation.field import Field
 
     known: Answer | None = None
     if not case.simulation.endless:
         table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
         known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
-    _keep_compiled()
+    from wavesim.timedomain.compiled import keep_compiled
+
+    keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
     from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
@@ -169,11 +178,11 @@ def _run(
     if resume:
         start = results.carry_on()
     else:
-        _begin(folder)
         results.create()
     # An earlier run's verdict must not be taken for this one's.
-    (folder / "summary.json").unlink(missing_ok=True)
-    (folder / "resolved.toml").write_text(resolved, encoding="utf-8")
+    for name in ("summary.json", "report.html", "overview.png"):
+        (folder / name).unlink(missing_ok=True)
+    storage.write_whole(folder / "resolved.toml", resolved.encode())
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
     loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
@@ -201,23 +210,39 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     field = resultfile.read(results.path, simulated)
-    figures = folder / "figures"
-    drawn = [beside.each("wavesim.figures.drawing.of_field", figures, field)]
+    shown = beside.one(f"{_PAGE_DATA}.of_field", field)
+    drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
     found = measure(case, field, *(known.result() if known else ()))
     lap("analyse")
     tell("figures", 0.0)
-    drawn.append(beside.each("wavesim.figures.drawing.of_measurement", figures, field, found.shown))
+    rows = [check.row() for check in found.checks]
+    sentence, overview = verdict({"checks": rows}), folder / "overview.png"
+    told_of = field, found.shown, case.title or folder.name, sentence
+    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *told_of))
+    measured = beside.one(f"{_PAGE_DATA}.of_found", field, found.shown)
+    if figures:
+        asked = folder / "figures", field, found.shown
+        drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
+    undrawn = []
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for one in drawn:
-            one.result()
+            try:
+                one.result()
+            except Exception as error:  # a picture that fails takes nothing else with it
+                undrawn.append(error)
+        data = None
+        try:
+            data = shown.result()[0] | measured.result()[0]
+        except Exception as error:
+            undrawn.append(error)
         lap("figures")
         tell("store", 0.0)
         results.finish("complete", found.tables)
     timing["store"] += time.perf_counter() - clock
     summary = {
         "title": case.title,
-        "checks": [check.row() for check in found.checks],
+        "checks": rows,
         "passed": all(check.passed for check in found.checks),
         "timing": timing,
         "stepper": steps.solver,
@@ -228,10 +253,20 @@ def _run(
         "fields": list(simulated.fields),
         "peak_memory_bytes": peak_memory(),
         "versions": storage.versions(),
+        "answers": found.answers,
     } | found.summary
-    (folder / "summary.json").write_text(
-        json.dumps(_plain(summary), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
+    summary = _plain(summary)
+    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+    storage.write_whole(folder / "summary.json", text.encode())
+    for failure in undrawn:
+        why = str(failure).partition("\n")[0]
+        found.notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+    if data is not None:
+        made = page(summary, data, resolved, folder, rerun, found.notes)
+        storage.write_whole(folder / "report.html", made.encode())
+    for failure in undrawn:
+        if isinstance(failure, OSError):
+            raise failure
     return Outcome(summary, folder, found.notes)
 
 
@@ -244,10 +279,12 @@ class Found:
         shown: what its figures are drawn from.
         tables: what is stored of it, with units.
         summary: what summary.json gets besides.
+        answers: the few rows that a reader asks for first.
         notes: as of :class:`Outcome`.
     """
 
     checks: list[Any]
+    answers: dict[str, Any]
     shown: Any
     tables: dict[str, Any]
     summary: dict[str, Any]
@@ -274,28 +311,37 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     table = case.analysis
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
+        from wavesim.verdict.answers import of_endless
         from wavesim.verdict.endless import hold, judge, tables
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]
         checks = judge(field, held)
-        return Found(checks, held, tables(held), {}, notes(case.simulation, checks))
+        found = tables(held)
+        told = notes(case.simulation, checks)
+        return Found(checks, of_endless(field, held), held, found, {}, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
+    from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]}
     checks = judge_bar(field, reading)
-    return Found(checks, reading, reading.tables(), summary, bar_notes(reading, field))
+    answers = of_bar(field, reading)
+    told = bar_notes(reading, field)
+    return Found(checks, answers, reading, reading.tables(), summary, told)
 
 
 def _begin(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
         raise RunError(
-            f"--out {folder}: can't be written: {error.strerror}; name another folder", False
+            f"--out {folder}: can't be written: {error.strerror}; name another folder",
+            False,
+            not full,
         ) from None
 
 
@@ -310,7 +356,7 @@ def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.rotations for block in simulated.blocks) and not any(
+    if any(block.macro for block in simulated.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks
     ):
         found.append(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import tomli_w
@@ -16,14 +16,14 @@ from wavesim.case import medium_tables as casemedia
 from wavesim.case import source_tables as casesources
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.medium_tables import Placed
+from wavesim.case.messages import place
 from wavesim.case.schema import AnalysisTable, BarTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
-from wavesim.material.medium import Medium
+from wavesim.material.medium import Medium, fastest_speed
 from wavesim.material.scaling import JUDGED
-from wavesim.material.wave_equations import fastest_speed
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
@@ -34,7 +34,7 @@ _PHASE_ERROR = 0.01
 # Length of the absorbing layer at an end, in branch lengths of the medium there.
 _ABSORBER = 8
 # What an end must be for a source to drive it.
-_DRIVEN_END: dict[str, End] = {"moment": "free", "rotation": "fixed"}
+_DRIVEN_END: dict[str, End] = {"surface": "free", "prescribed": "fixed"}
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,7 @@ class Case:
         k_range: wavenumbers between which branches of an endless bar are judged, rad/m.
         medium: of [medium], which layers inherit from.
         tables: the file's tables, every default filled in but those of [time] and [analysis].
+        notes: what was taken otherwise than it was written, as the grid has it.
     """
 
     title: str
@@ -56,6 +57,7 @@ class Case:
     k_range: tuple[float, float]
     medium: Medium
     tables: dict[str, Any]
+    notes: tuple[str, ...] = ()
 
     def resolved(self, solver: str, step: float) -> str:
         """The case as TOML, every default filled in; a run of it repeats this one.
@@ -102,16 +104,23 @@ def build(file: CaseFile, name: str) -> Case:
     make, known = builder(name), bar_layers(file, name)
     medium, stretches, ends = known.medium, known.stretches, known.ends
     media = [m for layer in stretches for m in layer.sampled(2)] or [medium]
-    finest = min(media, key=lambda m: float(m.branch_length))
+    finest = min(media, key=lambda m: float(m.length_scale))
     sized = not stretches or file.bar.length is not None or file.bar.cells is not None
     plain = make(("bar",), file.bar.build, finest) if sized else None
-    length = plain.length if plain else stretches[-1].end
+    notes: list[str] = []
+    if stretches:  # each gets cells of its own size, so that all their lengths are kept
+        length = stretches[-1].end
+        if plain:
+            length = file.bar.length or plain.length
+    elif plain:
+        length, rounded = plain.length, file.bar.rounded(plain)
+        notes += [rounded] if rounded else []
     for number, one in enumerate(known.places):
         last = number + 1 == len(stretches)
         make(one.where, check_follow, stretches[: number + 1], length, last)
     layers = known.layers
     order = file.bar.order
-    widest = file.bar.spacing or (plain.spacing if plain else float(finest.branch_length) / 8)
+    widest = file.bar.spacing or (plain.spacing if plain else float(finest.length_scale) / 8)
     spacings = []
     for one, layer in zip(known.places, stretches, strict=True):
         if layers:
@@ -123,22 +132,47 @@ def build(file: CaseFile, name: str) -> Case:
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
         source = make(where, entry.build, bar.length)
-        if source.drive in _DRIVEN_END:
+        source, taken = _on_grid(source, number, file, bar)
+        notes += taken
+        if source.acts in _DRIVEN_END:
             make(where, _check_end, source, entry, ends)
         else:
             make(where, bar.spread, source.position, source.width, source.staggered)
         make(where, check_carried, source, media, bar)
         sources.append(source)
+    receivers = {}
     for number, receiver in enumerate(file.receivers):
-        make(("receivers", str(number)), bar.sampling, receiver.position, False)
-    receivers = {receiver.name: receiver.position for receiver in file.receivers}
+        position = _within(receiver.position, file, bar)
+        make(("receivers", str(number)), bar.sampling, position, False)
+        receivers[receiver.name] = position
     of_bar = layers or as_layers(medium, bar.length)
     simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)
     judged = (0.0, 0.0)
     if simulation.endless:
         judged = make(("analysis",), _judged, file.analysis, medium, bar)
     tables = _resolved(file, known, bar, absorber, sources)
-    return Case(file.title, simulation, file.analysis, judged, medium, tables)
+    return Case(file.title, simulation, file.analysis, judged, medium, tables, tuple(notes))
+
+
+def _within(position: float, file: CaseFile, bar: Bar) -> float:
+    """A position, at the end of the bar where that was rounded down past it."""
+    given = file.bar.length or 0.0
+    return min(position, bar.length) if position <= given <= bar.length + bar.spacing else position
+
+
+def _on_grid(source: Source, number: int, file: CaseFile, bar: Bar) -> tuple[Source, list[str]]:
+    """A source as the grid of a bar has it, and what is to be said of that."""
+    changed: dict[str, float] = {"position": _within(source.position, file, bar)}
+    said = []
+    cell = min(size for _, size in bar.all_stretches)
+    if source.acts == "body" and 0 < source.width < cell:
+        changed["width"] = 0.0
+        said.append(
+            f"{place(('sources', str(number)))} width = {source.width:g}: less than a cell of the "
+            f"grid, {cell:g} m; taken for a point, width = 0"
+        )
+    same = all(getattr(source, key) == value for key, value in changed.items())
+    return source if same else dataclasses.replace(cast(Any, source), **changed), said
 
 
 def _simulation(
@@ -197,7 +231,8 @@ def _resolved(
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
     tables = file.model_dump(by_alias=True)
     own = file.medium.build()
-    tables["medium"] |= {"rotation_inertia": own.beta, "curvature_inertia": own.gamma}
+    own = known.medium
+    tables["medium"] |= {"closure": own.closure} | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}
     if not _own_cells(file.bar, known):
         tables["bar"].pop("length", None)
@@ -229,7 +264,7 @@ def _absorber(
     absorbing = [m for end, m in zip(ends, media, strict=True) if end == "absorbing"]
     if not absorbing:
         return 0.0
-    length = file.bar.absorber or _ABSORBER * max(float(m.branch_length) for m in absorbing)
+    length = file.bar.absorber or _ABSORBER * max(float(m.length_scale) for m in absorbing)
     if len(absorbing) * length >= whole:
         raise ValueError(
             f"absorber = {length:g}: the absorbing layers leave nothing of the bar of "
@@ -289,7 +324,7 @@ def _whole(
 def _check_end(source: Source, table: Any, ends: tuple[End, End]) -> None:
     """Hold a source that drives an end to what that end is."""
     end = ends[0] if table.end == "left" else ends[1]
-    needed = _DRIVEN_END[source.drive]
+    needed = _DRIVEN_END[source.acts]
     if end != needed:
         raise ValueError(
             f'drive = "{source.drive}": acts at a {needed} end, and [bar] {table.end} = "{end}"; '
@@ -305,7 +340,7 @@ def check_carried(source: Source, media: Sequence[Medium], bar: Bar) -> None:
             too narrow.
     """
     if isinstance(source, InitialField):
-        limit = _largest_phase(bar) / bar.spacing
+        limit = largest_phase(bar) / bar.spacing
         if source.highest_wavenumber > limit:
             least = source.width * source.highest_wavenumber / limit
             raise ValueError(
@@ -341,10 +376,10 @@ def highest_frequency(medium: Medium, bar: Bar) -> float:
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    return fastest_speed(medium) * _largest_phase(bar) / bar.spacing / (2 * math.pi)
+    return fastest_speed(medium) * largest_phase(bar) / bar.spacing / (2 * math.pi)
 
 
-def _largest_phase(bar: Bar) -> float:
+def largest_phase(bar: Bar) -> float:
     """kh at which the differences slow a wave down by 1 %."""
     phase = np.linspace(1e-3, math.pi, 20001)
     slowing = 1 - modified_wavenumber(phase, 1.0, bar.order) / phase

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from wavesim.case.units import UNITS, numbered
+from wavesim.material.shown import printable
 
 _PLAIN = {
     "float_type": "must be a number",
@@ -28,8 +29,8 @@ def place(parts: Sequence[Any]) -> str:
     """[medium], or [[sources]] number 1:, from a path through the tables."""
     told: list[str] = []
     names: list[str] = []
-    for part in map(str, parts):
-        if part.isdigit() and names:
+    for part in (printable(str(part), _LONGEST) for part in parts):
+        if part.isdecimal() and names:
             told.append(f"[[{'.'.join(names)}]] number {int(part) + 1}")
         else:
             names.append(part)
@@ -91,7 +92,7 @@ def _keys(schema: type[BaseModel], error: Any) -> list[Any]:
 
 def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
     kind, value = error["type"], error["input"]
-    key, table = str(parts[-1]), parts[:-1]
+    key, table = printable(str(parts[-1]), _LONGEST), parts[:-1]
     if isinstance(parts[-1], int) and len(parts) > 2:
         # An entry of an array of numbers.
         key, table = f"{parts[-2]}[{key}]", parts[:-2]
@@ -112,7 +113,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         what = _heading(schema, key) if len(parts) == 1 else key
         return f"{where}{what}: required, but not given; add it"
     if kind in ("model_type", "model_attributes_type"):
-        if key.isdigit():
+        if isinstance(parts[-1], int):
             return f"{place(parts)} {shown(value)}: must be a table, [[{parts[0]}]]"
         return f"{given}: must be a table, [{key}]"
     if kind == "value_error":
@@ -172,7 +173,17 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, str):
-        text = f'"{value}"'.replace("\n", "\\n")
+        text = f'"{value[:_LONGEST]}"'
+    elif isinstance(value, int) and abs(value) >= 10**_LONGEST:
+        text = "a whole number of more than 60 digits"
     else:
-        text = repr(value).replace("\n", " ")
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+        text = _represented(value)
+    return printable(text, _LONGEST)
+
+
+def _represented(value: Any) -> str:
+    """A number, an array or a table; Python spells neither what is very long nor very deep."""
+    try:
+        return repr(value)
+    except (ValueError, RecursionError):
+        return "a table" if isinstance(value, dict) else "an array"

@@ -6,27 +6,25 @@ otherwise, and whatever is wrong is said in one message that names file, key, va
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from wavesim.case.medium_tables import LayerTable, MediumTable
 from wavesim.case.messages import sentence
 from wavesim.case.source_tables import SourceTable
-from wavesim.case.table import NotNegative, Positive, Table
-from wavesim.grid.bar import Bar
+from wavesim.case.table import Name, NotNegative, Positive, Table, Text
+from wavesim.case.toml_text import CaseError as CaseError
+from wavesim.case.toml_text import lay_over, toml_tables
+from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.medium import Medium
+from wavesim.sources.text_file import text_of
 
 HALF_SPACE = "half-space"
 CaseEnd = Literal["half-space", "periodic", "fixed", "free", "absorbing"]
-
-
-class CaseError(ValueError):
-    """A case can't be used; the message names file, key, value and remedy."""
 
 
 class BarTable(Table):
@@ -73,31 +71,34 @@ class BarTable(Table):
         if (self.length is None) == (self.cells is None):
             both = "both are given" if self.cells is not None else "neither is given"
             raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
-        spacing = self.spacing or medium.branch_length / 8
+        spacing = self.spacing or float(medium.length_scale) / 8
         if self.cells is not None:
             return Bar(self.cells, spacing, self.order)
         assert self.length is not None
-        cells = round(self.length / spacing)
-        if abs(self.length / spacing - cells) > 1e-6:
+        cells = self.length / spacing
+        if cells > MOST_CELLS:
             raise ValueError(
-                f"length = {self.length:g}: must be a whole number of cells of spacing = "
-                f"{spacing:g} m; the nearest is {cells * spacing:g}"
+                f"length = {self.length:g}: {cells:.3g} cells of spacing = {spacing:g} m, more "
+                f"than {MOST_CELLS:.0e}; take at most {MOST_CELLS * spacing:.3g} m, or a coarser "
+                "spacing"
             )
-        return Bar(cells, spacing, self.order)
+        return Bar(round(cells), spacing, self.order)
+
+    def rounded(self, bar: Bar) -> str:
+        """What is to be said where the length given is no whole number of cells; "" where it is."""
+        if self.length is None or abs(self.length - bar.length) <= 1e-6 * bar.spacing:
+            return ""
+        return (
+            f"[bar] length = {self.length:g}: no whole number of cells of spacing = "
+            f"{bar.spacing:g} m; rounded to {bar.cells} cells, {bar.length:g} m"
+        )
 
 
 class ReceiverTable(Table):
     """[[receivers]]: a name and a position (m)."""
 
-    name: str
+    name: Name
     position: NotNegative
-
-    @field_validator("name")
-    @classmethod
-    def _usable(cls, value: str) -> str:
-        if not value.strip() or "/" in value or value.strip(".") == "":
-            raise ValueError("must be a name without '/', not blank and not only dots")
-        return value
 
 
 class TimeTable(Table):
@@ -132,7 +133,7 @@ class AnalysisTable(Table):
 class CaseFile(Table):
     """A whole case file; what only a simulation needs of it may be missing."""
 
-    title: str = ""
+    title: Text = ""
     medium: MediumTable = MediumTable()
     bar: BarTable = BarTable()
     layers: list[LayerTable] = Field(default_factory=list)
@@ -173,13 +174,9 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
     """
     name = str(path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise CaseError(f"{name}: no such file; name a case file, such as one in cases/") from None
-    except OSError as error:
-        raise CaseError(f"{name}: can't be read: {error.strerror}; name a case file") from None
-    except UnicodeDecodeError as error:
-        raise CaseError(f"{name}: not a text file in UTF-8: {error.reason}") from None
+        text = text_of(Path(path), "a case file, such as one in cases/")
+    except ValueError as error:  # a NUL in the path among them
+        raise CaseError(f"{name}: {error}") from None
     return parse(text, name, overrides, Path(path).parent)
 
 
@@ -194,50 +191,10 @@ def parse(
         overrides: as :func:`read`.
         folder: that the paths of recorded signals are taken from.
     """
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CaseError(f"{name}: not valid TOML: {error}") from None
+    tables = toml_tables(text, name)
     for override in overrides:
-        _override(tables, override)
+        lay_over(tables, override)
     try:
         return CaseFile.model_validate(tables, context={"folder": Path(folder)})
     except ValidationError as error:
         raise CaseError(f"{name}: {sentence(CaseFile, error)}") from None
-
-
-def _override(tables: dict[str, Any], override: str) -> None:
-    key, equals, value = override.partition("=")
-    parts = key.strip().split(".")
-    if not equals or not all(parts):
-        raise CaseError(f"--set {override}: must be table.key=value, such as bar.order=10")
-    try:
-        parsed = tomllib.loads(f"value = {value}")
-    except tomllib.TOMLDecodeError:
-        parsed = {"value": value.strip()}
-    if len(parsed) > 1:
-        raise CaseError(f"--set {override!r}: must be one line; give --set once for each key")
-    table: Any = tables
-    for depth, part in enumerate(parts):
-        last = depth == len(parts) - 1
-        if isinstance(table, list):
-            if not part.isdigit() or int(part) >= len(table):
-                known = f"entries 0 to {len(table) - 1}" if table else "no entries"
-                raise CaseError(
-                    f"--set {override}: {'.'.join(parts[:depth])} has {known}, not {part!r}; "
-                    "name one that is there, or add it to the file"
-                )
-            if last:
-                table[int(part)] = parsed["value"]
-            else:
-                table = table[int(part)]
-        elif isinstance(table, dict):
-            if last:
-                table[part] = parsed["value"]
-            else:
-                table = table.setdefault(part, {})
-        else:
-            raise CaseError(
-                f"--set {override}: {'.'.join(parts[:depth])} is a value and has no keys; must be "
-                "table.key=value, such as bar.order=10"
-            )

@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from wavesim.case.layered_case import BarLayers
-from wavesim.material.medium import PARAMETERS
-
-_NAMES = ("thickness", *PARAMETERS)
 
 
 @dataclass(frozen=True)
@@ -49,9 +46,10 @@ def varied_key(known: BarLayers, key: str) -> VariedKey:
         end = "first" if parts[-1] == "0" else "last"
         parts = parts[:-1]
     *table, name = parts
-    if name not in _NAMES:
-        near = difflib.get_close_matches(name, _NAMES, 1)
-        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(_NAMES)}"
+    names = ("thickness", *known.medium.known())
+    if name not in names:
+        near = difflib.get_close_matches(name, names, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(names)}"
         raise ValueError(f'key = "{key}": {name!r} can\'t be varied; {hint}')
     if table == ["medium"] and name != "thickness":
         found = [n for n, p in enumerate(known.places) if getattr(p.table, name) is None]

@@ -10,11 +10,13 @@ import importlib.util
 import json
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
+from wavesim.cli.record_options import record_options
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 _SECTORS = ("longitudinal", "transverse2", "transverse3")
@@ -29,26 +31,20 @@ def _options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--out", type=click.Path(), help="Folder for points, numbers and figures."),
         click.option("--json", "as_json", is_flag=True, help="Print one JSON object."),
         click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
-        click.option("--values", metavar="NAME", help="Array of the record in the file."),
-        click.option("--time", metavar="NAME", help="Array of its times."),
-        click.option("--positions", metavar="NAME", help="Array of its receivers' positions."),
-        click.option("--interval", type=float, help="Δt in s, where the file has no times."),
-        click.option("--spacing", type=float, help="Receiver spacing in m, where it has none."),
         click.option("--quiet-from", type=float, help="Time in s from which no source acts."),
         click.option("--source", "places", type=float, multiple=True, help="Position in m."),
         click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar."),
         click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
     ]
+    function = record_options(function)
     for option in reversed(given):
         function = option(function)
     return function
 
 
 def _layout(options: dict[str, Any]) -> Any:
-    from wavesim.records.files import Layout
-
-    names = ("values", "time", "positions", "interval", "spacing", "quiet_from", "ring", "lattice")
-    return Layout(**{name: options[name] for name in names}, sources=options["places"])
+    own = {name: options[name] for name in ("quiet_from", "ring", "lattice")}
+    return replace(options["layout"], **own, sources=options["places"])
 
 
 def _medium(case: str | None, sources: Sequence[Any] = ()) -> Any:
@@ -187,7 +183,9 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 
 @click.command()
 @_options
-@click.option("--method", type=click.Choice(("harmonic", "fft")), default="harmonic")
+@click.option(
+    "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
+)
 @click.option("--k-max", type=float, help="Highest wavenumber, rad/m.")
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
@@ -234,10 +232,10 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
     if (medium is None) == (function is None):
         stop("give either --medium CASE.toml or --relation FILE.py:NAME, one of the two", BAD_INPUT)
     if medium is not None:
-        from wavesim.material.sectors import blocks_of
         from wavesim.records.relations import OfMedium
 
-        return OfMedium(_medium(medium), blocks_of(sector)[0])
+        made = _medium(medium)
+        return OfMedium(made, made.family.blocks_of(sector)[0])
     assert function is not None
     file, _, name = function.rpartition(":")
     if not file or not Path(file).is_file():

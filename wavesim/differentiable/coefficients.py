@@ -1,52 +1,53 @@
 """One wave of a block: k and Z at each ω from a rational function of ω², in closed form.
 
-As Γ → 0 a block of one rotation has one wave (``layered.section`` has the equations),
+As Γ → 0 a block of one macro- and b micro-fields has one wave (``layered.section`` has the
+equations),
 
-    k² = ι I ω²/𝒟,    Z = k𝒟/ω,    𝒟 = m (n₂ s² + n₁ s + n₀)/(s² − t s + d),    s = I_B ω² ι/m,
+    k² = ι I ω²/𝒟,    Z = k𝒟/ω,    s = I_B ω² ι/m,
+    𝒟 = m [c_φφ det(s − c_BB) + c_φB adj(s − c_BB) c_Bφ]/det(s − c_BB):
 
-with t and d trace and determinant of c_BB, n₂ = c_φφ, n₁ = c_φB c_Bφ − n₂ t,
-n₀ = n₂ d − c_φB adj(c_BB) c_Bφ. Everything is in the units of the first medium.
+two polynomials in s, by the recurrence of Faddeev and Le Verrier. Everything is in
+the units of the first medium.
 """
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from wavesim.differentiable.sine_and_cosine import sine_and_cosine
 from wavesim.differentiable.traced_layers import TracedLayers, medium_of
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import Scales, block_coefficients, scales
-from wavesim.material.sectors import Block
 
 
 class Wave(NamedTuple):
-    """What gives k and Z of one wave, scaled; any shape, alike.
+    """What gives k and Z of one wave, scaled; arrays of any shape, alike.
 
     Attributes:
-        n2, n1, n0, t, d: of 𝒟.
+        above, below: coefficients of the two polynomials of 𝒟, highest power first.
         i_phi, i_B: inertias.
     """
 
-    n2: Any
-    n1: Any
-    n0: Any
-    t: Any
-    d: Any
+    above: tuple[Any, ...]
+    below: tuple[Any, ...]
     i_phi: Any
     i_B: Any
 
     def of(self, index: Any) -> Wave:
         """Those of some layers."""
-        return Wave(*(value[index] for value in self))
+        return jax.tree.map(lambda value: value[index], self)
 
     def stiffness(self, omega: Any, modulus: Any, inertia: Any) -> Any:
         """𝒟 at scaled ω; real where ω, m and ι are."""
         s = self.i_B * omega**2 * inertia / modulus
-        above = (self.n2 * s + self.n1) * s + self.n0
-        return modulus * above / ((s - self.t) * s + self.d)
+        above, below = (functools.reduce(lambda x, c: x * s + c, p) for p in self[:2])
+        return modulus * above / below
 
 
 class HalfSpace(NamedTuple):
@@ -141,7 +142,7 @@ def waves(kinds: tuple[Medium, ...], values: dict[str, Any], block: Block, units
     Args:
         kinds: of each, for its closure.
         values: {parameter: (L,)}.
-        block: of one rotation and two micro-curvatures.
+        block: with a macro-field.
         units: to scale by.
 
     Returns:
@@ -154,15 +155,19 @@ def waves(kinds: tuple[Medium, ...], values: dict[str, Any], block: Block, units
             found = own
         else:
             here = jnp.asarray([k == kind for k in kinds])
-            found = Wave(*(jnp.where(here, a, b) for a, b in zip(own, found, strict=True)))
+            found = jax.tree.map(lambda a, b, here=here: jnp.where(here, a, b), own, found)
     assert found is not None
     return found
 
 
 def _wave(medium: Medium, block: Block, units: Scales) -> Wave:
     own = block_coefficients(medium, block, units)
-    n2, p, q, c = own.c_pp[0, 0], own.c_pb[0], own.c_bp[:, 0], own.c_bb
-    t, d = c[0, 0] + c[1, 1], c[0, 0] * c[1, 1] - c[0, 1] * c[1, 0]
-    adjugate = p[0] * (c[1, 1] * q[0] - c[0, 1] * q[1]) + p[1] * (c[0, 0] * q[1] - c[1, 0] * q[0])
-    n1 = p[0] * q[0] + p[1] * q[1] - n2 * t
-    return Wave(n2, n1, n2 * d - adjugate, t, d, own.i_phi, own.i_B)
+    c_pp, p, q, c = own.c_pp[0, 0], own.c_pb[0], own.c_bp[:, 0], own.c_bb
+    unit = np.eye(len(block.micro))
+    above, below, adjugate = [c_pp], [jnp.ones_like(c_pp)], jnp.asarray(unit)
+    for j in range(1, len(block.micro) + 1):
+        product = c @ adjugate
+        below.append(-jnp.trace(product) / j)
+        above.append(c_pp * below[-1] + p @ adjugate @ q)
+        adjugate = product + below[-1] * unit
+    return Wave(tuple(above), tuple(below), own.i_phi * below[0], own.i_B * below[0])

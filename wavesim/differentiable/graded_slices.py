@@ -18,9 +18,9 @@ import numpy as np
 
 from wavesim.differentiable.coefficients import loss_law, moduli, waves
 from wavesim.differentiable.traced_layers import TracedLayers, medium_of
+from wavesim.material.family import Block
 from wavesim.material.layers import graded_weight
 from wavesim.material.scaling import Scales
-from wavesim.material.sectors import Block
 
 POINTS = 8
 # A decay that is set apart is no more than this, or an asymptote would empty the slice.
@@ -64,7 +64,7 @@ def graded_slices(
     w = jnp.asarray(graded_weight(places, grading))
     values = {name: (1 - w) * ends[0][name] + w * ends[1][name] for name in ends[0]}
     wave = waves((kind,), values, block, units)
-    wave = type(wave)(*(value.reshape(steps, POINTS, 1) for value in wave))
+    wave = jax.tree.map(lambda value: value.reshape(steps, POINTS, 1), wave)
     m, iota = moduli(loss_law(stack.losses, n), omega, units.time)
     D = wave.stiffness(omega, m, iota)
     p, q = h * omega / D, -h * omega * iota * wave.i_phi * jnp.ones_like(D)

@@ -26,7 +26,7 @@ import numpy as np
 from wavesim.differentiable.coefficients import across, half_space, loss_law, units_of, waves
 from wavesim.differentiable.graded_slices import graded_slices
 from wavesim.differentiable.traced_layers import TracedLayers
-from wavesim.material.sectors import BLOCKS, Block
+from wavesim.material.family import Block
 
 STEPS = 16
 
@@ -55,7 +55,7 @@ def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEP
 
     Args:
         stack: of :func:`~wavesim.differentiable.traced_layers.traced_layers`.
-        sector: longitudinal, transverse2 or transverse3.
+        sector: one with a macro-field, such as longitudinal or transverse2.
         omega: real ω, (N,), not 0, rad/s.
         steps: of a graded layer, each of order 16; those of ``layered`` refine by themselves.
 
@@ -63,9 +63,9 @@ def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEP
         T, R, level and power coefficients.
 
     Raises:
-        ValueError: the sector has no rotation, or is unknown.
+        ValueError: the sector has no macro-field, or is unknown.
     """
-    block = _block(sector)
+    block = _block(stack, sector)
     with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
         return _transmission(stack, block, jnp.asarray(omega), steps)
 
@@ -121,12 +121,13 @@ def _through_slice(state: Any, piece: Any) -> Any:
     return (vv * v + vg * g, gv * v + gg * g, lost + decay), None
 
 
-def _block(sector: str) -> Block:
-    """The block of a sector with a rotation."""
-    for block in BLOCKS:
-        if block.sector == sector and block.rotations:
+def _block(stack: TracedLayers, sector: str) -> Block:
+    """The block of a sector with a macro-field."""
+    family = stack.kinds[0].family
+    for block in family.blocks:
+        if block.sector == sector and block.macro:
             return block
-    known = [block.sector for block in BLOCKS if block.rotations]
     raise ValueError(
-        f"sector {sector!r}: nothing travels in it as Γ → 0; take one of {', '.join(known)}"
+        f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
+        f"{', '.join(family.travelling)}"
     )

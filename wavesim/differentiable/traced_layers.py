@@ -10,12 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.material.damping import UNDAMPED
 from wavesim.material.layers import Grading, Layers
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 from wavesim.planewave.band_edges import keeps_gradient
-
-_INERTIAS = ("rotation_inertia", "curvature_inertia")
 
 
 @jax.tree_util.register_dataclass
@@ -27,8 +24,8 @@ class TracedLayers:
     :meth:`with_values`, makes another stack of the same build.
 
     Attributes:
-        first: {parameter of Medium: (L,)} at the start of each layer, SI; NaN for an inertia that
-            follows from R.
+        first: {parameter of Medium: (L,)} at the start of each layer, SI; NaN where it
+            follows from others, as an inertia does from R.
         last: the same at the end of each layer; None where none is graded.
         thickness: (L,), m.
         losses: {"mass", "stiffness", "unrelaxed": (L,), "rates", "strengths": (L, M)} of
@@ -112,24 +109,24 @@ def traced_layers(layers: Layers) -> TracedLayers:
 
 
 def _parameters(media: list[Medium]) -> dict[str, Any]:
+    given = {name: [getattr(m, name) for m in media] for name in media[0].known()}
     return {
-        name: jnp.asarray(
-            [np.nan if getattr(m, name) is None else float(getattr(m, name)) for m in media]
-        )
-        for name in PARAMETERS
+        name: jnp.asarray([np.nan if value is None else float(value) for value in values])
+        for name, values in given.items()
     }
 
 
 def _kind(medium: Medium) -> Medium:
     """A medium without its numbers."""
-    defaults = {f.name: f.default for f in dataclasses.fields(Medium) if f.name in PARAMETERS}
-    return dataclasses.replace(medium, **defaults, damping=UNDAMPED)  # type: ignore[arg-type]
+    return type(medium)(closure=medium.closure)
 
 
 def medium_of(kind: Medium, values: dict[str, Any]) -> Medium:
-    """One traced medium; an inertia that is NaN follows from R."""
-    given = dict(values)
-    plain = dataclasses.replace(kind, **{k: v for k, v in given.items() if k not in _INERTIAS})
-    for name, follows in zip(_INERTIAS, (plain.beta, plain.gamma), strict=True):
-        given[name] = jnp.where(jnp.isnan(given[name]), follows, given[name])
-    return dataclasses.replace(kind, **given)
+    """One traced medium; what is NaN follows from other parameters, as an inertia does from R."""
+    follow = [name for name in values if getattr(kind, name) is None]
+    plain = dataclasses.replace(kind, **{k: v for k, v in values.items() if k not in follow})
+    known = plain.parameters
+    derived: dict[str, Any] = {
+        n: jnp.where(jnp.isnan(values[n]), known[n], values[n]) for n in follow
+    }
+    return dataclasses.replace(plain, **derived)

@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wavesim.figures import pulse_test as pulsefigures
@@ -13,18 +14,18 @@ from wavesim.figures.bar_section import bar_section
 from wavesim.figures.style import (
     FOUND,
     KHZ,
-    SYMBOLS,
     THEORY,
     Drawings,
     gap_edges,
     second_axes,
     shade,
+    symbol,
     tiles,
 )
 from wavesim.material.damping import quality
+from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import ROTATIONS
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -54,22 +55,13 @@ def transmission(field: Field, found: Scattered) -> Figure:
     """Transmission and reflection against frequency, and how far they are off."""
     figure = Figure(figsize=(6.4, 5.4))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+    level_panel(upper, field, found)
     f, judged = found.omega * KHZ, found.judged
-    media = _inner_media(field.layers)
-    if len(media) == 1:  # the gaps of several are no specimen's
-        shade(upper, gap_edges(media[0], found.sector))
-    fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
-    for label, value, exact, curve, colour, mark in (
-        ("T", found.T, found.T_exact, lines[0], FOUND, "o"),
-        ("R", found.R, found.R_exact, lines[1], _REFLECTED, "s"),
+    for value, exact, colour, mark in (
+        (found.T, found.T_exact, FOUND, "o"),
+        (found.R, found.R_exact, _REFLECTED, "s"),
     ):
-        level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
-        upper.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
-                   label=f"{label}, exact")  # fmt: skip
-        seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
-        upper.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
         lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=colour, **_POINT)
-    upper.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
     lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
     lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
@@ -77,6 +69,25 @@ def transmission(field: Field, found: Scattered) -> Figure:
     second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
     figure.legend(loc="outside upper center", ncols=5)
     return figure
+
+
+def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
+    """Transmission and reflection in decibels, measured and exact, on given axes."""
+    f, judged = found.omega * KHZ, found.judged
+    media = _inner_media(field.layers)
+    if len(media) == 1:  # the gaps of several are no specimen's
+        shade(axes, gap_edges(media[0], found.sector))
+    fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
+    for label, value, curve, colour, mark in (
+        ("T", found.T, lines[0], FOUND, "o"),
+        ("R", found.R, lines[1], _REFLECTED, "s"),
+    ):
+        level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
+        axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
+                  label=f"{label}, exact")  # fmt: skip
+        seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
+        axes.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
+    axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
 
 
 def bloch(field: Field, found: Cells) -> Figure:
@@ -108,27 +119,30 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     """Spectrum of the receivers with the exact eigenfrequencies on it, and the differences."""
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    f = found.omega * KHZ
-    last = float(found.exact[-1] * KHZ)
-    shown = f <= 1.08 * last
-    upper.plot(
-        f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6
-    )
-    for number, omega in enumerate(found.exact):
-        upper.axvline(omega * KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
-                      label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
-    heights = np.interp(found.found, found.omega, found.level)
-    upper.plot(
-        found.found * KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT
-    )
+    ringing_panel(upper, found)
     lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
     lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":")
     lower.set_yscale("log")
-    upper.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
     lower.set(xlabel="ω/2π (kHz)", ylabel="|Δω|/ω")
     handles, labels = upper.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return figure
+
+
+def ringing_panel(axes: Axes, found: Ringing) -> None:
+    """Spectrum of the receivers together, with eigenfrequencies, on given axes."""
+    f = found.omega * KHZ
+    last = float(found.exact[-1] * KHZ)
+    shown = f <= 1.08 * last
+    axes.plot(
+        f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6
+    )
+    for number, omega in enumerate(found.exact):
+        axes.axvline(omega * KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
+                     label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
+    heights = np.interp(found.found, found.omega, found.level)
+    axes.plot(found.found * KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT)
+    axes.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
 
 
 def signals(field: Field, reading: Reading) -> Figure:
@@ -137,7 +151,7 @@ def signals(field: Field, reading: Reading) -> Figure:
     Of long records the signals' beginning is shown. The difference is over the whole record, the
     largest of all fields, each in units of its own largest value there: what the verdict judges.
     """
-    names = [name for name in field.names if name in ROTATIONS]
+    names = [name for name in field.names if is_macro(name)]
     receivers = sorted(reading.exact, key=lambda name: field.receivers[name])
     some = np.unique(np.linspace(0, len(receivers) - 1, _MOST_LABELS // len(names)).round())
     shown = [receivers[int(i)] for i in some]
@@ -157,7 +171,7 @@ def signals(field: Field, reading: Reading) -> Figure:
         axes.plot(t, exact / size, "-", color=THEORY, lw=1.8, alpha=0.4, label="exact")
         axes.plot(t, measured / size, "--", color=FOUND, lw=0.8, label="simulated")
         axes.set(xlim=(0, end), ylim=(-1.15, 1.15), yticks=[-1, 0, 1])
-        axes.set_ylabel(SYMBOLS[name], rotation=0, labelpad=10)
+        axes.set_ylabel(symbol(name), rotation=0, labelpad=10)
         if axes is not rows[-1]:
             axes.set_xticklabels([])
         axes.text(
@@ -233,11 +247,11 @@ def _pulse_drawings(test: PulseTest) -> Drawings:
 
 def of_reading(field: Field, reading: Reading) -> Drawings:
     """Figures of a reading, by name, not drawn yet."""
-    sectors = [block.sector for block in field.blocks if block.rotations]
+    sectors = [block.sector for block in field.blocks if block.macro]
     drawings: Drawings = {}
     if sectors:
         drawings["bar"] = lambda: bar_section(field, sectors)
-    if reading.exact and any(name in ROTATIONS for name in field.names):
+    if reading.exact and any(is_macro(name) for name in field.names):
         drawings["signals"] = lambda: signals(field, reading)
     for one in reading.scattered:
         drawings[f"transmission_{one.sector}"] = lambda one=one: transmission(field, one)  # type: ignore[misc]

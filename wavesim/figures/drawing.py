@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
+from wavesim.figures.overview import write_overview
 from wavesim.figures.style import STYLE, Drawings, second_axes, write
 from wavesim.simulation.field import Field
 
@@ -33,9 +34,41 @@ def of_measurement(folder: Path, field: Field, found: Any) -> Jobs:
         field: the field.
         found: every block of an endless bar beside the theory, or the reading of any other.
     """
-    if isinstance(found, list):
-        return _jobs(folder, endless.of_measurement(field, found))
-    return _jobs(folder, bar.of_reading(field, found))
+    return _jobs(folder, _measured(field, found))
+
+
+def drawings(field: Field, found: Any) -> Drawings:
+    """All figures of a run by name, not drawn yet; found as of :func:`of_measurement`, or None."""
+    return of_fields.of_field(field) | ({} if found is None else _measured(field, found))
+
+
+def some(folder: Path, field: Field, found: Any, names: Sequence[str], kind: str) -> Jobs:
+    """What draws figures by their names.
+
+    Args:
+        folder: where to; made if need be.
+        field, found: as of :func:`drawings`.
+        names: of the figures; all where there are none.
+        kind: png, pdf or svg.
+
+    Raises:
+        KeyError: a name is none of a figure of this run; its arguments are the name and all names.
+    """
+    known = drawings(field, found)
+    for name in names:
+        if name not in known:
+            raise KeyError(name, list(known))
+    return _jobs(folder, {name: known[name] for name in names or known}, kind)
+
+
+def _measured(field: Field, found: Any) -> Drawings:
+    of_found = endless.of_measurement if isinstance(found, list) else bar.of_reading
+    return of_found(field, found)
+
+
+def overview(path: Path, field: Field, found: Any, title: str, verdict: str) -> None:
+    """Write one picture of a run; arguments as of ``figures.overview.write_overview``."""
+    write_overview(path, field, found, title, verdict)
 
 
 def warm_up() -> None:
@@ -50,5 +83,5 @@ def warm_up() -> None:
         FigureCanvasAgg(figure).print_png(BytesIO())
 
 
-def _jobs(folder: Path, drawings: Drawings) -> Jobs:
-    return [partial(write, {name: draw}, folder) for name, draw in drawings.items()]
+def _jobs(folder: Path, drawings: Drawings, kind: str = "png") -> Jobs:
+    return [partial(write, {name: draw}, folder, kind) for name, draw in drawings.items()]

@@ -12,14 +12,15 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import (
     FOUND,
     HALO,
+    KHZ,
     MAP,
     THEORY,
-    TITLES,
     Drawings,
     gap_edges,
     second_axes,
     shade,
     thin,
+    title,
 )
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
@@ -31,13 +32,27 @@ _LEVEL = 120.0
 
 def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
     """2D spectrum of a sector with the theory over it and the recovered points on the theory."""
+    figure = Figure(figsize=(5.6, 4.6))
+    axes = figure.subplots()
+    image = spectrum_panel(axes, field, held, sector)
+    medium = field.medium
+    second_axes(
+        axes,
+        (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
+        (2e3 * np.pi * medium.time_scale, "ω̄"),
+    )
+    axes.set_title(title(medium.family.blocks_of(sector)))
+    figure.colorbar(image, ax=axes, label="power (dB)")
+    return figure
+
+
+def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) -> Any:
+    """What :func:`dispersion` shows, on given axes; returns the image."""
     own = [h for h in held if h.measured.block.sector == sector]
     found = own[0].measured.spectrum
     size = min(len(h.measured.spectrum.omega) for h in own)
     power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
     medium = field.medium
-    figure = Figure(figsize=(5.6, 4.6))
-    axes = figure.subplots()
     to_kHz = 1 / (2e3 * np.pi)
     step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * to_kHz
     image = axes.imshow(
@@ -75,15 +90,8 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
         xlabel="k (rad/mm)",
         ylabel="ω/2π (kHz)",
     )
-    second_axes(
-        axes,
-        (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
-        (2e3 * np.pi * medium.time_scale, "ω̄"),
-    )
-    axes.set_title(TITLES[sector])
     axes.legend(loc="lower right")
-    figure.colorbar(image, ax=axes, label="power (dB)")
-    return figure
+    return image
 
 
 def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:
@@ -116,32 +124,46 @@ def attenuation(field: Field, held: Held) -> Figure:
     )  # fmt: skip
     level.set_ylabel("distance from source (mm)")
     figure.colorbar(image, ax=level, label="level (dB)")
-    w = np.linspace(curve.omega[0], curve.omega[-1], 2000)
-    damped = wavenumber(medium, block.sector, w + 1j * curve.sigma)
-    plain = wavenumber(medium, block.sector, w)
-    to_decibels = 20 / np.log(10) * 1e-3
-    parts: tuple[tuple[Axes, Callable[[Any], Any], str], ...] = (
-        (loss, lambda k: np.imag(k) * to_decibels, "attenuation (dB/mm)"),
-        (real, lambda k: np.real(k) * 1e-3, "Re k (rad/mm)"),
-    )
-    for axes, part, label in parts:
-        shade(axes, gap_edges(medium, block.sector))
-        axes.plot(w / (2e3 * np.pi), part(plain), ":", color=THEORY, lw=0.9, label="exact, real ω")
-        axes.plot(w / (2e3 * np.pi), part(damped), "-", color=THEORY, lw=1.0, label="exact, ω + iσ")
-        axes.plot(
-            frequency, part(curve.k), "o", ms=3.2, mfc="white", mec=FOUND, mew=0.8,
-            label="measured, ω + iσ",
-        )  # fmt: skip
-        axes.set_ylabel(label)
-        top = np.nanmax(part(held.k_exact))
-        axes.set_ylim(-0.04 * top, 1.25 * top)
+    attenuation_panel(loss, field, held)
+    _wavenumber_panel(real, field, held, np.real, 1e-3, "Re k (rad/mm)")
     real.set_xlabel("ω/2π (kHz)")
     loss.legend(loc="upper right")
     second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
     second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
     second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
-    level.set_title(TITLES[block.sector] + f",  σ = {curve.sigma:.3g} rad/s")
+    level.set_title(
+        title(medium.family.blocks_of(block.sector)) + f",  σ = {curve.sigma:.3g} rad/s"
+    )
     return figure
+
+
+def attenuation_panel(axes: Axes, field: Field, held: Held) -> None:
+    """Attenuation against frequency, measured and exact, on given axes."""
+    per_decibel = 20 / np.log(10) * 1e-3
+    _wavenumber_panel(axes, field, held, np.imag, per_decibel, "attenuation (dB/mm)")
+
+
+def _wavenumber_panel(
+    axes: Axes, field: Field, held: Held, part: Callable[[Any], Any], unit: float, label: str
+) -> None:
+    """A part of k(ω), measured and exact."""
+    curve, block = held.measured.attenuation, held.measured.block
+    assert curve is not None
+    assert held.k_exact is not None
+    medium = field.medium
+    w = np.linspace(curve.omega[0], curve.omega[-1], 2000)
+    damped = wavenumber(medium, block.sector, w + 1j * curve.sigma)
+    plain = wavenumber(medium, block.sector, w)
+    shade(axes, gap_edges(medium, block.sector))
+    axes.plot(w * KHZ, part(plain) * unit, ":", color=THEORY, lw=0.9, label="exact, real ω")
+    axes.plot(w * KHZ, part(damped) * unit, "-", color=THEORY, lw=1.0, label="exact, ω + iσ")
+    axes.plot(
+        curve.omega * KHZ, part(curve.k) * unit, "o", ms=3.2, mfc="white", mec=FOUND, mew=0.8,
+        label="measured, ω + iσ",
+    )  # fmt: skip
+    axes.set_ylabel(label)
+    top = np.nanmax(part(held.k_exact)) * unit
+    axes.set_ylim(-0.04 * top, 1.25 * top)
 
 
 def of_measurement(field: Field, held: Sequence[Held]) -> Drawings:

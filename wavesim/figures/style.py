@@ -6,7 +6,7 @@ as by colour, so that a figure can be read in grey.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from wavesim.material.family import Block, known_field
 from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import FIELDS, ROTATIONS
 from wavesim.planewave.dispersion_relation import gaps
 
 Drawings = dict[str, Callable[[], Figure]]
@@ -43,17 +43,29 @@ GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
 # From ω in rad/s to ω/2π in kHz.
 KHZ = 1 / (2e3 * np.pi)
-_LOWERED = str.maketrans("123", "₁₂₃")
-SYMBOLS = {
-    name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
-    for name in FIELDS
-}
-TITLES = {
-    "longitudinal": "longitudinal: φ₁, B₁₁, B₂₂ + B₃₃",
-    "transverse2": "transverse: φ₂, B₂₁, B₁₂",
-    "transverse3": "transverse: φ₃, B₃₁, B₁₃",
-    "inplane": "in-plane shear: B₂₃, B₃₂, B₂₂ − B₃₃",
-}
+# What a file says of when it was made: left out, so that one figure is one file.
+_DATED = {"pdf": "CreationDate", "svg": "Date"}
+# Words for what a sector is called in code.
+SECTORS = {"transverse2": "transverse", "transverse3": "transverse", "inplane": "in-plane shear"}
+
+
+def symbol(name: str) -> str:
+    """A field's symbol, such as φ₁."""
+    return known_field(name).symbol
+
+
+def title(blocks: Sequence[Block]) -> str:
+    """The sector of some blocks in words, with the fields that are coupled in it."""
+    sector = blocks[0].sector
+    parts = [part for block in blocks for part in block.macro + block.micro]
+    held: dict[str, None] = {}
+    for part in parts:
+        if sum(part.keys() == other.keys() for other in parts) > 1:  # as good as each alone
+            held |= dict.fromkeys(map(symbol, part))
+            continue
+        terms = [("+ " if w > 0 else "− ") + symbol(name) for name, w in part.items()]
+        held[" ".join(terms).removeprefix("+ ")] = None
+    return f"{SECTORS.get(sector, sector)}: {', '.join(held)}"
 
 
 def decibels(amplitude: Any, reference: float) -> np.ndarray:
@@ -125,12 +137,13 @@ def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
     )
 
 
-def write(drawings: Drawings, folder: Path) -> list[Path]:
+def write(drawings: Drawings, folder: Path, kind: str = "png") -> list[Path]:
     """Draw figures and write them.
 
     Args:
         drawings: by name, of ``figures.field``, ``figures.endless`` or ``figures.bar``.
         folder: where to; made if need be.
+        kind: of the files: png, pdf or svg.
 
     Returns:
         The files written.
@@ -139,8 +152,11 @@ def write(drawings: Drawings, folder: Path) -> list[Path]:
     written = []
     with matplotlib.rc_context(STYLE):
         for name, draw in drawings.items():
-            path = folder / f"{name}.png"
-            # What savefig does, without its drawing every figure once more to settle the layout.
-            FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            path = folder / f"{name}.{kind}"
+            if kind == "png":
+                # What savefig does, without its drawing every figure once more for the layout.
+                FigureCanvasAgg(draw()).print_png(path, pil_kwargs={"compress_level": 1})
+            else:
+                draw().savefig(path, format=kind, metadata={_DATED[kind]: None})
             written.append(path)
     return written

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,11 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.stencils import difference_weights, interpolation_weights
-from wavesim.grid.summation_by_parts import chain
+from wavesim.grid.summation_by_parts import chain, check_stretches
 from wavesim.material.layers import ENDS, End, Layers
 from wavesim.material.shown import Shown, quantity
 
 MINIMUM_CELLS = 16
+# More would not fit into any memory, and are taken for a slip of the pen.
+MOST_CELLS = 10**8
+# A Gaussian is cut at so many widths, where it is 1e-16 of its top. Sampled at a width of so many
+# cells its sum is its integral to 3e-15; where that is off by more, a closure is near, which is not
+# felt from so many cells on.
+_CUT = 8.5
+_SAMPLED = 1.3
+_INTEGRATED = 1e-9
+_WIDE = 32
 
 Float = NDArray[Any]
 Index = NDArray[np.int64]
@@ -71,13 +81,18 @@ class Bar(Shown):
 
     def __post_init__(self) -> None:
         difference_weights(self.order)
-        if not self.spacing > 0:
-            raise ValueError(f"spacing = {self.spacing:g} m: must be greater than 0")
+        if not (self.spacing > 0 and math.isfinite(self.spacing)):
+            raise ValueError(f"spacing = {self.spacing:g} m: must be greater than 0, and finite")
         least = max(MINIMUM_CELLS, 2 * self.order)
         if self.cells < least:
             raise ValueError(
                 f"cells = {self.cells}: order {self.order} needs at least {least}; "
                 "lengthen the bar or refine the spacing"
+            )
+        if self.cells > MOST_CELLS:
+            raise ValueError(
+                f"cells = {self.cells}: must be at most {MOST_CELLS:.0e}; shorten the bar or "
+                "coarsen the spacing"
             )
         for name in ("left", "right"):
             if getattr(self, name) not in ENDS:
@@ -106,7 +121,7 @@ class Bar(Shown):
                 f"the bar of {self.length:g} m; shorten them or lengthen the bar"
             )
         if not self.uniform or not self.periodic:
-            self.differences  # noqa: B018  (says which stretch is too short)
+            check_stretches(self.order, self.all_stretches)
 
     def told(self) -> dict[str, str]:
         """Length, grid, ends."""
@@ -239,7 +254,9 @@ class Bar(Shown):
 
         A point is the transpose of the interpolation above in the norm of the grid, so that source
         and receiver can be exchanged. A Gaussian exp(−(x−x_s)²/2w²)/(√(2π) w) is cut at 8.5 w
-        (1e-16), on a periodic bar laid round it if need be.
+        (1e-16), on a periodic bar laid round it if need be. Where the grid's sum does not integrate
+        it, being narrower than 1.3 cells or at a closure, it is a mean of points instead, which has
+        its moments up to the bar's order: the moment of a point above all.
 
         Args:
             position: m, in [0, L].
@@ -250,15 +267,12 @@ class Bar(Shown):
             Density (1/m) and the grid indices it stands at.
 
         Raises:
-            ValueError: the position is outside the bar, or the Gaussian is too wide for it or
-                too narrow for the grid.
+            ValueError: the position is outside the bar, or the Gaussian is too wide for it.
         """
-        weights, indices = self.sampling(position, staggered)
         if width == 0:
-            if self.uniform and self.periodic:
-                return weights / self.spacing, indices
-            norms = self.differences
-            return weights / (norms.half_norm if staggered else norms.node_norm)[indices], indices
+            return self._point(position, staggered)
+        if not 0 <= position <= self.length * (1 + 1e-12):
+            self.sampling(position, staggered)  # says what is wrong
         if 17 * width > self.length:
             raise ValueError(
                 f"width = {width:g} m: a Gaussian of 17 widths must fit into the bar of "
@@ -269,20 +283,44 @@ class Bar(Shown):
             distance = (x - position + self.length / 2) % self.length - self.length / 2
         else:
             distance = x - position
-            if not 8.5 * width <= position <= self.length - 8.5 * width:
+            if not _CUT * width <= position <= self.length - _CUT * width:
                 raise ValueError(
                     f"width = {width:g} m: the Gaussian at {position:g} m stands out over an end "
                     f"of the bar; take at most "
-                    f"{min(position, self.length - position) / 8.5:.3g} m, or move it inward"
+                    f"{min(position, self.length - position) / _CUT:.3g} m, or move it inward"
                 )
-        indices = np.flatnonzero(np.abs(distance) <= 8.5 * width)
-        if not len(indices):
-            raise ValueError(
-                f"width = {width:g} m: no point of the grid lies within 8.5 widths of {position:g} "
-                f"m; take at least the cell size, or 0 for a point"
-            )
+        indices = np.flatnonzero(np.abs(distance) <= _CUT * width)
         density = np.exp(-((distance[indices] / width) ** 2) / 2) / (np.sqrt(2 * np.pi) * width)
-        return density, indices
+        if width >= _SAMPLED * self.spacing:
+            norms = self.differences
+            norm = norms.half_norm if staggered else norms.node_norm
+            if width >= _WIDE * self.spacing or abs(density @ norm[indices] - 1) < _INTEGRATED:
+                return density, indices
+        return self._mean_of_points(position, width, staggered)
+
+    def _point(self, position: float, staggered: bool) -> tuple[Float, Index]:
+        weights, indices = self.sampling(position, staggered)
+        if self.uniform and self.periodic:
+            return weights / self.spacing, indices
+        norms = self.differences
+        return weights / (norms.half_norm if staggered else norms.node_norm)[indices], indices
+
+    def _mean_of_points(
+        self, position: float, width: float, staggered: bool
+    ) -> tuple[Float, Index]:
+        """The same Gaussian as point sources side by side, four to a cell and to a width."""
+        finest = min(size for _, size in self.all_stretches)
+        count = 2 * math.ceil(_CUT * max(4.0, min(4 * width / finest, 1000.0))) + 1
+        u = np.linspace(-_CUT, _CUT, count)
+        weights = np.exp(-(u**2) / 2)
+        densities, points = [], []
+        for place, weight in zip(position + width * u, weights / weights.sum(), strict=True):
+            at = place % self.length if self.periodic else min(max(place, 0.0), self.length)
+            density, indices = self._point(float(at), staggered)
+            densities.append(weight * density)
+            points.append(indices)
+        indices, entry = np.unique(np.concatenate(points), return_inverse=True)
+        return np.bincount(entry, np.concatenate(densities)), indices
 
 
 def layered_bar(

@@ -123,6 +123,29 @@ def closure(order: int) -> Closure:
     return Closure(degree, max(2 * rows, 2 * nodes - 1, q.shape[1] - 1), *arrays)
 
 
+def check_stretches(order: int, stretches: Sequence[tuple[int, float]]) -> None:
+    """Hold stretches, (cells, h in m) of each, to what :func:`chain` can join.
+
+    Raises:
+        ValueError: the order is not offered, a spacing is not positive, or a stretch has too few
+            cells for its two closures.
+    """
+    least = closure(order).cells
+    for number, (count, h) in enumerate(stretches, start=1):
+        if not (math.isfinite(h) and h > 0):
+            raise ValueError(f"spacings = {h:g} (stretch {number}): must be greater than 0")
+        if count < 1:
+            raise ValueError(f"cells = {count} (stretch {number}): must be 1 or more")
+        if count < least:
+            # Rounded down, so that what it says is enough.
+            digits = 10.0 ** (2 - math.floor(math.log10(count * h / least)))
+            remedy = math.floor(count * h / least * digits) / digits
+            raise ValueError(
+                f"cells = {count} (layer {number}, {count * h:g} m thick): order {order} needs "
+                f"at least {least}; take a spacing of {remedy:g} m or less, or a lower order"
+            )
+
+
 def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
     """Stretches joined end to end: D, H_n, H_h.
 
@@ -135,13 +158,14 @@ def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
         ValueError: the order is not offered, there is no stretch, a spacing is not positive, or a
             stretch has too few cells for its two closures.
     """
-    end = closure(order)
-    interior = difference_weights(order)
     if not cells or len(cells) != len(spacings):
         raise ValueError(
             f"spacings: {len(spacings)} given for {len(cells)} stretches; give one for each, at "
             "least one"
         )
+    check_stretches(order, tuple(zip(cells, spacings, strict=True)))
+    end = closure(order)
+    interior = difference_weights(order)
     rows, width = end.weights.shape
     entries = [(int(j), int(i)) for j, i in zip(*np.nonzero(end.weights), strict=True)]
     reach = max(len(interior), *(max(i - j, j - i + 1) for j, i in entries))
@@ -150,20 +174,7 @@ def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
     diagonals = np.zeros((2 * reach, total))
     node_norm, half_norm = np.zeros(total + 1), np.empty(total)
     start = 0
-    for number, (count, h) in enumerate(zip(cells, spacings, strict=True), start=1):
-        if not (math.isfinite(h) and h > 0):
-            raise ValueError(f"spacings = {h:g} (stretch {number}): must be greater than 0")
-        if count < 1:
-            raise ValueError(f"cells = {count} (stretch {number}): must be 1 or more")
-        if count < end.cells:
-            # Rounded down, so that what it says is enough.
-            digits = 10.0 ** (2 - math.floor(math.log10(count * h / end.cells)))
-            remedy = math.floor(count * h / end.cells * digits) / digits
-            raise ValueError(
-                f"cells = {count} (layer {number}, {count * h:g} m thick): order {order} needs "
-                f"at least {end.cells}; take a spacing of {remedy:g} m or less, "
-                "or a lower order"
-            )
+    for count, h in zip(cells, spacings, strict=True):
         own = slice(start, start + count)
         for j, weight in enumerate(interior):
             diagonals[j + 1 - first, own] = weight / h

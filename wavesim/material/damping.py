@@ -22,6 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Complex = NDArray[np.complex128]
 
+# Six decades take twenty relaxations, each a memory of every strain.
+_WIDEST_BAND = 1e6
+
 
 @dataclass(frozen=True)
 class Damping:
@@ -171,6 +174,11 @@ def constant_quality(
     if not 0 < low < high < math.inf:
         raise ValueError(
             f"quality_band = [{low:g}, {high:g}]: must be two frequencies, 0 < f1 < f2"
+        )
+    if high > _WIDEST_BAND * low:
+        raise ValueError(
+            f"quality_band = [{low:g}, {high:g}]: must span at most a factor of {_WIDEST_BAND:g}; "
+            "take the band that the sources excite"
         )
     first, last = 2 * math.pi * low, 2 * math.pi * high
     count = max(2, math.ceil(3 * math.log10(last / first))) + 1

@@ -3,7 +3,7 @@
 Over l²N_p every coefficient of the wave equations, and of Appendix C, is linear in one contact
 stiffness and, that factored out, linear in a and in η each:
 
-    G_n (1 − η)(X₀ + a X₁) + G_n η (Y₀ + a Y₁)
+    g (1 − η)(X₀ + a X₁) + g η (Y₀ + a Y₁)
 
 The four media a, η ∈ {0, 1} therefore determine those of all, and no equation is written twice.
 """
@@ -11,33 +11,47 @@ The four media a, η ∈ {0, 1} therefore determine those of all, and no equatio
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
-from wavesim.material.medium import PARAMETERS, Medium, check_parameter
+from wavesim.material.family import Block
+from wavesim.material.granular import GranularMedium
+from wavesim.material.medium import Medium, check_parameter
 from wavesim.material.scaling import BlockCoefficients, scales
-from wavesim.material.sectors import Block
-from wavesim.planewave.eigenproblem import spectral_form
+from wavesim.planewave.eigenproblem import spectral_form, stiffness
+
+# Wavenumbers at which media are looked at for waves that grow, scaled.
+_LOOKED_AT = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 49)])
+# Times that a local minimum between them is followed down, by a quarter each.
+_ROUNDS = 8
+# What of a matrix of size 1 is rounding.
+_ROUNDING = 1e-13
+# Media looked at together, for the memory they take.
+_TOGETHER = 2000
+
+_NAMES = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
 
 
 def _check(medium: Medium) -> None:
-    for name in PARAMETERS:
+    for name in medium.known():
         value = getattr(medium, name)
         if value is not None:
             check_parameter(name, float(np.min(value)))
             check_parameter(name, float(np.max(value)))
 
 
-def _factors(medium: Medium) -> BlockCoefficients:
+def _factors(medium: GranularMedium) -> BlockCoefficients:
     """What each scaled coefficient goes with, apart from a and η."""
-    per_contacts = medium.branch_length**2 * medium.contact_density
-    relative = per_contacts * medium.G_n_r
+    per_contacts = medium.per_contacts
+    average, normal, gradient = medium.stiffnesses
+    relative = per_contacts * normal
     return BlockCoefficients(
-        c_pp=per_contacts * (medium.G_n_a + medium.G_n_r),
+        c_pp=per_contacts * average + relative,
         c_pb=relative,
         c_bp=relative,
         c_bb=relative,
-        gamma=per_contacts * medium.branch_length**2 * medium.G_n_g,
+        gamma=per_contacts * medium.branch_length**2 * gradient,
     ).scaled(scales(medium))
 
 
@@ -46,7 +60,7 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
 
     Args:
         medium: parameters that are numbers or arrays which broadcast to one shape S.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
 
     Returns:
         Coefficients of shape S + (·, ·).
@@ -55,22 +69,22 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
         ValueError: a parameter is outside its admissible range.
     """
     _check(medium)
+    shape = np.broadcast_shapes(*(np.shape(getattr(medium, n)) for n in medium.known()))
+    if not isinstance(medium, GranularMedium):
+        return _one_by_one(medium, block, shape)
     a, eta = np.asarray(medium.anisotropy, float), np.asarray(medium.stiffness_ratio, float)
-    wanted, at_corner = _factors(medium), _factors(Medium())
+    plain: GranularMedium = type(medium)(closure=medium.closure)
+    wanted, at_corner = _factors(medium), _factors(plain)
     corners = {
         (i, j): spectral_form(
-            dataclasses.replace(
-                Medium(), anisotropy=float(i), stiffness_ratio=float(j), closure=medium.closure
-            ),
-            block,
+            dataclasses.replace(plain, anisotropy=float(i), stiffness_ratio=float(j)), block
         )
         for i in (0, 1)
         for j in (0, 1)
     }
     weights = {(i, j): (a if i else 1 - a) * (eta if j else 1 - eta) for i, j in corners}
-    shape = np.broadcast_shapes(*(np.shape(getattr(medium, n)) for n in PARAMETERS))
     made = {}
-    for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma"):
+    for name in _NAMES:
         ratio = getattr(wanted, name) / getattr(at_corner, name)
         ratio = np.broadcast_to(np.asarray(ratio, float), shape)
         made[name] = sum(
@@ -78,3 +92,93 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
             for corner, weight in weights.items()
         )
     return BlockCoefficients(**made)
+
+
+def _numbers(spread: dict[str, Any], i: tuple[int, ...]) -> dict[str, Any]:
+    return {name: float(values[i]) for name, values in spread.items()}
+
+
+def _one_by_one(medium: Medium, block: Block, shape: tuple[int, ...]) -> BlockCoefficients:
+    """The same of a family whose coefficients may depend on its parameters in any way."""
+    given = {n: v for n in medium.known() if (v := getattr(medium, n)) is not None}
+    spread: dict[str, Any] = {
+        n: np.broadcast_to(np.asarray(v, float), shape) for n, v in given.items()
+    }
+    forms = [
+        spectral_form(dataclasses.replace(medium, **_numbers(spread, i)), block)
+        for i in np.ndindex(shape)
+    ]
+    made = {name: np.array([getattr(form, name) for form in forms]) for name in _NAMES}
+    return BlockCoefficients(**{n: v.reshape(*shape, *v.shape[1:]) for n, v in made.items()})
+
+
+def growing(medium: Medium, count: int) -> np.ndarray:
+    """Which media of a family have waves that grow; ``check_hyperbolic`` tells of one how fast.
+
+    ω² are complex where the discriminant of the characteristic polynomial is negative, often over
+    a very short range of k: its local minima are followed down. They are looked for only where
+    they are possible, with closure "printed" and a or η outside 0 to 1.
+
+    Args:
+        medium: parameters that are numbers, or arrays of shape (count,).
+        count: of the media.
+
+    Returns:
+        Shape (count,).
+    """
+    found = np.zeros(count, bool)
+    if medium.closure == "consistent":
+        return found
+    shares = [np.broadcast_to(getattr(medium, n), count) for n in ("anisotropy", "stiffness_ratio")]
+    outside = np.any([(share < 0) | (share > 1) for share in shares], axis=0)
+    for first in range(0, int(outside.sum()), _TOGETHER):
+        some = np.flatnonzero(outside)[first : first + _TOGETHER]
+        own: dict[str, Any] = {
+            name: np.asarray(value)[some]
+            for name in medium.known()
+            if np.ndim(value := getattr(medium, name))
+        }
+        part = dataclasses.replace(medium, **own)
+        for block in medium.family.blocks:
+            form = block_forms(part, block)
+            found[some] |= _grows([np.asarray(getattr(form, n)) for n in _NAMES])
+    return found
+
+
+def _grows(form: list[np.ndarray]) -> np.ndarray:
+    """Whether a block has complex or negative ω², by media; coefficients (media, ·, ·) each."""
+
+    def reality(which: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        own = (part[which][:, None] for part in form)
+        return _reality(stiffness(BlockCoefficients(*own), k))
+
+    media = np.arange(len(form[0]))
+    disc, least = reality(media, _LOOKED_AT)
+    found: np.ndarray = np.any((disc < -_ROUNDING) | (least < -_ROUNDING), axis=1)
+    inner = disc[:, 1:-1]
+    member, place = np.nonzero((inner <= disc[:, :-2]) & (inner <= disc[:, 2:]) & ~found[:, None])
+    low, high = _LOOKED_AT[place], _LOOKED_AT[place + 2]
+    for _ in range(_ROUNDS):
+        k = np.linspace(low, high, 9, axis=1)
+        values, _ = reality(member, k)
+        at, rows = np.argmin(values, axis=1), np.arange(len(member))
+        found[member[values[rows, at] < -_ROUNDING]] = True
+        low, high = k[rows, np.maximum(at - 1, 0)], k[rows, np.minimum(at + 1, 8)]
+    return found
+
+
+def _reality(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of matrices (..., m, m), m ≤ 3, of size 1: the discriminant of the characteristic polynomial,
+    negative where an eigenvalue is complex, and its least coefficient up to its sign, negative
+    where a real one is."""
+    scale = np.abs(matrices).max(axis=(-2, -1))[..., None, None]
+    m = matrices / np.where(scale > 0, scale, 1.0)
+    trace, last = np.trace(m, axis1=-2, axis2=-1), np.linalg.det(m)
+    if m.shape[-1] == 1:
+        return np.ones_like(trace), trace
+    if m.shape[-1] == 2:
+        return trace**2 - 4 * last, np.minimum(trace, last)
+    second = (trace**2 - np.einsum("...ij,...ji->...", m, m)) / 2
+    b, c, d = -trace, second, -last
+    disc = 18 * b * c * d - 4 * b**3 * d + b**2 * c**2 - 4 * c**3 - 27 * d**2
+    return disc, np.minimum(np.minimum(trace, second), last)

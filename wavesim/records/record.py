@@ -1,8 +1,8 @@
 """A space-time record, from wherever it comes, and what is done to it before it is used.
 
-Extraction wants even times and finite values. What can be remedied is, and said in ``notes``:
-uneven times are resampled, dead receivers left out, short breaks bridged or marked missing. What
-can't be is refused with a message that names value, limit and remedy.
+Readings want even times and finite values. What is wrong with a record is looked for first, fault
+by fault (``faults/``); what can be cured is, and said in ``findings``; what can't be is refused
+with a message that names value, limit and remedy.
 """
 
 from __future__ import annotations
@@ -13,24 +13,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from wavesim.records.content import RecordError
+from wavesim.records.evenness import even
+from wavesim.records.faults.clock import check_ascending, even_times, one_clock
+from wavesim.records.faults.examination import Raw, levels, samples, together
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames
 
 Float = NDArray[Any]
+Mask = NDArray[np.bool_]
 
-FEWEST_FRAMES = 16
-# Times even to this part of their interval, and receivers to this part of theirs, count as even.
-_EVEN_TIMES = 1e-5
-_EVEN_RECEIVERS = 1e-6
-# A break of up to this many frames at one receiver is bridged.
-_BRIDGED = 2
+# Receivers even to this part of their spacing count as even.
+_EVEN_RECEIVERS = 1e-3
+# Positions are taken as rounded where their last digit is at most this part of the spacing.
+_ROUNDED = 0.02
 # A receiver that varies less than this part of the strongest is dead.
 _DEAD = 1e-12
 # A receiver with more than this part of its samples missing is left out.
 _MOST_MISSING = 0.2
-
-
-class RecordError(ValueError):
-    """A record can't be used; the message names what is wrong, the limit and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Record:
 
     Attributes:
         t: times, even, shape (nt,), s.
-        x: receiver positions, ascending, shape (nx,), m.
+        x: receiver positions, ascending, shape (nx,), m; NaN where a pulse test does without.
         values: shape (C, nt, nx), any unit; finite, 0 at missing frames.
         names: of the components.
         ring: whether the receivers go evenly round a periodic bar, so that its wavenumbers are
@@ -47,9 +48,23 @@ class Record:
         quiet_from: time from which on no source acts, s.
         missing: frames that are missing, shape (nt,).
         sources: positions of sources, where known, m.
-        notes: what was done to the record.
+        notes: what was done to the record and assumed of it, a sentence each.
         lattice: whether the receivers are all the sites there are, so that k has no alias.
         answer: the truth, where the record is synthetic: {name: array}.
+        labels: names of the receivers, as many.
+        input: the source's signal, where the record holds it, shape (nt,), any unit.
+        quantum: least step between a receiver's samples (LSB), shape (nx,), unit of the values; 0
+            where they are not quantised. It is a noise of quantum/√12 at least.
+        interval_error, spacing_error: standard error of the frames' interval over the interval, and
+            of the receivers' spacing over the spacing, where rounding leaves them open, –.
+        broken: receivers for whose gaps frames are missing, shape (nx,).
+        whole: the values with those receivers' gaps and all else in its place; None where none are.
+        clipped: receivers with flat tops, shape (nx,).
+        begun: receivers at which the signal is there already when the record begins, shape (nx,).
+        source_seen: where a source that nobody named stands among the receivers, by the earliest
+            arrivals, m; None where none does.
+        driven: whether it is not known from when on no source acts.
+        findings: what was wrong, and what was done.
     """
 
     t: Float
@@ -58,11 +73,23 @@ class Record:
     names: tuple[str, ...] = ("u",)
     ring: bool = False
     quiet_from: float = 0.0
-    missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    missing: Mask = field(default_factory=lambda: np.zeros(0, bool))
     sources: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     lattice: bool = False
     answer: dict[str, Any] | None = None
+    labels: tuple[str, ...] = ()
+    input: Float | None = None
+    quantum: Float = field(default_factory=lambda: np.zeros(0))
+    interval_error: float = 0.0
+    spacing_error: float = 0.0
+    broken: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    whole: Float | None = None
+    clipped: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    source_seen: float | None = None
+    driven: bool = False
+    findings: tuple[Finding, ...] = ()
 
     @property
     def interval(self) -> float:
@@ -77,8 +104,7 @@ class Record:
     @property
     def even(self) -> bool:
         """Whether the receivers are evenly spaced."""
-        gaps = np.diff(self.x)
-        return len(gaps) > 0 and bool(np.ptp(gaps) <= _EVEN_RECEIVERS * gaps.mean())
+        return len(self.x) > 1 and _is_even(self.x)
 
     @property
     def aperture(self) -> float:
@@ -95,9 +121,45 @@ class Record:
 
     def component(self, index: int) -> Record:
         """The record of one component alone."""
+        one = slice(index, index + 1)
+        whole = None if self.whole is None else self.whole[one]
+        return replace(self, values=self.values[one], names=self.names[one], whole=whole)
+
+    def receivers(self, kept: Any) -> Record:
+        """The record of some receivers, by mask or number."""
+        kept = np.arange(len(self.x))[np.asarray(kept)]
         return replace(
-            self, values=self.values[index : index + 1], names=self.names[index : index + 1]
+            self,
+            x=self.x[kept],
+            values=self.values[..., kept],
+            labels=tuple(self.labels[j] for j in kept) if self.labels else (),
+            quantum=self.quantum[kept] if len(self.quantum) else self.quantum,
+            broken=self.broken[kept] if len(self.broken) else self.broken,
+            clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
+            begun=self.begun[kept] if len(self.begun) else self.begun,
+            whole=None if self.whole is None else self.whole[..., kept],
         )
+
+    def with_finding(self, finding: Finding) -> Record:
+        """The record with one more finding, and its note."""
+        return replace(self, findings=(*self.findings, finding), notes=(*self.notes, finding.said))
+
+    def without_gaps(self) -> Record:
+        """Without the receivers for whose gaps frames are missing, where at least two others are.
+
+        Methods that need every frame take this; those that fit around missing ones need not.
+        """
+        if self.whole is None or not self.broken.any() or (~self.broken).sum() < 2:
+            return self
+        gone: Mask = np.asarray(~np.isfinite(self.whole[..., ~self.broken]).all(axis=(0, 2)))
+        if gone.sum() >= self.missing.sum():
+            return self
+        kept = replace(self, values=self.whole, missing=gone, whole=None).receivers(~self.broken)
+        where = places(self.x, self.broken, self.labels)
+        return kept.with_finding(
+            Finding("gaps", where, f"{int(self.missing.sum())} frames", TAKEN_OUT,
+                    f"receivers with gaps left out, so that all frames are there ({where})")
+        )  # fmt: skip
 
     def since(self, time: float) -> Record:
         """The record from a time on, s."""
@@ -112,6 +174,8 @@ class Record:
             t=self.t[first:],
             values=self.values[:, first:],
             missing=self.missing[first:] if len(self.missing) else self.missing,
+            input=None if self.input is None else self.input[first:],
+            whole=None if self.whole is None else self.whole[:, first:],
         )
 
 
@@ -121,63 +185,151 @@ def record(
     x: ArrayLike,
     names: Sequence[str] = (),
     ring: bool = False,
-    quiet_from: float = 0.0,
+    quiet_from: float | None = None,
     sources: Sequence[float] = (),
     answer: dict[str, Any] | None = None,
     lattice: bool = False,
+    labels: Sequence[str] = (),
+    input: ArrayLike | None = None,
+    storage: tuple[float, float] = (0.0, 0.0),
+    notes: Sequence[str] = (),
+    placed: bool = True,
+    trusted: bool = False,
 ) -> Record:
-    """A record from arrays, remedied where that can be done.
+    """A record from arrays, looked over, and cured where that can be done.
 
     Args:
         values: shape (nt, nx) or (C, nt, nx); NaN where a sample is missing.
-        t: times, ascending, shape (nt,), s.
+        t: times, ascending, shape (nt,), s; or (nt, nx) where each channel has its own.
         x: receiver positions, shape (nx,), in any order, m.
         names: of the components.
         ring: whether the receivers go evenly round a periodic bar.
-        quiet_from: time from which on no source acts, s.
+        quiet_from: time from which on no source acts, s; not known where None.
         sources: positions of sources, m.
         answer: the truth, where it is known.
         lattice: whether the receivers are all the sites there are.
+        labels: names of the receivers.
+        input: the source's signal, shape (nt,).
+        storage: least distance between numbers as times and positions were stored, s and m.
+        notes: what was assumed of it.
+        placed: whether receivers must have positions, and there must be two.
+        trusted: whether it is a simulation's, in which no instrument's faults are looked for.
 
     Returns:
-        The record; its notes say what was done.
+        The record; its findings say what was wrong and what was done.
 
     Raises:
         RecordError: it can't be used.
     """
-    values, t, x = np.array(values, float), np.array(t, float), np.array(x, float)
+    stored = np.asarray(values)
+    values, t, x = _real(stored), np.array(t, float), np.array(x, float)
     if values.ndim == 2:
         values = values[None]
-    _check_shapes(values, t, x)
-    notes: list[str] = []
-    order = np.argsort(x, kind="stable")
-    x, values = x[order], values[..., order]
-    if len(x) > 1 and (np.diff(x) <= 0).any():
-        twice = x[1:][np.diff(x) <= 0][0]
-        raise RecordError(f"x = {twice:g} m: two receivers stand there; leave one out")
-    values, t = _whole_frames(values, t, notes)
-    values, x = _living(values, x, ring, notes)
-    values, missing = _bridged(values, t, notes)
-    values, t, missing = _even_times(values, t, missing, notes)
+    found: list[Finding] = []
+    _check_shapes(values, t, x, placed)
+    values, t = one_clock(values, t, found)
+    check_ascending(t, storage[0])
+    placed = placed or bool(np.isfinite(x).all())
+    names_of = tuple(labels) or tuple(f"receiver {j}" for j in range(1, len(x) + 1))
+    if placed:
+        order = np.argsort(x, kind="stable")
+        x, values = x[order], values[..., order]
+        names_of = tuple(names_of[j] for j in order)
+        _check_places(x)
+    x, spacing_error = _snapped(x, storage[1], found) if placed else (x, 0.0)
+    signal = None if input is None else np.array(input, float)
+    if signal is not None and len(signal) != len(t):
+        raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
+    raw = None
+    first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
+    if not trusted:
+        values[np.isinf(values)] = np.nan
+        alive = _living(values, x, names_of, ring, still=False)
+        first_dead = x[~alive], tuple(np.array(names_of, object)[~alive])
+        values, x = values[..., alive], x[alive]
+        names_of = tuple(name for name, a in zip(names_of, alive, strict=True) if a)
+        raw = samples(values, t, x, names_of, found)
+        if signal is not None and raw.held > 1:
+            signal = signal[:: raw.held][: len(raw.t)]
+        values, t = raw.values, raw.t
+    channels = _Channels.of(x, names_of, raw)
+    if raw is not None and raw.spare.any():
+        values, x = values[..., ~raw.spare], x[~raw.spare]
+        channels = channels.take(~raw.spare)
+    frames = len(t)
+    values, t = whole_frames(values, t, found)
+    if signal is not None and len(t) != frames:
+        raise RecordError("frames are missing, so that the input is not whole: give all frames")
+    alive = _living(values, x, channels.labels, ring)
+    _tell_dead(x, alive, channels.labels, first_dead, found)
+    values, x, channels = values[..., alive], x[alive], channels.take(alive)
+    quiet = np.zeros(values.shape[1:], bool)
+    if not trusted:
+        values, resting = levels(values, t, x, channels.labels, channels.quantum, found)
+        quiet = np.logical_and.reduce([one.mask for one in resting])
+    values, missing, broken = bridged(values, t, x, channels.labels, quiet, found)
+    whole = values.copy() if broken.any() else None
+    values[:, missing] = 0.0
+    values, t, missing, interval_error = even_times(values, t, missing, storage[0], found)
+    if any(finding.what == "times uneven" for finding in found):
+        whole = None
     if ring and not _is_even(x):
         raise RecordError(
             "ring: the receivers round a periodic bar must be evenly spaced; treat the record as "
-            "a stretch instead"
+            "a stretch instead, or give --spacing where they are"
         )
-    labels = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
+    within, place = np.zeros(len(x), bool), None
+    if not trusted:
+        mended, within, place = together(
+            values if whole is None else whole, missing, t, x, channels.labels, channels.quantum,
+            channels.flat | broken, ring, found,
+        )  # fmt: skip
+        if mended.any:
+            kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
+            values = (values[..., mended.order] * mended.factor)[..., kept]
+            if whole is not None:
+                whole = (whole[..., mended.order] * mended.factor)[..., kept]
+            x, channels, within, broken = x[kept], channels.take(kept), within[kept], broken[kept]
+    components = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
     return Record(
         t,
         x,
         values,
-        labels,
+        components,
         ring=ring,
-        quiet_from=float(quiet_from),
+        quiet_from=float(t[0]) if quiet_from is None else float(quiet_from),
         missing=missing,
         sources=tuple(float(s) for s in sources),
-        notes=tuple(notes),
+        notes=(*notes, *(f.said for f in found)),
         lattice=lattice,
         answer=answer,
+        labels=channels.labels,
+        input=signal,
+        quantum=channels.quantum,
+        interval_error=interval_error,
+        spacing_error=spacing_error,
+        broken=broken,
+        whole=whole,
+        clipped=channels.flat,
+        begun=within,
+        source_seen=place if not sources else None,
+        driven=quiet_from is None,
+        findings=tuple(found),
     )
+
+
+def _real(values: Float) -> Float:
+    if values.dtype.kind not in "fiubc":
+        raise RecordError(f"values are no numbers (type {values.dtype})")
+    if np.iscomplexobj(values):
+        if np.abs(values.imag).max(initial=0.0) > 0:
+            raise RecordError(
+                "complex values: both parts can't be one real signal; give one real component "
+                "(the real part of an analytic signal; a demodulated one multiplied back up to its "
+                "carrier)"
+            )
+        values = values.real
+    return np.array(values, float)
 
 
 def _is_even(x: Float) -> bool:
@@ -185,8 +337,29 @@ def _is_even(x: Float) -> bool:
     return bool(np.ptp(gaps) <= _EVEN_RECEIVERS * gaps.mean())
 
 
-def _check_shapes(values: Float, t: Float, x: Float) -> None:
-    if values.ndim != 3 or values.shape[1:] != (len(t), len(x)):
+def _snapped(x: Float, storage: float, found: list[Finding]) -> tuple[Float, float]:
+    """Positions that are even to within their last digit, made even."""
+    if len(x) < 4:
+        return x, 0.0
+    sequence = even(x, storage)
+    if sequence is None or sequence.digit > _ROUNDED * sequence.step:
+        return x, 0.0
+    if sequence.off > 1e-9:
+        found.append(
+            Finding("positions rounded", "all receivers", f"to {sequence.digit:.2g} m", CURED,
+                    f"positions are rounded to {sequence.digit:.2g} m: taken as even, "
+                    f"{sequence.step:.9g} m apart")
+        )  # fmt: skip
+    return sequence.values(len(x)), sequence.error
+
+
+def _check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
+    if (
+        values.ndim != 3
+        or t.ndim not in (1, 2)
+        or values.shape[1:] != (len(t), len(x))
+        or (t.ndim == 2 and t.shape != values.shape[1:])
+    ):
         raise RecordError(
             f"values of shape {values.shape}: must be (frames, receivers) = ({len(t)}, {len(x)}), "
             "or that for each component"
@@ -196,123 +369,100 @@ def _check_shapes(values: Float, t: Float, x: Float) -> None:
             f"{len(t)} frames: at least {FEWEST_FRAMES} are needed; lengthen the record or sample "
             "it more often"
         )
-    if len(x) < 2:
+    if len(x) < (2 if placed else 1):
         raise RecordError(
             f"{len(x)} receiver: at least 2 are needed for a wavenumber, 3 where waves run both "
             "ways"
         )
-    if not (np.isfinite(t).all() and np.isfinite(x).all()):
+    if not (np.isfinite(t).all() and (not placed or np.isfinite(x).all())):
         raise RecordError("t or x: holds values that are not finite; give every time and position")
-    if (np.diff(t) <= 0).any():
-        at = int(np.argmax(np.diff(t) <= 0))
-        raise RecordError(
-            f"t[{at + 1}] = {t[at + 1]:g} s after t[{at}] = {t[at]:g} s: times must ascend; sort "
-            "the frames"
-        )
 
 
-def _whole_frames(values: Float, t: Float, notes: list[str]) -> tuple[Float, Float]:
-    """Frames left out of an even sequence of times, put in again as missing."""
-    steps = np.diff(t)
-    usual = float(np.median(steps))
-    counts = np.maximum(1, np.round(steps / usual)).astype(int)
-    regular = np.abs(steps - counts * usual) <= 1e-3 * usual
-    if (counts == 1).all() or not regular.all():
-        return values, t
-    at = np.concatenate([[0], np.cumsum(counts)])
-    if at[-1] + 1 > 4 * len(t):
-        raise RecordError(
-            f"t: {at[-1] + 1 - len(t)} of {at[-1] + 1} frames are missing; at most three quarters "
-            "may be: use a part of the record"
-        )
-    filled = np.full((values.shape[0], at[-1] + 1, values.shape[2]), np.nan)
-    filled[:, at] = values
-    notes.append(f"{at[-1] + 1 - len(t)} frames are missing from the times")
-    return filled, np.interp(np.arange(at[-1] + 1), at, t)
+def _check_places(x: Float) -> None:
+    if len(x) > 1 and (np.diff(x) <= 0).any():
+        twice = x[1:][np.diff(x) <= 0][0]
+        raise RecordError(f"x = {twice:g} m: two receivers stand there; leave one out")
 
 
-def _living(values: Float, x: Float, ring: bool, notes: list[str]) -> tuple[Float, Float]:
-    """Without the receivers that say nothing."""
+def _living(
+    values: Float,
+    x: Float,
+    labels: tuple[str, ...],
+    ring: bool,
+    still: bool = True,
+) -> Mask:
+    """Which receivers say something, shape (nx,); those that stand still are dead if so wished."""
     finite = np.isfinite(values)
     size = np.nanmax(np.where(finite, np.abs(values), 0), axis=(0, 1))
     seen = ~(~finite).all(axis=(0, 2))
     if not seen.any():
         raise RecordError("no sample is finite: every receiver is dead or mostly missing")
-    broken = (~finite[:, seen]).mean(axis=(0, 1)) > _MOST_MISSING
+    gone = (~finite[:, seen]).mean(axis=(0, 1)) > _MOST_MISSING
     varies = np.nanmax(np.where(finite, values, -np.inf), axis=1) - np.nanmin(
         np.where(finite, values, np.inf), axis=1
     )
-    still = np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= _DEAD * max(size.max(), 1e-300)
+    least = _DEAD * max(size.max(), 1e-300)
     # On a ring a wave that does not travel leaves receivers rightly at rest.
-    dead = broken if ring else broken | still
+    dead: Mask = np.asarray(gone)
+    if still and not ring:
+        dead = gone | (np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= least)
     if not dead.any():
-        return values, x
-    where = ", ".join(f"{p:g}" for p in x[dead][:6]) + (", …" if dead.sum() > 6 else "")
-    if len(x) - dead.sum() < 2:
+        return ~dead
+    where = places(x, dead, labels)
+    if len(x) - dead.sum() < min(2, len(x)):
         raise RecordError(
-            f"{dead.sum()} of {len(x)} receivers are dead or mostly missing (x = {where} m); at "
+            f"{dead.sum()} of {len(x)} receivers are dead or mostly missing ({where}); at "
             "least 2 must live"
         )
     if ring:
         raise RecordError(
-            f"receivers at x = {where} m are dead, so that the ring is not whole: treat the record "
+            f"receivers at {where} are dead, so that the ring is not whole: treat the record "
             "as a stretch instead"
         )
-    notes.append(f"{dead.sum()} dead receivers left out (x = {where} m)")
-    return values[..., ~dead], x[~dead]
+    return ~dead
 
 
-def _bridged(values: Float, t: Float, notes: list[str]) -> tuple[Float, NDArray[np.bool_]]:
-    """Short breaks at single receivers filled by a spline; longer ones make the frame missing."""
-    absent = ~np.isfinite(values)
-    missing: NDArray[Any] = np.asarray(absent.all(axis=(0, 2)))
-    single = absent & ~missing[:, None]
-    filled = 0
-    for c, r in zip(*np.nonzero(single.any(axis=1)), strict=True):
-        gone = single[c, :, r]
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
-        for start, stop in edges.reshape(-1, 2):
-            if stop - start > _BRIDGED or start < 2 or stop > len(t) - 2:
-                missing[start:stop] = True
-        own = ~absent[c, :, r]
-        bridge = gone & ~missing
-        if bridge.any():
-            values[c, bridge, r] = CubicSpline(t[own], values[c, own, r])(t[bridge])
-            filled += int(bridge.sum())
-    if filled:
-        notes.append(f"{filled} missing samples bridged by a cubic spline")
-    if missing.any():
-        notes.append(f"{missing.sum()} of {len(t)} frames count as missing")
-    if missing.sum() > len(t) - FEWEST_FRAMES:
-        raise RecordError(
-            f"{missing.sum()} of {len(t)} frames hold values that are not finite; at least "
-            f"{FEWEST_FRAMES} whole ones are needed"
-        )
-    values[:, missing] = 0.0
-    return values, missing
+def _tell_dead(
+    x: Float,
+    alive: Mask,
+    labels: tuple[str, ...],
+    before: tuple[Float, tuple[str, ...]],
+    found: list[Finding],
+) -> None:
+    """One finding for all that are dead, with those left out before."""
+    gone = np.r_[before[0], x[~alive]]
+    if not len(gone):
+        return
+    names = (*before[1], *(label for label, a in zip(labels, alive, strict=True) if not a))
+    order = np.argsort(gone, kind="stable")
+    listed = tuple(str(names[j]) for j in order)
+    # One more that is not meant: else it would read "all".
+    where = places(np.r_[gone[order], np.inf], np.arange(len(gone)), listed)
+    found.append(
+        Finding("dead", where, f"{len(gone)} of {len(x) + len(before[0])}", TAKEN_OUT,
+                f"{len(gone)} dead receivers left out ({where})")
+    )  # fmt: skip
 
 
-def _even_times(
-    values: Float, t: Float, missing: NDArray[np.bool_], notes: list[str]
-) -> tuple[Float, Float, NDArray[np.bool_]]:
-    """Resample to even times where they are not."""
-    even = np.linspace(t[0], t[-1], len(t))
-    step = even[1] - even[0]
-    off = float(np.abs(t - even).max() / step)
-    if off <= _EVEN_TIMES:
-        return values, even, missing
-    own = ~missing
-    longest = float(np.diff(t).max())
-    if longest > 8 * step:
-        raise RecordError(
-            f"t: the longest interval, {longest:.4g} s, is {longest / step:.3g} times the mean; "
-            "sample evenly, or use the part before or after it"
-        )
-    values = CubicSpline(t[own], values[:, own], axis=1)(even)
-    gone = np.asarray(PchipInterpolator(t, missing.astype(float))(even) > 1e-9)
-    values[:, gone] = 0.0
-    notes.append(
-        f"times uneven by up to {off:.2g} of their interval: resampled by a cubic spline, which "
-        "is good to 1 % only up to about a fifth of the sampling frequency"
-    )
-    return values, even, gone
+@dataclass(frozen=True)
+class _Channels:
+    """What is known of each receiver, left out and kept with it."""
+
+    labels: tuple[str, ...]
+    quantum: Float
+    flat: Mask
+
+    @staticmethod
+    def of(x: Float, labels: tuple[str, ...], raw: Raw | None) -> _Channels:
+        """Of a record as it was looked at; nothing is known of a trusted one."""
+        if raw is None:
+            return _Channels(labels, np.zeros(len(x)), np.zeros(len(x), bool))
+        return _Channels(labels, raw.quantum, raw.flat)
+
+    def take(self, kept: Mask) -> _Channels:
+        """Of those that stay."""
+        labels = tuple(label for label, k in zip(self.labels, kept, strict=True) if k)
+        return _Channels(labels, self.quantum[kept], self.flat[kept])
+
+
+__all__ = ["FEWEST_FRAMES", "Record", "RecordError", "record"]

@@ -62,3 +62,33 @@ def progress(frames: int, quiet: bool) -> Iterator[Callable[[str, float], None]]
                 bar.update(shown[stage], completed=part * frames)
 
         yield tell
+
+
+@contextmanager
+def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]]:
+    """Show the progress of a sweep while it lasts; nothing when quiet or not on a terminal.
+
+    Args:
+        count: of its members.
+        quiet: show nothing.
+
+    Yields:
+        What to call with the members done, failed, and all there are.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, failed, of: None
+        return
+    with Progress(
+        TextColumn("{task.completed:.0f} of {task.total:.0f} members{task.fields[failed]}"),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+        task = bar.add_task("members", total=count, failed="")
+
+        def tell(done: int, failed: int, of: int) -> None:
+            bar.update(task, completed=done, failed=f", {failed} failed" if failed else "")
+
+        yield tell

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesim.sources.text_file import text_of
+
 FEWEST_SAMPLES = 8
 # A record begins and ends within this part of its peak.
 _FOOT = 1e-2
@@ -95,14 +97,7 @@ def read_csv(path: Path) -> tuple[list[float], list[float]]:
         ValueError: it can't be read, or can't be used; the message names line, value and
             remedy.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ValueError("no such file; the path is taken from the case file's folder") from None
-    except OSError as error:
-        raise ValueError(f"can't be read: {error.strerror}; name a CSV file") from None
-    except UnicodeDecodeError:
-        raise ValueError("not a text file in UTF-8; name a CSV file") from None
+    text = text_of(path, "a CSV file; its path is taken from the case file's folder")
     times: list[float] = []
     values: list[float] = []
     lines: list[int] = []

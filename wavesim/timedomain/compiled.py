@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from threading import Lock
 from typing import Any
@@ -43,3 +44,18 @@ def compiled(
         while len(_COMPILED) > _KEPT:
             del _COMPILED[next(iter(_COMPILED))]
     return made
+
+
+def keep_compiled() -> None:
+    """Let jax keep compiled functions from one process to the next, unless it was told where to.
+
+    Equinox's checks call back to Python, and jax keeps nothing on disk that does: they are set to
+    turn into values that are not finite, which the integration looks for. Best called before
+    equinox is loaded.
+    """
+    os.environ.setdefault("EQX_ON_ERROR", "nan")
+    from platformdirs import user_cache_path
+
+    if jax.config.values["jax_compilation_cache_dir"] is None:
+        jax.config.update("jax_compilation_cache_dir", str(user_cache_path("wavesim") / "jax"))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

@@ -43,7 +43,7 @@ def unflat(values: np.ndarray, like: States) -> States:
 
 
 def _of_group(group: Group) -> Any:
-    law, c, p = group.losses, group.c, group.c.rotations
+    law, c, p = group.losses, group.c, group.c.macro
     rest = group.rest
     blocks, n = rest.B.shape[1:]
     starts = np.cumsum([0, *(array.size for array in rest)])
@@ -104,7 +104,9 @@ def _of_group(group: Group) -> Any:
 
 def difference_matrix(difference: Difference, n: int) -> sp.csr_array:
     """A difference of n points as a matrix."""
-    weights = np.asarray(difference.weights)[:, None] * np.broadcast_to(difference.scale, n)
+    weights = np.atleast_2d(np.asarray(difference.weights).T).T * np.broadcast_to(
+        difference.scale, n
+    )
     rows = np.broadcast_to(np.arange(n), weights.shape)
     columns = rows + difference.first + np.arange(len(weights))[:, None]
     kept = np.ones(weights.shape, bool)

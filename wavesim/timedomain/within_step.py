@@ -49,6 +49,7 @@ def window(group: Group, points: np.ndarray) -> Group:
         factors = np.where(columns >= 0, difference.factors[own], 0.0)
         return dataclasses.replace(
             difference,
+            weights=cut(difference.weights),
             scale=cut(difference.scale),
             rows=place[difference.rows[own]],
             columns=np.maximum(columns, 0),
@@ -71,7 +72,7 @@ class Driven(NamedTuple):
         matrix: A of the window.
         sources: their numbers.
         pushed: G_j of each of them, flat, shape (sources, unknowns).
-        felt: O_e: of each of them, and then of each that turns an end for the moment that holds
+        felt: O_e: of each of them, and then of each that moves an end for the force that holds
             it; flat, shape (e, unknowns).
     """
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.medium import fastest_speed
 from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.excited_band import JUDGED, pulses
+from wavesim.readings.bar.loudness import blurred
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
@@ -34,6 +36,8 @@ QUALITY_TOLERANCE = 0.02
 _FAR = 10.0
 # Transmission is held to decibels down to here.
 _DEEPEST = 1e-3
+# Part of a spectrum's peak below which it is not told to a decibel.
+_TAIL = 3e-3
 
 
 def judge_bar(field: Field, reading: Reading) -> list[Check]:
@@ -46,6 +50,8 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     Returns:
         The checks; none about what the record is too short, or the bar too simple, to tell.
     """
+    if not reading.moved:
+        return []
     checks = []
     for receiver, errors in reading.error.items():
         worst = _worst(errors)
@@ -133,7 +139,7 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             remedy = remedies.of_arrival(field, found, known)
             checks.append(Check(label, worst, 0.0, allowed, "s", remedy))
     loss, exact = pulse.result.loss, pulse.exact.loss
-    both = loss.valid & exact.valid
+    both = loss.valid & exact.valid & _loud(pulse)
     if both.any():
         worst = float(np.abs(loss.level - exact.level)[both].max())
         label = (
@@ -155,6 +161,14 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
         checks += _quality_checks(field, pulse)
     return checks
+
+
+def _loud(pulse: PulseTest) -> NDArray[np.bool_]:
+    """Frequencies at which the loss's input and output can be told to a decibel, shape (n,)."""
+    seen, loss = pulse.exact, pulse.exact.loss
+    ends = [seen.record.index(name) for name in (loss.first, loss.last)]
+    size = np.abs(seen.spectra.values[:, ends])
+    return np.asarray((size >= _TAIL * size.max(axis=0)).all(axis=1))
 
 
 def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
@@ -179,19 +193,39 @@ def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
 
 def bar_notes(reading: Reading, field: Field) -> list[str]:
     """What a reader should know beside the checks."""
+    if not reading.moved:
+        return [
+            "nothing moved: nothing could be checked; begin a source before the end ([[sources]] "
+            "delay or start), and away from fixed ends"
+        ]
     found = []
     if not field.receivers:
         found.append(
             "no receiver: nothing was held against the exact solver; add [[receivers]] to compare "
             "signals"
         )
-    hidden = [name for name in field.receivers if name not in reading.exact]
+    heard = reading.heard
+    silent = [name for name in reading.exact if heard is not None and not heard.get(name)]
+    if silent:
+        found.append(
+            f"receiver {_some(silent)}: next to nothing arrived, and it was not compared; lengthen "
+            "[time] duration, or move it"
+        )
+    near = {name: blurred(field, x) for name, x in field.receivers.items()}
+    for why in dict.fromkeys(near[name] for name in near if near[name]):
+        these = [name for name, one in near.items() if one == why]
+        found.append(
+            f"receiver {_some(these)}: stands {why}, where the grid has a lower order, and its "
+            f"signals were not compared; move it {remedies.ONE_SIDED} cells away to have them"
+        )
+    low, high = field.bar.clear
+    hidden = [name for name, x in field.receivers.items() if not low <= x <= high]
     if hidden:
         found.append(
             f"receiver {hidden[0]} stands in an absorbing layer and was not compared; move it into "
             f"{field.bar.clear[0]:.4g} to {field.bar.clear[1]:.4g} m"
         )
-    if field.energy is not None and not energy_checks(field):
+    if field.energy is not None and not field.layers.conserves_energy:
         found.append(
             'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
             'take "consistent" to have it judged'
@@ -199,11 +233,15 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
     return found + _too_short(reading, field) + _near_cutoffs(field)
 
 
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
 def _too_short(reading: Reading, field: Field) -> list[str]:
     """Bars that ring, of which the record is too short to tell one eigenfrequency."""
     if field.simulation.lossy or not field.receivers or reading.ringing:
         return []
-    if not any(block.rotations for block in field.blocks):
+    if not any(block.macro for block in field.blocks):
         return []
     last = float(field.t[-1])
     return [
@@ -222,7 +260,7 @@ def _near_cutoffs(field: Field) -> list[str]:
     ends = (bar.left, layers.at(0.0)), (bar.right, layers.at(layers.length))
     media = {medium for end, medium in ends if end == "absorbing"}
     told = []
-    for block in (block for block in field.blocks if block.rotations):
+    for block in (block for block in field.blocks if block.macro):
         driven = pulses(field, block)
         for medium in media:
             for cutoff in cutoffs(medium, block.sector):

@@ -17,17 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.bloch import bloch
+from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.sectors import Block
 from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
+from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
 Complex = NDArray[np.complex128]
 
 _FEWEST_CELLS = 4
-# Weighted against amplitudes this far below the strongest of the record's end, exp(−σT).
-_ABOVE_FLOOR = 30.0
+# To this part of themselves amplitudes are told from what the record's end and rounding may add.
+_TOLD = 1e-3
 
 
 @dataclass(frozen=True)
@@ -152,22 +153,22 @@ def repeated_stretch(
     )
 
 
-def cells(field: Field, block: Block, known: Repeated, damping: float) -> Cells:
+def cells(field: Field, block: Block, known: Repeated, loud: Loudness | None = None) -> Cells:
     """Measure the Bloch waves of a bar's repeated stretch.
 
     Args:
         field: the field.
         block: one with a rotation.
         known: of :func:`repeated_stretch`.
-        damping: σT of the exponential window.
+        loud: of the same field; made where None.
     """
+    loud = loud or Loudness(field)
     period, step = known.period, known.step
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     record = field.part(name, points=known.nodes)
     U = damped_transform(record, field.t, known.omega, known.sigma)
     middle, sides = U[:, step:-step], U[:, 2 * step :] + U[:, : -2 * step]
-    floor = _ABOVE_FLOOR * np.exp(-damping) * np.abs(U).max()
-    weight = (np.abs(middle) > floor).astype(float)
+    weight = (np.abs(middle) * _TOLD > loud.hidden(record, known.sigma, name)).astype(float)
     square = np.sum(weight * np.abs(middle) ** 2, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         cosine = np.sum(weight * np.conj(middle) * sides, axis=1) / square / 2

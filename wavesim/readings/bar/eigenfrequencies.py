@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.eigenfrequencies import resonances
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, WINDOW, Spectrum, analysed_from, peaks
 from wavesim.simulation.field import Field
@@ -30,7 +31,8 @@ class Ringing:
 
     Attributes:
         sector: whose.
-        exact: of the exact solver, those that stand clear of their neighbours, ascending, rad/s.
+        exact: of the exact solver, those that stand clear of their neighbours and can be heard at
+            the receivers, ascending, rad/s.
         found: the peak next to each, rad/s; NaN where there is none.
         omega, level: spectrum of the receivers together, rad/s and relative to its peak.
         bin: resolution 2π/T, rad/s.
@@ -72,38 +74,63 @@ def audible(field: Field, block: Block) -> Float | None:
     return clear if len(clear) else None
 
 
-def ringing(field: Field, block: Block, exact: Float) -> Ringing:
+def ringing(
+    field: Field,
+    block: Block,
+    exact: Float,
+    signals: Mapping[str, Mapping[str, Float]] | None = None,
+) -> Ringing:
     """Measure the eigenfrequencies of a bar that no wave leaves.
 
     Args:
         field: the field, with receivers.
         block: one with a rotation.
         exact: of :func:`audible`.
+        signals: {receiver: {field: signal (nt,)}} of the exact solver: of the eigenfrequencies
+            those are looked for that can be heard there, as a mode is silent at its nodes; all
+            where None.
     """
+    (name,) = block.macro[0]
+    first = analysed_from(field)
+    width = _resolution(field)
+    heard = [field.at(position, name)[first:] for position in field.receivers.values()]
+    spectrum = _together(field, heard, width)
+    found = _nearest(spectrum, exact)
+    foreseen = [own[name][first:] for own in (signals or {}).values()]
+    if foreseen:
+        there = np.isfinite(_nearest(_together(field, foreseen, width), exact))
+        exact, found = exact[there], found[there]
+    level = np.sqrt(spectrum.power[0])
+    return Ringing(block.sector, exact, found, spectrum.omega, level, width)
+
+
+def _together(field: Field, signals: Sequence[Float], width: float) -> Spectrum:
+    """Spectrum of some signals together, relative to its peak."""
     from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
     from scipy.signal import get_window
 
-    (name,) = block.rotations[0]
-    first = analysed_from(field)
-    frames = len(field.t) - first
+    frames = len(signals[0])
     padded = next_fast_len(_PADDING * frames)
     window = get_window(WINDOW, frames, fftbins=False)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     power = np.zeros(len(omega))
-    for position in field.receivers.values():
-        power += np.abs(np.fft.rfft(field.at(position, name)[first:] * window, padded)) ** 2
-    width = _resolution(field)
-    spectrum = Spectrum(np.zeros(1), omega, (power / power.max())[None], width)
+    for signal in signals:
+        power += np.abs(np.fft.rfft(signal * window, padded)) ** 2
+    power /= power.max() or 1.0
+    return Spectrum(np.zeros(1), omega, power[None], width)
+
+
+def _nearest(spectrum: Spectrum, exact: Float) -> Float:
+    """The peak next to each eigenfrequency, NaN where there is none, shape of exact."""
     tops, heights = peaks(spectrum, 0)
-    found = np.full(len(exact), np.nan)
     strong = tops[heights >= _LEAST**2]
+    found = np.full(len(exact), np.nan)
     for number, value in enumerate(exact):
         if len(strong):
             nearest = strong[np.argmin(np.abs(strong - value))]
-            if abs(nearest - value) <= _NEAR * width:
+            if abs(nearest - value) <= _NEAR * spectrum.bin:
                 found[number] = nearest
-    level = np.sqrt(spectrum.power[0])
-    return Ringing(block.sector, exact, found, omega, level, width)
+    return found
 
 
 def _resolution(field: Field) -> float:

@@ -7,18 +7,19 @@ its wavenumber is held against the medium's own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block
 from wavesim.planewave.dispersion_relation import Gap, gaps, long_wave_speed, wavenumber
 from wavesim.readings.bar.excited_band import JUDGED, pulses
 from wavesim.readings.pulse.measurement import PulseResult, measure
+from wavesim.readings.pulse.signals import FEWEST_SAMPLES
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
 from wavesim.simulation.field import Field
 from wavesim.sources import Source, excitation
@@ -55,7 +56,11 @@ class PulseTest:
 
 
 def pulse_test(
-    field: Field, block: Block, exact: Mapping[str, Mapping[str, Any]], damping: float
+    field: Field,
+    block: Block,
+    exact: Mapping[str, Mapping[str, Any]],
+    damping: float,
+    heard: Mapping[str, Collection[str]] | None = None,
 ) -> PulseTest | None:
     """Read the receivers of a run.
 
@@ -64,18 +69,22 @@ def pulse_test(
         block: one with a rotation.
         exact: {receiver: {field: signal}} of the exact solver.
         damping: σT of the exponential window, where the record has one.
+        heard: {receiver: names of fields}, where something arrived; everywhere where None.
 
     Returns:
-        What was read; None where fewer than two receivers stand to the right of the sources.
+        What was read; None where fewer than two receivers to the right of the sources hear
+        anything, or the record is too short.
     """
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     own = pulses(field, block)
     layers, bar = field.layers, field.bar
-    if not own:
+    if not own or len(field.t) < FEWEST_SAMPLES:
         return None
     last = max(source.position + 8.5 * source.width for source in own)
     high = bar.clear[1]
-    places = sorted((x, n) for n, x in field.receivers.items() if last < x <= high)
+    hearing = [n for n in field.receivers if heard is None or name in heard.get(n, ())]
+    places = sorted((field.receivers[n], n) for n in hearing)
+    places = [(x, n) for x, n in places if last < x <= high]
     places = [p for i, p in enumerate(places) if i == 0 or p[0] > places[i - 1][0]]
     if not 2 <= len(places) <= _MOST_RECEIVERS:
         return None

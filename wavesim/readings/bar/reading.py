@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.signals import signals
-from wavesim.material.wave_equations import UNITS
+from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
+from wavesim.readings.bar.loudness import Loudness, blurred
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
 from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, specimen
 from wavesim.simulation.field import Field
+from wavesim.simulation.simulation import at_double_moment
 
 Float = NDArray[Any]
 
@@ -26,9 +28,13 @@ class Reading:
 
     Attributes:
         exact: {receiver: {field: signal (nt,)}} of the exact solver, rad and 1/m.
-        error: {receiver: {field: largest difference over the field's largest value there}}.
+        error: {receiver: {field: largest difference over the field's largest value within half a
+            wavelength}}, of those that are loud enough there to be judged, where the grid has them
+            to its order; see loudness.
         scattered, cells, ringing, pulses: transmission, Bloch waves, eigenfrequencies and pulse
             tests, of each sector that has them.
+        heard: {receiver: names of the fields that arrived there}; None where all did.
+        moved: whether anything moved at all.
     """
 
     exact: dict[str, dict[str, Float]]
@@ -37,13 +43,15 @@ class Reading:
     cells: tuple[Cells, ...]
     ringing: tuple[Ringing, ...]
     pulses: tuple[PulseTest, ...]
+    heard: Mapping[str, set[str]] | None = None
+    moved: bool = True
 
     def tables(self) -> dict[str, tuple[Any, str]]:
         """All arrays with their units, by their path in result.h5."""
         found: dict[str, tuple[Any, str]] = {}
         for receiver, own in self.exact.items():
             for name, values in own.items():
-                found[f"exact/{receiver}/{name}"] = values, UNITS[name]
+                found[f"exact/{receiver}/{name}"] = values, known_field(name).unit
         parts: tuple[tuple[str, Sequence[Any]], ...] = (
             ("transmission", self.scattered),
             ("bloch", self.cells),
@@ -80,7 +88,7 @@ class Expected:
 
     Attributes:
         signals: {receiver: {field: signal (nt,)}}, rad and 1/m; none inside an absorber, which is
-            no part of the bar that it ends.
+            no part of the bar that it ends, and none on a point source of a micro-curvature.
         specimens, repeated, eigenfrequencies: by sector, of those that have them.
     """
 
@@ -101,11 +109,12 @@ def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Exp
     layers, bar = field.layers, field.bar
     low, high = bar.clear
     seen = {name: x for name, x in field.receivers.items() if low <= x <= high}
+    seen = {name: x for name, x in seen.items() if not at_double_moment(field.simulation, x)}
     exact: dict[str, dict[str, Float]] = {}
     if seen:
         exact = signals(layers, bar.left, bar.right, field.sources, seen, field.t)
     found = Expected(exact, {}, {}, {})
-    for block in (block for block in field.blocks if block.rotations):
+    for block in (block for block in field.blocks if block.macro):
         if (between := specimen(field, block, frequencies, damping)) is not None:
             found.specimens[block.sector] = between
         if (stretch := repeated_stretch(field, block, frequencies, damping)) is not None:
@@ -133,25 +142,28 @@ def read_bar(
         The reading.
     """
     known = known or expected(field, frequencies, damping)
-    exact = known.signals
-    error = {
-        name: {
-            key: float(np.abs(field.at(field.receivers[name], key) - value).max() / _peak(value))
-            for key, value in own.items()
-        }
-        for name, own in exact.items()
-    }
-    of = {block.sector: block for block in field.blocks if block.rotations}
-    pulses = [pulse_test(field, block, exact, damping) for block in of.values() if exact]
+    exact, loud = known.signals, Loudness(field)
+    error: dict[str, dict[str, float]] = {}
+    heard: dict[str, set[str]] = {}
+    for receiver, own in exact.items():
+        position = field.receivers[receiver]
+        clear = not blurred(field, position)
+        for name, value in own.items():
+            scale = loud.scale(position, name, value)
+            if scale is not None:
+                heard.setdefault(receiver, set()).add(name)
+            if scale is not None and clear:
+                off = float(np.abs(field.at(position, name) - value).max()) / scale
+                error.setdefault(receiver, {})[name] = off
+    of = {block.sector: block for block in field.blocks if block.macro}
+    pulses = [pulse_test(field, block, exact, damping, heard) for block in of.values() if exact]
     return Reading(
         exact,
         error,
-        tuple(scattered(field, of[name], one) for name, one in known.specimens.items()),
-        tuple(cells(field, of[name], one, damping) for name, one in known.repeated.items()),
-        tuple(ringing(field, of[name], one) for name, one in known.eigenfrequencies.items()),
+        tuple(scattered(field, of[name], one, loud) for name, one in known.specimens.items()),
+        tuple(cells(field, of[name], one, loud) for name, one in known.repeated.items()),
+        tuple(ringing(field, of[name], one, exact) for name, one in known.eigenfrequencies.items()),
         tuple(test for test in pulses if test is not None),
+        heard,
+        loud.moved,
     )
-
-
-def _peak(values: Float) -> float:
-    return float(np.abs(values).max()) or 1.0

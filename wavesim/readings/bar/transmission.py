@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.transmission import transmission
+from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.sectors import Block
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
+from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
@@ -26,6 +27,8 @@ Complex = NDArray[np.complex128]
 # Branch lengths that a fit keeps away from a source, a face and an absorber.
 _AWAY = 2.0
 _FEWEST_NODES = 8
+# To this part of the incident wave T and R are told.
+_TOLD = 1e-4
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ class Scattered:
         sigma: their imaginary part σ, rad/s.
         T, R: measured amplitude ratios of φ, at the specimen's faces, shape (n,).
         T_exact, R_exact: the same of the exact solver at ω + iσ.
-        judged: where they count, see :class:`Specimen`.
+        judged: where they count, see :class:`Specimen`, and the incident wave stands so far above
+            what the record's end and rounding may add that T and R can be told to 1e-4.
         line: ω, T and R of the exact solver on a line fine enough to be drawn; empty without.
     """
 
@@ -152,23 +156,32 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
     )
 
 
-def scattered(field: Field, block: Block, known: Specimen) -> Scattered:
+def scattered(
+    field: Field, block: Block, known: Specimen, loud: Loudness | None = None
+) -> Scattered:
     """Measure what a specimen lets through and sends back.
 
     Args:
         field: of a bar with a specimen.
         block: one with a rotation.
         known: of :func:`specimen`.
+        loud: of the same field; made where None.
     """
+    loud = loud or Loudness(field)
     omega, sigma = known.omega, known.sigma
-    (name,) = block.rotations[0]
-    ends = []
+    (name,) = block.macro[0]
+    ends, hidden = [], 0.0
     for nodes, face, wave in zip((known.before, known.behind), known.faces, known.k, strict=True):
-        transform = damped_transform(field.part(name, points=nodes), field.t, omega, sigma)
+        record = field.part(name, points=nodes)
+        transform = damped_transform(record, field.t, omega, sigma)
         ends.append(_amplitudes(transform, field.bar.nodes[nodes] - face, wave))
+        hidden = max(hidden, loud.hidden(record, sigma, name))
     (a, b), (c, _) = ends
-    exact = known.T, known.R, known.judged, known.line
-    return Scattered(known.sector, omega, sigma, c / a, b / a, *exact)
+    judged = known.judged & (np.abs(a) * _TOLD >= hidden)
+    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing came there is no ratio
+        T, R = c / a, b / a
+    exact = known.T, known.R, judged, known.line
+    return Scattered(known.sector, omega, sigma, T, R, *exact)
 
 
 def exact_scattering(layers: Layers, sector: str, omega: Complex) -> tuple[Complex, Complex]:

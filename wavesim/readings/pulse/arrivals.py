@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import AT_THE_END, DETECTED, WEAK, envelope, onset
-from wavesim.readings.pulse.signals import PulseError, PulseRecord
+from wavesim.readings.pulse.signals import CLIPPED, PulseError, PulseRecord
 from wavesim.simulation.bandlimited import between, slope
 
 Float = NDArray[Any]
@@ -167,8 +167,8 @@ def arrivals(
         convention: "first break", "threshold", "envelope" or "correlation".
         fraction: of the peak, for the threshold, –.
         reference: signal to correlate with, shape (nt,), on the record's times (the source's, say);
-            that of the first receiver where None. Times are the lag plus the time at which the
-            reference's envelope peaks.
+            that of the first receiver that is whole where None. Times are the lag plus the time at
+            which the reference's envelope peaks.
 
     Returns:
         The arrivals.
@@ -186,24 +186,30 @@ def arrivals(
             f"{len(record.t)}"
         )
     zero = 0.0
-    own = record.values[:, 0] if reference is None else np.asarray(reference, float)
-    own_noise = float(record.noise[0]) if reference is None else 0.0
+    usable = next((j for j, why in enumerate(record.unusable) if not why), 0)
+    own = record.values[:, usable] if reference is None else np.asarray(reference, float)
+    own_noise = float(record.noise[usable]) if reference is None else 0.0
     if convention == "correlation":
         zero = envelope_peak(own, own_noise)[0]
     picks: list[Pick] = []
-    for u, noise in zip(record.values.T, record.noise.tolist(), strict=True):
-        if convention == "first break":
-            picks.append(onset(u))
+    each = zip(record.values.T, record.noise.tolist(), record.unusable, strict=True)
+    for j, (u, noise, unusable) in enumerate(each):
+        if unusable and not (unusable == CLIPPED and convention == "first break"):
+            picks.append((np.nan, np.nan, unusable))
+        elif convention == "first break":
+            first = int(record.filled[j]) if len(record.filled) else 0
+            place, spread, why = onset(u[first:])
+            picks.append((first + place, spread, why))
         elif convention == "threshold":
             picks.append(threshold(u, fraction, noise))
         elif convention == "envelope":
             picks.append(envelope_peak(u, noise))
         else:
             picks.append(correlation(u, own, noise, own_noise))
-    place, error, reason = zip(*picks, strict=True)
+    places, errors, reasons = zip(*picks, strict=True)
     step = record.interval
     return Arrivals(
-        convention, record.t[0] + step * (np.array(place) + zero), step * np.array(error), reason
+        convention, record.t[0] + step * (np.array(places) + zero), step * np.array(errors), reasons
     )
 
 

@@ -1,4 +1,4 @@
-"""Attenuation and constant Q from amplitudes at several distances, without phases.
+"""Attenuation and constant Q from amplitudes at several distances; Q over a band from α and v_g.
 
 At each frequency ln A(x) = const − αx. For Q that doesn't depend on frequency, α = πf/(Qc) and
 
@@ -6,14 +6,18 @@ At each frequency ln A(x) = const − αx. For Q that doesn't depend on frequenc
 
 with the source's spectrum s, a gain g_j of each receiver, and the travel time τ_j: with two
 receivers, the slope of ln(A₂/A₁) against f is −π(τ₂ − τ₁)/Q, the classic spectral ratio. All
-receivers are fitted at once; s(f) is projected out frequency by frequency.
+receivers are fitted at once; s(f) is projected out frequency by frequency. That holds while the
+velocity is constant. Where it is not, by δ over a band of width Δf about f, Q is off by the part
+δ f/Δf or so; a Q that is the same at all frequencies is then the mean of ω/(2αv_g), each with its
+error.
 
 Tonn, Geophys. Prospect. 39, 1 (1991).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +28,10 @@ from wavesim.readings.pulse.spectral_windows import Spectra
 from wavesim.readings.pulse.velocity import weighted_line
 
 Float = NDArray[Any]
+
+_FEWEST_FREQUENCIES = 3
+# The spectral ratio is refused where a velocity that changes puts it off by more than this part.
+_CONSTANT = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,9 +59,10 @@ def _logarithms(seen: Spectra) -> tuple[Float, Float, bool]:
     size = np.abs(seen.values)
     used = seen.above & seen.driven[:, None]
     logarithm = np.log(np.maximum(size, 1e-290))
-    known = bool(np.isfinite(seen.noise).all() and (seen.noise > 0).all())
+    known = seen.noise_known
+    noise = np.where(seen.whole, seen.noise, np.inf)
     # Of the noise only the part along U changes ln|U|: half of its variance.
-    weight = 2 * (size / seen.noise) ** 2 if known else np.ones_like(size)
+    weight = 2 * (size / noise) ** 2 if known else np.ones_like(size)
     return logarithm, np.where(used, weight, 0), known
 
 
@@ -125,4 +134,103 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Con
     one, error = float(solution[0] / scale[0]), float(np.sqrt(variance) / scale[0])
     return ConstantQuality(
         1 / one if one else np.inf, error / one**2 if one else np.nan, one, error, count
+    )
+
+
+@dataclass(frozen=True)
+class MeanQuality:
+    """Q = ω/(2αv_g) over a band, where it is the same at all frequencies.
+
+    Attributes:
+        quality, error: Q and its standard error, –.
+        inverse, inverse_error: 1/Q, which is averaged, and its standard error, –.
+        used: frequencies that count.
+        band: the lowest and highest of them, Hz.
+        excess: χ²/ν of 1/Q about its mean; the error is stretched by its root where above 1.
+        reason: why there is no Q, or "".
+    """
+
+    quality: float
+    error: float
+    inverse: float
+    inverse_error: float
+    used: int
+    band: tuple[float, float]
+    excess: float
+    reason: str = ""
+
+
+def mean_quality(
+    omega: Float, k: Any, k_error: Float, group: Float, group_error: Float, duration: float
+) -> MeanQuality:
+    """Q over a band from the wavenumber and the group velocity.
+
+    Args:
+        omega: ω, shape (n,), rad/s.
+        k, k_error: complex, and the error of each part, shape (n,), rad/m; NaN where unknown.
+        group, group_error: v_g, shape (n,), m/s.
+        duration: of the window, s: frequencies closer than it resolves share their noise.
+
+    Returns:
+        The quality.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        inverse = 2 * k.imag * group / omega
+        error = np.hypot(2 * group / omega * k_error, inverse * group_error / group)
+        own = np.isfinite(inverse) & (error > 0) & (group > 0) & (group_error < 0.5 * group)
+    count = int(own.sum())
+    nan = np.nan
+    if count < _FEWEST_FREQUENCIES:
+        why = f"{count} frequencies with α and v_g; at least {_FEWEST_FREQUENCIES} are needed"
+        return MeanQuality(nan, nan, nan, nan, count, (nan, nan), nan, why)
+    inverse, error, f = inverse[own], error[own], omega[own] / (2 * np.pi)
+    weight = 1 / error**2
+    mean = float(np.sum(weight * inverse) / weight.sum())
+    excess = float(np.sum(weight * (inverse - mean) ** 2) / (count - 1))
+    shared = max(1.0, 1 / duration / float(np.median(np.diff(f))))
+    bar = float(np.sqrt(max(1.0, excess) * shared / weight.sum()))
+    # Losses change v_g themselves, by the part 1/πQ of it, which the definition leaves open.
+    bar = math.hypot(bar, mean**2 / math.pi)
+    reason = ""
+    if not mean > 2 * bar:
+        reason = f"no loss is seen: Q above {1 / max(mean + 2 * bar, 1e-300):.3g}"
+    return MeanQuality(
+        1 / mean if mean else np.inf, bar / mean**2 if mean else nan, mean, bar, count,
+        (float(f[0]), float(f[-1])), excess, reason,
+    )  # fmt: skip
+
+
+def under_its_assumption(
+    ratio: ConstantQuality, omega: Float, group: Float, group_error: Float
+) -> ConstantQuality:
+    """The spectral ratio's Q with what a velocity that is not constant does to it.
+
+    Args:
+        ratio: of :func:`constant_quality_of_amplitudes`.
+        omega, group, group_error: v_g(ω) and its standard error, shape (n,); NaN where unknown.
+
+    Returns:
+        The same with an error that holds it, and with a reason where it is more than a tenth of Q.
+    """
+    if ratio.reason:
+        return ratio
+    with np.errstate(invalid="ignore"):
+        own = np.isfinite(group) & (group > 0) & (group_error < 0.1 * group)
+    if own.sum() < _FEWEST_FREQUENCIES:
+        return replace(ratio, reason="whether the velocity is constant over the band is not known")
+    v, f = group[own], omega[own] / (2 * np.pi)
+    slope = float(np.polyfit(f, 1 / v, 1, w=v**2 / group_error[own])[0])
+    apart = abs(slope) * float(f.mean()) * float(np.mean(v))
+    widened = replace(
+        ratio,
+        error=float(np.hypot(ratio.error, apart * ratio.quality)),
+        inverse_error=float(np.hypot(ratio.inverse_error, apart * ratio.inverse)),
+    )
+    if apart <= _CONSTANT:
+        return widened
+    change = float(np.ptp(v) / np.mean(v))
+    return replace(
+        widened,
+        reason=f"the velocity changes by {change:.0%} over the band, and the spectral ratio takes "
+        "it as constant: Q from α and v_g holds",
     )

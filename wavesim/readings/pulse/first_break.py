@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,41 @@ def onset(values: Float) -> tuple[float, float, str]:
     last = min(last, len(values))
     if at < _FEWEST or last < 3 * _FEWEST:
         return np.nan, np.nan, AT_THE_END
-    u = values[:last] / peak
+    found = division(values[:last], peak)
+    if found is None:
+        return np.nan, np.nan, AT_THE_END
+    if DETECTED * found.before > peak or found.gain < _LEAST_GAIN:
+        return np.nan, np.nan, WEAK
+    return found.place, found.error, ""
+
+
+@dataclass(frozen=True)
+class Division:
+    """Where noise ends and signal begins.
+
+    Attributes:
+        place, error: first sample of the signal and its error, in samples.
+        gain: by how much −2 ln of the likelihood falls by dividing there.
+        before: standard deviation before it, unit of u.
+    """
+
+    place: float
+    error: float
+    gain: float
+    before: float
+
+
+def division(values: Float, peak: float) -> Division | None:
+    """The best division of a stretch by Maeda's criterion; None where it is too short.
+
+    Args:
+        values: u, shape (n,), which ends with the signal.
+        peak: of the signal, unit of u.
+    """
+    last = len(values)
+    if last < 2 * _FEWEST:
+        return None
+    u = values / peak
     n = np.arange(_FEWEST, last - _FEWEST // 2)
 
     def variances(row: Float) -> Float:
@@ -67,10 +102,13 @@ def onset(values: Float) -> tuple[float, float, str]:
     criterion = n * np.log(before) + (last - n - 1) * np.log(after)
     best = int(np.argmin(criterion))
     undivided = last * np.log(np.var(u) + _LEAST_NOISE**2)
-    if DETECTED * np.sqrt(before[best]) > 1 or undivided - criterion[best] < _LEAST_GAIN:
-        return np.nan, np.nan, WEAK
     weight = np.exp(-(criterion - criterion[best]) / 2)
     weight /= weight.sum()
     spread = float(np.sqrt(np.sum(weight * (n - n[best]) ** 2)))
     # A sample is a width too: the break lies between two.
-    return float(n[best]), float(np.hypot(spread, 12**-0.5)), ""
+    return Division(
+        float(n[best]),
+        float(np.hypot(spread, 12**-0.5)),
+        float(undivided - criterion[best]),
+        float(np.sqrt(before[best]) * peak),
+    )

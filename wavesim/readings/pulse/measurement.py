@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
 from wavesim.readings.pulse.attenuation_and_quality import (
     ConstantQuality,
+    MeanQuality,
     attenuation_of_amplitudes,
     constant_quality_of_amplitudes,
+    mean_quality,
+    under_its_assumption,
 )
 from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
 from wavesim.readings.pulse.signals import PulseRecord, pulse_record
@@ -41,7 +44,8 @@ class PulseResult:
         spectra: of the receivers, n frequencies.
         dispersion: complex k and what follows.
         amplitude_attenuation, amplitude_error: α by amplitudes alone, shape (n,), Np/m.
-        constant_quality: Q by the spectral ratio over all n frequencies.
+        constant_quality: Q by the spectral ratio over all n frequencies, which takes the velocity
+            as constant; its reason says where it is not.
         loss: between the receivers named.
     """
 
@@ -55,6 +59,15 @@ class PulseResult:
     amplitude_error: Float
     constant_quality: ConstantQuality
     loss: Loss
+
+    @property
+    def quality(self) -> MeanQuality:
+        """Q over the band, from α and v_g."""
+        found = self.dispersion
+        return mean_quality(
+            found.omega, found.k, found.k_error, found.group_velocity, found.group_error,
+            self.spectra.duration,
+        )  # fmt: skip
 
     def rows(self) -> dict[str, list[dict[str, Any]]]:
         """Plain tables, for JSON or print: units stand in the names, None where there is no number.
@@ -136,8 +149,9 @@ def measure(
 
     Args:
         t: times, even, shape (nt,), s; may start anywhere.
-        signals: of each receiver, shape (nt,) each, one unit, without an offset; 2 to about 20
-            receivers, all on one side of the source, ascending away from it.
+        signals: of each receiver, shape (nt,) each, one unit; 2 to about 20 receivers, all on one
+            side of the source, ascending away from it. What is wrong with them is put right, or
+            keeps them from being read, and stands in ``record.notes``.
         positions: x of each, m.
         window: for spectra; where None a gate over the whole record, of which the last 5 %
             fade.
@@ -182,6 +196,8 @@ def measure(
         quality = ConstantQuality(math.nan, math.nan, math.nan, math.nan, 0, nothing)
     else:
         quality = constant_quality_of_amplitudes(seen, record.x / speed)
+    found = dispersion(record, window, grid, k_max, expected, known)
+    quality = under_its_assumption(quality, grid, found.group_velocity, found.group_error)
     ends = through or (record.names[0], record.names[-1])
     return PulseResult(
         record,
@@ -189,7 +205,7 @@ def measure(
         picks,
         speeds,
         seen,
-        dispersion(record, window, grid, k_max, expected, known),
+        found,
         alpha,
         alpha_error,
         quality,

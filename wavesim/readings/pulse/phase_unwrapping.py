@@ -120,6 +120,9 @@ def resolve(
     reason = np.where(np.isfinite(refined), "", np.where(unwrapped, OPEN, NOISY))
     reason = np.where(both, reason, HIDDEN)
     reason = np.where(seen.driven, reason, UNDRIVEN)
+    if sum(not why for why in seen.unusable or [""] * len(seen.x)) < 2:
+        reason = np.full(len(reason), next(why for why in seen.unusable if why))
+        refined = np.full(len(reason), np.nan)
     return Guess(refined, used, (a, b), intercept, tuple(reason.tolist()))
 
 
@@ -189,8 +192,9 @@ def _refined(seen: Spectra, k: Float, pair: tuple[int, int]) -> tuple[Float, NDA
     """k by the phases of ever more receivers, nearest to the pair first, and which served."""
     x, U = seen.x, seen.values
     size = np.abs(U)
-    known = bool(np.isfinite(seen.noise).all() and (seen.noise > 0).all())
-    weight = 2 * (size / seen.noise) ** 2 if known else size**2
+    known = seen.noise_known
+    noise = np.where(seen.whole, seen.noise, np.inf)
+    weight = 2 * (size / noise) ** 2 if known else size**2
     turned = np.angle(U * np.conj(U[:, pair[:1]]))
     phase, used = np.zeros(U.shape), np.zeros(U.shape, bool)
     order = np.argsort(np.abs(x - (x[pair[0]] + x[pair[1]]) / 2), kind="stable")

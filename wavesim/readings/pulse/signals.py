@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.first_break import WEAK, onset
+from wavesim.records.evenness import even
 
 Float = NDArray[Any]
 
@@ -18,9 +20,15 @@ Float = NDArray[Any]
 QUIET_PART = 0.75
 # Fewer quiet samples tell nothing of a noise.
 FEWEST_QUIET = 32
-_FEWEST_SAMPLES = 32
+FEWEST_SAMPLES = 32
+# Times even to this part of their interval count as even, and to that part they stay as written.
+_EVEN, _AS_WRITTEN = 1e-3, 1e-6
 # Rounding is a noise too, of this part of the peak: a simulated signal has no other.
 _ROUNDING = 2.0**-53
+CLIPPED = "flat tops: the signal is clipped; lower the gain"
+MARKED = "it holds a mark of overload: record it again with less gain"
+WANDERS = "its base wanders before the arrival: take drift or hum out, or record longer before it"
+BEGUN = "the record begins within the signal: trigger earlier"
 
 
 class PulseError(ValueError):
@@ -38,6 +46,12 @@ class PulseRecord:
         values: signals u, shape (nt, m), any one unit.
         quiet: time up to which each is nothing but noise, shape (m,), s; t₀ where none is known,
             infinite where no arrival stands out at all.
+        filled: samples at each one's beginning that were filled in, shape (m,).
+        clipped: samples in a row at each one's limit, shape (m,); 0 where none has flat tops.
+        begun: whether the record begins within each one's signal, shape (m,).
+        marked: whether each one holds a mark of overload and was set to 0, shape (m,).
+        wandering: whether the base under each one drifts, but not along a line, shape (m,).
+        notes: what was put right, and what keeps a receiver from being read.
     """
 
     t: Float
@@ -45,6 +59,12 @@ class PulseRecord:
     x: Float
     values: Float
     quiet: Float
+    filled: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, int))
+    clipped: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, int))
+    begun: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    marked: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    wandering: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    notes: tuple[str, ...] = ()
 
     @property
     def interval(self) -> float:
@@ -62,13 +82,29 @@ class PulseRecord:
         return self.names.index(name)
 
     @cached_property
+    def unusable(self) -> tuple[str, ...]:
+        """Why the shape of each signal tells nothing, m of them; "" where it does."""
+        none = np.zeros(len(self.names), int)
+        told = {
+            MARKED: self.marked,
+            CLIPPED: self.clipped,
+            BEGUN: self.begun,
+            WANDERS: self.wandering,
+        }
+        parts = [part if len(part) else none for part in told.values()]
+        return tuple(
+            next((why for why, one in zip(told, each, strict=True) if one), "")
+            for each in zip(*parts, strict=True)
+        )
+
+    @cached_property
     def noise(self) -> Float:
         """Standard deviation before the arrival, shape (m,), unit of u; NaN where it is unknown."""
         result = np.full(len(self.names), np.nan)
         for j, part in enumerate(self._quiet_parts()):
             if len(part) >= FEWEST_QUIET:
                 result[j] = np.std(part, ddof=1)
-        return np.maximum(result, self._rounding)
+        return np.maximum(result, self._least)
 
     def density(self, frequency: Float) -> Float:
         """Two-sided power density of the noise before the arrival, by Welch's method.
@@ -90,14 +126,20 @@ class PulseRecord:
                 # Welch takes the mean out, so the lowest bin is empty; the one-sided ends are not
                 # doubled.
                 result[:, j] = np.interp(np.abs(frequency), f[1:-1], power[1:-1]) / 2
-        return np.maximum(result, self._rounding**2 * self.interval)
+        return np.maximum(result, self._least**2 * self.interval)
 
-    @property
-    def _rounding(self) -> Float:
-        return _ROUNDING * np.abs(self.values).max(axis=0)
+    @cached_property
+    def _least(self) -> Float:
+        """Noise of rounding, shape (m,): of the digitiser, LSB/√12, or of the arithmetic."""
+        steps = np.array([faults.step_of_digitiser(u) for u in self.values.T])
+        return np.maximum(_ROUNDING * np.abs(self.values).max(axis=0), steps / np.sqrt(12))
 
     def _quiet_parts(self) -> list[Float]:
-        return [self.values[self.t < end, j] for j, end in enumerate(self.quiet)]
+        filled = self.filled if len(self.filled) else np.zeros(len(self.names), int)
+        return [
+            self.values[first : int(np.searchsorted(self.t, end)), j]
+            for j, (first, end) in enumerate(zip(filled, self.quiet, strict=True))
+        ]
 
 
 def pulse_record(
@@ -116,20 +158,13 @@ def pulse_record(
             of the time to each receiver's own first break.
 
     Returns:
-        The record. A constant offset stays: take it out beforehand.
+        The record, without offsets, on even times.
 
     Raises:
         PulseError: fewer than two receivers, or what is given doesn't fit together.
     """
-    time = np.asarray(t, float)
-    if time.ndim != 1 or len(time) < _FEWEST_SAMPLES:
-        raise PulseError(
-            f"t: {time.size} samples; must be one row of at least {_FEWEST_SAMPLES}: record longer"
-        )
-    steps = np.diff(time)
-    step = float(np.mean(steps))
-    if not (step > 0 and np.abs(steps - step).max() <= 1e-3 * step):
-        raise PulseError("t: must ascend in even steps; resample the signals")
+    time, notes = even_time_axis(t)
+    step = float(time[1] - time[0])
     if len(signals) < 2:
         raise PulseError(f"signals: {len(signals)} receivers; at least 2 are needed")
     if set(signals) != set(positions):
@@ -139,20 +174,114 @@ def pulse_record(
     x = np.array([positions[name] for name in names], float)
     if not (np.isfinite(x).all() and (np.diff(x) > 0).all()):
         raise PulseError(f"positions = {x.tolist()} m: must be finite and all different")
-    for name in names:
-        one = np.asarray(signals[name])
-        if one.shape != time.shape or np.iscomplexobj(one) or not np.isfinite(one).all():
-            raise PulseError(
-                f"signal {name!r}: must be {len(time)} real, finite values, as many as t; it has "
-                f"shape {one.shape}"
-            )
-    values = np.stack([np.asarray(signals[name], float) for name in names], axis=1)
-    if quiet_until is None:
-        picks = [onset(values[:, j]) for j in range(len(names))]
-        breaks = np.array([0.0 if np.isnan(place) else place for place, _, _ in picks])
-        quiet = time[0] + QUIET_PART * step * breaks
-        # What nothing stands out of is noise from end to end.
-        quiet[[reason == WEAK for _, _, reason in picks]] = np.inf
-    else:
-        quiet = np.full(len(names), float(quiet_until))
-    return PulseRecord(time, names, x, values, quiet)
+    values = np.stack([checked(name, signals[name], time) for name in names], axis=1)
+    marked = np.array([_marked(name, values[:, j], time, notes) for j, name in enumerate(names)])
+    if (~marked).sum() < 2:
+        raise PulseError(f"{notes[-1]}; at least 2 receivers without one are needed")
+    values[:, marked] = 0.0
+    filled = np.array([faults.padding(u) for u in values.T])
+    wandering = np.zeros(len(names), bool)
+    quiet = np.full(len(names), np.nan if quiet_until is None else float(quiet_until))
+    for j, name in enumerate(names):
+        own = values[filled[j] :, j]
+        if quiet_until is None:
+            quiet[j] = time[0] + step * (filled[j] + _quiet_samples(own))
+        count = int(np.searchsorted(time, quiet[j])) - int(filled[j])
+        if count < FEWEST_QUIET:
+            continue
+        base, what = faults.base(own, count, max(FEWEST_QUIET, len(own) // 10))
+        wandering[j] = bool(np.isnan(base).any())
+        if what:
+            own -= base
+            notes.append(f"{name}: {what} was taken out")
+            if quiet_until is None:
+                quiet[j] = time[0] + step * (filled[j] + _quiet_samples(own))
+        if filled[j]:
+            values[: filled[j], j] = 0.0
+            notes.append(f"{name}: the first {filled[j]} samples are equal, and count as filled in")
+    clipped = np.array([faults.flat_tops(u) for u in values.T])
+    whole = ~marked & (clipped == 0)
+    notes += [
+        f"{name}: flat tops of {n} samples: clipped, its amplitudes tell nothing; lower the gain"
+        for name, n in zip(names, clipped, strict=True)
+        if n
+    ]
+    for j in np.flatnonzero(whole)[faults.reversed_receivers(values[:, whole], x[whole])]:
+        values[:, j] *= -1
+        notes.append(f"{names[j]}: reversed beside the others, turned over; check its polarity")
+    notes += [f"{names[j]}: {WANDERS}" for j in np.flatnonzero(wandering)]
+    found = PulseRecord(
+        time, names, x, values, quiet, filled, clipped, marked=marked, wandering=wandering
+    )
+    begun = np.array(
+        [faults.begins_within(u, s) for u, s in zip(values.T, found.noise, strict=True)]
+    )
+    notes += [
+        f"{name}: the record begins within the signal: trigger earlier"
+        for name, one in zip(names, begun, strict=True)
+        if one
+    ]
+    return replace(found, begun=begun, notes=tuple(notes))
+
+
+def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
+    """Even times, and what was done to them.
+
+    Raises:
+        PulseError: they are too few, or neither even nor rounded from even ones.
+    """
+    time = np.asarray(t, float)
+    if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
+        raise PulseError(
+            f"t: {time.size} samples; must be one row of at least {FEWEST_SAMPLES}: record longer"
+        )
+    if not np.isfinite(time).all():
+        raise PulseError("t: holds values that are not finite; give every time")
+    found = even(time, tolerance=_EVEN) if (np.diff(time) >= 0).all() else None
+    if found is None:
+        raise PulseError(
+            "t: must ascend in even steps, or be rounded from such; resample the signals, or give "
+            "times with more digits"
+        )
+    if found.off <= _AS_WRITTEN:
+        return time, []
+    said = f"times written to {found.digit:.0e} s are taken as even, {found.step:.6g} s apart"
+    return found.values(len(time)), [said]
+
+
+def checked(name: str, signal: ArrayLike, time: Float) -> Float:
+    """A signal as an array of its own.
+
+    Raises:
+        PulseError: it is not real and finite, or not as long as the times.
+    """
+    one = np.asarray(signal)
+    if one.shape != time.shape or np.iscomplexobj(one) or not np.isfinite(one).all():
+        raise PulseError(
+            f"signal {name!r}: must be {len(time)} real, finite values, as many as t; it has "
+            f"shape {one.shape}"
+        )
+    return np.array(one, float)
+
+
+def _marked(name: str, u: Float, time: Float, notes: list[str]) -> bool:
+    """Whether a sample is a mark of overload or of a missing value, told in the notes."""
+    at = faults.overload(u)
+    if at is None:
+        return False
+    notes.append(
+        f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, no "
+        "signal; the receiver was left out"
+    )
+    return True
+
+
+def _quiet_samples(u: Float) -> float:
+    """Samples up to three quarters of the way to the first break; infinite where none stands out.
+
+    An offset would hide the break, and the median is about it.
+    """
+    place, _, reason = onset(u - np.median(u))
+    if reason == WEAK:
+        return np.inf
+    return 0.0 if np.isnan(place) else QUIET_PART * place

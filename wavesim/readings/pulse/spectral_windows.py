@@ -112,6 +112,7 @@ class Spectra:
         source: |spectrum| of the source's signal, or where that is not known of the first
             receiver's, shape (n,).
         duration: of a window of even weight that resolves as much, (Σw)²/Σw² Δt, s.
+        unusable: why a receiver's spectrum is not that of its wave, m of them; "" where it is.
     """
 
     omega: Float
@@ -122,14 +123,26 @@ class Spectra:
     truncation: Float
     source: Float
     duration: float
+    unusable: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> NDArray[np.bool_]:
+        """Receivers whose spectrum is that of their wave, shape (m,)."""
+        return np.array([not why for why in self.unusable or [""] * len(self.x)])
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise of every whole receiver is."""
+        own = self.noise[:, self.whole]
+        return bool(np.isfinite(own).all() and (own > 0).all())
 
     @property
     def above(self) -> NDArray[np.bool_]:
-        """Where a receiver stands above noise and truncation, shape (n, m)."""
+        """Where a receiver is whole, and above noise and truncation, shape (n, m)."""
         floor = np.maximum(
             ABOVE_NOISE * np.nan_to_num(self.noise), ABOVE_TRUNCATION * self.truncation
         )
-        return np.abs(self.values) > floor
+        return (np.abs(self.values) > floor) & self.whole
 
     @property
     def driven(self) -> NDArray[np.bool_]:
@@ -176,4 +189,4 @@ def spectra(
     truncation = tail * np.exp(-sigma * t[-1]) / sigma if sigma else 0 * tail
     duration = float((total[:, 0].sum() * record.interval) ** 2 / power[0])
     driving = np.abs(U[:, 0] if source is None else damped_transform(source, t, omega, sigma))
-    return Spectra(omega, sigma, record.x, U, noise, truncation, driving, duration)
+    return Spectra(omega, sigma, record.x, U, noise, truncation, driving, duration, record.unusable)

@@ -75,4 +75,6 @@ def transmission_loss(record: PulseRecord, seen: Spectra, first: str, last: str)
     reason = np.where(seen.above[:, o], "", NOISY)
     reason = np.where(seen.above[:, i], reason, UNHEARD)
     reason = np.where(seen.driven, reason, UNDRIVEN)
+    unusable = next((why for why in (record.unusable[i], record.unusable[o]) if why), "")
+    reason = np.full(len(reason), unusable) if unusable else reason
     return Loss(first, last, seen.omega, level, error, floor, tuple(reason.tolist()))

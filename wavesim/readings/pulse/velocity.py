@@ -44,14 +44,18 @@ def weighted_line(x: Float, y: Float, weight: Float) -> tuple[Any, Any, Any]:
         (b, a, variance of b for these variances), each of shape (…). NaN where fewer than two
         distinct points count.
     """
+    i, j = np.triu_indices(np.shape(x)[-1], 1)
     total = weight.sum(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_x = (weight * x).sum(axis=-1) / total
         mean_y = (weight * y).sum(axis=-1) / total
-        away = x - mean_x[..., None]
-        spread = (weight * away**2).sum(axis=-1)
+        # Σ_{i<j} w_i w_j (x_i − x_j)²/Σw is Σ w (x − x̄)² with nothing to cancel, however far the
+        # weights are apart.
+        pair = (weight[..., i] / total[..., None]) * weight[..., j]
+        away = x[..., i] - x[..., j]
+        spread = (pair * away**2).sum(axis=-1)
         spread = np.where((weight > 0).sum(axis=-1) >= 2, spread, np.nan)
-        b = (weight * away * y).sum(axis=-1) / spread
+        b = (pair * away * (y[..., i] - y[..., j])).sum(axis=-1) / spread
         return b, mean_y - b * mean_x, 1 / spread
 
 

@@ -1,0 +1,89 @@
+"""What will make a run fall short is said before it, with the key and the remedy."""
+
+import pytest
+
+from wavesim.case.load import build
+from wavesim.case.schema import parse
+from wavesim.timedomain.time_step import time_step
+from wavesim.verdict.foreseen import foreseen as said
+
+ENDED = """
+[medium]
+closure = "consistent"
+[bar]
+length = 0.032
+spacing = 1.25e-4
+left = "fixed"
+right = "free"
+[[sources]]
+field = "phi1"
+position = 0.012
+peak_frequency = 4.0e5
+[[receivers]]
+name = "near"
+position = 0.018
+[time]
+duration = 3e-5
+"""
+RING = """
+[bar]
+cells = 512
+spacing = 1.25e-4
+[[sources]]
+field = "phi1"
+position = 0.032
+peak_frequency = 6e5
+[time]
+duration = 4e-5
+"""
+SLOW = RING.replace(
+    "peak_frequency = 6e5", 'kind = "tone-burst"\nfrequency = 1e5\ncycles = 3\nwindow = "cos4"'
+)
+LAYERS = """
+[[layers]]
+from = 0.0
+to = 0.016
+[[layers]]
+from = 0.016
+to = 0.032
+anisotropy = 0.25
+"""
+
+
+def foreseen(text, *overrides):
+    case = build(parse(text, "my.toml", overrides), "my.toml")
+    return said(case, time_step(case.simulation))
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides", "told"),
+    [
+        (ENDED, ("sources.0.position=0",), ("within half a cell of the fixed end", "inward")),
+        (ENDED, ("sources.0.position=6e-5",), ("within half a cell of the fixed end", "inward")),
+        (ENDED, ("receivers.0.position=0",), ('"near" position = 0', "no rotation moves")),
+        (ENDED + LAYERS, ("receivers.0.position=0.016",), ("on the interface at 0.016 m", "jump")),
+        (ENDED, ("receivers.0.position=0.032", "time.duration=6e-6"), ("nothing reaches it",)),
+        (ENDED, ("sources.0.delay=1e-3",), ("begins only at", "nothing moves", "delay")),
+        (ENDED, ("sources.0.delay=2.8e-5",), ("acts until", "lengthen the run")),
+        (ENDED, ("time.samples=30",), ("alias", "take at least")),
+        (
+            ENDED,
+            ("medium.quality_factor=50", "medium.quality_band=[1e3, 2e4]"),
+            ("quality_band", "outside of it"),
+        ),
+        (ENDED, ("time.step=1e-10",), ("products for 256 cells", 'step (now 1e-10 s) at "auto"')),
+        (SLOW, ("analysis.k_min=1e4", "analysis.k_max=2e4"), ("which no source excites",)),
+    ],
+)  # fmt: skip
+def test_what_will_fall_short_is_said(text, overrides, told):
+    """And nothing else is, where that is all that is amiss."""
+    assert foreseen(ENDED) == foreseen(RING) == []
+    found = foreseen(text, *overrides)
+    assert any(all(part in one for part in told) for one in found), found
+    assert len(found) <= 2
+
+
+def test_waves_shorter_than_the_grid_carries_are_said():
+    """Close below the acoustic asymptote a wave of the default grid has two cells to its length."""
+    found = foreseen(RING, "sources.0.peak_frequency=5.0e5", "bar.spacing=4e-4", "bar.order=2")
+    assert any("cells to its length" in one and "spacing" in one for one in found), found

@@ -1,0 +1,127 @@
+"""Everyday faults of instruments in a pulse test of several receivers: cured, or named, left out.
+
+The wave has c(500 kHz) = 3000 m/s and Q = 50; correlation alone reads 3000.8 m/s of the clean one.
+"""
+
+import numpy as np
+import pytest
+from pulses import named, through
+
+from wavesim.material.damping import constant_quality
+from wavesim.readings.pulse.array_reading import read_array
+from wavesim.readings.pulse.measurement import measure
+from wavesim.readings.pulse.velocity import weighted_line
+
+F, C = 5e5, 3000.0
+T = -2e-5 + 2e-8 * np.arange(4000)
+X = np.array([0.02, 0.03, 0.04, 0.05, 0.06])
+LOSSY = constant_quality(50, (4e4, 3e6), F)
+EXPECTED = (F, C)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    tau = T - 3e-6
+    burst = np.where((tau >= 0) & (tau <= 6e-6), np.sin(np.pi * tau / 6e-6) ** 2, 0)
+    u = through(lambda w: LOSSY.lossless(w) / C, T, burst * np.sin(2 * np.pi * F * tau), X)
+    return u / np.abs(u).max() + 1e-3 * np.random.default_rng(5).standard_normal(u.shape)
+
+
+def speed(values, x=X, t=T):
+    found = measure(t, *named(values, x), expected=EXPECTED)
+    return found, found.velocities["correlation"]
+
+
+@pytest.mark.parametrize("offset", [0.1, 1.0, -30.0])
+def test_an_offset_is_taken_out(clean, offset):
+    """As without it, to the standard error."""
+    _, exact = speed(clean)
+    found, one = speed(clean + offset)
+    assert abs(one.velocity - exact.velocity) <= 0.05
+    assert "an offset of" in found.record.notes[0]
+    assert found.quality.quality == pytest.approx(50, abs=3 * found.quality.error + 0.5)
+
+
+def test_a_straight_drift_is_taken_out_and_another_refuses(clean):
+    _, exact = speed(clean)
+    found, one = speed(clean + 0.1 * (T / T[-1])[:, None] * np.array([1, -1, 0.5, 2, 0]))
+    assert abs(one.velocity - exact.velocity) <= 0.05
+    assert "a drift of" in found.record.notes[0]
+    found, one = speed(clean + 0.1 * np.sin(2 * np.pi * 2e4 * T + 1)[:, None])
+    assert np.isnan(one.velocity)
+    assert "wanders" in found.record.notes[-1]
+
+
+def test_marks_of_overload_and_flat_tops_leave_a_receiver_out(clean):
+    _, exact = speed(clean)
+    for spoil, word in ((lambda u: np.where(np.arange(len(u)) == 100, 9.99e37, u), "overload"),
+                        (lambda u: np.clip(u, -0.3, 0.3), "flat tops")):  # fmt: skip
+        values = clean.copy()
+        values[:, 2] = spoil(values[:, 2])
+        found, one = speed(values)
+        assert abs(one.velocity - exact.velocity) <= 0.2
+        assert any(note.startswith("r2") and word in note for note in found.record.notes)
+        assert np.isnan(found.arrivals["envelope"].time[2])
+    found, one = speed(np.clip(clean, -0.1, 0.1))
+    assert np.isnan(one.velocity)
+    assert not found.dispersion.valid.any()
+    assert set(found.dispersion.reason) == {"flat tops: the signal is clipped; lower the gain"}
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_a_reversed_receiver_is_turned_over(clean, which):
+    _, exact = speed(clean)
+    values = clean.copy()
+    values[:, which] *= -1
+    found, one = speed(values)
+    assert abs(one.velocity - exact.velocity) <= 0.05
+    assert any(f"r{which}: reversed" in note for note in found.record.notes)
+
+
+def test_noise_is_at_least_that_of_the_digitisers_steps(clean):
+    """LSB/√12 of 8 bits: the line lies within five of its errors of the clean one's."""
+    pair, x = clean[:, [0, 3]], X[[0, 3]]
+    _, exact = speed(pair, x)
+    step = 1 / 128
+    found, one = speed(np.round(pair / step) * step, x)
+    assert (found.record.noise >= step / np.sqrt(12) * 0.999).all()
+    assert abs(one.velocity - exact.velocity) <= 5 * one.error
+    assert one.error < 1
+
+
+def test_a_padding_of_zeros_tells_nothing_of_the_noise(clean):
+    noisy = clean + 0.01 * np.random.default_rng(0).standard_normal(clean.shape)
+    noisy[T < 3e-6] = 0
+    found, one = speed(noisy)
+    assert found.record.noise == pytest.approx(0.01, rel=0.25)
+    assert abs(one.velocity - 3000.8) <= 5 * one.error
+
+
+def test_rounded_times_are_even_and_a_late_start_is_refused(clean):
+    found, one = speed(clean, t=np.round(T, 9))
+    assert abs(one.velocity - 3000.8) <= 0.3
+    t = T[1600:]  # 12 µs, within the signal of the first receiver
+    found, one = speed(clean[1600:], t=t)
+    assert found.record.begun[0]
+    assert any("begins within the signal" in note for note in found.record.notes)
+    assert np.isnan(found.arrivals["correlation"].time[0])
+
+
+def test_a_line_survives_weights_far_apart():
+    """Slope of two points is Δy/Δx whatever their weights: to 1e-12."""
+    x, y = np.array([0.02, 0.05]), np.array([1.0, 1.3])
+    for weights in ([1, 1e26], [1e26, 1], [1e-30, 1e30]):
+        b, a, _ = weighted_line(x, y, np.array(weights))
+        assert b == pytest.approx(10, rel=1e-12)
+        assert a == pytest.approx(0.8, rel=1e-9)
+
+
+def test_an_echo_is_cut_off_before_it_comes(clean):
+    """Reflected at 0.1 m with 0.8 of the amplitude: Q and velocity as without it."""
+    far = through(lambda w: LOSSY.lossless(w) / C, T, clean[:, 0], 0.2 - X - X[0])
+    reading = read_array("made", T, *named(clean + 0.8 * far, X), expected=EXPECTED)
+    assert any("before the first echo" in note for note in reading.notes)
+    assert reading.best.velocity == pytest.approx(3000.8, abs=1)
+    q = reading.result.quality
+    assert abs(q.quality - 50) <= 3 * q.error
+    assert q.error < 2

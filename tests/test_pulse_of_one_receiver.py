@@ -1,0 +1,115 @@
+"""One transmitter and one receiver: travel time, crosstalk, a series followed. Truth: c(10 kHz)."""
+
+import numpy as np
+import pytest
+from transducers import record
+
+from wavesim.readings.pulse.power_law import power_law
+from wavesim.readings.pulse.reading import read_one, read_series
+from wavesim.readings.pulse.signals import PulseError
+from wavesim.readings.pulse.transmission_record import transmission_record
+from wavesim.readings.pulse.travel_time import face_to_face
+
+STRESS = np.array([2, 3, 4, 6, 8, 11, 15, 20, 30, 45, 60, 80.0])
+L = 0.12
+
+
+def made(speed, **given):
+    t, sent, got = record(speed, **given)
+    return transmission_record(t, got, sent, "made")
+
+
+@pytest.mark.parametrize("crosstalk", [0.0, 0.25, 1.5])
+@pytest.mark.parametrize("noise", [0.002, 0.04])
+def test_the_direct_wave_is_read_beside_crosstalk_precursor_and_a_stronger_guided_wave(
+    crosstalk, noise
+):
+    """The first break of a wave with Q = 18 runs up to 4 % faster than c(10 kHz); bar 5 %."""
+    reading = read_one(made(120.0, crosstalk=crosstalk, noise=noise), L, {})
+    best = reading.best
+    assert best.valid, best.reason
+    assert abs(best.velocity / 120 - 1) <= 0.05
+    assert abs(best.velocity - 120) <= 2 * best.velocity_error
+    names = [packet.name for packet in reading.packets]
+    assert names.count("direct") == 1
+    guided = [p for p in reading.packets if p.name == "guided or reflected"]
+    assert guided[0].begins == pytest.approx(L / (0.72 * 120), rel=0.05)
+
+
+def test_crosstalk_is_the_same_at_any_distance_and_left_out():
+    """It begins with what is sent, and is over by 1.5 lengths of it or so: 0.15 ms."""
+    found = made(120.0, crosstalk=2.0)
+    assert found.crosstalk > 1
+    assert 1e-4 < found.blank - found.start < 2.2e-4
+    assert made(120.0, crosstalk=0.0).crosstalk == 0
+    hidden = read_one(made(900.0, crosstalk=2.0, guided=0.0, precursor=0.0), L, {}).best
+    assert not hidden.valid or abs(hidden.velocity / 900 - 1) < 2 * hidden.error / hidden.time
+
+
+def test_a_series_is_followed_and_no_pick_jumps():
+    """V = 60 σ^0.27: speeds within 5 %, in order of stress; a within 5 %, b within 0.02."""
+    speed = 60 * STRESS**0.27
+    records = [made(c, seed=i, noise=0.02) for i, c in enumerate(speed)]
+    shuffled = np.random.default_rng(3).permutation(len(STRESS))
+    readings, series = read_series(
+        [records[i] for i in shuffled], L, {}, "stress", STRESS[shuffled].tolist()
+    )
+    found = np.empty(len(STRESS))
+    found[shuffled] = [one.best.velocity for one in readings]
+    assert all(one.best.valid for one in readings)
+    assert np.abs(found / speed - 1).max() <= 0.05
+    assert (np.diff(found) > 0).all()
+    assert series.law.a == pytest.approx(60, rel=0.05)
+    assert series.law.b == pytest.approx(0.27, abs=0.02)
+    assert abs(series.law.a - 60) <= 2 * series.law.a_error
+    error = np.array([one.best.velocity_error for one in readings])
+    assert (np.abs(found[shuffled] - speed[shuffled]) <= 2 * error).all()
+
+
+def test_one_record_of_something_else_is_refused_or_set_aside():
+    """A record of noise alone among the others is no point of the law."""
+    speed = 60 * STRESS**0.27
+    records = [made(c, seed=i) for i, c in enumerate(speed)]
+    t, sent, _ = record(100.0)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(len(t))
+    records[5] = transmission_record(t, noise, sent, "noise")
+    readings, series = read_series(records, L, {}, "stress", STRESS.tolist())
+    assert not readings[5].best.valid or 5 in series.law.outliers
+    assert series.law.b == pytest.approx(0.27, abs=0.02)
+    assert sum(one.best.valid for one in readings) >= 11
+
+
+def test_delay_is_what_the_transducers_face_to_face_tell():
+    """20 µs in the system come off: the same speed as without, to a tenth of a period, 10 µs."""
+    t, sent, got = record(120.0, distance=1e-4, guided=0, precursor=0, crosstalk=0, delay=2e-5)
+    delays = face_to_face(transmission_record(t, got, sent, "touching"))
+    assert delays["first break"] == pytest.approx(2e-5, abs=6e-6)
+    plain = read_one(made(120.0), L, {}).best
+    late = read_one(made(120.0, delay=2e-5), L, delays).best
+    assert late.time == pytest.approx(plain.time, abs=1e-5)
+
+
+def test_the_power_law_sets_aside_what_jumped_a_cycle():
+    """y = a + bx with 1 % of scatter: b to 0.005; a point off by 20 % is set aside."""
+    p = np.geomspace(2, 80, 12)
+    v = 60 * p**0.27 * np.exp(0.01 * np.random.default_rng(2).standard_normal(12))
+    v[7] *= 1.2
+    law = power_law(p, v, np.full(12, 0.01), np.zeros(12))
+    assert law.outliers == (7,)
+    assert abs(law.b - 0.27) <= 2.5 * law.b_error
+    assert law.b == pytest.approx(0.27, abs=0.01)
+    assert power_law(p[:2], v[:2], v[:2], v[:2]) is None
+
+
+def test_what_cannot_be_read_is_refused():
+    t, sent, got = record(120.0)
+    with pytest.raises(PulseError, match="transmitter's signal is constant: is --input"):
+        transmission_record(t, got, 0 * sent, "r")
+    with pytest.raises(PulseError, match="receiver's signal is constant"):
+        transmission_record(t, 0 * got, sent, "r")
+    got[30] = 9.9e37
+    with pytest.raises(PulseError, match=r"9.9e\+37 at sample 31 .* a mark of overload"):
+        transmission_record(t, got, sent, "r")
+    noise = np.random.default_rng(0).standard_normal(len(t))
+    best = read_one(transmission_record(t, noise, sent, "r"), L, {}).best
+    assert not best.valid

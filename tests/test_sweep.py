@@ -1,0 +1,214 @@
+"""Sweeps: each member is what it is alone, and what was finished stays, whatever ends the sweep."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray
+from runs import SHIPPED, call
+
+import wavesim as ws
+from wavesim import planewave
+from wavesim.material.medium import Medium
+from wavesim.planewave.many_media import growing
+from wavesim.studies.sweep_workers import pool
+from wavesim.studies.variation import SweepError, variation
+
+MAIN = SHIPPED["bandgap_pulse"]
+SHORT = """\
+[medium]
+closure = "consistent"
+anisotropy = 0.25
+[bar]
+length = 0.016
+order = 4
+spacing = 2.5e-4
+[[sources]]
+field = "phi1"
+position = 0.006
+peak_frequency = 3.0e5
+[[receivers]]
+name = "far"
+position = 0.011
+[time]
+duration = 6.0e-6
+"""
+
+
+@pytest.fixture
+def short(tmp_path):
+    """File of a case whose run takes no time once it is compiled."""
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def test_gaps_of_a_sweep_are_those_of_each_medium(tmp_path):
+    """Two routes: all members at once, and one case after the other, by planewave.gaps; to 1e-12.
+
+    The medium of the buffers varies by one key, that of a layer in the repeated group by another.
+    """
+    case = SHIPPED["stack"]
+    vary = ["medium.density=1000:2000:3", "layers.0.layers.1.anisotropy=0:0.6:2"]
+    data = ws.sweep(case, vary, folder=tmp_path).go()
+    assert data["lower"].attrs["units"] == "rad/s"
+    assert data["medium.density"].attrs["units"] == "kg/m³"
+    assert set(data["status"].values.ravel()) == {1}
+    for density in data["medium.density"].values:
+        for a in data["layers.0.layers.1.anisotropy"].values:
+            own = [f"medium.density={density}", f"layers.0.layers.1.anisotropy={a}"]
+            layers = ws.load(case, own).simulation.layers
+            one = data.sel({"medium.density": density, "layers.0.layers.1.anisotropy": a})
+            assert one.sizes["medium"] == len(layers.media)
+            for medium, at in zip(layers.media, one["medium"].values, strict=True):
+                for sector in ("longitudinal", "transverse2", "inplane"):
+                    for gap in planewave.gaps(medium, sector):
+                        edges = one.sel(gap=gap.name, medium=at)
+                        assert float(edges["lower"]) == pytest.approx(gap.lower, rel=1e-12)
+                        assert float(edges["upper"]) == pytest.approx(gap.upper, rel=1e-12)
+
+
+def test_a_member_that_fails_is_told_of_and_stops_nothing(tmp_path):
+    """By exit code and on the terminal too; its numbers are NaN, those of the others are there."""
+    vary = ["--vary", "medium.anisotropy=0.5:2.5:5", "--vary", "medium.stiffness_ratio=0.5:2:2"]
+    answer = call("sweep", MAIN, *vary, "--out", tmp_path)
+    assert answer.exit_code == 1, answer.output
+    data = xarray.open_zarr(tmp_path / "sweep.zarr")
+    failed = data["status"].values == 2
+    assert np.array_equal(failed, np.isnan(data["lower"].values).any(axis=-1))
+    assert np.array_equal(failed, data["message"].values != "")
+    told = data["message"].sel({"medium.anisotropy": 2.5, "medium.stiffness_ratio": 0.5})
+    assert "anisotropy = 2.5: must be between -1 and 2" in str(told.values)
+    assert "unstable" in str(data["message"].values[2, 1])
+    assert f"{failed.sum()} members failed" in answer.stdout
+    assert (tmp_path / "figures" / "gaps.png").stat().st_size > 10_000
+
+
+def test_media_whose_waves_grow_are_found(rng):
+    """All at once by discriminants, and one by one by check_hyperbolic, which solves at all k."""
+    a, eta = rng.uniform(-1, 2, 40), rng.uniform(0.05, 2, 40)
+    found = growing(Medium(anisotropy=a, stiffness_ratio=eta), 40)
+    for member, at in enumerate(zip(a, eta, strict=True)):
+        try:
+            planewave.check_hyperbolic(Medium(anisotropy=at[0], stiffness_ratio=at[1]))
+        except planewave.NotHyperbolicError:
+            assert found[member], at
+        else:
+            assert not found[member], at
+    assert 3 < found.sum() < 37
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "lhs"])
+def test_a_sample_fills_its_box_evenly(sampler):
+    """Each half of each range has half of 16 members; the same seed gives the same members."""
+    axes = ["medium.density=1000:2000", "medium.anisotropy=0:1:7"]
+    made = variation(axes, 16, sampler, seed=3)
+    assert made.dimensions == ("member",)
+    assert np.array_equal((made.values > [1500, 0.5]).sum(axis=0), [8, 8])
+    assert ((made.values >= [1000, 0]) & (made.values <= [2000, 1])).all()
+    assert np.array_equal(made.values, variation(axes, 16, sampler, seed=3).values)
+    assert not np.array_equal(made.values, variation(axes, 16, sampler, seed=4).values)
+
+
+def test_runs_of_a_sweep_are_runs(short, tmp_path):
+    """Signals of each member are those of its case alone, to the bit; one that can't be run says
+    why, with another duration the frames are as many as it has."""
+    vary = ["time.duration=3e-6:6e-6:2", "receivers.0.position=0.011:0.017:3"]
+    data = ws.sweep(short, vary, "run", folder=tmp_path).go()
+    assert np.array_equal(data["status"].values, [[1, 1, 2], [1, 1, 2]])
+    assert "position = 0.017" in str(data["message"].values[0, 2])
+    for duration in data["time.duration"].values:
+        for x in data["receivers.0.position"].values[:2]:
+            case = ws.load(short, [f"time.duration={duration}", f"receivers.0.position={x}"])
+            field = ws.integrate(case.simulation)
+            one = data.sel({"time.duration": duration, "receivers.0.position": x}, method="nearest")
+            count = len(field.t)
+            assert np.array_equal(one["time"].values[:count], field.t)
+            assert np.isnan(one["signal"].values[..., count:]).all()
+            for name in field.names:
+                own = one["signal"].sel(receiver="far", field=name).values[:count]
+                assert np.array_equal(own, field.at(x, name))
+
+
+SWEEP = """\
+import sys, wavesim as ws
+vary = ["medium.anisotropy=0:0.5:25"]
+ws.sweep(sys.argv[1], vary, "run", folder=sys.argv[2]).go(resume=len(sys.argv) > 3)
+"""
+
+
+def test_what_is_finished_outlives_a_kill(short, tmp_path):
+    """A sweep is killed (−9) when some members are there; carried on, those are not done again, all
+    others are, and all agree with a sweep that nothing befell."""
+    command = [sys.executable, "-c", SWEEP, short, tmp_path / "killed"]
+    process = subprocess.Popen(command)
+    path = tmp_path / "killed" / "sweep.zarr"
+    before = np.zeros(25, bool)
+    while before.sum() < 3 and process.poll() is None:
+        time.sleep(0.02)
+        if path.exists():
+            before = xarray.open_zarr(path)["status"].values != 0
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    killed = xarray.open_zarr(path).load()
+    done = killed["status"].values == 1
+    assert 3 <= done.sum() < 25
+    assert np.isfinite(killed["signal"].values[done]).all()
+    vary = ["medium.anisotropy=0:0.5:25"]
+    again = ws.sweep(short, vary, "run", folder=tmp_path / "killed").go(resume=True).load()
+    assert (again["status"] == 1).all()
+    assert np.array_equal(again["finished"].values[done], killed["finished"].values[done])
+    assert (again["finished"].values[~done] > killed["finished"].values[done].max()).all()
+    calm = ws.sweep(short, vary, "run", folder=tmp_path / "calm").go().load()
+    assert np.abs(again["signal"] - calm["signal"]).max() <= 1e-12 * np.abs(calm["signal"]).max()
+    with pytest.raises(SweepError, match=r"of another sweep .vary differs"):
+        ws.sweep(short, ["medium.anisotropy=0:0.4:25"], "run", folder=tmp_path / "killed").go(True)
+
+
+def test_a_worker_that_is_lost_loses_nothing(tmp_path):
+    """A worker that ends in the middle of a job (−9): another takes the job, and each result comes
+    once."""
+    mark = tmp_path / "ended"
+
+    def square(number):
+        import os
+        import signal
+        from pathlib import Path
+
+        if number == 3 and not Path(mark).exists():
+            Path(mark).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return number**2
+
+    with pool(1) as work:
+        found = sorted(work(square, ((number, number) for number in range(6))))
+    assert found == [(number, number**2) for number in range(6)]
+    assert mark.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["medium.anisotropi=0:1:3"], "anisotropi = 0.0: unknown key; did you mean anisotropy"),
+        (["medium.anisotropy=1:0:3"], "the range from 1 to 0 is empty"),
+        (["medium.anisotropy=0:1"], "a grid needs the number of values"),
+        (["medium.anisotropy=0:1:x"], "N = x: must be a whole number"),
+        (["medium.anisotropy=3:4:2"], "anisotropy = 3.0: must be between -1 and 2"),
+        (["bar.length=0.1:0.2:3"], "does not matter to --measure gaps"),
+        (["medium.density=1:2:2", "--vary", "medium.density=1:2:2"], "given twice"),
+        (["medium.density=1:2:2", "--scheduler", "tcp://127.0.0.1:9"], "no scheduler of Dask"),
+        (["medium.density=1:2:2", "--resume"], "no sweep in"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(arguments, said, tmp_path):
+    answer = call("sweep", MAIN, "--vary", *arguments, "--out", tmp_path)
+    assert answer.exit_code == 2
+    assert said in answer.stderr
+    assert answer.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,299 @@
+"""The command ``pulse``: arrivals, velocities, Q of pulse tests, one or a series of them.
+
+Exit codes: 0 all well; 1 no record could be answered; 2 bad input.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesim.cli.record_options import record_options
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
+
+
+@dataclass(frozen=True)
+class _Set:
+    """What the options say of the set-up: distances (m), delays by convention (s), the series."""
+
+    distances: tuple[float, ...]
+    delays: dict[str, float]
+    parameter: str | None
+    values: tuple[float, ...]
+
+
+@click.command()
+@click.argument("files", nargs=-1, type=click.Path(), required=True)
+@click.option(
+    "--input",
+    "column",
+    metavar="COLUMN",
+    help="The transmitter's column: its heading, or its number from 1 (times are 1).",
+)
+@click.option(
+    "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
+)
+@click.option("--delay", type=float, help="Of cables and transducers, s.")
+@click.option(
+    "--face-to-face",
+    metavar="FILE",
+    help="Record of the transducers in touch, that tells the delay.",
+)
+@click.option(
+    "--against",
+    metavar="NAME=V1,V2,…",
+    help="What differs from record to record, as stress=20,40,80: a series.",
+)
+@click.option(
+    "--expected",
+    type=float,
+    nargs=2,
+    metavar="F C",
+    help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.",
+)
+@click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@record_options
+def pulse(
+    files: tuple[str, ...],
+    column: str | None,
+    distance: str | None,
+    delay: float | None,
+    face_to_face: str | None,
+    against: str | None,
+    expected: tuple[float, float] | None,
+    out: str | None,
+    as_json: bool,
+    layout: Any,
+) -> None:
+    """Read pulse tests: FILES of a scope or a digitiser, or the folder of a run.
+
+    One receiver beside its transmitter (--input, --distance), several receivers with positions,
+    or a series of records of one set-up in different states (--against).
+    """  # fmt: skip
+    from wavesim.readings.pulse.answers import answer
+
+    layout = replace(layout, input=_column(column))
+    tests, refused = _read(files, layout)
+    setup = _setup(distance, delay, face_to_face, against, layout, column)
+    readings, series = _readings(files, tests, refused, setup, expected)
+    found = answer(readings, series)
+    if as_json:
+        click.echo(json.dumps(found, ensure_ascii=False))
+    else:
+        from wavesim.report.pulse_tables import show
+
+        show(console(), readings, series)
+    if out:
+        _write(found, readings, series, Path(out), as_json)
+    if not any(one.best.valid for one in readings):
+        sys.exit(FELL_SHORT)
+
+
+def _column(column: str | None) -> str | int | None:
+    return int(column) if column is not None and column.strip().isdigit() else column
+
+
+def _read(files: Sequence[str], layout: Any) -> tuple[list[Any], dict[int, str]]:
+    """Tests of all files; of several, those that can't be read stand as None, with why."""
+    from wavesim.records.content import RecordError
+    from wavesim.records.of_pulse_test import of_pulse_file
+
+    tests: list[Any] = []
+    refused: dict[int, str] = {}
+    for file in files:
+        try:
+            tests += of_pulse_file(file, layout)
+        except RecordError as error:
+            if len(files) == 1:
+                stop(str(error), BAD_INPUT)
+            refused[len(tests)] = str(error)
+            tests.append(None)
+    if len(refused) == len(tests):
+        stop(next(iter(refused.values())), BAD_INPUT)
+    return tests, refused
+
+
+def _setup(
+    distance: str | None,
+    delay: float | None,
+    face_to_face: str | None,
+    against: str | None,
+    layout: Any,
+    column: str | None,
+) -> _Set:
+    distances: tuple[float, ...] = ()
+    if distance is not None:
+        distances = _numbers("--distance", distance)
+        if not all(d > 0 for d in distances):
+            stop(f"--distance {distance}: must be greater than 0, in m", BAD_INPUT)
+    if delay is not None and face_to_face is not None:
+        stop("give either --delay or --face-to-face, one of the two", BAD_INPUT)
+    if delay is not None and not math.isfinite(delay):
+        stop(f"--delay {delay}: must be a time in s", BAD_INPUT)
+    delays = {} if delay is None else _same(delay)
+    if face_to_face is not None:
+        delays = _delays(face_to_face, layout, column)
+    parameter: str | None = None
+    values: tuple[float, ...] = ()
+    if against is not None:
+        parameter, mark, listed = against.partition("=")
+        if not (mark and parameter.strip()):
+            stop(f"--against {against}: must be NAME=V1,V2,…, as stress=20,40,80", BAD_INPUT)
+        parameter, values = parameter.strip(), _numbers("--against", listed)
+    return _Set(distances, delays, parameter, values)
+
+
+def _same(delay: float) -> dict[str, float]:
+    from wavesim.readings.pulse.arrivals import CONVENTIONS
+
+    return dict.fromkeys(CONVENTIONS, delay)
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        found = tuple(float(part) for part in text.replace(";", ",").split(",") if part.strip())
+    except ValueError:
+        found = ()
+    if not found or not all(math.isfinite(v) for v in found):
+        stop(f"{option} {text}: must be numbers with commas between them", BAD_INPUT)
+    return found
+
+
+def _delays(file: str, layout: Any, column: str | None) -> dict[str, float]:
+    """Delays by convention, of a record with the transducers face to face."""
+    from wavesim.readings.pulse.signals import PulseError
+    from wavesim.readings.pulse.transmission_record import transmission_record
+    from wavesim.readings.pulse.travel_time import face_to_face
+    from wavesim.records.content import RecordError
+    from wavesim.records.of_pulse_test import of_pulse_file
+
+    if column is None:
+        stop("--face-to-face: needs --input, the transmitter's column", BAD_INPUT)
+    try:
+        (test, *others) = of_pulse_file(file, layout)
+        if others or len(test.signals) != 1:
+            stop(f"--face-to-face {file}: must hold one receiver", BAD_INPUT)
+        (signal,) = test.signals.values()
+        return face_to_face(transmission_record(test.t, signal, test.sent, file))
+    except (RecordError, PulseError) as error:
+        stop(f"--face-to-face: {error}", BAD_INPUT)
+
+
+def _readings(
+    files: Sequence[str],
+    tests: list[Any],
+    refused: dict[int, str],
+    setup: _Set,
+    expected: tuple[float, float] | None,
+) -> tuple[list[Any], Any]:
+    import numpy as np
+
+    from wavesim.readings.pulse.reading import Series, law_of, read_one, read_series
+    from wavesim.readings.pulse.reading import refused as refusal
+
+    count = len(tests)
+    if setup.parameter is not None and len(setup.values) != count:
+        stop(
+            f"--against {setup.parameter}: {len(setup.values)} values for {count} records; give "
+            "one for each, in the order of the files",
+            BAD_INPUT,
+        )
+    if len(setup.distances) not in (0, 1, count):
+        stop(
+            f"--distance: {len(setup.distances)} values for {count} records; give one, or one for "
+            "each",
+            BAD_INPUT,
+        )
+    each = (setup.distances * count if len(setup.distances) == 1 else setup.distances)[:count]
+    found: list[Any] = [None] * count
+    single: dict[int, Any] = {}
+    for i, test in enumerate(tests):
+        if test is None:
+            found[i] = refusal(_name_of(files, tests, i), "receiver", math.nan, refused[i])
+            continue
+        distance = each[i] if each else math.nan
+        try:
+            if test.placed:
+                found[i] = _array(test, expected)
+            else:
+                single[i] = _single(test, distance)
+        except _errors() as error:
+            if count == 1:
+                stop(f"{test.name}: {error}", BAD_INPUT)
+            found[i] = refusal(test.name, "receiver", distance, str(error))
+    if setup.parameter is None:
+        for i, (record, distance) in single.items():
+            found[i] = _noted(read_one(record, distance, setup.delays), tests[i])
+        return found, None
+    values = np.array(setup.values)
+    if single:
+        own = list(single)
+        records, distances = zip(*single.values(), strict=True)
+        readings, _ = read_series(
+            records, distances, setup.delays, setup.parameter, values[own].tolist()
+        )
+        for i, one in zip(own, readings, strict=True):
+            found[i] = _noted(one, tests[i])
+    return found, Series(setup.parameter, values, law_of(found, values))
+
+
+def _errors() -> tuple[type[Exception], ...]:
+    from wavesim.readings.pulse.signals import PulseError
+
+    return (PulseError,)
+
+
+def _name_of(files: Sequence[str], tests: list[Any], i: int) -> str:
+    """The file of a test that could not be read: files and tests are one for one up to it."""
+    return files[i] if len(files) == len(tests) else f"record {i + 1}"
+
+
+def _noted(reading: Any, test: Any) -> Any:
+    return replace(reading, notes=(*test.notes, *reading.notes))
+
+
+def _array(test: Any, expected: tuple[float, float] | None) -> Any:
+    from wavesim.readings.pulse.array_reading import read_array
+
+    placed = {name: x for name, x in test.positions.items() if math.isfinite(x)}
+    signals = {name: test.signals[name] for name in placed}
+    return _noted(read_array(test.name, test.t, signals, placed, test.sent, expected), test)
+
+
+def _single(test: Any, distance: float) -> tuple[Any, float]:
+    from wavesim.readings.pulse.transmission_record import transmission_record
+
+    ((name, signal),) = test.signals.items()
+    if not math.isfinite(distance):
+        distance = abs(test.positions[name])
+    if not (math.isfinite(distance) and distance > 0):
+        stop(
+            f"{test.name}: holds one receiver and no position: give --distance, from tip to tip, "
+            "in m",
+            BAD_INPUT,
+        )
+    return transmission_record(test.t, signal, test.sent, test.name), distance
+
+
+def _write(
+    found: dict[str, Any], readings: Sequence[Any], series: Any, folder: Path, quiet: bool
+) -> None:
+    from wavesim.figures.pulse_records import write
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(found, ensure_ascii=False, indent=1)
+        (folder / "pulse.json").write_text(text + "\n", encoding="utf-8")
+        written = write(readings, series, folder)
+    except OSError as error:
+        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
+    if not quiet:
+        click.echo(f"pulse.json, {', '.join(written)} in {folder}")

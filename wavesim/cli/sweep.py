@@ -1,0 +1,117 @@
+"""The command `wavesim sweep`: a case measured over ranges of its keys."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesim.cli.interrupts import farewell
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
+
+_LOST = 3
+
+
+@click.command()
+@click.argument("case", type=click.Path())
+@click.option(
+    "--vary",
+    multiple=True,
+    required=True,
+    metavar="KEY=FROM:TO:N",
+    help="A key of the case, such as medium.anisotropy or layers.1.G_n_a, and the range it takes.",
+)
+@click.option("--sample", type=int, metavar="N", help="Draw N members, in place of the grid.")
+@click.option("--sampler", type=click.Choice(["sobol", "lhs"]), default="sobol", show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the sample.")
+@click.option("--measure", type=click.Choice(["gaps", "run"]), default="gaps", show_default=True)
+@click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
+@click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
+@click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
+@click.option("--resume", is_flag=True, help="Carry on a sweep that was ended.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="TABLE.KEY=VALUE",
+    help="Lay a value over every member's case.",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
+    """Measure CASE over ranges of its keys: sweep.zarr, and maps of it.
+
+    Gaps are computed at once. Runs go to worker processes, as many as there are cores unless
+    --workers says otherwise. Exit code 1 if a member failed, or a run fell short of a check.
+    """
+    from wavesim.case.schema import CaseError
+    from wavesim.studies.sweep import sweep as described
+    from wavesim.studies.variation import SweepError
+
+    if options["workers"] and options["scheduler"]:
+        stop("--workers, --scheduler: give one of the two", BAD_INPUT)
+    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    named = ("vary", "measure", "sample", "sampler", "seed", "overrides")
+    try:
+        asked = described(case, folder=folder, judge=_judge, **{n: options[n] for n in named})
+        data = _measured(asked, options, quiet, folder)
+    except (CaseError, SweepError) as error:
+        stop(str(error), BAD_INPUT)
+    except OSError as error:
+        where = error.filename or folder
+        stop(f"--out {where}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
+    _tell(asked, data, folder, quiet)
+
+
+def _judge(case: Any, field: Any) -> Any:
+    from wavesim.runner import measure
+
+    return measure(case, field)
+
+
+def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) -> Any:
+    from wavesim.report.progress import members
+    from wavesim.studies.sweep_workers import LostSchedulerError
+
+    workers, address = options["workers"], options["scheduler"]
+    if workers is None and address is None and options["measure"] == "run":
+        workers = _cores()
+    carried_on = f"what was done is in {folder}, --resume carries on"
+    try:
+        with members(asked.count, quiet) as tell, farewell(lambda: carried_on):
+            return asked.go(options["resume"], workers, address, tell)
+    except LostSchedulerError:
+        stop(
+            f"--scheduler {address or 'on this machine'}: it is gone; what was done is in "
+            f"{folder}, --resume carries on",
+            _LOST,
+        )
+
+
+def _cores() -> int:
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _tell(asked: Any, data: Any, folder: Path, quiet: bool) -> None:
+    """What came of it, the maps, and the exit code."""
+    from wavesim.figures.style import write
+    from wavesim.figures.sweep import sweep_figures
+
+    shown = console(quiet)
+    failed, short = asked.store.failed, 0
+    for path in write(sweep_figures(data), folder / "figures"):
+        shown.print(f"Map {path}")
+    if "fell_short" in data:
+        short = int((data["fell_short"].values > 0).sum())
+    shown.print(f"{asked.count - failed} of {asked.count} members in {asked.store.path}")
+    if short:
+        shown.print(f"{short} runs fell short of a check; the variable shortfall names it.")
+    if failed:
+        messages = data["message"].values.ravel()
+        first = next(message for message in messages if message)
+        shown.print(f"{failed} members failed; the variable message says why. The first: {first}")
+    if failed or short:
+        sys.exit(FELL_SHORT)

@@ -1,0 +1,136 @@
+"""One picture of a run, for those who open no page: where waves went, and what was read of them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wavesim.figures import bar, endless
+from wavesim.figures import field as of_fields
+from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, shade, title
+from wavesim.material.family import is_macro
+from wavesim.readings.bar.pulse_test import PulseTest
+from wavesim.simulation.field import Field
+
+Panel = Callable[[Axes], str]
+_WIDTH, _HEIGHT, _HEAD = 11.0, 3.5, 0.75
+
+
+def write_overview(path: Path, field: Field, found: Any, title: str, verdict: str) -> None:
+    """Draw and write it.
+
+    Args:
+        path: of the PNG.
+        field: the field.
+        found: every block of an endless bar beside the theory, or the reading of any other.
+        title: of the case.
+        verdict: in a sentence.
+    """
+    # Set by hand: to have the layout found takes as long as all the rest.
+    with matplotlib.rc_context(STYLE | {"figure.constrained_layout.use": False}):
+        figure = overview(field, found, title, verdict)
+        FigureCanvasAgg(figure).print_png(path, pil_kwargs={"compress_level": 1})
+
+
+def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
+    """The picture, not written yet; arguments as of :func:`write_overview`."""
+    panels = _panels(field, found)
+    rows = -(-len(panels) // 2)
+    height = _HEAD + _HEIGHT * rows
+    figure = Figure(figsize=(_WIDTH, height))
+    figure.subplots_adjust(
+        left=0.065, right=0.955, bottom=0.55 / height, top=1 - (_HEAD + 0.3) / height,
+        wspace=0.24, hspace=0.4,
+    )  # fmt: skip
+    figure.text(0.012, 1 - 0.16 / height, title, va="top", fontsize=12, fontweight="bold")
+    told = textwrap.shorten(verdict, 165, placeholder=" …")
+    figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
+    for number, panel in enumerate(panels, start=1):
+        wide = number == len(panels) and number % 2 == 1
+        axes = figure.add_subplot(rows, 2, (number, number + 1) if wide else number)
+        axes.set_title(panel(axes), fontsize=9)
+    return figure
+
+
+def _panels(field: Field, found: Any) -> list[Panel]:
+    sectors = list(dict.fromkeys(b.sector for b in field.blocks))
+    travelling = [b.sector for b in field.blocks if b.macro] or sectors
+    panels: list[Panel] = [partial(_spacetime, field=field, sector=travelling[0])]
+    if isinstance(found, list):
+        panels += [partial(_spectrum, field=field, held=found, sector=travelling[0])][: len(found)]
+        held = [h for h in found if h.k_exact is not None]
+        panels += [partial(_attenuation, field=field, held=h) for h in held[:1]]
+    else:
+        panels += [partial(_transmission, field=field, found=one) for one in found.scattered[:1]]
+        panels += [partial(_ringing, found=one) for one in found.ringing[:1]]
+        tests = [test for test in found.pulses if test.medium is not None]
+        panels += [partial(_velocity, test=test) for test in tests[:1]]
+    if field.receivers:
+        panels.append(partial(_signals, field=field))
+    return panels[:4]
+
+
+def _spacetime(axes: Axes, field: Field, sector: str) -> str:
+    image = of_fields.spacetime_panel(axes, field, sector)
+    axes.set(xlabel="x (mm)", ylabel="t (µs)")
+    axes.figure.colorbar(image, ax=axes, label="amplitude (dB)", pad=0.02)
+    return f"Amplitude in the bar, {title(field.medium.family.blocks_of(sector))}"
+
+
+def _spectrum(axes: Axes, field: Field, held: Any, sector: str) -> str:
+    image = endless.spectrum_panel(axes, field, held, sector)
+    axes.figure.colorbar(image, ax=axes, label="power (dB)", pad=0.02)
+    return f"Dispersion and gaps, {title(field.medium.family.blocks_of(sector))}"
+
+
+def _attenuation(axes: Axes, field: Field, held: Any) -> str:
+    endless.attenuation_panel(axes, field, held)
+    axes.set_xlabel("ω/2π (kHz)")
+    axes.legend(loc="upper right")
+    return f"Attenuation, {title([held.measured.block])}"
+
+
+def _transmission(axes: Axes, field: Field, found: Any) -> str:
+    bar.level_panel(axes, field, found)
+    axes.set_xlabel("ω/2π (kHz)")
+    axes.legend(loc="lower right", ncols=2)
+    return f"Transmission and reflection, {found.sector}"
+
+
+def _ringing(axes: Axes, found: Any) -> str:
+    bar.ringing_panel(axes, found)
+    axes.set_xlabel("ω/2π (kHz)")
+    axes.legend(loc="lower left", ncols=2)
+    return f"Eigenfrequencies, {found.sector}"
+
+
+def _velocity(axes: Axes, test: PulseTest) -> str:
+    found, exact = test.result.dispersion, test.exact.dispersion
+    f = found.omega * KHZ
+    shade(axes, [(g.name, g.lower * KHZ, g.upper * KHZ) for g in test.gaps if g.upper > g.lower])
+    for name, style, mark in (("phase", "-", "o"), ("group", "--", "^")):
+        value = getattr(found, f"{name}_velocity")
+        axes.plot(f, getattr(exact, f"{name}_velocity"), style, color=THEORY, lw=0.9,
+                  label=f"{name} velocity, exact")  # fmt: skip
+        axes.plot(f, value, mark, ms=3.2, mfc="white", mec=FOUND, mew=0.8,
+                  label=f"{name} velocity, measured")  # fmt: skip
+    speeds = found.phase_velocity[np.isfinite(found.phase_velocity)]
+    top = 1.6 * float(np.median(speeds)) if len(speeds) else 1.0
+    axes.set(xlabel="ω/2π (kHz)", ylabel="velocity (m/s)", xlim=(f[0], f[-1]), ylim=(0, top))
+    axes.legend(loc="lower left", ncols=2)
+    return f"Velocities between receivers, {test.name}"
+
+
+def _signals(axes: Axes, field: Field) -> str:
+    names = [n for n in field.names if is_macro(n)] or list(field.names)
+    of_fields.section_panel(axes, field, names[0])
+    return f"Receivers: {axes.get_title()}"

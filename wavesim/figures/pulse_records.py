@@ -1,0 +1,133 @@
+"""Figures of pulse tests of single receivers: what was heard, arrivals in it, a series' law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from wavesim.figures import pulse_test
+from wavesim.figures.style import FOUND, STYLE, THEORY
+from wavesim.readings.pulse.reading import Reading, Series
+
+_GREY = "#8a949e"
+_MOST_SHOWN = 24
+
+
+def write(readings: Sequence[Reading], series: Series | None, folder: Path) -> list[str]:
+    """Draw all that there is; names of the files."""
+    written = []
+    single = [one for one in readings if one.record is not None]
+
+    def save(figure: Figure, name: str) -> None:
+        figure.savefig(folder / name, dpi=160)
+        written.append(name)
+
+    with rc_context(STYLE):
+        if single:
+            values = None
+            if series is not None:
+                own = [i for i, one in enumerate(readings) if one.record is not None]
+                values = series.values[own]
+            name = series.parameter if series is not None else ""
+            save(waveforms(single, values, name), "pulse_records.png")
+        if series is not None and any(one.best.valid for one in readings):
+            save(law(readings, series), "pulse_series.png")
+        several = [one for one in readings if one.result is not None]
+        for number, one in enumerate(several):
+            assert one.result is not None
+            tail = f"_{number + 1}" if len(several) > 1 else ""
+            save(pulse_test.record_section(one.result), f"pulse_section{tail}.png")
+            save(pulse_test.velocities_and_losses(one.result), f"pulse_velocities{tail}.png")
+    return written
+
+
+def waveforms(
+    readings: Sequence[Reading], values: np.ndarray | None = None, name: str = ""
+) -> Figure:
+    """Signals one above the other, each to its own peak, from what was sent on, with the arrivals.
+
+    Args:
+        readings: of single receivers.
+        values: of what they differ in, which orders them; their own order where None.
+        name: of it.
+    """
+    order = np.argsort(values, kind="stable") if values is not None else np.arange(len(readings))
+    order = order[:: -(-len(order) // _MOST_SHOWN)]
+    figure = Figure(figsize=(6.6, 1.7 + 0.42 * max(len(order), 3)))
+    axes = figure.subplots()
+    last = 0.0
+    labelled: set[str] = set()
+
+    def once(label: str) -> str | None:
+        fresh = label not in labelled
+        labelled.add(label)
+        return label if fresh else None
+
+    ticks = []
+    for row, index in enumerate(order.tolist()):
+        one = readings[index]
+        record = one.record
+        assert record is not None
+        tau = (record.t - record.start) * 1e3
+        u = record.got / (float(np.abs(record.got).max()) or 1.0)
+        begun = tau >= -0.05 * tau[-1]
+        axes.plot(tau[begun], row + 0.45 * u[begun], color="#37424d", lw=0.8)
+        if record.crosstalk:
+            raw = record.raw / (float(np.abs(record.got).max()) or 1.0)
+            hidden = (record.t >= record.start) & (record.t <= record.blank)
+            axes.plot(tau[hidden], row + 0.45 * np.clip(raw[hidden], -1, 1), color=_GREY, lw=0.7,
+                      label=once("crosstalk, left out"))  # fmt: skip
+        best = one.best
+        shift = one.receivers[0].arrivals
+        if np.isfinite(best.time) and shift:
+            at = best.time + one.delay
+            axes.errorbar(
+                at * 1e3, row, xerr=best.error * 1e3, fmt="|", ms=14, mew=1.6, elinewidth=1.0,
+                color=FOUND if best.valid else _GREY,
+                label=once("direct wave ± standard error" if best.valid else "refused"), zorder=4,
+            )  # fmt: skip
+            last = max(last, 3.4 * at * 1e3)
+        for packet in one.packets:
+            if packet.name != "direct" and packet.size >= 0.15:
+                axes.plot(packet.begins * 1e3, row - 0.3, "^", ms=4, mfc="white", mec=THEORY,
+                          mew=0.8, label=once("other packets"))  # fmt: skip
+        ticks.append(f"{values[index]:g}" if values is not None else Path(one.file).stem[-24:])
+    axes.set_yticks(range(len(ticks)), ticks)
+    high = last if last else float(tau[-1])
+    axes.set(xlim=(-0.04 * high, min(high, float(tau[-1]))), ylim=(-0.7, len(order) - 0.3),
+             xlabel="time after what was sent begins (ms)", ylabel=name)  # fmt: skip
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure
+
+
+def law(readings: Sequence[Reading], series: Series) -> Figure:
+    """Velocities of a series with its power law."""
+    figure = Figure(figsize=(5.4, 3.8))
+    axes = figure.subplots()
+    valid = np.array([one.best.valid for one in readings])
+    v = np.array([one.best.velocity for one in readings])
+    e = np.array([one.best.velocity_error for one in readings])
+    p = series.values
+    found = series.law
+    aside = np.zeros(len(v), bool)
+    if found is not None:
+        aside[list(found.outliers)] = True
+        curve = np.geomspace(p[valid].min(), p[valid].max(), 100)
+        told = f"V = {found.a:.4g} p$^{{{found.b:.3f}}}$ (b ± {found.b_error:.3f})"
+        axes.plot(curve, found.a * curve**found.b, "-", color=THEORY, lw=1.0, label=told)
+        axes.set(xscale="log", yscale="log")
+    for own, mark, label in ((valid & ~aside, "o", "measured"), (aside, "x", "set aside")):
+        if own.any():
+            axes.errorbar(p[own], v[own], e[own], fmt=mark, ms=4.5, mfc="white", mec=FOUND,
+                          ecolor=FOUND, elinewidth=0.8, label=label)  # fmt: skip
+    axes.set(xlabel=series.parameter, ylabel="velocity (m/s)")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}")
+    axes.tick_params(axis="both", which="minor", labelsize=6)
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure

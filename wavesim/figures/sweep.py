@@ -1,0 +1,120 @@
+"""Maps of a sweep: what was measured over the keys that were varied."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wavesim.figures.style import FOUND, KHZ, Drawings, symbol
+
+_MAP = matplotlib.colormaps["viridis"]
+# Panels of one figure.
+_MOST_PANELS = 12
+
+
+def sweep_figures(data: Any) -> Drawings:
+    """Maps of all that a sweep measured, by name of the file.
+
+    A quantity is drawn over the one or two keys of a grid; of three or more over the first two, at
+    the middle of the others; of a sample as points over its first two keys. Members that failed
+    are left white, or are grey crosses.
+
+    Args:
+        data: the dataset (xarray) of ``wavesim.studies.sweep``.
+    """
+    found = {name: panels for name, panels in _quantities(data).items() if panels}
+    return {
+        name: lambda panels=panels: _figure(data, panels)  # type: ignore[misc]
+        for name, panels in found.items()
+    }
+
+
+def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
+    """{figure: {panel: (values over the members, unit)}}."""
+    found: dict[str, dict[str, tuple[Any, str]]] = {}
+    if "lower" in data:
+        width = (data["upper"] - data["lower"]) * KHZ
+        media = [str(name) for name in width["medium"].values] if "medium" in width.dims else [""]
+        for number, medium in enumerate(media):
+            own = width.sel(medium=medium) if medium else width
+            panels = {
+                "widest full gap" if gap == "full" else f"width of {gap}": (own.sel(gap=gap), "kHz")
+                for gap in own["gap"].values
+            }
+            found[f"gaps_{number}" if medium else "gaps"] = {
+                f"{medium}: {name}" if medium else name: panel for name, panel in panels.items()
+            }
+    if "peak" in data:
+        peak = data["peak"]
+        for name in peak["field"].values:
+            unit = "rad" if str(name).startswith("phi") else "1/m"
+            found[f"peak_{name}"] = {
+                f"largest {symbol(str(name))} at {receiver}": (
+                    peak.sel(field=name, receiver=receiver),
+                    unit,
+                )
+                for receiver in peak["receiver"].values[:_MOST_PANELS]
+            }
+    return found
+
+
+def _figure(data: Any, panels: Mapping[str, tuple[Any, str]]) -> Figure:
+    across = min(3, len(panels))
+    down = -(-len(panels) // across)
+    figure = Figure(figsize=(0.6 + 3.6 * across, 0.6 + 2.8 * down), layout="constrained")
+    places = figure.subplots(down, across, squeeze=False)
+    for axes, (title, (values, unit)) in zip(places.flat, panels.items(), strict=False):
+        axes.set_title(title)
+        _panel(axes, data, values, unit)
+    for axes in places.flat[len(panels) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
+    members = data["status"].dims
+    keys = [str(name) for name in data.coords if data[name].dims and data[name].dims[0] in members]
+    if "member" in data["status"].dims:
+        _points(axes, data, keys, values, unit)
+        return
+    x, *others = (str(name) for name in data["status"].dims)
+    held = {name: data.sizes[name] // 2 for name in others[1:]}
+    values = values.isel(held)
+    if held:
+        told = ", ".join(f"{name} = {float(data[name][place]):.4g}" for name, place in held.items())
+        axes.set_title(f"{axes.get_title()}\nat {told}")
+    axes.set_xlabel(_label(data, x))
+    if not others:
+        axes.plot(data[x], values, "o-", ms=3, lw=1.2, color=FOUND)
+        axes.set_ylabel(unit)
+        return
+    y = others[0]
+    axes.set_ylabel(_label(data, y))
+    image = axes.pcolormesh(
+        data[x], data[y], values.transpose(y, x).values, cmap=_MAP, shading="nearest"
+    )
+    axes.figure.colorbar(image, ax=axes, label=unit)
+
+
+def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> None:
+    there = np.isfinite(values.values)
+    axes.set_xlabel(_label(data, keys[0]))
+    if len(keys) == 1:
+        axes.plot(data[keys[0]][there], values[there], "o", ms=3, color=FOUND)
+        axes.set_ylabel(unit)
+        return
+    axes.set_ylabel(_label(data, keys[1]))
+    x, y = (data[key].values for key in keys[:2])
+    axes.plot(x[~there], y[~there], "x", ms=4, color="0.6")
+    image = axes.scatter(x[there], y[there], c=values.values[there], s=14, cmap=_MAP)
+    axes.figure.colorbar(image, ax=axes, label=unit)
+
+
+def _label(data: Any, key: str) -> str:
+    unit = data[key].attrs.get("units", "1")
+    return key if unit == "1" else f"{key} ({unit})"

@@ -1,0 +1,104 @@
+"""The arrays of any HDF5 file, with the units and numbers that its attributes say.
+
+MATLAB's files of version 7.3 are HDF5 too, and so is netCDF 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+_UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")
+# What MATLAB keeps beside the variables.
+_INTERNAL = ("#refs#", "#subsystem#")
+
+
+@dataclass
+class Stored:
+    """What an HDF5 file holds.
+
+    Attributes:
+        arrays: by path, up to three axes.
+        units: of arrays, where an attribute says one.
+        numbers: attributes that are one number, by name, of the file and its groups.
+        places: positions of groups that say one (gprMax's receivers), by path, 1 to 3 numbers each.
+    """
+
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    places: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+
+def read_arrays(path: Path, largest: int) -> Stored:
+    """Every array of numbers in an HDF5 file.
+
+    Args:
+        path: of the file.
+        largest: most samples that an array may have.
+
+    Raises:
+        OSError: it can't be read as HDF5.
+        ValueError: an array is larger.
+    """
+    found = Stored()
+
+    def keep(name: str, item: Any) -> None:
+        if name.startswith(_INTERNAL):
+            return
+        for key, value in item.attrs.items():
+            _attribute(found, name, key, value)
+        if not isinstance(item, h5py.Dataset) or item.shape is None or item.ndim > 3:
+            return
+        if item.attrs.get("MATLAB_class") in (b"char", b"cell", b"function_handle"):
+            return
+        kind = item.dtype.kind
+        if kind == "V" and item.dtype.names and set(item.dtype.names) == {"real", "imag"}:
+            kind = "c"  # as MATLAB stores complex numbers
+        if kind not in "fiubcV":
+            return
+        if item.size > largest:
+            raise ValueError(
+                f"array {name!r} of shape {item.shape}: more than {largest:,} samples; cut the "
+                "record, or take fewer samples a second"
+            )
+        values = item[()]
+        if kind == "c" and values.dtype.names:
+            values = values["real"] + 1j * values["imag"]
+        if values.dtype.names:
+            for column in values.dtype.names:
+                if values[column].dtype.kind in "fiub":
+                    found.arrays[f"{name}/{column}"] = np.asarray(values[column])
+            return
+        found.arrays[name] = np.asarray(values)
+
+    with h5py.File(path, "r") as file:
+        for key, value in file.attrs.items():
+            _attribute(found, "", key, value)
+        file.visititems(keep)
+    return found
+
+
+def _attribute(found: Stored, name: str, key: str, value: Any) -> None:
+    if isinstance(value, h5py.Empty):
+        return
+    if key in _UNITS:
+        text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+        if isinstance(text, np.ndarray) and text.size == 1:
+            text = text.ravel()[0]
+        found.units[name] = (
+            text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
+        )
+        return
+    numbers = np.asarray(value)
+    if numbers.dtype.kind not in "fiu":
+        return
+    if key.lower() in ("position", "location", "coordinates") and 1 <= numbers.size <= 3:
+        found.places[name] = numbers.astype(float).ravel()
+    elif numbers.size == 1 and key.isidentifier():
+        found.numbers.setdefault(key, float(numbers.ravel()[0]))

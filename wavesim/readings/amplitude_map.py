@@ -1,0 +1,76 @@
+"""Amplitude over time and position, in tiles that a picture can show: √2 times the rms in each.
+
+The mean is over a tile, and in time over a period of what the sources drive at least: the phase of
+a wave, which no picture of a whole record can resolve, leaves no pattern.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.simulation.field import Field
+
+Float = NDArray[Any]
+
+# Frames are read so many at a time that they fit into these bytes.
+_AT_ONCE = 64e6
+
+
+def amplitude_map(field: Field, sector: str, most: tuple[int, int]) -> Float:
+    """√2 times the root of the mean of Σq² over tiles, q the sector's components.
+
+    Args:
+        field: the field.
+        sector: one that was set in motion.
+        most: tiles in time and along the bar, at most.
+
+    Returns:
+        Shape (times, positions), even in both, in the scaled units of ``field.components``.
+    """
+    blocks = [block for block in field.blocks if block.sector == sector]
+    high, wide = (-(-n // m) for n, m in zip((len(field.t), field.bar.cells), most, strict=True))
+    rows = high * max(1, int(_AT_ONCE / (32 * field.bar.cells * high)))
+    found = []
+    for low in range(0, len(field.t), rows):
+        square: Any = 0.0
+        for block in blocks:
+            for values, _ in field.components(block, slice(low, low + rows)):
+                values *= values
+                square = square + values[:, : field.bar.cells]
+        found.append(_means(_means(square, 0, high), 1, wide))
+    mean = _over_a_period(np.concatenate(found), field, high)
+    if not field.bar.uniform:
+        # A picture has even columns: each shows the tile that its place lies in.
+        x = field.bar.half_nodes[::wide]
+        even = (np.arange(len(x)) + 0.5) * field.bar.length / len(x)
+        mean = mean[:, np.clip(np.searchsorted(x, even) - 1, 0, len(x) - 1)]
+    return np.asarray(np.sqrt(2 * mean))
+
+
+def _means(values: Float, axis: int, step: int) -> Float:
+    """Mean of each tile of so many along an axis; the last may be smaller."""
+    if step <= 1:
+        return values
+    first = np.arange(0, values.shape[axis], step)
+    size = np.diff([*first, values.shape[axis]])
+    total = np.add.reduceat(values, first, axis=axis)
+    return np.asarray(total / (size[:, None] if axis == 0 else size))
+
+
+def _over_a_period(mean: Float, field: Field, high: int) -> Float:
+    """Running mean in time over a period of the slowest source, where tiles are shorter."""
+    pitches = [s.peak_frequency for s in field.sources if math.isfinite(s.peak_frequency)]
+    if not pitches or min(pitches) <= 0:
+        return mean
+    reach = round(0.5 / min(pitches) / (high * field.interval))
+    reach = min(reach, (len(mean) - 1) // 2)
+    if reach < 1:
+        return mean
+    total = np.cumsum(np.concatenate([np.zeros((1, mean.shape[1])), mean]), axis=0)
+    at = np.arange(len(mean))
+    first, last = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(mean))
+    return np.asarray((total[last] - total[first]) / (last - first)[:, None])

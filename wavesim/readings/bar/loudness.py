@@ -1,0 +1,115 @@
+"""How loud a field is about a place: what a difference is held against, and whether at all.
+
+At a node of a standing wave, at a free end (curvatures) or a fixed one (rotations), ahead of the
+first wave: there a signal is next to nothing, and so is any difference, but not their ratio.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.material.medium import fastest_speed
+from wavesim.simulation.field import Field
+
+Float = NDArray[Any]
+
+# A signal is judged above this part of the largest within half a wavelength of its receiver, …
+NODE = 0.02
+# … and of the largest about the sources and receivers: below, the exact signals end too.
+ARRIVED = 1e-4
+# On an end is what is nearer than this part of a cell.
+_ON_END = 1e-3
+# At most so many points about a place are looked at.
+_MOST_POINTS = 128
+# Of a record its last part, at whose size what comes after it would go on; and rounding, as a part
+# of the largest value anywhere.
+_TAIL = 0.1
+_ROUNDING = 1e-11
+
+
+class Loudness:
+    """Largest values of a field's parts about its receivers and sources.
+
+    Args:
+        field: the field.
+    """
+
+    def __init__(self, field: Field) -> None:
+        self.field = field
+        self._known: dict[tuple[float, str], float] = {}
+
+    def about(self, position: float, name: str) -> float:
+        """Largest |u| of one field within half a wavelength of a place, at any time."""
+        key = float(position), name
+        if key not in self._known:
+            self._known[key] = self._about(*key)
+        return self._known[key]
+
+    def _about(self, position: float, name: str) -> float:
+        field, bar = self.field, self.field.bar
+        x = field.positions(name)
+        pitches = [s.peak_frequency for s in field.sources if np.isfinite(s.peak_frequency)]
+        medium = field.layers.at(position)
+        reach = fastest_speed(medium) / 2 / min(pitches) if pitches else bar.length
+        reach = max(reach, 2 * bar.order * bar.spacing)
+        first, last = np.searchsorted(x, [position - reach, position + reach])
+        step = max(1, (last - first) // _MOST_POINTS)
+        return float(np.abs(field.part(name, points=slice(int(first), int(last), step))).max())
+
+    def overall(self, name: str) -> float:
+        """Largest |u| of one field about any source or receiver."""
+        places = {s.position for s in self.field.sources} | set(self.field.receivers.values())
+        return max(self.about(place, name) for place in sorted(places))
+
+    @property
+    def moved(self) -> bool:
+        """Whether anything moved about sources and receivers."""
+        return any(self.overall(name) > 0 for name in self.field.names)
+
+    def scale(self, position: float, name: str, signal: Float) -> float | None:
+        """What a difference from a signal is held against; None where it can't be judged.
+
+        Args:
+            position: of the receiver, m.
+            name: of the field.
+            signal: exact, shape (nt,).
+        """
+        near, own = self.about(position, name), float(np.abs(signal).max())
+        if own == 0 or own < NODE * near or own < ARRIVED * self.overall(name):
+            return None
+        return max(near, own)
+
+    def hidden(self, record: Float, sigma: float, name: str) -> float:
+        """Most that a record's end and rounding may add to its transform at ω + iσ.
+
+        Args:
+            record: shape (nt, …), of one field.
+            sigma: σ, rad/s.
+            name: of the field.
+
+        Returns:
+            Unit of the field times s.
+        """
+        t = self.field.t
+        tail = float(np.abs(record[t > t[-1] * (1 - _TAIL)]).max(initial=0.0))
+        late = tail * float(np.exp(-sigma * t[-1]))
+        return (late + _ROUNDING * self.overall(name)) / sigma
+
+
+def blurred(field: Field, position: float) -> str:
+    """Why the grid does not have a signal at a place to the order of its differences; "" if it has.
+
+    On an end differences are one-sided, and next to a point source the field has a kink (rotations)
+    or a jump (micro-curvatures), across which nothing can be interpolated.
+    """
+    bar = field.bar
+    if not bar.periodic and min(position, bar.length - position) <= _ON_END * bar.spacing:
+        return "on an end"
+    reach = bar.order * bar.spacing * (1 - 1e-9)
+    points = [s.position for s in field.sources if s.acts == "body" and s.width == 0]
+    if any(abs(position - x) < reach for x in points):
+        return f"within {bar.order} cells of a point source"
+    return ""

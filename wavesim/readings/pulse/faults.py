@@ -1,0 +1,171 @@
+"""What is wrong with the signals of a pulse test, and what of it can be put right.
+
+Each function looks at one thing, on plain arrays. An offset or a drift is taken out; noise is
+at least that of the steps the digitiser wrote, LSB/√12; a stretch of equal samples at the beginning
+tells nothing of it. Flat tops keep a receiver from amplitudes, a reversed one is turned over.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+
+# No instrument gives this: 9.9e37 is the overload mark of a scope.
+OVERLOAD = 1e30
+# A sample this many times the second largest, and of the median size, is a code and no signal.
+_STANDS_ALONE = 1e4
+# Equal samples in a row: at the peak they are a flat top, before the signal a padding.
+_FLAT = 4
+_PADDING = 16
+# Values that repeat more often than this on average come from a digitiser's steps.
+_REPEATED = 4
+# A record that begins above this part of its peak begins within the signal.
+_BEGUN = 0.05
+# A quiet part that bends by this many deviations of its roughness wanders.
+_WANDERS = 1.5
+# A receiver turned over must leave this part of what was left before, and little at all; looked at
+# where every receiver has this part of its peak spectrum.
+_TURNED = 0.15
+_FITS = 0.03
+_IN_BAND = 0.3
+
+
+def overload(values: Float) -> int | None:
+    """Index of a sample that no signal has: not finite, an overload mark, one alone above all."""
+    bad = ~(np.abs(values) < OVERLOAD)
+    if bad.any():
+        return int(np.argmax(bad))
+    size = np.sort(np.abs(values - np.median(values)))
+    usual = float(size[len(size) // 2])
+    if size[-1] > _STANDS_ALONE * max(size[-2], usual) > 0:
+        return int(np.argmax(np.abs(values - np.median(values))))
+    return None
+
+
+def step_of_digitiser(values: Float) -> float:
+    """The least step between values that repeat, LSB, unit of u; 0 where the values do not."""
+    levels = np.unique(values)
+    if len(levels) < 2 or len(levels) * _REPEATED > len(values):
+        return 0.0
+    return float(np.min(np.diff(levels)))
+
+
+def flat_tops(values: Float) -> int:
+    """How many samples lie in a row at the largest or the least value, where that is no rounding.
+
+    The top of a rounded signal is flat too, but leaves its level by a step or two; a clipped one
+    falls off steeply.
+    """
+    # A top of noise may be flat by chance: a clipped one falls off by more than neighbours differ.
+    least = 2.5 * step_of_digitiser(values) + 5 * float(np.median(np.abs(np.diff(values))))
+    most = 0
+    for sign in (1, -1):
+        u = sign * values
+        top = u == u.max()
+        if u.max() <= np.median(u):
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], top.astype(int), [0]])))
+        for first, last in edges.reshape(-1, 2):
+            outside = [u[i] for i in (first - 1, last) if 0 <= i < len(u)]
+            drop = u.max() - max(outside) if outside else 0.0
+            if last - first >= _FLAT and drop > least:
+                most = max(most, int(last - first))
+    return most
+
+
+def padding(values: Float) -> int:
+    """Samples at the beginning that were filled in: all equal, and noise sets in at once.
+
+    A simulated signal is 0 before its front and grows from nothing: no padding.
+    """
+    other = np.flatnonzero(values != values[0])
+    if not len(other) or other[0] < _PADDING or step_of_digitiser(values) > 0:
+        return 0
+    lead = int(other[0])
+    early, later = values[lead : lead + 16], values[lead + 16 : lead + 64]
+    if len(later) < 48:
+        return 0
+    level, then = np.std(early), np.std(later)
+    peak = np.abs(values - values[0]).max()
+    return lead if level > 1e-5 * peak and level > 0.2 * then else 0
+
+
+def base(u: Float, quiet: int, late: int) -> tuple[Float, str]:
+    """The base line under a signal, told by its quiet part and, where that is sloped, by its end.
+
+    Args:
+        u: shape (nt,).
+        quiet: samples before the arrival.
+        late: samples at the end, which a slope must meet too.
+
+    Returns:
+        (base, shape (nt,), what it is): 0 and "" where the quiet part is about 0, a constant, a
+        line; NaN in place of it where it is none of them.
+    """
+    n = np.arange(len(u), dtype=float)
+    part = u[:quiet]
+    mean, noise = float(np.mean(part)), float(np.std(part))
+    curve = np.polynomial.Polynomial.fit(n[:quiet], part, 2)(n[:quiet])
+    rough = float(np.std(np.diff(part))) / np.sqrt(2)
+    wanders = np.std(curve) > _WANDERS * max(rough, 1e-3 * float(np.ptp(u)) / _WANDERS)
+    if not wanders:
+        flat = abs(mean) <= 3 * noise / np.sqrt(quiet)
+        return np.full(len(u), 0.0 if flat else mean), "" if flat else f"an offset of {mean:.4g}"
+    own = np.r_[:quiet, len(u) - late : len(u)]
+    line = np.polynomial.Polynomial.fit(n[own], u[own], 1)(n)
+    left = np.polynomial.Polynomial.fit(n[:quiet], part - line[:quiet], 1)(n[:quiet])
+    if max(np.abs(left).max(), abs(np.mean((u - line)[-late:]))) > max(
+        _WANDERS * rough, 1e-3 * np.ptp(u)
+    ):
+        return np.full(len(u), np.nan), ""
+    return line, f"a drift of {line[-1] - line[0]:.4g} from end to end"
+
+
+def begins_within(values: Float, noise: float) -> bool:
+    """Whether the record begins when the signal is there already; an offset is out."""
+    peak = float(np.abs(values).max())
+    early = float(np.sqrt(np.mean(values[:4] ** 2)))
+    return early > max(_BEGUN * peak, 5 * float(np.nan_to_num(noise)))
+
+
+def reversed_receivers(values: Float, x: Float) -> list[int]:
+    """Receivers whose sign is the other one's, among four or more that one wave passes.
+
+    At each frequency of the band the phases are those of e^{ikx} for some k: how well they are,
+    Σ_j |U_j|⁻¹ U_j e^{−ikx_j}/m at the best k, is looked at with all as they stand, and with one
+    turned over.
+
+    Args:
+        values: u, shape (nt, m).
+        x: positions, ascending, shape (m,), m.
+
+    Returns:
+        Their indices: one at most, as of two it could be the others.
+    """
+    m = values.shape[1]
+    if m < 4:
+        return []
+    U = np.fft.rfft(values, axis=0)
+    size = np.abs(U)
+    strength = np.min(size / np.maximum(size.max(axis=0), 1e-300), axis=1)
+    band = np.flatnonzero(strength[1:] >= _IN_BAND) + 1
+    if len(band) < 3:
+        return []
+    band = band[:: -(-len(band) // 60)]
+    phases = U[band] / size[band]
+    most = np.pi / np.min(np.diff(x))
+    k = np.arange(-most, most, 0.4 / (x[-1] - x[0]))
+    carried = np.exp(-1j * np.outer(x, k))
+
+    def apart(signs: Float) -> float:
+        return float(np.mean(1 - np.abs((phases * signs) @ carried).max(axis=1) / m))
+
+    signs = np.ones((m, m)) - 2 * np.eye(m)
+    turned = [apart(row) for row in signs]
+    best = int(np.argmin(turned))
+    clear = turned[best] < _FITS and turned[best] < _TURNED * apart(np.ones(m))
+    return [best] if clear else []

@@ -1,0 +1,386 @@
+"""What a pulse test says: arrivals by convention, the best of them, velocity, Q, a series' law.
+
+A record of one receiver is read against what was sent, one of several receivers by the line through
+their arrivals. What is common to both stands in :class:`Reading`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.measurement import PulseResult
+from wavesim.readings.pulse.power_law import PowerLaw, power_law
+from wavesim.readings.pulse.series import (
+    LEAST_CORRELATION,
+    STRESS_POWER,
+    Followed,
+    clearest,
+    follow,
+)
+from wavesim.readings.pulse.transmission_record import (
+    TransmissionRecord,
+    blanked,
+    static_until,
+)
+from wavesim.readings.pulse.travel_time import (
+    TravelTime,
+    open_between,
+    second_cycle,
+    travel_times,
+)
+from wavesim.readings.pulse.wave_packets import DIRECT, Packet, direct, named, packets
+
+Float = NDArray[Any]
+
+# Of one receiver the first break is taken; it needs no assumption about the pulse's form.
+OF_ONE = "first break"
+FOLLOWED = "followed"
+# An answer whose standard error is more than this part of it is none.
+_LARGEST_ERROR = 0.25
+# A wave that breaks within this part of a period after the crosstalk is hidden by it.
+_HIDDEN = 0.1
+# Words of a parameter that make waves faster as Hertz's contacts do.
+_STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
+
+NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
+UNLIKE = "it does not look like its neighbours in the series: look at the record"
+
+
+@dataclass(frozen=True)
+class Best:
+    """The travel time that counts.
+
+    Attributes:
+        convention: which.
+        time, error: less the delay, and its standard error with what the conventions leave open, s.
+        velocity, velocity_error: m/s.
+        valid: whether it counts.
+        reason: why not, or "".
+    """
+
+    convention: str
+    time: float
+    error: float
+    velocity: float
+    velocity_error: float
+    valid: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class ReceiverArrivals:
+    """Arrivals at one receiver: its name, its position (m), travel times by convention."""
+
+    name: str
+    position: float
+    arrivals: dict[str, TravelTime]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A record as it was read.
+
+    Attributes:
+        file: its name.
+        receivers: in order of position.
+        best: the answer.
+        packets: what a single receiver heard, named; empty for several receivers.
+        notes: what was put right, and what is doubtful.
+        record: of a single receiver.
+        result: of several.
+        common: part of the error that other records of the same series share, s.
+        delay: of the system, which the arrivals hold and the best time does not, s.
+    """
+
+    file: str
+    receivers: tuple[ReceiverArrivals, ...]
+    best: Best
+    packets: tuple[Packet, ...] = ()
+    notes: tuple[str, ...] = ()
+    record: TransmissionRecord | None = None
+    result: PulseResult | None = None
+    common: float = 0.0
+    delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """A series of readings.
+
+    Attributes:
+        parameter: its name.
+        values: shape (n,).
+        law: the power law; None where there is none.
+    """
+
+    parameter: str
+    values: Float
+    law: PowerLaw | None
+
+
+def refused(file: str, name: str, position: float, reason: str) -> Reading:
+    """A reading of a record that can't be read."""
+    nan = math.nan
+    best = Best(OF_ONE, nan, nan, nan, nan, False, reason)
+    return Reading(file, (ReceiverArrivals(name, position, {}),), best)
+
+
+def read_one(record: TransmissionRecord, distance: float, delays: Mapping[str, float]) -> Reading:
+    """Read a record of one receiver by itself.
+
+    Args:
+        record: the record.
+        distance: from tip to tip, m.
+        delays: of the system, by convention, s.
+
+    Returns:
+        The reading.
+    """
+    heard = packets(record)
+    at = direct(heard)
+    if at is None:
+        nothing = refused(record.name, "receiver", distance, NOTHING)
+        return replace(nothing, record=record, notes=record.notes)
+    return _settled(record, heard, heard[at].begins, distance, delays)
+
+
+def _settled(
+    record: TransmissionRecord,
+    heard: list[Packet],
+    begins: float,
+    distance: float,
+    delays: Mapping[str, float],
+) -> Reading:
+    """The reading for a direct wave that is known to break at about a time after the start."""
+    found = travel_times(record, begins, delays)
+    delay = delays.get(OF_ONE, 0.0)
+    best = found[OF_ONE]
+    told = named(heard, begins, record.period, delay)
+    notes = list(record.notes)
+    if record.crosstalk:
+        until = record.blank - record.start
+        notes.append(f"crosstalk up to {until:.3g} s after what was sent begins was left out")
+    notes += _other_readings(told, begins, delay, distance)
+    share = open_between(found, best.time, record.period)
+    second = second_cycle(record, begins)
+    if np.isfinite(second):
+        share = float(np.hypot(share, second))
+        notes.append(
+            f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
+            "pulse would tell them apart"
+        )
+    error = float(np.hypot(best.error, share))
+    answer = judged(OF_ONE, best.time, error, distance, best.reason)
+    if answer.valid and begins + record.start - record.blank < _HIDDEN * record.period:
+        answer = replace(answer, valid=False, reason=_hidden(record))
+    return Reading(
+        record.name,
+        (ReceiverArrivals("receiver", distance, _with_delay(found, delays)),),
+        answer,
+        tuple(told),
+        tuple(notes),
+        record,
+        common=share,
+        delay=delay,
+    )
+
+
+def _with_delay(
+    found: Mapping[str, TravelTime], delays: Mapping[str, float]
+) -> dict[str, TravelTime]:
+    """Times after what was sent, the delay of the system in them."""
+    return {
+        name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in found.items()
+    }
+
+
+def _hidden(record: TransmissionRecord) -> str:
+    until = record.blank - record.start
+    if record.crosstalk:
+        return (
+            f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
+            "shield the transducers, or take a longer specimen"
+        )
+    return "it would arrive as what was sent begins: is --input the right column?"
+
+
+def _other_readings(
+    told: Sequence[Packet], begins: float, delay: float, distance: float
+) -> list[str]:
+    """What else the direct wave might be."""
+    notes = []
+    own = next((one for one in told if one.name == "direct"), None)
+    for one in told:
+        speed = distance / (one.begins - delay) if one.begins > delay else math.nan
+        if one.begins < begins and one.name != "direct" and one.size >= 0.6 * DIRECT:
+            notes.append(
+                f"an earlier packet of {one.size:.0%} of the largest is taken for a faster wave or "
+                f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
+            )
+        if own and one.size > 2 * own.size and one.begins > begins and one.name != "direct":
+            notes.append(
+                f"a packet {one.size / own.size:.1f} times as large follows; were it the direct "
+                f"one and this a near field, the velocity would be {speed:.4g} m/s"
+            )
+    return notes
+
+
+def judged(convention: str, time: float, error: float, distance: float, reason: str) -> Best:
+    """A travel time as an answer, if it is one."""
+    if not reason and not time > 0:
+        reason = "it arrives before it is sent: look at --delay"
+    velocity = distance / time if time > 0 else math.nan
+    bar = velocity * error / time if time > 0 else math.nan
+    if not reason and not np.isfinite(error):
+        reason = "its error is not known"
+    if not reason and error > _LARGEST_ERROR * time:
+        reason = f"its standard error is {error / time:.0%} of it"
+    return Best(convention, time, error, velocity, bar, not reason, reason)
+
+
+def read_series(
+    records: Sequence[TransmissionRecord],
+    distance: float | Sequence[float],
+    delays: Mapping[str, float],
+    parameter: str,
+    values: Sequence[float],
+) -> tuple[list[Reading], Series]:
+    """Read records of one receiver in different states, following one arrival through all.
+
+    Args:
+        records: in any order.
+        distance: from tip to tip, m; of each, where they differ.
+        delays: of the system, by convention, s.
+        parameter: name of what makes the states differ.
+        values: of it, one for each record.
+
+    Returns:
+        (readings in the order given, the series).
+    """
+    p = np.asarray(values, float)
+    L = np.broadcast_to(np.asarray(distance, float), p.shape)
+    records = _without_what_is_static(records)
+    heard = [packets(one) for one in records]
+    reference = clearest(records, heard)
+    if reference is None:
+        none = [
+            replace(refused(one.name, "receiver", float(d), NOTHING), record=one, notes=one.notes)
+            for one, d in zip(records, L, strict=True)
+        ]
+        return none, Series(parameter, p, None)
+    at = direct(heard[reference])
+    assert at is not None
+    begins = heard[reference][at].begins
+    delay = delays.get(OF_ONE, 0.0)
+    grows = (p > 0).all() and any(word in parameter.lower() for word in _STRESSES)
+    foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
+    order = np.argsort(p, kind="stable").tolist()
+    found = follow(records, order, reference, begins - delay, delay, foreseen)
+    alone = [
+        _settled(one, own, time + delay, float(d), delays)
+        for one, own, time, d in zip(records, heard, found.time, L, strict=True)
+    ]
+    readings = _on_one_line(alone, found, L)
+    law = law_of(readings, p)
+    return readings, Series(parameter, p, law)
+
+
+def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
+    """The power law through the valid answers of readings at values p."""
+    best = [one.best for one in readings]
+    velocity = np.array([b.velocity if b.valid else np.nan for b in best])
+    time = np.array([b.time for b in best])
+    common = np.array([one.common for one in readings])
+    total = np.array([b.error for b in best])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
+        return power_law(p, velocity, noise, common / time)
+
+
+def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[TransmissionRecord]:
+    """Records blanked up to where all hold the same, if that is before their direct waves."""
+    if len(records) < 3 or not any(one.crosstalk for one in records):
+        return list(records)
+    until = static_until(records)
+    first = [packets(one) for one in records]
+    breaks = [own[at].begins for own in first if (at := direct(own)) is not None]
+    if not breaks or until > 0.8 * min(breaks):
+        return list(records)
+    return [
+        blanked(one, one.start + until) if one.start + until > one.blank else one for one in records
+    ]
+
+
+def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list[Reading]:
+    """Followed arrivals, put where the records' own first breaks lie.
+
+    Following tells how the arrival moves, and jumps no cycle; where it breaks is told by the
+    records, each with its noise. The difference is taken as a line over the time.
+    """
+    own = np.array([one.best.time for one in alone])
+    period = np.array([one.record.period if one.record else np.nan for one in alone])
+    off = own - found.time
+    near = np.isfinite(off) & (np.abs(off) < 0.6 * period)
+    moved = _line(found.time, off, near)
+    left = np.abs(off - moved)[near]
+    scatter = 1.4826 * float(np.median(left)) if near.any() else 0.0
+    shares = period * _open_in_periods(alone, found.time + moved, period)
+    readings = []
+    for i, one in enumerate(alone):
+        time = float(found.time[i] + moved[i])
+        noise = float(np.hypot(np.nan_to_num(found.error[i]), scatter))
+        arrivals = one.receivers[0].arrivals
+        share = float(shares[i])
+        notes = list(one.notes)
+        if np.isfinite(found.rival[i]):
+            share = float(np.hypot(share, found.rival[i]))
+            notes.append(
+                f"two cycles follow its neighbours as well, {found.rival[i]:.3g} s apart; the "
+                "error holds both"
+            )
+        reason = ""
+        record = one.record
+        assert record is not None
+        if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
+            reason = UNLIKE
+        elif time + record.start - record.blank < _HIDDEN * record.period:
+            reason = _hidden(record)
+        best = judged(FOLLOWED, time, float(np.hypot(noise, share)), float(distance[i]), reason)
+        followed = TravelTime(time + one.delay, noise, "" if best.valid else best.reason)
+        receiver = replace(one.receivers[0], arrivals={**arrivals, FOLLOWED: followed})
+        readings.append(
+            replace(one, receivers=(receiver,), best=best, notes=tuple(notes), common=share)
+        )
+    return readings
+
+
+def _open_in_periods(alone: list[Reading], time: Float, period: Float) -> float:
+    """What conventions leave open in the whole series, as one standard error, in periods.
+
+    A single record's convention may have read something else; in the median over all it has not.
+    """
+    apart = {}
+    for name in alone[0].receivers[0].arrivals:
+        each = np.array([one.receivers[0].arrivals[name].time - one.delay for one in alone])
+        off = (each - time) / period
+        if np.isfinite(off).sum() >= max(1, len(alone) // 2):
+            apart[name] = TravelTime(float(np.nanmedian(off)), 0.0)
+    return open_between(apart, 0.0, 1.0)
+
+
+def _line(x: Float, y: Float, own: NDArray[np.bool_]) -> Float:
+    """A line through most of the points, whatever the others do; a constant for few."""
+    from scipy.stats import theilslopes  # slow to import, and only a reading needs it
+
+    if own.sum() < 1:
+        return np.zeros(len(x))
+    if own.sum() < 5 or np.ptp(x[own]) == 0:
+        return np.full(len(x), float(np.median(y[own])))
+    slope, start = theilslopes(y[own], x[own])[:2]
+    return np.asarray(start + slope * x)

@@ -1,0 +1,220 @@
+"""One arrival followed through a series of records of the same set-up in different states.
+
+Picks that are made record by record jump: to another cycle, to a later wave, to crosstalk. Waves
+of neighbouring states differ by a stretch of time, t → r t, all packets alike. So the record that
+shows its direct wave best is picked, and every other follows from those next to it by the r at
+which the stretch from 0.9 to 1.7 of the arrival correlates best,
+
+    C(r) = Σ u_i(τ) u_j(rτ) / √(Σ u_i²(τ) Σ u_j²(rτ)),
+
+less a mild prior, (ln r − ln r₀)²/2s². Pairs of records one, two and three apart then vote on all
+times at once, by the shift that lays the packet of one on that of the other best, in least squares:
+VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
+from wavesim.readings.pulse.wave_packets import Packet
+
+Float = NDArray[Any]
+
+# The stretch of time that is compared, in multiples of the arrival.
+_FROM, _TO = 0.9, 1.7
+# Stretches that are tried between neighbours, and the prior's width, in ln r.
+_MOST = 0.5
+_PRIOR = 0.25
+# Its weight beside a correlation.
+_TRUST = 0.15
+# The packet about its break, in periods; another shift nearly as good is a rival.
+_PACKET = (-0.5, 1.5)
+_NEARLY = 0.97
+# Neighbours up to so far apart vote.
+_REACH = 3
+# Correlations from here on count.
+LEAST_CORRELATION = 0.4
+# Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
+STRESS_POWER = 0.27
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Arrival of one wave through a series.
+
+    Attributes:
+        reference: index of the record that was picked first.
+        time: of the arrival after the start, less the delay, shape (n,), s.
+        error: how far the pairs' votes are apart, shape (n,), s.
+        correlation: of each record with its neighbours at the stretch found, shape (n,).
+        rival: the best other stretch: how far it lies, in s, shape (n,); NaN where none correlates
+            nearly as well.
+    """
+
+    reference: int
+    time: Float
+    error: Float
+    correlation: Float
+    rival: Float
+
+
+def clearest(records: Sequence[TransmissionRecord], heard: Sequence[list[Packet]]) -> int | None:
+    """The record whose direct wave stands out most from its noise; None where none has one."""
+    from wavesim.readings.pulse.wave_packets import direct
+
+    best, most = None, 0.0
+    for i, (one, found) in enumerate(zip(records, heard, strict=True)):
+        if direct(found) is None:
+            continue
+        level = max(float(np.nan_to_num(one.noise_in_band)), 1e-3 * float(np.abs(one.got).max()))
+        # The earlier it comes after its start, in periods, the less of it is lost on its way, and
+        # the smaller are the near field and faster waves beside it.
+        largest = max(found, key=lambda packet: packet.size)
+        clear = float(np.abs(one.got).max()) / level
+        clear *= (one.period / max(largest.begins, one.period)) ** 2
+        if clear > most:
+            best, most = i, clear
+    return best
+
+
+def follow(
+    records: Sequence[TransmissionRecord],
+    order: Sequence[int],
+    reference: int,
+    arrival: float,
+    delay: float,
+    foreseen: Float,
+) -> Followed:
+    """Follow an arrival.
+
+    Args:
+        records: the series.
+        order: their indices, neighbours in state next to each other.
+        reference: index of the record that was picked.
+        arrival: there, after the start and less the delay, s.
+        delay: of the system, s.
+        foreseen: ln of the times that are foreseen, up to a constant, shape (n,); 0 for none.
+
+    Returns:
+        The arrivals.
+    """
+    n = len(records)
+    place = {index: k for k, index in enumerate(order)}
+    log_time = np.full(n, np.nan)
+    log_time[reference] = np.log(arrival)
+    signals = [_Signal(one, delay) for one in records]
+    start = place[reference]
+    away = sorted(range(n), key=lambda k: (abs(k - start), k))
+    for k in away[1:]:
+        index = order[k]
+        side = 1 if k > start else -1
+        near = [order[k - side * d] for d in range(1, _REACH + 1) if 0 <= k - side * d < n]
+        near = [i for i in near if np.isfinite(log_time[i])][:2]
+        lags = np.arange(-_MOST, _MOST + 1e-9, 0.004)
+        total = np.zeros(len(lags))
+        for i in near:
+            # Stretches are counted from the nearest neighbour's time.
+            shift = log_time[near[0]] - log_time[i]
+            C = signals[i].correlations(signals[index], np.exp(log_time[i]), lags + shift)
+            total += C / len(near)
+        expected = foreseen[index] - foreseen[near[0]]
+        score = total - _TRUST * (lags - expected) ** 2 / (2 * _PRIOR**2)
+        log_time[index] = log_time[near[0]] + lags[int(np.argmax(score))]
+    return _voted(signals, order, reference, np.exp(log_time))
+
+
+class _Signal:
+    """A record against the time after its start, less the delay."""
+
+    def __init__(self, one: TransmissionRecord, delay: float) -> None:
+        self.tau = one.t - one.start - delay
+        self.u = one.got / (float(np.abs(one.got).max()) or 1.0)
+        self.period = one.period
+
+    def at(self, tau: Float) -> Float:
+        return np.interp(tau, self.tau, self.u, left=0.0, right=0.0)
+
+    def correlations(self, other: _Signal, time: float, log_ratios: Float) -> Float:
+        """C(r) with another one, for an arrival at ``time`` here; shape of log_ratios."""
+        step = min(self.period, other.period) / 16
+        tau = np.arange(_FROM * time, max(_TO * time, _FROM * time + 2 * self.period), step)
+        own = self.at(tau)
+        there = other.at(np.exp(log_ratios)[:, None] * tau)
+        size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
+        # A stretch that reaches into silence correlates with noise alone.
+        least = 0.1 * np.sqrt(np.sum(own**2) * len(tau)) * float(np.sqrt(np.mean(other.u**2)))
+        return np.asarray(there @ own / np.maximum(size, max(least, 1e-30)))
+
+    def shifted(self, other: _Signal, time: float, times: Float, period: float) -> Float:
+        """Correlation of the packet at ``time`` here with those at some times there."""
+        s = np.arange(_PACKET[0] * period, _PACKET[1] * period, period / 24)
+        own, there = self.at(time + s), other.at(times[:, None] + s)
+        size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
+        least = 0.1 * np.sqrt(np.sum(own**2) * len(s) * float(np.mean(other.u**2)))
+        return np.asarray(there @ own / np.maximum(size, max(float(least), 1e-30)))
+
+
+def _voted(
+    signals: Sequence[_Signal], order: Sequence[int], reference: int, rough: Float
+) -> Followed:
+    """Times at which the packets of all pairs lie on each other best, and what is left over.
+
+    A packet keeps its length from state to state, so here it is shifted, not stretched.
+    """
+    n = len(signals)
+    rows, values, weights, pairs = [], [], [], []
+    rival, best = np.full(n, np.nan), np.zeros(n)
+    for a in range(n):
+        for b in range(a + 1, min(a + _REACH + 1, n)):
+            i, j = order[a], order[b]
+            period = max(signals[i].period, signals[j].period)
+            lags = np.linspace(-1.3, 1.3, 209) * period
+            C = signals[i].shifted(signals[j], rough[i], rough[j] + lags, period)
+            near = np.abs(lags) <= 0.4 * period
+            top = int(np.argmax(np.where(near, C, -2.0)))
+            if not C[top] >= LEAST_CORRELATION:
+                continue
+            row = np.zeros(n)
+            row[j], row[i] = 1.0, -1.0
+            rows.append(row)
+            values.append(rough[j] - rough[i] + _peak(lags, C, top))
+            weights.append(float(C[top]) ** 2 / (b - a))
+            pairs.append((i, j))
+            if b == a + 1:
+                best[i], best[j] = max(best[i], C[top]), max(best[j], C[top])
+                # Another cycle is a top of its own, not the flank of one further off.
+                tops = np.r_[False, (C[1:-1] >= C[:-2]) & (C[1:-1] > C[2:]), False]
+                second = int(np.argmax(np.where(tops & ~near, C, -2.0)))
+                if C[second] > _NEARLY * C[top]:
+                    centre = order.index(reference)
+                    which = j if abs(a - centre) < abs(b - centre) else i
+                    rival[which] = abs(lags[second])
+    hold = np.zeros(n)
+    hold[reference] = 1.0
+    # What no pair tells stays where it was followed to.
+    A = np.array([hold, *rows, *(1e-3 * np.eye(n))])
+    y = np.array([rough[reference], *values, *(1e-3 * rough)])
+    w = np.sqrt(np.array([1e3, *weights, *np.ones(n)]))
+    time = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
+    off: list[list[float]] = [[] for _ in range(n)]
+    for (i, j), value in zip(pairs, values, strict=True):
+        left = time[j] - time[i] - value
+        off[i].append(left)
+        off[j].append(left)
+    spread = np.array([np.sqrt(np.mean(np.square(one))) if one else np.nan for one in off])
+    return Followed(reference, time, spread, best, rival)
+
+
+def _peak(x: Float, y: Float, at: int) -> float:
+    """Top of a parabola through three values."""
+    if not 0 < at < len(x) - 1:
+        return float(x[at])
+    a, b, c = y[at - 1 : at + 2]
+    bend = a - 2 * b + c
+    return float(x[at] + (0.5 * (a - c) / bend * (x[1] - x[0]) if bend < 0 else 0.0))

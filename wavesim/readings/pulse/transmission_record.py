@@ -1,0 +1,280 @@
+"""One transmitter and one receiver: what was sent, what came through, and what is crosstalk of it.
+
+The commonest pulse test there is. Crosstalk is electrical: it comes with what is sent, whatever the
+distance, and is left out by its time. The base under the signal creeps away from the trigger on; it
+is what changes more slowly than any wave of the pulse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavesim.readings.pulse import faults
+from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.signals import CLIPPED, PulseError, checked, even_time_axis
+
+Float = NDArray[Any]
+
+# What is sent begins where it has this part of its peak.
+_SENT = 0.03
+# Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
+# within that part of a period after the start.
+_HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
+# Crosstalk is over where it has fallen to this part of its peak, and after 1.5 lengths of what was
+# sent at the latest.
+_OVER = 0.1
+_LENGTHS = 1.5
+# The band about the central frequency, over and in multiples of it.
+_LOW, _HIGH = 5.0, 8.0
+_FEWEST_BEFORE = 16
+
+
+@dataclass(frozen=True)
+class TransmissionRecord:
+    """A record of one receiver, made ready to be read.
+
+    Attributes:
+        name: of the record.
+        t: even times, shape (nt,), s.
+        sent: what was sent, without its base, shape (nt,); None where it was not recorded.
+        start, length: when it begins and how long it lasts, s.
+        got: what was received, without offset and creep, 0 up to ``blank``, shape (nt,).
+        got_before: the same before the start.
+        raw: the same as it was recorded, without its offset.
+        noise: standard deviation of ``raw`` before the start, unit of u; NaN where unknown.
+        blank: time up to which crosstalk hides the signal, s.
+        crosstalk: its peak over that of ``got``, –; 0 where there is none.
+        period: of the central frequency of what came through, s.
+        clipped: whether it has flat tops.
+        notes: what was put right.
+    """
+
+    name: str
+    t: Float
+    sent: Float | None
+    start: float
+    length: float
+    got: Float
+    got_before: Float
+    raw: Float
+    noise: float
+    blank: float
+    crosstalk: float
+    period: float
+    clipped: bool
+    notes: tuple[str, ...]
+
+    @property
+    def interval(self) -> float:
+        """Δt, s."""
+        return float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
+
+    @property
+    def noise_in_band(self) -> float:
+        """Standard deviation of ``got`` before the start, unit of u; NaN where it is unknown."""
+        early = self.got_before
+        return float(np.std(early)) if len(early) >= _FEWEST_BEFORE else float("nan")
+
+    @property
+    def unusable(self) -> str:
+        """Why amplitudes tell nothing, or ""."""
+        return CLIPPED if self.clipped else ""
+
+
+def transmission_record(
+    t: ArrayLike,
+    received: ArrayLike,
+    sent: ArrayLike | None = None,
+    name: str = "record",
+    start: float = 0.0,
+) -> TransmissionRecord:
+    """Make a record ready to be read.
+
+    Args:
+        t: times, shape (nt,), s; even, or rounded from even ones.
+        received: the receiver's signal, shape (nt,), any unit.
+        sent: the transmitter's, shape (nt,), any unit; None where it was not recorded.
+        name: of the record, for messages.
+        start: when it was sent, s, where ``sent`` is None.
+
+    Returns:
+        The record.
+
+    Raises:
+        PulseError: times or values can't be used, or nothing was sent or received.
+    """
+    time, notes = even_time_axis(t)
+    u = checked(f"{name}: receiver", received, time)
+    at = faults.overload(u)
+    if at is not None:
+        raise PulseError(
+            f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
+            "no signal: record it again with less gain"
+        )
+    length, v = 0.0, None
+    if sent is not None:
+        v = checked(f"{name}: transmitter", sent, time)
+        start, length, v = _sent(time, v, name)
+    before = int(np.searchsorted(time, start - 0.5 * (time[1] - time[0])))
+    early = u[1:before]
+    known = len(early) >= _FEWEST_BEFORE
+    raw = u - float(np.median(early if known else u))
+    if not np.abs(raw).max() > 0:
+        raise PulseError(f"{name}: the receiver's signal is constant: is its column the right one?")
+    step = faults.step_of_digitiser(u)
+    noise = max(_deviation(early), step / np.sqrt(12)) if known else np.nan
+    clipped = bool(faults.flat_tops(u))
+    if clipped:
+        notes.append("flat tops: the receiver's signal is clipped; lower the gain")
+    found = TransmissionRecord(
+        name,
+        time,
+        v,
+        start,
+        length,
+        raw,
+        raw[:0],
+        raw,
+        noise,
+        start,
+        0.0,
+        0.0,
+        clipped,
+        tuple(notes),
+    )
+    return _ready(found)
+
+
+def _deviation(part: Float) -> float:
+    """Standard deviation about a parabola, so that a creeping base counts for none."""
+    n = np.arange(len(part), dtype=float)
+    return float(np.std(part - np.polynomial.Polynomial.fit(n, part, 2)(n), ddof=3))
+
+
+def _sent(t: Float, v: Float, name: str) -> tuple[float, float, Float]:
+    """Start and length of what is sent, and it without its base."""
+    v = v - float(np.median(v[: max(4, len(v) // 50)]))
+    peak = float(np.abs(v).max())
+    if not peak > 0:
+        raise PulseError(f"{name}: the transmitter's signal is constant: is --input its column?")
+    above = np.flatnonzero(np.abs(v) >= _SENT * peak)
+    first, last = int(above[0]), int(above[-1])
+    if last > 0.8 * len(v):
+        # A step stays: what it sends, it sends as it rises.
+        rate = np.abs(np.diff(v))
+        last = int(np.flatnonzero(rate >= 0.1 * rate.max())[-1]) + 1
+    # The start lies before the first sample above the part, by how fast it rises there.
+    rise = abs(v[min(first + 1, len(v) - 1)] - v[first])
+    back = min(abs(v[first]) / rise, 1.0) if rise > 0 else 0.0
+    step = float(t[1] - t[0])
+    return float(t[first]) - back * step, max(float(t[last] - t[first]), step), v
+
+
+def _ready(found: TransmissionRecord) -> TransmissionRecord:
+    """Without crosstalk and creep."""
+    t, raw, dt = found.t, found.raw, found.interval
+    rough = _central_period(found, found.start + _LENGTHS * found.length)
+    band = _band(raw, dt, rough)
+    size = envelope(band)
+    quiet = band[: int(np.searchsorted(t, found.start - 0.25 * rough))]
+    noise = float(np.std(quiet)) if len(quiet) >= _FEWEST_BEFORE else 0.0
+    # It comes with what is sent, when no wave can have come yet.
+    inside = (t >= found.start) & (t <= found.start + _AT_ONCE * rough)
+    peak = float(size[inside].max()) if inside.any() else 0.0
+    blank, part = found.start, 0.0
+    if found.sent is not None and peak > max(_HEARD * noise, _LEAST * float(size.max())):
+        latest = found.start + max(_LENGTHS * found.length, rough)
+        ends = np.flatnonzero((t > found.start + found.length) & (size < _OVER * peak))
+        blank = min(float(t[ends[0]]) if len(ends) else latest, latest)
+        part = peak
+    return blanked(replace(found, crosstalk=part, period=rough), blank)
+
+
+def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
+    """The record with all up to a time left out, and its base taken out of the rest.
+
+    Args:
+        found: the record.
+        blank: s.
+    """
+    t, dt = found.t, found.interval
+    first = int(np.searchsorted(t, blank))
+    if first > len(t) - 64:
+        raise PulseError(
+            f"{found.name}: only {len(t) - first} samples follow what was sent: record longer"
+        )
+    u = found.raw.copy()
+    early = int(np.searchsorted(t, found.start))
+    level = float(np.median(u[first : first + max(3, int(0.2 * found.period / dt))]))
+    if first > early:
+        u[early:first] = np.linspace(0.0, level, first - early)
+    period = _central_period(replace(found, raw=u), blank)
+    got = _band(u, dt, period)
+    quiet = got[: max(0, early - int(0.25 * period / dt))].copy()
+    got[:first] = 0.0
+    part = found.crosstalk / float(np.abs(got).max() or 1.0) if found.crosstalk else 0.0
+    return replace(found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period)
+
+
+def _band(u: Float, dt: float, period: float) -> Float:
+    """A fifth to four times the central frequency, by a filter that shifts no phase."""
+    from scipy.signal import butter, sosfiltfilt  # slow to import, and only a reading needs it
+
+    top = min(_HIGH / period, 0.45 / dt)
+    low = 1 / (_LOW * period)
+    edge = butter(2, [low, top], "bandpass", fs=1 / dt, output="sos")
+    # The base is continued as it stands at both ends.
+    pad = min(len(u) - 1, int(3 / (low * dt)))
+    return np.asarray(sosfiltfilt(edge, u, padtype="odd", padlen=pad))
+
+
+def _central_period(found: TransmissionRecord, after: float) -> float:
+    """1/f of the mean of the power over frequency after a time, where that stands above noise.
+
+    Power is weighted by f, so that a creeping base does not count, and noise is the level of the
+    highest frequencies.
+    """
+    t, dt = found.t, found.interval
+    u = found.raw[t >= after]
+    u = u - np.linspace(u[0], u[-1], len(u))
+    f = np.fft.rfftfreq(len(u), dt)
+    power = np.abs(np.fft.rfft(u * np.hanning(len(u)))) ** 2
+    smooth = np.convolve(power, np.ones(5) / 5, "same")
+    level = float(np.median(power[len(power) // 2 :])) / np.log(2)
+    own = (f > 4 / (len(u) * dt)) & (smooth > 10 * level) & (f < 0.4 / dt)
+    weight = np.where(own, power * f, 0.0)
+    if found.sent is not None:
+        sent = np.abs(np.fft.rfft(np.gradient(found.sent), len(found.sent))) ** 2
+        fs = np.fft.rfftfreq(len(found.sent), dt)
+        # Nothing comes through at frequencies far above those sent.
+        weight *= f < 3 * float(np.sum(fs * sent) / np.sum(sent))
+    if not weight.sum() > 0:
+        return max(found.length, 20 * dt)
+    centre = float(np.sum(f * weight) / weight.sum())
+    return float(np.clip(1 / centre, 4 * dt, 0.2 * len(t) * dt))
+
+
+def static_until(records: Sequence[TransmissionRecord]) -> float:
+    """Time after the start up to which all records hold the same: crosstalk, for waves move, s.
+
+    Args:
+        records: of one set-up and several states, three or more.
+    """
+    least = min(len(r.t[r.t >= r.start]) for r in records)
+    dt = max(r.interval for r in records)
+    after = np.arange(least - 1) * dt
+    rows = np.array([np.interp(r.start + after, r.t, r.raw) for r in records])
+    rows -= np.median(rows, axis=1, keepdims=True)
+    width = max(3, int(0.5 * float(np.median([r.period for r in records])) / dt))
+    over = np.ones(width) / width
+    together = np.convolve(np.mean(rows, axis=0) ** 2, over, "same")
+    each = np.convolve(np.mean(rows**2, axis=0), over, "same")
+    noise = float(np.nan_to_num(np.median([r.noise for r in records]))) ** 2
+    same = (together > 0.8 * each) & (each > _HEARD**2 * noise)
+    moving = np.flatnonzero(~same)
+    return float(after[moving[0]]) if len(moving) else 0.0

@@ -1,0 +1,241 @@
+"""Travel time from transmitter to one receiver, by each convention: heard less sent.
+
+    first break     where each leaves its noise
+    threshold       where each first reaches half of its peak
+    envelope        tops of the envelopes
+    correlation     lag at which what was heard is most like what was sent, of either sign
+
+The system's own delay, of cables and transducers, comes off each: it is what the same convention
+reads with the transducers face to face. The conventions are apart by what a pulse's form leaves
+open, and the error of the one that is taken holds that, beside the noise.
+Lee & Santamarina, J. Geotech. Geoenviron. Eng. 131, 1063 (2005).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
+from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.signals import PulseError
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.wave_packets import break_between, direct, packets
+
+Float = NDArray[Any]
+
+# The first break and the packet are looked for about the arrival that is known, in periods.
+_ABOUT = (0.8, 0.5)
+_PACKET = (0.5, 2.0)
+# A convention that lies further off than this, in periods, does not tell of the direct wave.
+_ELSEWHERE = 0.6
+_FURTHEST = 0.7
+# Another lag with this part of the largest correlation is a second cycle.
+_SECOND = 0.9
+NOT_SENT = "what was sent was not recorded: name its column with --input"
+STEP = "what was sent is a step, not a pulse: it has no such time"
+ELSEWHERE = (
+    "it lies over 0.6 of a period from the first break: transducers that ring, or a later packet"
+)
+
+
+@dataclass(frozen=True)
+class TravelTime:
+    """A travel time by one convention.
+
+    Attributes:
+        time, error: less the delay, and the standard error by noise, s; NaN where there is none.
+        reason: why there is none, or "".
+    """
+
+    time: float
+    error: float
+    reason: str = ""
+
+
+def travel_times(
+    record: TransmissionRecord, begins: float, delays: Mapping[str, float]
+) -> dict[str, TravelTime]:
+    """Travel times of the direct wave.
+
+    Args:
+        record: the record.
+        begins: roughly when it breaks, after the start, s.
+        delays: of the system, by convention, s; 0 where left out.
+
+    Returns:
+        {convention: travel time}.
+    """
+    found: dict[str, TravelTime] = {}
+    for name in CONVENTIONS:
+        if name == "first break":
+            one = _first_break(record, begins)
+        elif record.sent is None:
+            one = TravelTime(np.nan, np.nan, NOT_SENT)
+        elif _is_step(record):
+            one = TravelTime(np.nan, np.nan, STEP)
+        elif record.unusable and name != "correlation":
+            one = TravelTime(np.nan, np.nan, record.unusable)
+        else:
+            one = {"threshold": _threshold, "envelope": _envelope, "correlation": _correlation}[
+                name
+            ](record, record.sent, begins)
+        if abs(one.time - begins) > _ELSEWHERE * record.period:
+            one = TravelTime(np.nan, np.nan, ELSEWHERE)
+        found[name] = TravelTime(one.time - delays.get(name, 0.0), one.error, one.reason)
+    return found
+
+
+def face_to_face(record: TransmissionRecord) -> dict[str, float]:
+    """Delays of a system, by convention, from a record with the transducers in touch, s.
+
+    What was received begins with what was sent, so that nothing can be taken for crosstalk.
+
+    Raises:
+        PulseError: no arrival stands out.
+    """
+    before = max(record.start - record.period, float(record.t[0]))
+    plain = blanked(replace(record, crosstalk=0.0), before)
+    heard = packets(plain)
+    at = direct(heard)
+    if at is None:
+        raise PulseError(f"{record.name}: no arrival stands out of the noise: average more")
+    found = travel_times(plain, heard[at].begins, {})
+    first = found["first break"].time
+    # A convention that tells nothing here is put right by what the first break tells.
+    return {name: one.time if np.isfinite(one.time) else first for name, one in found.items()}
+
+
+def open_between(found: Mapping[str, TravelTime], time: float, period: float) -> float:
+    """What the conventions leave open about a time, as one standard error, s.
+
+    Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
+    1.2 times that; an eighth of a period where only one tells.
+    """
+    known = [one.time for one in found.values() if np.isfinite(one.time)]
+    if len(known) < 2:
+        return period / 8
+    return _FURTHEST * float(np.abs(np.array(known) - time).max())
+
+
+def second_cycle(record: TransmissionRecord, begins: float) -> float:
+    """How far from the best lag another lies that correlates as well, s; NaN where none does."""
+    if record.sent is None or _is_step(record):
+        return float("nan")
+    lags, c = _correlations(record, record.sent, begins)
+    size = np.abs(c)
+    best = int(np.argmax(size))
+    tops = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
+    other = [i for i in tops if i != best and c[i] * c[best] > 0 and size[i] > _SECOND * size[best]]
+    if not other:
+        return float("nan")
+    return float(min(abs(lags[i] - lags[best]) for i in other))
+
+
+def _is_step(record: TransmissionRecord) -> bool:
+    sent = record.sent
+    return sent is not None and abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())
+
+
+def _window(record: TransmissionRecord, begins: float, before: float, after: float) -> slice:
+    """Samples about a time after the start, from the blanked part on."""
+    first = int(np.searchsorted(record.t, record.blank))
+    at = (begins + record.start - record.t[0]) / record.interval
+    reach = record.period / record.interval
+    low = max(first, int(at - before * reach))
+    return slice(low, max(low + 1, min(len(record.t), int(at + after * reach) + 1)))
+
+
+def _first_break(record: TransmissionRecord, begins: float) -> TravelTime:
+    own = _window(record, begins, *_ABOUT)
+    found = break_between(record, own.start, own.stop)
+    if found is None:
+        return TravelTime(np.nan, np.nan, "no break stands out near the direct wave")
+    return TravelTime(*found)
+
+
+def _threshold(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
+    own = _window(record, begins, *_PACKET)
+    part = record.got[own]
+    place, slope = _reaches_half(part)
+    there, _ = _reaches_half(sent)
+    if not np.isfinite(place):
+        return TravelTime(np.nan, np.nan, "the packet has reached half of its peak before")
+    time = (own.start + place - there) * record.interval
+    # Against the first sent sample above half, as the start counts from the pulse's first rise.
+    error = float(np.nan_to_num(record.noise_in_band)) / slope * record.interval if slope else 0.0
+    return TravelTime(time, error)
+
+
+def _reaches_half(u: Float) -> tuple[float, float]:
+    """Where |u| first reaches half of its peak, in samples, and its slope a sample there."""
+    size = np.abs(u)
+    level = 0.5 * float(size.max())
+    at = int(np.argmax(size >= level))
+    if at == 0:
+        return float("nan"), 0.0
+    rise = float(size[at] - size[at - 1])
+    return at - 1 + (level - float(size[at - 1])) / rise, rise
+
+
+def _envelope(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
+    own = _window(record, begins, *_PACKET)
+    size = envelope(record.got)[own]
+    first = _first_top(size)
+    if first is None:
+        return TravelTime(np.nan, np.nan, "the packet's envelope has no top")
+    place = own.start + top_of(size, first)
+    there = envelope_peak(sent, 0.0)[0]
+    peak = float(size[first])
+    bend = max(2 * peak - float(size[first - 1] + size[first + 1]), 1e-12 * peak)
+    error = float(np.nan_to_num(record.noise_in_band)) / np.sqrt(bend * peak) * record.interval
+    return TravelTime((place - there) * record.interval, min(error, record.period / 4))
+
+
+def _first_top(size: Float) -> int | None:
+    """The first top that is not much lower than the largest."""
+    inner = size[1:-1]
+    tops = np.flatnonzero((inner >= size[:-2]) & (inner > size[2:])) + 1
+    high = [int(i) for i in tops if size[i] >= 0.6 * size.max()]
+    return high[0] if high else None
+
+
+def top_of(size: Float, at: int) -> float:
+    """Top of a parabola through three values, in samples."""
+    a, b, c = size[at - 1 : at + 2]
+    bend = a - 2 * b + c
+    return at + (0.5 * float((a - c) / bend) if bend < 0 else 0.0)
+
+
+def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
+    lags, c = _correlations(record, sent, begins)
+    # A later packet may be larger: the first top of the correlation's envelope counts.
+    first = _first_top(envelope(c))
+    reach = 0.3 * record.period / record.interval
+    near = np.abs(np.arange(len(c)) - (np.argmax(np.abs(c)) if first is None else first)) <= reach
+    at = int(np.argmax(np.where(near, np.abs(c), -1.0)))
+    if not 0 < at < len(c) - 1:
+        return TravelTime(np.nan, np.nan, "nothing in common with what was sent near the break")
+    place = top(np.abs(c), at)
+    bend = abs(float(c[at - 1] - 2 * c[at] + c[at + 1]))
+    energy = float(np.sum(np.diff(sent) ** 2))
+    error = float(np.nan_to_num(record.noise_in_band)) * np.sqrt(energy) / max(bend, 1e-300)
+    time = lags[0] + place * record.interval
+    return TravelTime(float(time), min(float(error), 0.5) * record.interval)
+
+
+def _correlations(record: TransmissionRecord, sent: Float, begins: float) -> tuple[Float, Float]:
+    """Lags about the direct wave, s, and the correlation of its packet with what was sent."""
+    from scipy.signal import correlate  # slow to import, and only a reading needs it
+
+    own = _window(record, begins, *_PACKET)
+    packet = np.zeros(len(record.t))
+    packet[own] = record.got[own] * np.hanning(own.stop - own.start + 2)[1:-1] ** 0.25
+    c = correlate(packet, sent, mode="full", method="fft")
+    lags = (np.arange(len(c)) - (len(sent) - 1)) * record.interval
+    near = np.abs(lags - begins) <= 1.25 * record.period
+    return lags[near], c[near]

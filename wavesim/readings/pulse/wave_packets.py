@@ -1,0 +1,132 @@
+"""The packets that one receiver hears one after the other, and which of them went straight.
+
+A packet is a top of the envelope. The direct wave is the first that is not small beside the
+largest: what comes before it is a faster wave or the transmitter's near field, both small; what
+comes after it was guided by the specimen's sides, or reflected. After three times its time the
+direct wave is back, having gone to the transmitter and returned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.first_break import division, envelope
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
+
+Float = NDArray[Any]
+
+# A packet counts from this part of the largest on.
+_COUNTS = 0.08
+# It is the direct one from the lower part on; from the higher where it and the largest may be a P
+# and an S wave by their times.
+_NOT_SMALL, DIRECT = 0.3, 0.45
+_PAIR = (1.45, 2.4)
+# Packets stand at least this far apart, and a break is sought this far before a top, and
+# no more than so much before the lull since the packet before, in periods.
+_APART = 0.6
+_BEFORE = 2.5
+# An echo comes within this part of three times the direct wave's time.
+_ECHO = 0.08
+_LULL = 0.5
+_ABOVE_NOISE = 5.0
+
+
+@dataclass(frozen=True)
+class Packet:
+    """One packet.
+
+    Attributes:
+        top: time of the envelope's top after the start, s.
+        begins, error: first break after the start, and its standard error, s.
+        size: of the top, over that of the largest, –.
+        name: "direct", "faster or near field", "guided or reflected", "reflected".
+    """
+
+    top: float
+    begins: float
+    error: float
+    size: float
+    name: str = ""
+
+
+def packets(record: TransmissionRecord) -> list[Packet]:
+    """All packets of a record that stand above its noise, in order of time; none is named."""
+    from scipy.signal import find_peaks  # slow to import, and only a reading needs it
+
+    dt, period = record.interval, record.period
+    size = envelope(record.got)
+    largest = float(size.max())
+    noise = float(np.nan_to_num(record.noise_in_band))
+    least = max(_COUNTS * largest, _ABOVE_NOISE * noise)
+    apart = max(1, int(_APART * period / dt))
+    tops, _ = find_peaks(size, height=least, distance=apart, prominence=0.25 * least)
+    found = []
+    first = int(np.searchsorted(record.t, record.blank))
+    for at, before in zip(tops.tolist(), [first, *tops.tolist()], strict=False):
+        # It breaks after the envelope's least since the packet before, or little earlier.
+        least_at = before + int(np.argmin(size[before : at + 1]))
+        low = max(first, at - int(_BEFORE * period / dt), least_at - int(_LULL * period / dt))
+        begins = break_between(record, low, at + 1)
+        if begins is not None:
+            place = float(record.t[0] + at * dt - record.start)
+            found.append(Packet(place, *begins, float(size[at]) / largest))
+    return found
+
+
+def break_between(record: TransmissionRecord, low: int, high: int) -> tuple[float, float] | None:
+    """First break among some samples: time after the start and its standard error, s, or None."""
+    piece = record.got[low:high]
+    if len(piece) < 16 or not np.abs(piece).max() > 0:
+        return None
+    found = division(piece, float(np.abs(piece).max()))
+    if found is None:
+        return None
+    dt = record.interval
+    return float(record.t[0] + (low + found.place) * dt - record.start), found.error * dt
+
+
+def named(found: list[Packet], direct: float, period: float, delay: float) -> list[Packet]:
+    """Packets with their names.
+
+    Args:
+        found: of :func:`packets`.
+        direct: first break of the direct wave after the start, s.
+        period: of the central frequency, s.
+        delay: of the system, s.
+    """
+    from dataclasses import replace
+
+    result = []
+    for one in found:
+        echo = 3 * (direct - delay) + delay
+        if abs(one.begins - direct) < _APART * period or one.begins <= direct <= one.top:
+            name = "direct"
+        elif one.begins < direct:
+            name = "faster wave or near field"
+        elif abs(one.begins - echo) < max(_ECHO * echo, _APART * period):
+            name = "reflected"
+        else:
+            name = "guided or reflected"
+        result.append(replace(one, name=name))
+    return result
+
+
+def direct(found: list[Packet]) -> int | None:
+    """Which packet went straight: the first that is not small beside the largest.
+
+    A packet that the largest follows at 1.45 to 2.4 times its time, as an S wave does a P wave,
+    must be nearly half as large; else three tenths will do.
+    """
+    if not found:
+        return None
+    largest = max(found, key=lambda one: one.size)
+    for i, one in enumerate(found):
+        ratio = largest.top / one.top if one.top > 0 else 0.0
+        least = DIRECT if _PAIR[0] <= ratio <= _PAIR[1] else _NOT_SMALL
+        if one.size >= least:
+            return i
+    return None

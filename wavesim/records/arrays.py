@@ -1,0 +1,445 @@
+"""Which of a file's arrays are the values, the times and the positions, and in which units.
+
+Taken by the names given or, where none are, found by name and by shape: the values are the largest
+array of two or three axes, or the signals of one length side by side; times and positions are as
+long as its axes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import Content, RecordError
+from wavesim.records.units import NAMES, factor, unit_in
+
+Float = NDArray[Any]
+
+_TIMES = ("t", "time", "times", "tt", "taxis", "timeaxis", "tvec", "timevector", "timestamp",
+          "timestamps")  # fmt: skip
+_POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offsets", "distance",
+              "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
+              "coordinates")  # fmt: skip
+_INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "tstep", "timestep",
+              "ts", "xincrement")  # fmt: skip
+_RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
+_SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
+_TRUTH = "truth_"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where in a file the record is, and what the file does not say.
+
+    Args:
+        values, time: names of arrays.
+        positions: name of an array, or the positions themselves.
+        interval: Δt, s; stands before the file's times, whose first is kept.
+        spacing: between receivers, m; stands before the file's positions, whose first is kept.
+        first: position of the first receiver, m, with a spacing where the file has no positions.
+        time_unit, position_unit: of the file's times and positions, and of no number given here;
+            what the file says itself where None.
+        input: heading or number (from 1, times are 1) of the column that holds the source's signal.
+        quiet_from: time from which on no source acts, s; the file's own, or its start, where None.
+        sources: positions of sources, m.
+        ring: whether receivers go evenly round a periodic bar.
+        lattice: whether receivers are all the sites of a lattice.
+        placed: whether receivers must have positions; where not, unknown ones are NaN.
+    """
+
+    values: str | None = None
+    time: str | None = None
+    positions: str | Sequence[float] | None = None
+    interval: float | None = None
+    spacing: float | None = None
+    first: float = 0.0
+    time_unit: str | None = None
+    position_unit: str | None = None
+    input: str | int | None = None
+    quiet_from: float | None = None
+    sources: Sequence[float] = ()
+    ring: bool = False
+    lattice: bool = False
+    placed: bool = True
+
+    def __post_init__(self) -> None:
+        for kind in ("time", "position"):
+            unit = getattr(self, f"{kind}_unit")
+            if unit is not None and factor(unit, kind) is None:
+                raise RecordError(f"--{kind}-unit {unit}: must be one of {', '.join(NAMES[kind])}")
+        for name in ("interval", "spacing"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise RecordError(f"{name} = {value:g}: must be greater than 0")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A record's arrays, in SI.
+
+    Attributes:
+        values: shape (…, nt, nx), as stored: integers stay integers.
+        t: times, shape (nt,), or (nt, nx) where each channel has its own, s.
+        x: positions, shape (nx,), m; NaN where unknown.
+        labels: of the receivers.
+        input: the source's signal, shape (nt,); None without.
+        stored: the dtypes that times and positions had, and the factors to s and m.
+        notes: what was assumed.
+        rest: scalars and other arrays of the file.
+        truth: arrays named truth_….
+    """
+
+    values: Float
+    t: Float
+    x: Float
+    labels: tuple[str, ...]
+    input: Float | None
+    resolution: tuple[float, float]
+    notes: tuple[str, ...]
+    rest: dict[str, Float]
+    truth: dict[str, Float]
+
+
+def find(content: Content, layout: Layout) -> Found:
+    """The record in a file's content.
+
+    Raises:
+        RecordError: the file does not say enough; the message names the option that does.
+    """
+    arrays = {n: np.asarray(a) for n, a in content.arrays.items()}
+    truth = {n[len(_TRUTH) :]: a for n, a in arrays.items() if n.startswith(_TRUTH)}
+    arrays = {n: a for n, a in arrays.items() if not n.startswith(_TRUTH)}
+    notes = list(content.notes)
+    content = replace(content, arrays=arrays)
+    signal = _input(content, layout)
+    values, labels, name = _values(content, layout)
+    axes = _axes(content, layout, values, name)
+    if axes is None:
+        swapped = np.swapaxes(values, -1, -2)
+        axes = _axes(content, layout, swapped, name)
+        if axes is not None:
+            values = swapped
+            notes.append(
+                f"{name} {np.shape(arrays.get(name, values))}: receivers first, times last"
+            )
+    if axes is None:
+        raise _unsaid(content, layout, values, labels)
+    (t, t_note, t_resolution), (x, x_note, x_resolution) = axes
+    if t.ndim == 1 and len(t) == len(x) and np.ndim(arrays.get(name, values)) == 2:
+        notes.append(f"{name} is square: taken as times down, receivers across")
+    assumed = [n for n in (t_note, x_note) if n]
+    if assumed:
+        notes.append("; ".join(assumed))
+    if not labels or len(labels) != values.shape[-1]:
+        labels = tuple(f"receiver {j}" for j in range(1, values.shape[-1] + 1))
+    rest = {n: a for n, a in arrays.items() if a is not arrays.get(name)}
+    return Found(values, t, x, labels, signal, (t_resolution, x_resolution), tuple(notes), rest,
+                 truth)  # fmt: skip
+
+
+def _bare(name: str) -> str:
+    """The last part of a name, without a unit, in small letters: scan/Time_us → time."""
+    last = re.split(r"[/.]", name)[-1]
+    unit = unit_in(last, "time") or unit_in(last, "position")
+    if unit and last.lower().endswith("_" + unit.lower()):
+        last = last[: -len(unit) - 1]
+    return re.sub(r"[^a-z]", "", last.lower())
+
+
+def _listed(arrays: dict[str, Float]) -> str:
+    shown = [f"{name} {np.shape(a)}" for name, a in arrays.items() if np.ndim(a)]
+    return ", ".join(shown[:8] + ["…"] * (len(shown) > 8)) or "none"
+
+
+def _named(arrays: dict[str, Float], name: str) -> Float:
+    if name not in arrays:
+        raise RecordError(f"has no array {name!r}; arrays are {_listed(arrays)}")
+    return arrays[name]
+
+
+def _input(content: Content, layout: Layout) -> Float | None:
+    """The source's signal, taken out of the receivers."""
+    wanted = layout.input
+    if wanted is None:
+        return None
+    text = str(wanted).strip()
+    values = content.arrays.get("values")
+    if values is not None and values.ndim == 2 and content.labels:
+        labels = [*content.labels, *content.unplaced]
+        columns = [*content.columns, *content.unplaced_columns.values()]
+        if len(columns) < len(labels):
+            columns = list(range(2, len(labels) + 2))
+        at = [j for j, label in enumerate(labels) if label == text]
+        if not at and text.isdigit():
+            at = [j for j, number in enumerate(columns) if number == int(text)]
+        if not at:
+            near = ", ".join(f"{c} {label!r}" for c, label in zip(columns, labels, strict=True))
+            raise RecordError(f"--input {text}: no such column; there are {near}")
+        (j, *_) = at
+        if j >= len(content.labels):
+            return np.asarray(list(content.unplaced.values())[j - len(content.labels)], float)
+        keep = [i for i in range(len(content.labels)) if i != j]
+        content.arrays["values"] = values[:, keep]
+        content.labels = tuple(content.labels[i] for i in keep)
+        content.columns = tuple(content.columns[i] for i in keep if i < len(content.columns))
+        if "x" in content.arrays and len(content.arrays["x"]) == len(keep) + 1:
+            content.arrays["x"] = content.arrays["x"][keep]
+        return np.asarray(values[:, j], float)
+    if text in content.arrays:
+        return np.asarray(content.arrays.pop(text), float).ravel()
+    if text.isdigit():
+        found, _, name = _values(content, layout)
+        j = int(text) - 2
+        if found.ndim == 2 and 0 <= j < found.shape[1]:
+            if name in content.arrays:
+                content.arrays[name] = np.delete(found, j, axis=1)
+            return np.asarray(found[:, j], float)
+    raise RecordError(f"--input {text}: no such column; arrays are {_listed(content.arrays)}")
+
+
+def _values(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], str]:
+    """Values, labels of their columns, and the name of their array."""
+    arrays = content.arrays
+    if layout.values is not None:
+        values = _named(arrays, layout.values)
+        if values.ndim == 1:
+            values = values[:, None]
+        name = layout.values
+    else:
+        axes = (layout.time, layout.positions)
+        spatial = [n for n, a in arrays.items() if _bare(n) in _POSITIONS and a.shape[-1:] <= (3,)]
+        tables = {
+            n: a for n, a in arrays.items()
+            if a.ndim in (2, 3) and a.dtype.kind in "fiubc" and n not in axes and n not in spatial
+            and not (_bare(n) in _TIMES and any(b.shape == a.shape and m != n
+                                                for m, b in arrays.items()))
+        }  # fmt: skip
+        if not tables:
+            return _side_by_side(content, layout)
+        name = max(tables, key=lambda n: tables[n].size)
+        values = tables[name]
+        equal = [n for n, a in tables.items() if a.shape == values.shape]
+        if len(equal) > 1:
+            raise RecordError(
+                f"holds {len(equal)} arrays of shape {values.shape}; name one with --values: "
+                f"{_listed(arrays)}"
+            )
+    if values.ndim not in (2, 3):
+        raise RecordError(f"values of shape {values.shape}: must have two or three axes")
+    return values, content.labels, name
+
+
+def _side_by_side(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], str]:
+    """Signals of one length, an array each, side by side."""
+    arrays = content.arrays
+    own = {
+        n: a for n, a in arrays.items()
+        if a.ndim == 1 and a.dtype.kind in "fiubc" and len(a) > 1 and n != layout.time
+        and n != layout.positions and _bare(n) not in _TIMES + _POSITIONS
+    }  # fmt: skip
+    times = [n for n, a in arrays.items() if a.ndim == 1 and (_bare(n) in _TIMES
+                                                              or n == layout.time)]  # fmt: skip
+    length = len(arrays[times[0]]) if times else max((len(a) for a in own.values()), default=0)
+    own = {n: a for n, a in own.items() if len(a) == length}
+    if not own or not (times or layout.interval):
+        raise RecordError(
+            f"holds no array of two axes, times and receivers; arrays are {_listed(arrays)}"
+        )
+    from wavesim.records.units import position_in
+
+    said = [position_in(n) for n in own]
+    if all(said):
+        places = [s[0] * (factor(s[1], "position") or 1.0) for s in said if s]
+        content.arrays["x"] = np.array(places)
+    return np.stack(list(own.values()), axis=1), tuple(own), "values"
+
+
+Axis = tuple[Float, str, float]
+
+
+def _axes(content: Content, layout: Layout, values: Float, name: str) -> tuple[Axis, Axis] | None:
+    frames, count = values.shape[-2:]
+    t = _times(content, layout, frames, values.shape[-2:])
+    x = _places(content, layout, count)
+    return None if t is None or x is None else (t, x)
+
+
+def _times(
+    content: Content, layout: Layout, frames: int, shape: tuple[int, ...]
+) -> tuple[Float, str, float] | None:
+    arrays = content.arrays
+    name = layout.time
+    if name is None:
+        name = next(
+            (n for n, a in arrays.items()
+             if _bare(n) in _TIMES and a.shape in ((frames,), shape)),
+            None,
+        )  # fmt: skip
+    stored = None if name is None else _named(arrays, name)
+    if stored is not None and stored.shape != shape:
+        stored = stored.ravel()
+        if len(stored) != frames:
+            return None
+    note, resolution = "", 0.0
+    t: Float | None = None
+    if stored is not None:
+        t, note, resolution = _seconds(stored, name or "", content, layout)
+    if layout.interval is not None:
+        first = 0.0 if t is None else float(np.asarray(t).ravel()[0])
+        # The times given count from the file's first, whatever the others say.
+        return first + layout.interval * np.arange(frames), "", 0.0
+    if t is not None:
+        return t, note, resolution
+    for usual, inverse in ((_INTERVALS, False), (_RATES, True)):
+        for key, number in arrays.items():
+            if number.size == 1 and number.dtype.kind in "fiu" and _bare(key) in usual:
+                step = float(number.ravel()[0])
+                unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
+                step = 1 / step if inverse and step else step * (factor(unit, "time") or 1.0)
+                if step > 0 and np.isfinite(step):
+                    return step * np.arange(frames), f"times by {key} of the file", 0.0
+    return None
+
+
+def _seconds(
+    stored: Float, name: str, content: Content, layout: Layout
+) -> tuple[Float, str, float]:
+    """Times in s, what was assumed, and the rounding that their storage has, s."""
+    if stored.dtype.kind in "mM":
+        if np.isnat(stored).any():
+            raise RecordError(f"{name}: holds times that are not there (NaT); give every time")
+        since = stored - stored.ravel()[0]
+        unit = np.datetime_data(stored.dtype)[0]
+        tick = float(np.ones(1, f"m8[{unit}]")[0] / np.timedelta64(1, "s"))
+        return since / np.timedelta64(1, "s"), f"{name}: seconds from the first sample", tick
+    if stored.dtype.kind not in "fiu":
+        raise RecordError(f"{name}: holds no real numbers; give times in s")
+    said = layout.time_unit or content.units.get(name) or unit_in(name, "time")
+    scale = factor(said, "time")
+    note = ""
+    if said is not None and scale is None and re.match(r"\w+ since ", said):
+        scale = factor(said.split()[0], "time")
+    if scale is None:
+        scale = 1.0
+        note = (
+            "no unit of time is said: taken as s"
+            if not said
+            else (f"unit of time {said!r} is not known: taken as s, --time-unit says otherwise")
+        )
+    elif scale != 1.0:
+        note = f"times in {said}"
+    return _scaled(stored, scale), note, _rounding(stored) * scale
+
+
+def _places(content: Content, layout: Layout, count: int) -> tuple[Float, str, float] | None:
+    arrays = content.arrays
+    note, resolution, x = "", 0.0, None
+    if layout.positions is not None and not isinstance(layout.positions, str):
+        given = np.asarray(layout.positions, float)
+        if len(given) != count:
+            raise RecordError(
+                f"--positions: {len(given)} given for {count} receivers; give one for each"
+            )
+        return given, "", 0.0
+    name = layout.positions
+    if name is None:
+        name = next(
+            (n for n, a in arrays.items()
+             if _bare(n) in _POSITIONS and a.dtype.kind in "fiu"
+             and a.shape in ((count,), (count, 1), (1, count), (count, 2), (count, 3))),
+            None,
+        )  # fmt: skip
+    if name is not None:
+        stored = _named(arrays, name)
+        if stored.ndim == 2 and stored.shape[0] == count and stored.shape[1] in (2, 3):
+            stored, note = _along(stored.astype(float), name)
+        stored = stored.ravel()
+        if len(stored) != count:
+            return None
+        said = layout.position_unit or content.units.get(name) or unit_in(name, "position")
+        scale = factor(said, "position")
+        if scale is None:
+            scale = 1.0
+            note = (
+                "no unit of length is said: positions taken as m"
+                if not said
+                else (
+                    f"unit of length {said!r} is not known: positions taken as m, --position-unit "
+                    "says otherwise"
+                )
+            )
+        elif scale != 1.0:
+            note = f"positions in {said}"
+        x, resolution = _scaled(stored, scale), _rounding(stored) * scale
+    if layout.spacing is not None:
+        first = layout.first if x is None else float(x[0])
+        return first + layout.spacing * np.arange(count), "", 0.0
+    if x is not None:
+        return x, note, resolution
+    for key, number in arrays.items():
+        if number.size == 1 and number.dtype.kind in "fiu" and _bare(key) in _SPACINGS:
+            unit = layout.position_unit or content.units.get(key) or unit_in(key, "position")
+            step = float(number.ravel()[0]) * (factor(unit, "position") or 1.0)
+            if step > 0 and np.isfinite(step):
+                return step * np.arange(count), f"positions by {key} of the file", 0.0
+    if not layout.placed:
+        return np.full(count, np.nan), "", 0.0
+    return None
+
+
+def _along(spots: Float, name: str) -> tuple[Float, str]:
+    """Two or three coordinates as one along the line."""
+    moves = np.ptp(spots, axis=0)
+    if (moves > 1e-9 * max(moves.max(), 1e-300)).sum() <= 1:
+        return spots[:, int(np.argmax(moves))], ""
+    return np.linalg.norm(spots - spots[0], axis=1), f"{name}: distances from the first receiver"
+
+
+def _scaled(stored: Float, scale: float) -> Float:
+    """In SI; decimals stay decimals: 20 mm is 0.02 m to the last digit."""
+    if scale == 1.0:
+        return np.asarray(stored, float)
+    inverse = round(1 / scale)
+    if scale < 1 and abs(inverse * scale - 1) < 1e-12:
+        return np.asarray(stored, float) / inverse
+    return np.asarray(stored, float) * scale
+
+
+def _rounding(stored: Float) -> float:
+    """How far apart the numbers are that the storage can hold, at the largest there."""
+    if stored.dtype.kind in "iu":
+        return 1.0
+    finite = stored[np.isfinite(stored)]
+    return float(np.spacing(np.abs(finite).max())) if len(finite) else 0.0
+
+
+def _unsaid(
+    content: Content, layout: Layout, values: Float, labels: tuple[str, ...]
+) -> RecordError:
+    """What is missing, and the options that give it."""
+    frames, count = values.shape[-2:]
+    # Which way round it would fit better decides what is called missing.
+    if _times(content, layout, frames, (frames, count)) is None and (
+        _times(content, layout, count, (count, frames)) is None
+    ):
+        return RecordError(
+            f"no times of {frames} entries for a record of shape {values.shape}; arrays are "
+            f"{_listed(content.arrays)}: name them with --time, or give --interval"
+        )
+    if labels:
+        shown = ", ".join(map(repr, labels[:3])) + (", …" if len(labels) > 3 else "")
+        headed = not labels[0].startswith("column ")
+        told = f"headings {shown} say none" if headed else "the table has no heading"
+        return RecordError(
+            f"no positions of {count} receivers: {told}; give --spacing, or --positions "
+            "0.02,0.025,… in m, or write headings as x=0.02"
+        )
+    return RecordError(
+        f"no positions of {count} entries for a record of shape {values.shape}; arrays are "
+        f"{_listed(content.arrays)}: name them with --positions, or give --spacing"
+    )

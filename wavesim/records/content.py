@@ -1,0 +1,51 @@
+"""What a file holds, before anything is made of it: named arrays, their units, what was assumed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# More than this is no record that can be read off at once: 2 GB of float64.
+LARGEST = 250_000_000
+
+
+class RecordError(ValueError):
+    """A record can't be used; the message names what is wrong, the limit and the remedy."""
+
+
+@dataclass
+class Content:
+    """Named arrays of a file.
+
+    Attributes:
+        arrays: by name, as stored.
+        units: of arrays, by name, where the file says one.
+        labels: names of the receivers, where "values" came from columns; as many.
+        columns: numbers of those columns in the file, from 1, times counted.
+        notes: what was assumed or left out, a line each.
+        overload: how many samples were marked as out of range, by label.
+        unplaced, unplaced_columns: columns whose heading says no position where others' do, and
+            their numbers: a transmitter's voltage, a temperature.
+    """
+
+    arrays: dict[str, NDArray[Any]]
+    units: dict[str, str] = field(default_factory=dict)
+    labels: tuple[str, ...] = ()
+    columns: tuple[int, ...] = ()
+    notes: list[str] = field(default_factory=list)
+    overload: dict[str, int] = field(default_factory=dict)
+    unplaced: dict[str, NDArray[Any]] = field(default_factory=dict)
+    unplaced_columns: dict[str, int] = field(default_factory=dict)
+
+
+def check_size(shape: tuple[int, ...], name: str) -> None:
+    """Refuse an array too large to be read."""
+    count = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
+    if count > LARGEST:
+        raise RecordError(
+            f"array {name!r} of shape {tuple(int(n) for n in shape)}: more than {LARGEST:,} "
+            "samples; cut the record, or take fewer samples a second"
+        )

@@ -1,0 +1,113 @@
+"""Samples and frames that are not there: bridged where short, marked missing where long."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from wavesim.records.content import RecordError
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+
+Float = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+FEWEST_FRAMES = 16
+# A break of up to this many frames at one receiver is bridged.
+_BRIDGED = 2
+
+
+def whole_frames(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Float]:
+    """Frames left out of an even sequence of times, put in again as missing."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    counts = np.maximum(1, np.round(steps / usual)).astype(int)
+    regular = np.abs(steps - counts * usual) <= 1e-3 * usual
+    if (counts == 1).all() or not regular.all():
+        return values, t
+    at = np.concatenate([[0], np.cumsum(counts)])
+    if at[-1] + 1 > 4 * len(t):
+        raise RecordError(
+            f"t: {at[-1] + 1 - len(t)} of {at[-1] + 1} frames are missing; at most three quarters "
+            "may be: use a part of the record"
+        )
+    filled = np.full((values.shape[0], at[-1] + 1, values.shape[2]), np.nan)
+    filled[:, at] = values
+    gone = int(at[-1] + 1 - len(t))
+    first = int(np.argmax(counts > 1))
+    found.append(
+        Finding("frames missing", f"from t = {t[first]:.6g} s", f"{gone} of {at[-1] + 1}",
+                TAKEN_OUT, f"{gone} frames are missing from the times")
+    )  # fmt: skip
+    return filled, np.interp(np.arange(at[-1] + 1), at, t)
+
+
+def bridged(
+    values: Float, t: Float, x: Float, labels: tuple[str, ...], quiet: Mask, found: list[Finding]
+) -> tuple[Float, Mask, Mask]:
+    """Short breaks at single receivers filled by a spline, and long ones where all is quiet.
+
+    Args:
+        values: shape (C, nt, nx), NaN where a sample is missing.
+        t, x, labels: times, positions and names of the receivers.
+        quiet: samples at which nothing but noise is about, shape (nt, nx).
+        found: findings, added to.
+
+    Returns:
+        Values, which frames are missing, shape (nt,), and which receivers are why, shape (nx,).
+    """
+    absent = ~np.isfinite(values)
+    missing: Mask = np.asarray(absent.all(axis=(0, 2)))
+    single = absent & ~missing[:, None]
+    broken = np.zeros(values.shape[2], bool)
+    filled, still = 0, 0
+    touched = np.zeros(values.shape[2], bool)
+    for c, r in zip(*np.nonzero(single.any(axis=1)), strict=True):
+        gone = single[c, :, r]
+        long = np.zeros(len(t), bool)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
+        for start, stop in edges.reshape(-1, 2):
+            inside = start >= 2 and stop <= len(t) - 2
+            if stop - start <= _BRIDGED and inside:
+                continue
+            about = slice(max(0, 2 * start - stop - 2), min(len(t), 2 * stop - start + 2))
+            if quiet[about, r].all():
+                long[start:stop] = True
+                still += int(stop - start)
+            else:
+                missing[start:stop] = True
+                broken[r] = True
+        own = ~absent[c, :, r]
+        bridge = gone & ~missing & ~long
+        if bridge.any():
+            values[c, bridge, r] = CubicSpline(t[own], values[c, own, r])(t[bridge])
+            filled += int(bridge.sum())
+        if long.any():
+            near = own & quiet[:, r]
+            values[c, long, r] = np.mean(values[c, near, r]) if near.any() else 0.0
+        touched[r] |= bool(bridge.any() or long.any())
+    where = places(x, touched, labels) if touched.any() else ""
+    if filled:
+        found.append(Finding("samples missing", where, str(filled), CURED,
+                             f"{filled} missing samples bridged by a cubic spline"))  # fmt: skip
+    if still:
+        found.append(
+            Finding("samples missing", where, str(still), CURED,
+                    f"{still} missing samples where all is quiet filled with the mean there")
+        )  # fmt: skip
+    if missing.any():
+        first = t[int(np.argmax(missing))]
+        at = f" ({places(x, broken, labels)})" if broken.any() and not broken.all() else ""
+        found.append(
+            Finding("frames missing", f"from t = {first:.6g} s{at}",
+                    f"{missing.sum()} of {len(t)}", TAKEN_OUT,
+                    f"{missing.sum()} of {len(t)} frames count as missing{at}")
+        )  # fmt: skip
+    if missing.sum() > len(t) - FEWEST_FRAMES:
+        raise RecordError(
+            f"{missing.sum()} of {len(t)} frames hold values that are not finite; at least "
+            f"{FEWEST_FRAMES} whole ones are needed"
+        )
+    return values, missing, broken

@@ -1,0 +1,1 @@
+"""One file a format: each gives what it holds as named arrays, with their units."""

@@ -1,0 +1,204 @@
+"""Which columns of a table are times, and where the receivers of the others stand."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import Content, RecordError
+from wavesim.records.formats.text import Table, read_table
+from wavesim.records.units import factor, is_index, is_time, position_in, unit_in
+
+# A column that goes evenly upward to this part of its step, and is not named otherwise, is a clock.
+_EVEN = 0.51
+
+
+def from_text(path: Path) -> Content:
+    """Times, values and positions of a table of text."""
+    return of_table(read_table(path))
+
+
+def of_table(table: Table) -> Content:
+    """Times, values and positions of a table.
+
+    Raises:
+        RecordError: no column is a clock.
+    """
+    notes = list(table.notes)
+    kept = list(range(table.data.shape[1]))
+    if len(kept) > 1 and _counts_rows(table, kept):
+        notes.append(f"column {table.columns[kept[0]]} numbers the rows: left out")
+        kept = kept[1:]
+    clocks = _clocks(table, kept)
+    channels = [c for c in kept if c not in clocks]
+    if not channels:
+        raise RecordError(
+            "holds times alone: no column of values stands beside them; give one for each receiver"
+        )
+    arrays: dict[str, NDArray[Any]] = {"values": table.data[:, channels]}
+    units: dict[str, str] = {}
+    if clocks:
+        first = clocks[0]
+        arrays["t"] = table.data[:, first]
+        unit = unit_in(table.headings[first], "time") or table.units[first]
+        if factor(unit, "time") is not None:
+            units["t"] = unit
+        if len(clocks) > 1:
+            notes += _one_clock(table, clocks, channels, arrays)
+    labels = [table.headings[c].strip() or f"column {table.columns[c]}" for c in channels]
+    overload = {label: table.overload[c] for label, c in zip(labels, channels, strict=True)
+                if table.overload[c]}  # fmt: skip
+    found = Content(
+        arrays,
+        units,
+        tuple(labels),
+        tuple(table.columns[c] for c in channels),
+        notes,
+        overload,
+    )
+    _positions(found, table, channels)
+    return found
+
+
+def _counts_rows(table: Table, kept: list[int]) -> bool:
+    first = table.data[:, kept[0]]
+    steps = np.diff(first)
+    if not (len(steps) and np.isfinite(first).all() and (steps == 1).all()):
+        return False
+    heading = table.headings[kept[0]]
+    if heading.strip():
+        return is_index(heading) and any(is_time(table.headings[c]) for c in kept[1:2])
+    return len(kept) > 2 and first[0] in (0, 1) and _ascends_evenly(table.data[:, kept[1]])
+
+
+def _clocks(table: Table, kept: list[int]) -> list[int]:
+    """Columns of times: those so named, else the first if it ascends; and those that go with it."""
+    named = [
+        c for c in kept
+        if is_time(table.headings[c]) or factor(table.units[c], "time") is not None
+        or (not table.headings[c].strip() and c == kept[0] and _ascends(table.data[:, c]))
+    ]  # fmt: skip
+    if (
+        not named
+        and _ascends(table.data[:, kept[0]])
+        and (position_in(table.headings[kept[0]]) is None)
+    ):
+        named = [kept[0]]
+    if not named:
+        return []
+    # One for each channel: unnamed columns that rise as evenly as the first, every other one.
+    first = table.data[:, named[0]]
+    alike = [
+        c for c in kept
+        if c not in named and (c - named[0]) % 2 == 0 and _ascends_evenly(table.data[:, c])
+        and position_in(table.headings[c]) is None
+        and np.isclose(np.nanmedian(np.diff(table.data[:, c])), np.nanmedian(np.diff(first)),
+                       rtol=0.05)
+    ]  # fmt: skip
+    return sorted({*named, *alike})
+
+
+def _ascends(column: NDArray[Any]) -> bool:
+    steps = np.diff(column[np.isfinite(column)])
+    return len(steps) > 0 and bool((steps >= 0).all()) and bool((steps > 0).any())
+
+
+def _ascends_evenly(column: NDArray[Any]) -> bool:
+    if not np.isfinite(column).all() or len(column) < 3:
+        return False
+    steps = np.diff(column)
+    even = np.linspace(column[0], column[-1], len(column))
+    return (
+        bool((steps >= 0).all())
+        and steps.mean() > 0
+        and bool(np.abs(column - even).max() <= _EVEN * max(steps.max(), 2 * steps.mean()))
+    )
+
+
+def _one_clock(
+    table: Table, clocks: list[int], channels: list[int], arrays: dict[str, NDArray[Any]]
+) -> list[str]:
+    """Channels with clocks of their own, put on the first clock."""
+    first = table.data[:, clocks[0]]
+    step = float(np.nanmedian(np.diff(first)))
+    moved = 0
+    for j, c in enumerate(channels):
+        before = [k for k in clocks if k < c]
+        own = table.data[:, before[-1] if before else clocks[0]]
+        if not np.nanmax(np.abs(own - first)) > 1e-3 * step:
+            continue
+        from scipy.interpolate import CubicSpline
+
+        values = arrays["values"][:, j]
+        there = np.isfinite(own) & np.isfinite(values)
+        if there.sum() < 4 or not (np.diff(own[there]) > 0).all():
+            raise RecordError(
+                f"column {table.columns[before[-1] if before else clocks[0]]}: the times of "
+                f"column {table.columns[c]} do not ascend; sort them, or give --interval"
+            )
+        spline = CubicSpline(own[there], values[there], extrapolate=False)
+        arrays["values"][:, j] = spline(first)
+        moved += 1
+    text = f"{len(clocks)} columns are clocks, not receivers"
+    if moved:
+        text += f"; {moved} channels put on the first clock by a cubic spline"
+    return [text]
+
+
+def _positions(found: Content, table: Table, channels: list[int]) -> None:
+    """Positions that headings say, or a row of them above the numbers."""
+    said = [position_in(table.headings[c]) for c in channels]
+    if not any(said):
+        said = _row_of_positions(table, channels)
+    if not any(said):
+        return
+    placed = [s is not None for s in said]
+    if not all(placed):
+        left = [found.labels[j] for j, there in enumerate(placed) if not there]
+        found.notes.append(
+            f"column{'s' if len(left) > 1 else ''} {', '.join(map(repr, left[:4]))}"
+            f"{', …' if len(left) > 4 else ''}: the heading says no position, left out"
+        )
+    keep = [j for j, there in enumerate(placed) if there]
+    units = {s[1] for s in said if s is not None}
+    scales = [factor(s[1], "position") or 1.0 for s in said if s is not None]
+    numbers = [s[0] for s in said if s is not None]
+    if units == {None}:
+        found.arrays["x"] = np.array(numbers)
+    else:
+        # Written as decimals: 20 mm is 0.02 m to the last digit.
+        found.arrays["x"] = np.array([float(f"{n * f:.15g}")
+                                      for n, f in zip(numbers, scales, strict=True)])  # fmt: skip
+        found.units["x"] = "m"
+    found.unplaced = {
+        found.labels[j]: found.arrays["values"][:, j] for j in range(len(placed)) if not placed[j]
+    }
+    found.unplaced_columns = {
+        found.labels[j]: found.columns[j] for j in range(len(placed)) if not placed[j]
+    }
+    found.arrays["values"] = found.arrays["values"][:, keep]
+    found.labels = tuple(found.labels[j] for j in keep)
+    found.columns = tuple(found.columns[j] for j in keep)
+
+
+def _row_of_positions(table: Table, channels: list[int]) -> list[tuple[float, str | None] | None]:
+    """Numbers in a row named "x (m)" or "position [mm]", or headings under a corner t_s/x_m."""
+    nothing: list[tuple[float, str | None] | None] = [None] * len(channels)
+    named = re.compile(r"(x|position|positions|pos|offset|offsets|distance|dist)\b[^\d]*$", re.I)
+    for row in table.above:
+        corner = row[0].strip() if row else ""
+        corner_of_both = re.search(r"[/\\|]\s*(x|position|offset)\b.*$", corner, re.I)
+        if not (named.match(corner.replace("_", " ")) or corner_of_both):
+            continue
+        unit = unit_in(corner_of_both.group() if corner_of_both else corner, "position")
+        try:
+            numbers = [float(row[table.columns[c] - 1]) for c in channels]
+        except (ValueError, IndexError):
+            continue
+        if unit is not None and len(set(numbers)) == len(numbers):
+            return [(n, unit) for n in numbers]
+    return nothing

@@ -1,0 +1,72 @@
+"""HDF5 of any layout, and MATLAB's files of version 7.3, which are HDF5."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import LARGEST, Content, RecordError
+
+
+def from_hdf5(path: Path) -> Content:
+    """Every array in the file; receivers that are groups with a position (gprMax) as one array."""
+    from wavesim.io.hdf5_arrays import read_arrays
+
+    try:
+        stored = read_arrays(path, LARGEST)
+    except OSError as error:
+        raise RecordError(f"is not a readable HDF5 file: {_short(error)}") from None
+    except ValueError as error:
+        raise RecordError(_short(error)) from None
+    except (KeyError, RuntimeError, TypeError, SystemError, UnicodeError) as error:
+        raise RecordError(f"is not a readable HDF5 file: {_short(error)}") from None
+    content = Content(dict(stored.arrays), dict(stored.units))
+    for name, number in stored.numbers.items():
+        content.arrays.setdefault(name, np.array(number))
+    _of_groups(stored.places, content)
+    return content
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).strip("'\"").split())[:160] or type(error).__name__
+
+
+def _of_groups(places: dict[str, NDArray[Any]], content: Content) -> None:
+    """Groups with a position each, with signals of the same names: an array for each name."""
+    groups = [name for name in places if any(a.startswith(f"{name}/") for a in content.arrays)]
+    if not groups:
+        return
+    inside = [
+        {a[len(name) + 1 :] for a in content.arrays if a.startswith(f"{name}/")}
+        for name in groups
+    ]  # fmt: skip
+    shared = sorted(set.intersection(*inside))
+    spots = np.stack([np.resize(places[name], 3) if places[name].size == 3
+                      else np.r_[places[name], np.zeros(3 - places[name].size)]
+                      for name in groups])  # fmt: skip
+    moves = np.ptp(spots, axis=0)
+    along = int(np.argmax(moves))
+    if (moves > 1e-9 * max(moves.max(), 1e-300)).sum() > 1:
+        x = np.linalg.norm(spots - spots[0], axis=1)
+        content.notes.append("positions of the groups vary in more than one direction: taken as "
+                             "distances from the first")  # fmt: skip
+    else:
+        x = spots[:, along]
+    stacked = {}
+    for name in shared:
+        signals = [content.arrays[f"{group}/{name}"] for group in groups]
+        if signals[0].ndim == 1 and len({s.shape for s in signals}) == 1:
+            stacked[name] = np.stack(signals, axis=1)
+    if not stacked:
+        return
+    for group in groups:
+        for name in shared:
+            content.arrays.pop(f"{group}/{name}", None)
+    driven = {n: a for n, a in stacked.items() if np.any(a)}
+    content.arrays |= driven or stacked
+    content.arrays["positions"] = x
+    content.units["positions"] = "m"
+    content.labels = tuple(group.rsplit("/", 1)[-1] for group in groups)

@@ -1,0 +1,58 @@
+"""MATLAB's files before version 7.3, by scipy; structures are taken apart."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesim.records.content import Content, RecordError, check_size
+
+_DEEPEST = 4
+
+
+def from_matlab(path: Path) -> Content:
+    """Every array of numbers in a .mat file, with names as structure.field."""
+    from scipy.io import loadmat, whosmat
+
+    content = Content({})
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for name, shape, _ in whosmat(path):
+                check_size(shape, name)
+            loaded = loadmat(path, squeeze_me=False, struct_as_record=True)
+    except RecordError:
+        raise
+    except Exception as error:
+        # Anything at all may be raised by a file that is cut or damaged.
+        text = " ".join(str(error).split())[:120] or type(error).__name__
+        raise RecordError(f"can't be read as MATLAB's: {text}") from None
+    for name, value in loaded.items():
+        if not name.startswith("__"):
+            _take(content, name, value, 0)
+    return content
+
+
+def _take(content: Content, name: str, value: Any, depth: int) -> None:
+    array = np.asarray(value)
+    if array.dtype.names and depth < _DEEPEST:
+        if array.size == 1:
+            for key in array.dtype.names:
+                _take(content, f"{name}.{key}", array.ravel()[0][key], depth + 1)
+        else:  # an array of structures: receivers with a signal each
+            for key in array.dtype.names:
+                parts = [np.asarray(one[key]).squeeze() for one in array.ravel()]
+                if parts[0].dtype.kind in "fiu" and len({p.shape for p in parts}) == 1:
+                    axis = -1 if parts[0].ndim else 0
+                    _take(content, f"{name}.{key}", np.stack(parts, axis=axis), depth + 1)
+    elif array.dtype == object and array.size == 1 and depth < _DEEPEST:
+        _take(content, name, array.ravel()[0], depth + 1)
+    elif array.dtype.kind in "US" and array.size == 1:
+        for ending in ("_units", "_unit"):
+            if name.endswith(ending):
+                content.units[name[: -len(ending)]] = str(array.ravel()[0])
+    elif array.dtype.kind in "fiubc" and array.ndim <= 3:
+        content.arrays[name] = array.ravel() if array.ndim == 2 and 1 in array.shape else array

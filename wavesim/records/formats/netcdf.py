@@ -1,0 +1,68 @@
+"""netCDF, and xarray's arrays: coordinates with units, dimensions with names."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesim.records.content import Content, RecordError, check_size
+from wavesim.records.units import factor, is_time
+
+_PLACES = ("x", "distance", "dist", "position", "offset", "receiver", "channel", "trace", "r", "z")
+
+
+def from_netcdf(path: Path) -> Content:
+    """Variables of a netCDF file, times first; by xarray, with h5netcdf or scipy."""
+    import xarray
+
+    with path.open("rb") as file:
+        engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with xarray.open_dataset(path, engine=engine, decode_timedelta=False) as found:
+                return of_dataset(found)
+    except RecordError:
+        raise
+    except Exception as error:
+        # Anything at all may be raised by a file that is cut or damaged.
+        text = " ".join(str(error).split())[:120] or type(error).__name__
+        raise RecordError(f"can't be read as netCDF: {text}") from None
+
+
+def of_dataset(dataset: Any) -> Content:
+    """Variables of an xarray Dataset or DataArray, times first."""
+    if not hasattr(dataset, "data_vars"):
+        dataset = dataset.to_dataset(name=dataset.name or "values")
+    content = Content({})
+    for name, variable in dataset.variables.items():
+        if variable.dtype.kind not in "fiubcmM" or variable.ndim > 3:
+            continue
+        check_size(variable.shape, str(name))
+        values, dims = np.asarray(variable.values), [str(d) for d in variable.dims]
+        times = [d for d in dims if _of_time(dataset, d)]
+        if variable.ndim in (2, 3) and len(times) == 1:
+            values = np.moveaxis(values, dims.index(times[0]), -2)
+            content.notes.append(f"{name}: times along its dimension {times[0]!r}")
+        content.arrays[str(name)] = values
+        unit = variable.attrs.get("units", variable.attrs.get("unit"))
+        if unit is not None:
+            content.units[str(name)] = str(unit)
+    for key, value in dataset.attrs.items():
+        number = np.asarray(value)
+        if number.dtype.kind in "fiu" and number.size == 1:
+            content.arrays.setdefault(str(key), number.reshape(()))
+    content.notes = list(dict.fromkeys(content.notes))[:1]
+    return content
+
+
+def _of_time(dataset: Any, dimension: str) -> bool:
+    if is_time(dimension):
+        return True
+    if dimension.lower() in _PLACES or dimension not in dataset.variables:
+        return False
+    own = dataset[dimension]
+    return own.dtype.kind in "mM" or factor(own.attrs.get("units"), "time") is not None

@@ -1,0 +1,397 @@
+"""Tables of text as instruments and spreadsheets write them: where the numbers begin, how parted.
+
+Metadata, comments, a row of headings, a row of units, then numbers. The delimiter and the decimal
+mark are those by which most rows of the body are numbers; pandas then reads the body.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import RecordError, check_size
+from wavesim.records.units import is_time, is_unit
+
+_COMMENTS = ("#", "%", "!", "//", '"#', "'")
+# Marks of a sample out of range, and of one that is not there.
+_OUT_OF_RANGE = """ol +ol -ol o.l. o.l overload over overflow ovf ovfl ovrld ∞ -∞ +∞ inf -inf +inf
+    infinity -infinity clip clipped sat saturated underflow under range 1.#inf -1.#inf *** ****"""
+_NOT_THERE = """nan -nan na n/a #n/a null none nil - -- --- missing bad err error #value! #num!
+    #div/0! 1.#qnan -1.#ind 1.#nan ?"""
+OVERLOAD = frozenset(_OUT_OF_RANGE.split())
+_MARKS = OVERLOAD | {"", *_NOT_THERE.split()}
+_NUMBERS = {
+    ".": re.compile(r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"),
+    ",": re.compile(r"[-+−]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?"),
+}
+_CLOCK = re.compile(
+    r"(?:\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4})(?:[T ]\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?)?"
+    r"(?:Z|[+-]\d\d:?\d\d)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?"
+)
+# Most likely first: of those that read as many rows the first is taken.
+_DIALECTS = (("\t", "."), (";", "."), (";", ","), (",", "."), ("|", "."), ("\t", ","), (None, "."),
+             (None, ","), (",", ","))  # fmt: skip
+_REMARK = re.compile(r"comment|remark|note|bemerkung", re.IGNORECASE)
+_SAMPLE = 80
+_LONGEST_HEAD = 4
+
+
+@dataclass
+class Table:
+    """A table of numbers.
+
+    Attributes:
+        headings: of its columns, "" where there is none.
+        units: of its columns, "" where none is said.
+        data: shape (n, m), NaN where a cell is blank or marked.
+        columns: their numbers in the file, from 1.
+        lines: of the file, that each row stands in.
+        overload: number of cells of each column marked as out of range.
+        headed: whether there are headings.
+        notes: what was left out.
+        above: other rows above the numbers, as cells.
+    """
+
+    headings: list[str]
+    units: list[str]
+    data: NDArray[Any]
+    columns: list[int]
+    lines: NDArray[Any]
+    overload: list[int]
+    headed: bool
+    notes: list[str]
+    above: list[list[str]]
+
+
+def read_table(path: Path) -> Table:
+    """The table of a text file.
+
+    Raises:
+        RecordError: it holds none, or a cell that is no number; row and column are named.
+    """
+    whole, notes = _decoded(path.read_bytes())
+    lines = re.split(r"\r\n|\r|\n", whole)
+    numbered = [
+        (number, line) for number, line in enumerate(lines, 1)
+        if line.strip() and not line.lstrip().startswith(_COMMENTS)
+    ]  # fmt: skip
+    comments = [(n, line) for n, line in enumerate(lines, 1)
+                if line.lstrip().startswith(_COMMENTS)]  # fmt: skip
+    if len(numbered) < 2:
+        raise RecordError("holds no table: a heading and a row for each time are needed")
+    separator, decimal, width = _dialect([line for _, line in numbered])
+    cells = _splitter(separator)
+    first = _first_row(numbered, cells, decimal, width)
+    if first is None and not any(_is_number(c, decimal) for c in cells(numbered[0][1])):
+        # Rows that no message but one of a cell's would help.
+        first, width = 1, len(cells(numbered[0][1]))
+    if first is None:
+        raise RecordError(
+            "holds no table: no rows of numbers, parted by comma, semicolon, tab or space, were "
+            "found; a row for each time is needed"
+        )
+    body = numbered[first:]
+    above = [(n, cells(line)) for n, line in numbered[:first]]
+    before = [(n, cells(_uncommented(line))) for n, line in comments if n < body[0][0]]
+    if not any(len(row) == width for _, row in above[-1:]):
+        above = sorted(above + before)
+    _check_heading(above, width, body[0][0])
+    headings, units = _headings([row for _, row in above[-_LONGEST_HEAD:]], width)
+    if decimal == ",":
+        headings = [re.sub(r"(?<=\d),(?=\d)", ".", heading) for heading in headings]
+    # The last row of a file cut short.
+    if len(body) > 2 and not _whole(body[-1][1], cells, decimal, width):
+        body = body[:-1]
+        notes.append("the last row is not whole: left out")
+    data, overload = _numbers(body, cells, separator, decimal, width, headings)
+    kept = [c for c in range(width) if np.isfinite(data[:, c]).any() or headings[c].strip()]
+    spare = [c for c in kept if not np.isfinite(data[:, c]).any()]
+    # A column that is empty throughout and named as a remark is no receiver.
+    kept = [c for c in kept if c not in spare or not _REMARK.match(headings[c])]
+    return Table(
+        [headings[c] for c in kept],
+        [units[c] for c in kept],
+        data[:, kept],
+        [c + 1 for c in kept],
+        np.array([n for n, _ in body]),
+        [overload[c] for c in kept],
+        any(h.strip() for h in headings),
+        notes,
+        [row for _, row in above],
+    )
+
+
+def _decoded(raw: bytes) -> tuple[str, list[str]]:
+    for mark, name in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"),
+                       (b"\xfe\xff", "utf-16")):  # fmt: skip
+        if raw.startswith(mark):
+            try:
+                return raw.decode(name), []
+            except UnicodeDecodeError as error:
+                raise RecordError(f"can't be read as text: {error}") from None
+    if b"\0" in raw[:100_000]:
+        raise RecordError(
+            "can't be read as text: it holds bytes that no text has; give it the suffix of what "
+            "it is (.npz, .h5, .mat, .nc, .segy, .sac, .mseed)"
+        )
+    try:
+        return raw.decode("utf-8"), []
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", "replace"), []
+
+
+def _uncommented(line: str) -> str:
+    return line.strip().lstrip('#%!/"').strip()
+
+
+def _splitter(separator: str | None) -> Any:
+    if separator is None:
+        return lambda line: line.split()
+
+    def cells(line: str) -> list[str]:
+        if '"' in line:
+            try:
+                return [c.strip() for c in next(csv.reader([line], delimiter=separator))]
+            except (csv.Error, StopIteration):
+                pass
+        return [c.strip() for c in line.rstrip("\r\n").split(separator)]
+
+    return cells
+
+
+def _readable(cell: str, decimal: str) -> bool:
+    return (
+        _NUMBERS[decimal].fullmatch(cell) is not None
+        or cell.lower() in _MARKS
+        or _CLOCK.fullmatch(cell) is not None
+    )
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return _NUMBERS[decimal].fullmatch(cell) is not None
+
+
+def _dialect(lines: Sequence[str]) -> tuple[str | None, str, int]:
+    """Separator, decimal mark and number of columns by which most rows are numbers."""
+    # The end may be cut off, the beginning be metadata.
+    body = lines[:-1] if len(lines) > 3 else lines
+    middle = len(body) // 2
+    sample = [*body[middle : middle + _SAMPLE // 2], *body[-_SAMPLE // 2 :]]
+    best: tuple[float, int, int] = (0.0, 0, 0)
+    chosen: tuple[str | None, str, int] | None = None
+    for place, (separator, decimal) in enumerate(_DIALECTS):
+        cells = _splitter(separator)
+        rows = [cells(line) for line in sample]
+        widths: Counter[int] = Counter()
+        for row in rows:
+            read = sum(_readable(c, decimal) for c in row)
+            # Some columns may be remarks beside the first rows.
+            if read >= max(1, 0.6 * len(row)) and any(_is_number(c, decimal) for c in row):
+                widths[len(row)] += read == len(row) or 0
+        if not widths or not max(widths.values()):
+            continue
+        width, count = widths.most_common(1)[0]
+        score = (round(count / len(rows), 1), min(width, 2), -place)
+        if (width > 1 or separator is not None) and score > best:
+            best, chosen = score, (separator, decimal, width)
+    if chosen is None or best[0] < 0.3:
+        return _last_resort(lines)
+    return chosen
+
+
+def _last_resort(lines: Sequence[str]) -> tuple[str | None, str, int]:
+    """The commonest width by a delimiter, so that a message can name the cell."""
+    head = lines[0]
+    separator = max((",", ";", "\t"), key=head.count)
+    if not head.count(separator):
+        raise RecordError("holds no table: a heading and a row for each time are needed")
+    return separator, ".", head.count(separator) + 1
+
+
+def _first_row(numbered: list[tuple[int, str]], cells: Any, decimal: str, width: int) -> int | None:
+    """Where the numbers begin."""
+    for place, (_, line) in enumerate(numbered):
+        row = cells(line)
+        if len(row) != width or not _is_row(row, decimal):
+            continue
+        after = [cells(other) for _, other in numbered[place + 1 : place + 4]]
+        if not after or sum(len(r) == width and _is_row(r, decimal) for r in after) * 2 >= len(
+            after
+        ):
+            return place
+    return None
+
+
+def _is_row(row: list[str], decimal: str) -> bool:
+    """Whether all cells are numbers, marks or blank, and at least one is a number."""
+    return all(_readable(c, decimal) for c in row) and any(
+        _is_number(c, decimal) or _CLOCK.fullmatch(c) for c in row
+    )
+
+
+def _whole(line: str, cells: Any, decimal: str, width: int) -> bool:
+    row = cells(line)
+    return len(row) == width and all(_readable(c, decimal) for c in row)
+
+
+def _headings(above: list[list[str]], width: int) -> tuple[list[str], list[str]]:
+    """Headings and units from the rows next above the numbers."""
+    blank = [""] * width
+
+    def fitted(row: list[str]) -> list[str] | None:
+        while len(row) > width and not row[-1].strip():
+            row = row[:-1]
+        if len(row) == width - 1 and width > 1:
+            row = [*row, ""]  # rows that end in a separator
+        return list(row) if len(row) == width else None
+
+    rows = [fitted(row) for row in above]
+    units = blank
+    if rows and rows[-1] is not None and _all_units(rows[-1]):
+        units = rows.pop() or blank
+    heading = rows[-1] if rows else None
+    return heading or blank, [u.strip("()[]{} ") for u in units]
+
+
+def _check_heading(above: list[tuple[int, list[str]]], width: int, line: int) -> None:
+    """Refuse rows that have fewer cells than the heading above them names."""
+    if not above or not is_time(above[-1][1][0]):
+        return
+    row = list(above[-1][1])
+    while len(row) > width and (not row[-1].strip() or _REMARK.match(row[-1])):
+        row.pop()
+    if len(row) not in (width, width - 1):
+        raise RecordError(
+            f"row {line} has {width} cells; the heading has {len(row)}: give each column a "
+            "heading, and each row a cell for each"
+        )
+
+
+def _all_units(row: list[str]) -> bool:
+    said = [c for c in row if c.strip()]
+    return bool(said) and all(is_unit(c) for c in said) and len(said) * 2 >= len(row)
+
+
+def _numbers(
+    body: list[tuple[int, str]],
+    cells: Any,
+    separator: str | None,
+    decimal: str,
+    width: int,
+    headings: list[str],
+) -> tuple[NDArray[Any], list[int]]:
+    """The body as numbers, by pandas; a cell that is none is named by row and column."""
+    import pandas
+
+    check_size((len(body), width), "table")
+    _check_widths(body, cells, separator, width)
+    text = "\n".join(line.strip() if separator is None else line for _, line in body)
+    text = text.replace("−", "-")
+    table = pandas.read_csv(
+        io.StringIO(text),
+        sep=r"\s+" if separator is None else separator,
+        decimal=decimal,
+        header=None,
+        names=list(range(width)),
+        index_col=False,
+        na_values=sorted({form for m in _MARKS for form in (m, m.upper(), m.capitalize())}),
+        keep_default_na=False,
+        skipinitialspace=True,
+        engine="c",
+    )
+    data = np.full((len(body), width), np.nan)
+    overload = [0] * width
+    for c in range(width):
+        column = table[c]
+        if column.dtype.kind in "fiu":
+            data[:, c] = column
+        elif column.dtype.kind == "b" or not len(column):
+            raise RecordError(f"{_column(c, headings)}: holds no numbers")
+        else:
+            data[:, c] = _odd_column(column.astype(str).tolist(), c, body, decimal, headings)
+        infinite = np.isinf(data[:, c])
+        data[infinite, c] = np.nan
+    gone = np.argwhere(~np.isfinite(data))
+    for r, c in gone[:100_000]:
+        overload[c] += cells(body[r][1])[c].strip().lower() in OVERLOAD
+    return data, overload
+
+
+def _odd_column(
+    column: list[str], c: int, body: list[tuple[int, str]], decimal: str, headings: list[str]
+) -> NDArray[Any]:
+    """A column that pandas did not take for numbers: Fortran's exponents, clocks, or wrong."""
+    result = np.full(len(column), np.nan)
+    dated = 0
+    for r, cell in enumerate(column):
+        text = cell.strip().strip('"').strip()
+        if text.lower() in _MARKS:
+            continue
+        if _NUMBERS[decimal].fullmatch(text):
+            result[r] = float(text.replace(",", ".").replace("D", "e").replace("d", "e"))
+        elif _CLOCK.fullmatch(text):
+            dated += 1
+        else:
+            remedy = "correct the cell, or leave it blank for a sample that is missing"
+            if any(form.fullmatch(text) for form in _NUMBERS.values()):
+                remedy = "rows differ in their decimal mark; write all alike"
+            raise RecordError(
+                f"row {body[r][0]}, {_column(c, headings)}: {text[:30]!r} is no number: {remedy}"
+            )
+    return _since_first(column, c, body, headings) if dated else result
+
+
+def _since_first(
+    column: list[str], c: int, body: list[tuple[int, str]], headings: list[str]
+) -> NDArray[Any]:
+    """Dates or times of day as seconds from the first."""
+    import pandas
+
+    text = [cell.strip().strip('"').replace(",", ".") for cell in column]
+    of_day = all(re.fullmatch(r"\d\d?:\d\d:\d\d(?:\.\d+)?", cell) for cell in text)
+    try:
+        if of_day:
+            elapsed = pandas.to_timedelta(text)
+            return np.asarray((elapsed - elapsed[0]) / pandas.Timedelta(seconds=1), float)
+        dates = pandas.to_datetime(text, format="ISO8601", utc=True)
+        return np.asarray((dates - dates[0]) / pandas.Timedelta(seconds=1), float)
+    except (ValueError, TypeError, OverflowError) as error:
+        bad = next((r for r, cell in enumerate(text) if not _CLOCK.fullmatch(cell)), 0)
+        raise RecordError(
+            f"row {body[bad][0]}, {_column(c, headings)}: {text[bad][:30]!r} can't be read as a "
+            f"date ({str(error).splitlines()[0][:60]}): write times in seconds"
+        ) from None
+
+
+def _check_widths(
+    body: list[tuple[int, str]], cells: Any, separator: str | None, width: int
+) -> None:
+    for number, line in body:
+        quick = len(line.split()) if separator is None else line.count(separator) + 1
+        if quick == width and '"' not in line:
+            continue
+        found = len(cells(line))
+        if found == width:
+            continue
+        hint = ""
+        if separator == ",":
+            hint = ("; if commas are decimal marks, part the columns by semicolons or tabs, and "
+                    "let nothing else be a comma")  # fmt: skip
+        raise RecordError(
+            f"row {number} has {found} cells; the heading has {width}: give each row one cell for "
+            f"each column{hint}"
+        )
+
+
+def _column(c: int, headings: list[str]) -> str:
+    name = headings[c].strip() if c < len(headings) else ""
+    return f"column {c + 1}" + (f" ({name[:40]!r})" if name else "")

@@ -1,0 +1,138 @@
+"""Records of pulse tests from files: transmitter and receivers told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.arrays import Layout
+from wavesim.records.content import RecordError
+from wavesim.records.files import HDF5, read
+
+Float = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class PulseTestRecord:
+    """What a pulse test recorded.
+
+    Attributes:
+        name: of the file, with the column's or the field's where it holds several.
+        t: times, shape (nt,), s.
+        signals: of each receiver, shape (nt,).
+        positions: of each, m, from the source or an origin of their own; NaN where unknown.
+        sent: what was sent, shape (nt,); None where it was not recorded.
+        notes: what was done to the file's numbers, and assumed.
+    """
+
+    name: str
+    t: Float
+    signals: dict[str, Float]
+    positions: dict[str, float]
+    sent: Float | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def placed(self) -> bool:
+        """Whether two receivers or more have positions."""
+        return sum(np.isfinite(x) for x in self.positions.values()) > 1
+
+
+def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
+    """The pulse tests of a file: one with placed receivers, or one for each column without a place.
+
+    Args:
+        path: of any file that a record can be read from, or of a run's folder or result.h5.
+        layout: what the file does not say; its ``input`` is the transmitter's column.
+
+    Raises:
+        RecordError: the file can't be used.
+    """
+    path = Path(path)
+    result = path / "result.h5" if path.is_dir() else path
+    if result.suffix.lower() in HDF5 and result.is_file():
+        from wavesim.io.result_reader import is_result
+
+        if is_result(result):
+            return _of_run(result)
+    record = read(path, replace(layout, placed=False))
+    if len(record.values) > 1:
+        raise RecordError(
+            f"{path}: holds {len(record.values)} components ({', '.join(record.names)}); name one "
+            "with --values"
+        )
+    labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
+    columns = {label: record.values[0, :, j] for j, label in enumerate(labels)}
+    places = dict(zip(labels, record.x.tolist(), strict=True))
+    missing = int(record.missing.sum()) if len(record.missing) else 0
+    if missing:
+        raise RecordError(
+            f"{path}: {missing} frames hold values that are missing; a pulse test needs every one: "
+            "leave out what broke off, or record again"
+        )
+    whole = PulseTestRecord(str(path), record.t, columns, places, record.input, record.notes)
+    if whole.placed or len(labels) == 1:
+        return [whole]
+    return [
+        replace(
+            whole, name=f"{path}: {label}", signals={label: u}, positions={label: places[label]}
+        )
+        for label, u in columns.items()
+    ]
+
+
+def _of_run(path: Path) -> list[PulseTestRecord]:
+    """Rotations at the receivers of a run, on that side of its sources where most stand."""
+    from wavesim.case.schema import CaseError
+    from wavesim.io.result_reader import StorageError
+    from wavesim.records.run_folder import open_run
+
+    try:
+        run = open_run(path)
+    except (StorageError, CaseError) as error:
+        raise RecordError(str(error)) from None
+    try:
+        return of_field(run.field, str(path))
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from None
+
+
+def of_field(field: Any, name: str) -> list[PulseTestRecord]:
+    """Pulse tests of a simulated field, one for each rotation that its sources drive.
+
+    Raises:
+        RecordError: there are no receivers to one side of the sources.
+    """
+    found = []
+    for block in field.blocks:
+        own = [s for s in field.sources if s.field in block.fields]
+        if not (block.rotations and own and field.receivers):
+            continue
+        (rotation,) = block.rotations[0]
+        places = _beside(field.receivers, own)
+        if not places:
+            continue
+        (source, *others) = own
+        t = np.asarray(field.t)
+        sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
+        signals = {key: np.asarray(field.at(field.receivers[key], rotation)) for key in places}
+        found.append(PulseTestRecord(f"{name}: {rotation}", t, signals, places, sent))
+    if not found:
+        raise RecordError(
+            "holds no receivers beside its sources: add [[receivers]] to the case and run it again"
+        )
+    return found
+
+
+def _beside(receivers: Mapping[str, float], sources: list[Any]) -> dict[str, float]:
+    """Distances from the sources of the receivers on the side where most stand."""
+    reach = [(s.position, 5 * float(getattr(s, "width", 0.0) or 0.0)) for s in sources]
+    high, low = max(x + w for x, w in reach), min(x - w for x, w in reach)
+    after = {name: x - max(p for p, _ in reach) for name, x in receivers.items() if x > high}
+    before = {name: min(p for p, _ in reach) - x for name, x in receivers.items() if x < low}
+    return after if len(after) >= len(before) else before

@@ -1,0 +1,120 @@
+"""Units of times and positions, as files and people spell them, and positions in headings."""
+
+from __future__ import annotations
+
+import re
+
+_SMALL = {"m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9, "p": 1e-12}
+_WORDS = {"milli": 1e-3, "micro": 1e-6, "nano": 1e-9, "pico": 1e-12, "": 1.0}
+TIME = (
+    {f"{p}{s}": f for p, f in _SMALL.items() for s in ("s", "sec", "secs")}
+    | {f"{p}second{s}": f for p, f in _WORDS.items() for s in ("", "s")}
+    | dict.fromkeys(("s", "sec", "secs", "sek", "sekunde", "sekunden", "seconde", "secondes"), 1.0)
+    | {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
+)
+LENGTH = (
+    {f"{p}m": f for p, f in _SMALL.items()}
+    | {f"{p}met{e}{s}": f for p, f in _WORDS.items() for e in ("er", "re") for s in ("", "s")}
+    | {"m": 1.0, "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2, "centimetre": 1e-2}
+    | {"centimetres": 1e-2, "dm": 0.1, "km": 1e3, "kilometer": 1e3, "kilometre": 1e3}
+    | {"micron": 1e-6, "microns": 1e-6, "in": 0.0254, "inch": 0.0254, "inches": 0.0254}
+    | {"ft": 0.3048, "feet": 0.3048, "foot": 0.3048}
+)
+# Said by a unit row or a bracket, these tell that a column is neither times nor positions.
+_OTHER_WORDS = """v mv kv uv µv μv volt volts millivolt a ma amp ampere w pa kpa mpa bar hz khz mhz
+    n kn g gal m/s mm/s um/s µm/s μm/s m/s2 m/s^2 m/s² mm/s^2 rad deg counts count lsb adc db °c c k
+    % a.u. au arb arb. strain 1 - –"""
+_OTHER = frozenset(_OTHER_WORDS.split())
+NAMES = {
+    "time": ("s", "ms", "us", "ns", "min", "h"),
+    "position": ("m", "cm", "mm", "um", "km", "in", "ft"),
+}
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+def factor(unit: str | None, kind: str) -> float | None:
+    """What a unit is in s or m; None where it is none of that kind.
+
+    Args:
+        unit: as it is spelt: "us", "µs", "Microseconds", "mm".
+        kind: "time" or "position".
+    """
+    if not unit:
+        return None
+    text = unit.strip().strip("()[]{}<>").strip()
+    table = TIME if kind == "time" else LENGTH
+    # Ms and MS are no milliseconds to a physicist, but no instrument means megaseconds.
+    return table.get(text, table.get(text.lower()))
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell of a heading is a unit and nothing else."""
+    bare = text.strip().strip("()[]{}").strip()
+    known = bare.lower() in _OTHER or factor(bare, "time") or factor(bare, "position")
+    return bool(bare) and bool(known)
+
+
+def unit_in(heading: str, kind: str) -> str | None:
+    """The unit that a heading or a name carries: "Time (us)", "t_ms", "Zeit/µs", "time, us"."""
+    for pattern in (
+        r"[\(\[\{<]\s*([^\d\W]+)\s*[\)\]\}>]",
+        r"(?:[/_,:]|\bin\b)\s*([^\d\W_]+)\.?\s*$",
+        r"\s([^\d\W_]+)\.?\s*$",
+    ):
+        for found in re.findall(pattern, heading):
+            if factor(found, kind) is not None:
+                return str(found)
+    return None
+
+
+_PLACE = r"(?:x|r|z|y|pos|position|offset|offs|dist|distance|place|ort|abstand|entfernung)"
+_UNIT = r"(µm|μm|um|mm|cm|dm|km|nm|m|meters?|metres?|inch|in|ft)"
+_SAID = (
+    # x=0.02, x = 20 mm, x_mm=20, x (mm) = 20, position: 0.02 m
+    re.compile(
+        rf"(?:^|[^A-Za-zµμ]){_PLACE}(?:[\s_]*[\(\[]?{_UNIT}[\)\]]?)?\s*[=:]\s*({NUMBER})\s*"
+        rf"[\(\[]?{_UNIT}?[\)\]]?(?![A-Za-z/])",
+        re.IGNORECASE,
+    ),
+    # x_0.02m, offset 20 mm, ch1 @ 0.02 m, ch1 at 20mm
+    re.compile(
+        rf"(?:^|[^A-Za-z])(?:{_PLACE}|@|at|bei)()[\s_]*({NUMBER})\s*{_UNIT}(?![A-Za-z/])",
+        re.IGNORECASE,
+    ),
+    # 20 mm and nothing else
+    re.compile(rf"^()\s*({NUMBER})\s*{_UNIT}\s*$", re.IGNORECASE),
+)
+
+
+def position_in(heading: str) -> tuple[float, str | None] | None:
+    """The position that a heading says, and its unit; None where it says none.
+
+    A number is a position only where a name of one stands before it (x = 0.02), or a unit of
+    length behind it (20 mm, ch1 @ 0.02 m): "Channel 1 (V)", "1" and "S-1" say none.
+    """
+    text = heading.strip().strip('"').replace("−", "-")
+    for pattern in _SAID:
+        found = pattern.search(text)
+        if found:
+            before, number, after = found.groups()
+            return float(number), after or before or None
+    return None
+
+
+def is_time(heading: str) -> bool:
+    """Whether a heading names times."""
+    text = heading.strip().strip('"').lower()
+    return bool(
+        re.match(
+            r"(t|time|times|zeit|temps|tiempo|tempo|tijd|seconds?|secs?|elapsed|timestamps?|"
+            r"datetime|x-axis|x_value|x value|x-achse)(?![^\W\d_]|[- ]?\d+\s*\()",
+            text,
+        )
+        or text.strip("()[] ") == "s"
+    )
+
+
+def is_index(heading: str) -> bool:
+    """Whether a heading names the number of a row."""
+    return bool(re.match(r"(sample|index|point|row|nr|no|num|number|n|#|id|frame)s?\b[.# ]*$",
+                         heading.strip().strip('"').lower()))  # fmt: skip

@@ -1,0 +1,189 @@
+"""What a run found, told in words and short tables: for the terminal and for the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Summary = Mapping[str, Any]
+Row = Mapping[str, Any]
+
+# By kind of quantity: what one SI unit is in the unit shown, its name, and how many digits count.
+KINDS: dict[str, tuple[float, str, int]] = {
+    "frequency": (1e-3, "kHz", 6),
+    "decay": (1e-3, "dB/mm", 5),
+    "velocity": (1.0, "m/s", 6),
+    "wavenumber": (1e-3, "rad/mm", 4),
+    "level": (1.0, "dB", 5),
+    "number": (1.0, "", 5),
+}
+_WAVES = {
+    "longitudinal": "longitudinal",
+    "transverse2": "transverse x₂",
+    "transverse3": "transverse x₃",
+    "inplane": "in-plane",
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of an answer.
+
+    Attributes:
+        name: its heading.
+        key: of the number in a row of summary.json.
+        kind: of quantity, see KINDS; "" for words.
+        wide: shown where there is room, on the page.
+    """
+
+    name: str
+    key: str
+    kind: str = ""
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer as a table.
+
+    Attributes:
+        title: of the table.
+        columns: of it.
+        rows: of summary.json, SI.
+        note: how to read it.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: Sequence[Row]
+    note: str = ""
+
+
+_LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
+    "gap": (
+        "Band gaps, and how strongly they attenuate in their middle",
+        (
+            Column("gap", "gap"),
+            Column("waves", "sector"),
+            Column("from", "lower", "frequency"),
+            Column("to", "upper", "frequency"),
+            Column("at", "frequency", "frequency"),
+            Column("simulated", "attenuation", "decay"),
+            Column("exact", "attenuation_exact", "decay"),
+            Column("real ω", "attenuation_at_real_frequency", "decay"),
+        ),
+        "Edges are those of the medium. Attenuation is read at ω + iσ, beside what is exact there; "
+        "in the last column exact at real ω. In-plane waves do not travel: they have none.",
+    ),
+    "wave": (
+        "Phase velocity of long waves",
+        (
+            Column("wave", "wave"),
+            Column("waves", "sector"),
+            Column("at k", "wavenumber", "wavenumber"),
+            Column("simulated", "velocity", "velocity"),
+            Column("exact", "velocity_exact", "velocity"),
+        ),
+        "",
+    ),
+    "where": (
+        "Transmission",
+        (
+            Column("where", "where"),
+            Column("waves", "sector"),
+            Column("from", "lower", "frequency"),
+            Column("exact", "lower_exact", "frequency", wide=True),
+            Column("to", "upper", "frequency"),
+            Column("exact", "upper_exact", "frequency", wide=True),
+            Column("at", "frequency", "frequency"),
+            Column("T", "level", "level"),
+            Column("exact", "level_exact", "level"),
+            Column("real ω", "level_at_real_frequency", "level"),
+        ),
+        "Stop bands are where T is below −20 dB. T is read at ω + iσ, beside what is exact there; "
+        "in the last column exact at real ω.",
+    ),
+    "mode": (
+        "Eigenfrequencies, the lowest",
+        (
+            Column("mode", "mode"),
+            Column("waves", "sector"),
+            Column("simulated", "frequency", "frequency"),
+            Column("exact", "frequency_exact", "frequency"),
+        ),
+        "",
+    ),
+    "by": (
+        "Velocity of the pulse between receivers",
+        (
+            Column("by", "by"),
+            Column("field", "field"),
+            Column("simulated", "velocity", "velocity"),
+            Column("±", "velocity_error", "velocity"),
+            Column("exact signals", "velocity_exact", "velocity"),
+        ),
+        "A velocity depends on what counts as the arrival; exact signals are read in the same way.",
+    ),
+    "quality": (
+        "Q between receivers, its median",
+        (
+            Column("field", "field"),
+            Column("at", "frequency", "frequency"),
+            Column("Q", "quality", "number"),
+            Column("law", "quality_exact", "number"),
+        ),
+        "",
+    ),
+}
+
+
+def answers(summary: Summary) -> list[Answer]:
+    """What was found, a table for each question that the run answers."""
+    found = []
+    for rows in summary.get("answers", {}).values():
+        name = next((key for key in _LAYOUT if rows and key in rows[0]), None)
+        if name is not None:
+            title, columns, note = _LAYOUT[name]
+            found.append(Answer(title, columns, rows, note))
+    return found
+
+
+def shown(value: Any, kind: str) -> str:
+    """A number of a row in the unit of its kind, or a word; – where there is none."""
+    if value is None:
+        return "–"
+    if kind:
+        factor, _, digits = KINDS[kind]
+        return f"{value * factor:.{digits}g}"
+    return _WAVES.get(value, str(value))
+
+
+def number(value: float | None) -> str:
+    """A number of a check, six digits of it; none where it is no number."""
+    if value is None or not math.isfinite(value):
+        return "none"
+    if value == int(value) and abs(value) < 1e5:
+        return f"{value:.0f}"
+    return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
+
+
+def verdict(summary: Summary) -> str:
+    """The verdict of a run in a sentence; where checks fell short, the name of the first."""
+    checks = summary["checks"]
+    short = [check for check in checks if not check["passed"]]
+    if not checks:
+        return "Nothing was checked: the notes say why."
+    passed = f"{len(checks) - len(short)} of {len(checks)} checks passed"
+    if not short:
+        return f"{passed}: the simulation agrees with the exact solution."
+    more = f" and {len(short) - 1} more" if len(short) > 1 else ""
+    return f"{passed}; {short_name(short[0]['name'])}{more} fell short: see what to change."
+
+
+def short_name(name: str) -> str:
+    """A check's name without what was compared."""
+    for mark in (": |", ": difference", " over "):
+        name = name.split(mark)[0]
+    return name

@@ -1,0 +1,399 @@
+"use strict";
+// Draws the plots of a run from the data in its page, in the units that the reader chooses.
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const RED = "#c8102e", INK = "#16202a", BLUE = "#2f6f9f", GREY = "#8a97a3", GAP = "rgba(120,135,150,0.22)";
+  const COLOURS = ["#0b3954", "#c8102e", "#2e7d32", "#7b4fa3", "#b26a00", "#00798c"];
+  const SECTORS = { longitudinal: "longitudinal", transverse2: "transverse, φ₂", transverse3: "transverse, φ₃",
+    inplane: "in-plane shear" };
+  const symbol = name => name.replace("phi", "φ").replace(/[123]/g, d => "₁₂₃"["123".indexOf(d)]);
+
+  // A packed array as rows of numbers; what is at the low end of a level is nothing to be seen.
+  function unpacked(packed, empty) {
+    const bytes = Uint8Array.from(atob(packed.data), c => c.charCodeAt(0));
+    const whole = packed.bytes === 1 ? bytes : new Int16Array(bytes.buffer);
+    const [rows, columns] = packed.shape.length > 1 ? packed.shape : [1, packed.shape[0]];
+    const found = [];
+    for (let i = 0; i < rows; i++) {
+      const row = new Array(columns);
+      for (let j = 0; j < columns; j++) {
+        const n = whole[i * columns + j];
+        row[j] = empty && n === 0 ? null : packed.low + packed.step * n;
+      }
+      found.push(row);
+    }
+    return packed.shape.length > 1 ? found : found[0];
+  }
+
+  // Units: what one SI unit is in those shown, and their name.
+  const chosen = { frequency: "si", length: "si" };
+  const { length: l, time: T } = data.units;
+  const UNITS = {
+    frequency: { by: "frequency", si: [1e-3, "kHz"], bar: [2 * Math.PI * T, "ω̄"] },
+    time: { by: "frequency", si: [1e6, "µs"], bar: [1 / T, "t/√(4πρR⁵/3G)"] },
+    length: { by: "length", si: [1e3, "mm"], bar: [1 / l, "l"] },
+    wavenumber: { by: "length", si: [1e-3, "rad/mm"], bar: [l / 2 / Math.PI, "k̄ = k l/2π"] },
+    decay: { by: "length", si: [1e-3, "dB/mm"], bar: [l, "dB per l"] },
+  };
+  const unit = kind => UNITS[kind][chosen[UNITS[kind].by]];
+  const to = (kind, values) => { const f = unit(kind)[0]; return values.map(v => v === null ? null : v * f); };
+  const TITLES = { frequency: "ω/2π", time: "t", length: "x", wavenumber: "k", decay: "attenuation" };
+  const title = kind => {
+    const name = unit(kind)[1];
+    if (name === "ω̄" || name.startsWith("k̄") || name.startsWith("t/")) return name;
+    return `${TITLES[kind]} (${name})`;
+  };
+  const short = kind => unit(kind)[1].split(" =")[0].replace("t/√(4πρR⁵/3G)", "units of time");
+
+  const axis = (kind, more) => ({ title: { text: title(kind), standoff: 8 }, zeroline: false, ...more });
+  const plain = (text, more) => ({ title: { text, standoff: 8 }, zeroline: false, ...more });
+  const narrow = () => window.innerWidth < 640;
+  const layout = more => ({
+    margin: { l: 62, r: narrow() ? 12 : 24, t: 34, b: 48 }, font: { family: "system-ui, sans-serif", size: 12, color: INK },
+    paper_bgcolor: "#fff", plot_bgcolor: "#fff", hovermode: "closest", dragmode: narrow() ? false : "zoom",
+    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 11 } }, shapes: [], annotations: [],
+    ...more,
+  });
+  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
+  // Matplotlib's magma from light to dark, as in the figures.
+  const MAGMA = { colorscale: ["#fcfdbf", "#fecf92", "#fe9f6d", "#f7705c", "#de4968", "#b5367a", "#8c2981", "#641a80", "#3b0f70", "#140e36", "#000004"].map((colour, n) => [n / 10, colour]) };
+  const bar = text => ({ title: { text, side: "right" }, thickness: 12, len: 0.9, outlinewidth: 0 });
+
+  // Gaps as bands with their names, along x or y.
+  function gaps(made, sector, along) {
+    for (const gap of data.gaps[sector] || []) {
+      const [low, high] = to("frequency", [gap.lower, gap.upper]);
+      const box = { type: "rect", layer: "below", fillcolor: GAP, line: { width: 0 } };
+      made.shapes.push(along === "x" ? { ...box, x0: low, x1: high, y0: 0, y1: 1, yref: "paper" }
+        : { ...box, y0: low, y1: high, x0: 0, x1: 1, xref: "paper" });
+      const mark = { text: gap.name, showarrow: false, font: { size: 11 }, bgcolor: "rgba(255,255,255,0.8)" };
+      made.annotations.push(along === "x" ? { ...mark, x: (low + high) / 2, y: 1, yref: "paper", yanchor: "top" }
+        : { ...mark, y: (low + high) / 2, x: 0.01, xref: "paper", xanchor: "left" });
+    }
+  }
+  // Receivers, sources and interfaces as lines at their places along x.
+  function places(made, named) {
+    const line = (x, dash, colour) => made.shapes.push({ type: "line", x0: x, x1: x, y0: 0, y1: 1, yref: "paper",
+      line: { width: 1, dash, color: colour } });
+    for (const x of to("length", data.interfaces)) line(x, "solid", GREY);
+    data.receivers.slice(0, 24).forEach(receiver => {
+      const [x] = to("length", [receiver.position]);
+      line(x, "dot", BLUE);
+      if (named) made.annotations.push({ x, y: 1, yref: "paper", yanchor: "bottom", text: receiver.name, showarrow: false,
+        font: { size: 10, color: BLUE }, textangle: data.receivers.length > 6 || narrow() ? -50 : 0 });
+    });
+  }
+
+  const plots = [];
+  const state = { sector: null, field: null, frame: 0 };
+  const host = document.getElementById("plots");
+  function place(id, heading, kinds, draw, low) {
+    const section = document.createElement("section");
+    section.innerHTML = `<h2></h2><div class="plot${low ? " low" : ""}" id="${id}"></div>`;
+    section.querySelector("h2").textContent = heading;
+    host.append(section);
+    plots.push({ id, kinds, draw, section });
+    return section;
+  }
+  const at = (part, sector) => (part && (part[sector] || null));
+  const hover = (x, y, z) => `${x}<br>${y}${z ? "<br>" + z : ""}<extra></extra>`;
+
+  function spectrum(sector) {
+    const own = at(data.spectrum, sector);
+    if (!own) return null;
+    const highest = own.frequency.at(-1), lowest = Math.min(...own.branches.flatMap(b => b.line));
+    const made = layout({
+      xaxis: axis("wavenumber", { range: to("wavenumber", [0, own.line_k.at(-1)]) }),
+      yaxis: axis("frequency", { range: to("frequency", [0.75 * lowest, highest]) }),
+    });
+    gaps(made, sector, "y");
+    const where = hover(`k %{x:.4g} ${short("wavenumber")}`, `%{y:.5g} ${short("frequency")}`);
+    const traces = [{ type: "heatmap", x: to("wavenumber", own.k), y: to("frequency", own.frequency), z: own.rows ||= unpacked(own.power, true),
+      ...MAGMA, zmin: -80, zmax: 0, colorbar: bar("power (dB)"), name: "spectrum", showlegend: false,
+      hovertemplate: where.replace("<extra>", "<br>%{z:.1f} dB<extra>") }];
+    const right = to("wavenumber", own.line_k).at(-1);
+    own.branches.forEach((branch, n) => {
+      const colour = COLOURS[n % COLOURS.length];
+      const line = to("frequency", branch.line);
+      traces.push({ x: to("wavenumber", own.line_k), y: line, mode: "lines", name: `${branch.name}, halo`, legendgroup: branch.name,
+        showlegend: false, hoverinfo: "skip", line: { color: "white", width: 4 } });
+      traces.push({ x: to("wavenumber", own.line_k), y: line, mode: "lines", name: branch.name,
+        legendgroup: branch.name, line: { color: colour, width: 1.6 },
+        hovertemplate: where.replace("<extra></extra>", `<extra>${branch.name}, exact</extra>`) });
+      traces.push({ x: to("wavenumber", branch.k), y: to("frequency", branch.frequency), mode: "markers", name: `${branch.name}, measured`,
+        legendgroup: branch.name, showlegend: false, customdata: branch.exact.map((e, i) => 100 * (branch.frequency[i] / e - 1)),
+        marker: { size: 6, color: "white", line: { color: colour, width: 1.5 } },
+        hovertemplate: where.replace("<extra></extra>", `<br>%{customdata:.2g} % off<extra>${branch.name}, measured</extra>`) });
+      made.annotations.push({ x: right, y: line.at(-1), text: branch.name, showarrow: false, xanchor: "right", yanchor: "bottom",
+        font: { color: colour, size: 12 } });
+    });
+    return [traces, made];
+  }
+
+  function attenuation(sector) {
+    const own = at(data.attenuation, sector);
+    if (!own) return null;
+    const top = Math.max(...to("decay", own.exact).filter(v => v !== null)) * 1.3;
+    const made = layout({ xaxis: axis("frequency"), yaxis: axis("decay", { range: [-0.03 * top, top] }) });
+    gaps(made, sector, "x");
+    const where = hover(`%{x:.5g} ${short("frequency")}`, `%{y:.5g} ${short("decay")}`);
+    return [[
+      { x: to("frequency", own.line_frequency), y: to("decay", own.line_real), mode: "lines", name: "exact, real ω",
+        line: { color: INK, width: 1.2, dash: "dot" }, hovertemplate: where },
+      { x: to("frequency", own.line_frequency), y: to("decay", own.line_exact), mode: "lines", name: "exact, ω + iσ",
+        line: { color: INK, width: 1.4 }, hovertemplate: where },
+      { x: to("frequency", own.frequency), y: to("decay", own.measured), mode: "markers", name: "measured, ω + iσ",
+        marker: { size: 6, color: "white", line: { color: RED, width: 1.4 } }, hovertemplate: where },
+    ], made];
+  }
+
+  function transmission(sector) {
+    const own = at(data.transmission, sector);
+    if (!own) return null;
+    const made = layout({ xaxis: axis("frequency"), yaxis: plain("amplitude over incident (dB)", { range: [-100, 8] }) });
+    gaps(made, sector, "x");
+    const where = hover(`%{x:.5g} ${short("frequency")}`, "%{y:.5g} dB");
+    const traces = [];
+    for (const [name, colour, mark] of [["T", RED, "circle"], ["R", BLUE, "square"]]) {
+      const own_ = own[name];
+      if (own_.real) traces.push({ x: to("frequency", own.line_frequency), y: own_.real, mode: "lines", name: `${name} exact, real ω`,
+        line: { color: colour, width: 1, dash: "dot" }, hovertemplate: where });
+      traces.push({ x: to("frequency", own.line_frequency), y: own_.line, mode: "lines", name: `${name} exact`,
+        line: { color: INK, width: 1.3, dash: name === "T" ? "solid" : "dash" }, hovertemplate: where });
+      traces.push({ x: to("frequency", own.frequency), y: own_.measured, mode: "markers", name: `${name} measured`, customdata: own_.exact,
+        marker: { size: 6, symbol: mark, color: "white", line: { color: colour, width: 1.4 } },
+        hovertemplate: where.replace("<extra>", "<br>exact %{customdata:.5g} dB<extra>") });
+    }
+    return [traces, made];
+  }
+
+  function bloch(sector) {
+    const own = at(data.bloch, sector);
+    if (!own) return null;
+    const made = layout({ xaxis: axis("frequency"), yaxis: plain("qL") });
+    const where = hover(`%{x:.5g} ${short("frequency")}`, "%{y:.5g}");
+    const pair = (name, key, colour) => [
+      { x: to("frequency", own.line_frequency), y: own["line_" + key], mode: "lines", name: `${name} exact`,
+        line: { color: INK, width: 1.3, dash: key === "phase" ? "solid" : "dash" }, hovertemplate: where },
+      { x: to("frequency", own.frequency), y: own[key], mode: "markers", name: `${name} measured`,
+        marker: { size: 6, color: "white", line: { color: colour, width: 1.4 } }, hovertemplate: where }];
+    return [[...pair("Re qL/π", "phase", RED), ...pair("Im qL", "decay", BLUE)], made];
+  }
+
+  function ringing(sector) {
+    const own = at(data.eigenfrequencies, sector);
+    if (!own) return null;
+    const made = layout({ xaxis: axis("frequency"), yaxis: plain("receivers together (dB)", { range: [-110, 10] }) });
+    const where = hover(`%{x:.8g} ${short("frequency")}`, "%{y:.1f} dB");
+    return [[
+      { x: to("frequency", own.frequency), y: own.level, mode: "lines", name: "spectrum", line: { color: GREY, width: 1 }, hovertemplate: where },
+      { x: to("frequency", own.exact), y: own.exact.map(() => 4), mode: "markers", name: "exact eigenfrequency",
+        marker: { symbol: "line-ns", size: 9, line: { color: INK, width: 1.4 } }, hovertemplate: where },
+      { x: to("frequency", own.measured), y: own.height, mode: "markers", name: "measured",
+        marker: { size: 6, color: "white", line: { color: RED, width: 1.4 } }, hovertemplate: where },
+    ], made];
+  }
+
+  function velocities() {
+    const [name, own] = Object.entries(data.pulse || {})[0] || [];
+    if (!own) return null;
+    const made = layout({ xaxis: axis("frequency"), yaxis: plain("velocity (m/s)", { rangemode: "tozero" }),
+      yaxis2: plain("Q", { overlaying: "y", side: "right", rangemode: "tozero", showgrid: false }) });
+    made.margin.r = 56;
+    const f = to("frequency", own.frequency);
+    const traces = [];
+    for (const [key, label, colour, which] of [["phase_velocity", "phase velocity", RED, "y"], ["group_velocity", "group velocity", BLUE, "y"],
+      ["quality", "Q", "#2e7d32", "y2"]]) {
+      const where = hover(`%{x:.5g} ${short("frequency")}`, `%{y:.5g} ${which === "y" ? "m/s" : ""}`);
+      traces.push({ x: f, y: own.exact[key], yaxis: which, mode: "lines", name: `${label}, exact signals`, line: { color: INK, width: 1.2 }, hovertemplate: where });
+      traces.push({ x: f, y: own.measured[key], yaxis: which, mode: "markers", name: `${label} of ${symbol(name)}`,
+        marker: { size: 6, color: "white", line: { color: colour, width: 1.4 } }, hovertemplate: where });
+    }
+    return [traces, made];
+  }
+
+  const frameTime = () => data.snapshots.t[state.frame];
+  function spacetime(sector) {
+    const own = at(data.spacetime, sector);
+    if (!own) return null;
+    const z = own.rows ||= unpacked(own, true);
+    const steps = (count, end) => Array.from({ length: count }, (_, i) => (i + 0.5) * end / count);
+    const made = layout({
+      xaxis: axis("length", { range: to("length", [0, data.length]) }),
+      yaxis: axis("time", { range: to("time", [0, data.duration]) }),
+      margin: { l: 62, r: narrow() ? 12 : 24, t: 50, b: 48 },
+    });
+    places(made, true);
+    const [now] = to("time", [frameTime()]);
+    made.shapes.push({ type: "line", x0: 0, x1: 1, xref: "paper", y0: now, y1: now, name: "now", line: { color: BLUE, width: 1.5 } });
+    const sources = data.sources.filter(s => s.sectors.includes(sector) && s.time !== null);
+    return [[
+      { type: "heatmap", x: to("length", steps(z[0].length, data.length)), y: to("time", steps(z.length, data.duration)), z, ...MAGMA,
+        zmin: -60, zmax: 0, colorbar: bar("amplitude (dB)"), name: "amplitude", showlegend: false,
+        hovertemplate: `x %{x:.4g} ${short("length")}<br>t %{y:.4g} ${short("time")}<br>%{z:.1f} dB<extra></extra>` },
+      { x: to("length", sources.map(s => s.position)), y: to("time", sources.map(s => s.time)), mode: "markers", name: "source", text: sources.map(s => symbol(s.field)),
+        marker: { symbol: "triangle-down", size: 10, color: "white", line: { color: INK, width: 1.4 } }, showlegend: false,
+        hovertemplate: "source on %{text}<extra></extra>" },
+    ], made];
+  }
+
+  function snapshot() {
+    const own = data.snapshots.fields[state.field];
+    const rows = own.rows ||= unpacked(own);
+    const top = own.top ||= Math.max(...rows.map(row => row.reduce((m, v) => Math.max(m, Math.abs(v)), 0))) || 1;
+    const y = rows[state.frame];
+    const largest = Math.max(...y.map(Math.abs)) || top;
+    const reach = document.getElementById("grow").checked ? largest : top;
+    const made = layout({ xaxis: axis("length", { range: to("length", [0, data.length]) }), yaxis: plain(`${symbol(state.field)} (${own.unit})`, { range: [-1.08 * reach, 1.08 * reach], exponentformat: "power" }) });
+    places(made, false);
+    return [[{ x: to("length", own.x), y, mode: "lines", line: { color: RED, width: 1.4 }, name: symbol(state.field),
+      hovertemplate: `x %{x:.5g} ${short("length")}<br>%{y:.4g} ${own.unit}<extra></extra>` }], made];
+  }
+
+  function signals() {
+    const many = data.signals.receivers.slice(0, 24);
+    const t = to("time", data.signals.t);
+    const made = layout({ xaxis: axis("time"), yaxis: plain("", { tickvals: many.map((_, n) => n),
+      ticktext: many.map(r => `${r.name}, ${+to("length", [r.position])[0].toPrecision(4)} ${short("length")}`), automargin: true }) });
+    const traces = [];
+    many.forEach((receiver, n) => {
+      const own = receiver.fields[state.field];
+      const colour = COLOURS[n % COLOURS.length];
+      const show = values => values.map(v => n + 0.45 * v / (own.peak || 1));
+      const where = `t %{x:.5g} ${short("time")}<br>%{customdata:.4g} ${own.unit}`;
+      const exact = ((data.exact_signals || {})[receiver.name] || {})[state.field];
+      if (exact) {
+        const values = exact.row ||= unpacked(exact);
+        traces.push({ x: t, y: show(values), customdata: values, mode: "lines", name: "exact", legendgroup: "exact", showlegend: n === 0,
+          line: { color: GREY, width: 3 }, hovertemplate: `${where}<extra>${receiver.name}, exact</extra>` });
+      }
+      const values = own.row ||= unpacked(own);
+      traces.push({ x: t, y: show(values), customdata: values, mode: "lines", name: receiver.name, line: { color: colour, width: 1.3 },
+        hovertemplate: `${where}<extra>${receiver.name}, simulated</extra>` });
+      if (own.arrival !== null) traces.push({ x: to("time", [own.arrival]), y: [n], mode: "markers", name: "arrival (5 % of peak)", legendgroup: "arrival",
+        showlegend: n === 0, marker: { symbol: "line-ns", size: 16, line: { color: RED, width: 2 } },
+        hovertemplate: `arrives at %{x:.5g} ${short("time")}<extra>${receiver.name}</extra>` });
+    });
+    return [traces, made];
+  }
+
+  function build() {
+    const sector = document.getElementById("sector");
+    for (const name of data.sectors) sector.add(new Option(SECTORS[name] || name, name));
+    state.sector = data.sectors[0];
+    if (data.sectors.length < 2) sector.parentElement.style.display = "none";
+    const fields = Object.keys(data.snapshots.fields);
+    state.field = fields[0];
+    state.frame = Math.min(data.snapshots.t.length - 1, Math.round(data.snapshots.t.length / 3));
+    if (data.spectrum) place("spectrum", "Dispersion: what travels, and what does not", ["wavenumber", "frequency"], () => spectrum(state.sector));
+    if (data.attenuation && Object.keys(data.attenuation).length) place("attenuation", "Attenuation", ["frequency", "decay"], () => attenuation(state.sector));
+    if (data.transmission) place("transmission", "Transmission and reflection", ["frequency", null], () => transmission(state.sector));
+    if (data.bloch) place("bloch", "Bloch wave of the repeated stretch", ["frequency", null], () => bloch(state.sector), true);
+    if (data.eigenfrequencies) place("eigenfrequencies", "Eigenfrequencies", ["frequency", null], () => ringing(state.sector));
+    if (data.pulse) place("velocities", "Velocities and Q between receivers", ["frequency", null], velocities);
+    place("spacetime", "Amplitude in the bar over time", ["length", "time"], () => spacetime(state.sector));
+    const section = place("snapshot", "The field in the bar", ["length", null], snapshot, true);
+    const slider = document.createElement("div");
+    slider.className = "slider";
+    slider.innerHTML = `<label>field <select id="field"></select></label><label for="frame">time</label>
+      <input type="range" id="frame" min="0" max="${data.snapshots.t.length - 1}" value="${state.frame}" step="1">
+      <output id="now" for="frame"></output><button type="button" id="play">play</button>
+      <label><input type="checkbox" id="grow"> scale to this moment</label>`;
+    section.querySelector("h2").after(slider);
+    const field = slider.querySelector("#field");
+    for (const name of fields) field.add(new Option(symbol(name), name));
+    if (data.signals.receivers.length) place("signals", "Receivers", ["time", null], signals);
+  }
+
+  const unitOf = (kind, which) => kind ? UNITS[kind][which[UNITS[kind].by]][0] : 1;
+  // Draws one plot; where the reader has zoomed, what is shown stays, whatever the units.
+  function draw(plot, before) {
+    const made = plot.draw();
+    plot.section.hidden = !made;
+    if (!made) return;
+    const div = document.getElementById(plot.id), [traces, shape] = made;
+    const old = div.layout;
+    if (old && before) ["xaxis", "yaxis"].forEach((name, i) => {
+      if (plot.zoomed && old[name]) {
+        const ratio = unitOf(plot.kinds[i], chosen) / unitOf(plot.kinds[i], before);
+        shape[name] = { ...shape[name], range: old[name].range.map(v => v * ratio) };
+      }
+    });
+    const hidden = {};
+    for (const trace of div.data || []) if (trace.visible === "legendonly") hidden[trace.name] = true;
+    for (const trace of traces) if (hidden[trace.name]) trace.visible = "legendonly";
+    Plotly.react(div, traces, shape, config);
+    if (!old) div.on("plotly_relayout", change => {
+      if (Object.keys(change).some(key => key.includes(".range["))) plot.zoomed = true;
+      if (Object.keys(change).some(key => key.includes("autorange"))) plot.zoomed = false;
+    });
+  }
+  const named = (...ids) => plots.filter(plot => ids.includes(plot.id));
+
+  // Tables: each number that has a unit in the one chosen; its digits are those of the summary.
+  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 5 };
+  function tables() {
+    for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
+      const kind = cell.dataset.kind;
+      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
+    }
+    for (const cell of document.querySelectorAll("#answers .unit[data-kind]"))
+      if (UNITS[cell.dataset.kind]) cell.textContent = unit(cell.dataset.kind)[1].split(" =")[0];
+  }
+  function clock() {
+    document.getElementById("now").textContent = `${+to("time", [frameTime()])[0].toPrecision(4)} ${short("time")}`;
+  }
+
+  build();
+  clock();
+  // One after the other, so that what stands first can be read before the rest is drawn.
+  const waiting = [...plots];
+  const next = () => { const plot = waiting.shift(); if (plot) { draw(plot); setTimeout(next, 0); } else document.body.dataset.drawn = "all"; };
+  next();
+
+  document.getElementById("controls").addEventListener("change", event => {
+    const before = { ...chosen };
+    if (event.target.id === "sector") {
+      state.sector = event.target.value;
+      for (const plot of plots) plot.zoomed = false;
+    } else chosen[event.target.name] = event.target.value;
+    tables();
+    clock();
+    for (const plot of plots) draw(plot, before);
+  });
+  document.getElementById("controls").addEventListener("submit", event => event.preventDefault());
+  const frame = document.getElementById("frame");
+  function moveTo(n) {
+    state.frame = n;
+    frame.value = n;
+    clock();
+    for (const plot of named("snapshot")) draw(plot, chosen);
+    const div = document.getElementById("spacetime");
+    const at_ = (div.layout ? div.layout.shapes : []).findIndex(s => s.name === "now");
+    const [now] = to("time", [frameTime()]);
+    if (at_ >= 0) Plotly.relayout(div, { [`shapes[${at_}].y0`]: now, [`shapes[${at_}].y1`]: now });
+  }
+  frame.addEventListener("input", () => moveTo(+frame.value));
+  document.getElementById("field").addEventListener("change", event => {
+    state.field = event.target.value;
+    for (const plot of named("snapshot", "signals")) draw(plot, chosen);
+  });
+  document.getElementById("grow").addEventListener("change", () => named("snapshot").forEach(plot => draw(plot, chosen)));
+  let playing = 0;
+  document.getElementById("play").addEventListener("click", event => {
+    if (playing) { clearInterval(playing); playing = 0; event.target.textContent = "play"; return; }
+    event.target.textContent = "stop";
+    playing = setInterval(() => moveTo((state.frame + 1) % data.snapshots.t.length), 120);
+  });
+  // On paper everything is open.
+  let opened = [];
+  window.addEventListener("beforeprint", () => {
+    opened = [...document.querySelectorAll("details:not([open])")];
+    for (const one of opened) one.open = true;
+    for (const plot of plots) { const div = document.getElementById(plot.id); if (div.data) Plotly.relayout(div, { width: 680 }); }
+  });
+  window.addEventListener("afterprint", () => {
+    for (const one of opened) one.open = false;
+    for (const plot of plots) { const div = document.getElementById(plot.id); if (div.data) Plotly.relayout(div, { width: null, autosize: true }); }
+  });
+})();

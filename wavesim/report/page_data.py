@@ -1,0 +1,307 @@
+"""What the page of a run draws from, small enough to travel in it: arrays thinned and packed.
+
+A packed array stands for low + step · n, n whole numbers of one or two bytes in base64; the steps
+are finer than anything that a pointer on a screen can tell. All else is in SI.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.material.family import is_macro
+from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
+from wavesim.readings.amplitude_map import amplitude_map
+from wavesim.readings.bar.reading import Reading
+from wavesim.simulation.field import Field
+from wavesim.verdict.endless import Held
+
+Data = dict[str, Any]
+
+_HERTZ = 1 / (2 * math.pi)
+_DECIBELS = 20 / math.log(10)
+# Tiles of the space-time picture; frames and places of the field in the bar; of a signal.
+_TILES = (220, 400)
+_FRAMES, _PLACES, _SAMPLES = 80, 400, 1500
+# Numbers of all signals together, and frequencies of a spectrum, at most.
+_ALL_SAMPLES, _FREQUENCIES, _WAVENUMBERS = 150_000, 400, 320
+# Amplitudes and powers are shown so far below their largest, dB.
+_FAINTEST, _FAINTEST_POWER = -60.0, -80.0
+# A signal has arrived at this part of its peak.
+_ARRIVED = 0.05
+_FINE = 800
+
+
+def of_field(field: Field) -> Data:
+    """The field: amplitude over time and place, snapshots, signals at receivers.
+
+    Args:
+        field: read where it is looked at.
+    """
+    bar, medium = field.bar, field.medium
+    sectors = list(dict.fromkeys(block.sector for block in field.blocks))
+    return {
+        "units": {"length": float(medium.length_scale), "time": float(medium.time_scale)},
+        "length": bar.length,
+        "duration": float(field.t[-1]),
+        "periodic": bar.periodic,
+        "interfaces": [float(x) for x in field.layers.interfaces],
+        "clear": [float(x) for x in bar.clear],
+        "sources": [_source(field, source) for source in field.sources],
+        "receivers": [{"name": n, "position": float(x)} for n, x in field.receivers.items()],
+        "sectors": sectors,
+        "gaps": {sector: _gaps(field, sector) for sector in sectors},
+        "spacetime": {sector: _spacetime(field, sector) for sector in sectors},
+        "snapshots": _snapshots(field),
+        "signals": _signals(field),
+    }
+
+
+def _source(field: Field, source: Any) -> Data:
+    own = [b.sector for b in field.blocks if source.field in b.fields]
+    return {
+        "field": source.field,
+        "position": float(source.position),
+        "time": _finite(source.peak_time),
+        "sectors": list(dict.fromkeys(own)),
+    }
+
+
+def _gaps(field: Field, sector: str) -> list[Data]:
+    """Those of the one medium; of several layers none is the bar's."""
+    inner = field.layers.layers[1:-1] or field.layers.layers
+    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    if len(media) > 1:
+        return []
+    return [
+        {"name": gap.name, "lower": gap.lower * _HERTZ, "upper": gap.upper * _HERTZ}
+        for gap in gaps(media[0], sector)
+        if gap.upper > gap.lower
+    ]
+
+
+def _spacetime(field: Field, sector: str) -> Data:
+    amplitude = amplitude_map(field, sector, _TILES)
+    peak = float(amplitude.max()) or 1.0
+    level = 20 * np.log10(np.maximum(amplitude / peak, 1e-15))
+    return _packed(level, _FAINTEST, 0.25, np.uint8)
+
+
+def _snapshots(field: Field) -> Data:
+    frames = _some(len(field.t), _FRAMES)
+    found: Data = {"t": field.t[frames].tolist(), "fields": {}}
+    names = sorted(field.names, key=lambda name: (not is_macro(name), name))
+    for name in names:
+        x = field.positions(name)
+        places = _some(len(x), _PLACES)
+        step = int(places[1] - places[0]) if len(places) > 1 else 1
+        values = field.part(name, slice(0, len(field.t), frames[1] - frames[0]),
+                            slice(0, len(x), step))  # fmt: skip
+        found["fields"][name] = _whole(values) | {
+            "x": x[places].tolist(),
+            "unit": field.unit(name),
+        }
+    return found
+
+
+def _some(count: int, most: int) -> NDArray[np.int_]:
+    """Every second, third, … of so many, at most."""
+    return np.arange(0, count, max(1, -(-count // most)))
+
+
+def _signals(field: Field) -> Data:
+    order = sorted(field.receivers.items(), key=lambda item: item[1])
+    many = max(1, len(order) * len(field.names))
+    samples = _some(len(field.t), max(50, min(_SAMPLES, _ALL_SAMPLES // many)))
+    found: Data = {"t": field.t[samples].tolist(), "receivers": []}
+    for name, x in order:
+        own: Data = {"name": name, "position": float(x), "fields": {}}
+        for each in field.names:
+            signal = field.at(x, each)
+            peak = float(np.abs(signal).max())
+            first = int(np.argmax(np.abs(signal) >= _ARRIVED * peak)) if peak > 0 else 0
+            own["fields"][each] = _whole(signal[samples]) | {
+                "unit": field.unit(each),
+                "peak": peak,
+                "arrival": float(field.t[first]) if first else None,
+            }
+        found["receivers"].append(own)
+    return found
+
+
+def of_found(field: Field, found: Any) -> Data:
+    """What was measured, beside the exact solution.
+
+    Args:
+        field: the field.
+        found: every block of an endless bar beside the theory, or the reading of any other.
+    """
+    if isinstance(found, list):
+        return {
+            "spectrum": {
+                sector: _spectrum(field, [h for h in found if h.measured.block.sector == sector])
+                for sector in dict.fromkeys(h.measured.block.sector for h in found)
+            },
+            "attenuation": {
+                h.measured.block.sector: _attenuation(field, h)
+                for h in found
+                if h.k_exact is not None
+            },
+        }
+    return _of_reading(field, found)
+
+
+def _spectrum(field: Field, own: Sequence[Held]) -> Data:
+    first = own[0].measured.spectrum
+    size = min(len(h.measured.spectrum.omega) for h in own)
+    power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
+    branches = []
+    k = np.linspace(0, float(first.k[-1]), _FINE // 4)
+    highest = 0.0
+    for h in own:
+        exact = block_oscillations(field.medium, h.measured.block, k)
+        highest = max(highest, float(exact.max()))
+        for number, branch in enumerate(h.branches):
+            points = _some(len(branch.k), 50)
+            branches.append(
+                {
+                    "name": branch.name,
+                    "k": branch.k[points].tolist(),
+                    "frequency": (branch.omega[points] * _HERTZ).tolist(),
+                    "exact": (branch.omega_exact[points] * _HERTZ).tolist(),
+                    "line": (exact[:, number] * _HERTZ).tolist(),
+                }
+            )
+    top = min(size, int(np.searchsorted(first.omega[:size], 1.08 * highest)) + 1)
+    rows, columns = _some(top, _FREQUENCIES), _some(len(first.k), _WAVENUMBERS)
+    tiles = np.maximum.reduceat(power[:, :top], rows, axis=1)
+    tiles = np.maximum.reduceat(tiles, columns, axis=0)
+    level = 10 * np.log10(np.maximum(tiles / (float(power.max()) or 1.0), 1e-30))
+    half = (rows[1] - rows[0] - 1) / 2 * (first.omega[1] - first.omega[0]) if top > 1 else 0.0
+    return {
+        "power": _packed(level.T, _FAINTEST_POWER, 80 / 250, np.uint8),
+        "k": first.k[columns].tolist(),
+        "frequency": ((first.omega[rows] + half) * _HERTZ).tolist(),
+        "line_k": k.tolist(),
+        "branches": branches,
+    }
+
+
+def _attenuation(field: Field, held: Held) -> Data:
+    curve = held.measured.attenuation
+    assert curve is not None
+    assert held.k_exact is not None
+    sector = held.measured.block.sector
+    omega = np.linspace(curve.omega[0], curve.omega[-1], _FINE)
+    real = wavenumber(field.medium, sector, omega)
+    damped = wavenumber(field.medium, sector, omega + 1j * curve.sigma)
+    return {
+        "sigma": float(curve.sigma),
+        "frequency": (curve.omega * _HERTZ).tolist(),
+        "measured": _numbers(curve.k.imag * _DECIBELS),
+        "exact": _numbers(held.k_exact.imag * _DECIBELS),
+        "line_frequency": (omega * _HERTZ).tolist(),
+        "line_exact": _numbers(damped.imag * _DECIBELS),
+        "line_real": _numbers(real.imag * _DECIBELS),
+    }
+
+
+def _of_reading(field: Field, reading: Reading) -> Data:
+    found: Data = {"transmission": {}, "bloch": {}, "eigenfrequencies": {}, "pulse": {}}
+    for one in reading.scattered:
+        line = one.line or (one.omega, one.T_exact, one.R_exact)
+        some = _some(len(line[0]), _FINE)
+        found["transmission"][one.sector] = {
+            "sigma": float(one.sigma),
+            "frequency": (one.omega[one.judged] * _HERTZ).tolist(),
+            "line_frequency": (line[0][some] * _HERTZ).tolist(),
+        } | {
+            name: {
+                "measured": _levels(getattr(one, name)[one.judged]),
+                "exact": _levels(getattr(one, f"{name}_exact")[one.judged]),
+                "line": _levels(np.asarray(curve)[some]),
+            }
+            for name, curve in (("T", line[1]), ("R", line[2]))
+        }
+    for two in reading.cells:
+        fine, q = two.line or (two.omega, two.q_exact)
+        some = _some(len(fine), _FINE)
+        found["bloch"][two.sector] = {
+            "frequency": (two.omega[two.judged] * _HERTZ).tolist(),
+            "phase": _numbers(two.q[two.judged].real * two.period / math.pi),
+            "decay": _numbers(two.q[two.judged].imag * two.period),
+            "line_frequency": (fine[some] * _HERTZ).tolist(),
+            "line_phase": _numbers(q[some].real * two.period / math.pi),
+            "line_decay": _numbers(q[some].imag * two.period),
+        }
+    for three in reading.ringing:
+        shown = np.flatnonzero(three.omega <= 1.08 * three.exact[-1])
+        some = _some(len(shown), 3000)
+        level = np.maximum.reduceat(three.level[shown], some)
+        found["eigenfrequencies"][three.sector] = {
+            "frequency": (three.omega[shown][some] * _HERTZ).tolist(),
+            "level": _levels(level, 2),
+            "exact": (three.exact * _HERTZ).tolist(),
+            "measured": _numbers(three.found * _HERTZ),
+            "height": _levels(np.interp(three.found, three.omega, three.level), 2),
+        }
+    for test in reading.pulses:
+        if test.medium is None:  # one speed across several layers is the speed of nothing
+            continue
+        ours, known = test.result.dispersion, test.exact.dispersion
+        columns = ("phase_velocity", "group_velocity", "attenuation", "quality")
+        found["pulse"][test.name] = {
+            "frequency": (ours.omega * _HERTZ).tolist(),
+            "measured": {name: _numbers(getattr(ours, name)) for name in columns},
+            "exact": {name: _numbers(getattr(known, name)) for name in columns},
+        }
+    found["exact_signals"] = _exact_signals(field, reading)
+    return {name: part for name, part in found.items() if part}
+
+
+def _exact_signals(field: Field, reading: Reading) -> Data:
+    many = max(1, len(field.receivers) * len(field.names))
+    samples = _some(len(field.t), max(50, min(_SAMPLES, _ALL_SAMPLES // many)))
+    return {
+        receiver: {name: _whole(signal[samples]) for name, signal in own.items()}
+        for receiver, own in reading.exact.items()
+    }
+
+
+def _packed(values: Any, low: float, step: float, kind: Any) -> Data:
+    """An array as whole numbers; what is below its range, or no number, is at its low end."""
+    highest = np.iinfo(kind).max
+    count = np.nan_to_num((np.asarray(values) - low) / step, nan=0.0)
+    whole = np.clip(np.rint(count), np.iinfo(kind).min, highest).astype(kind)
+    return {
+        "shape": list(whole.shape),
+        "low": low,
+        "step": step,
+        "bytes": whole.dtype.itemsize,
+        "data": base64.b64encode(np.ascontiguousarray(whole).tobytes()).decode("ascii"),
+    }
+
+
+def _whole(values: Any) -> Data:
+    """An array of both signs, in steps of 1/32767 of its largest value."""
+    top = float(np.abs(values).max(initial=0.0)) or 1.0
+    return _packed(values, 0.0, top / 32767, np.int16)
+
+
+def _levels(values: Any, decimals: int = 6) -> list[float | None]:
+    level = 20 * np.log10(np.maximum(np.abs(values), 1e-15))
+    return _numbers(np.round(level, decimals))
+
+
+def _numbers(values: Any) -> list[float | None]:
+    """Numbers that JSON has: what is none becomes None."""
+    return [_finite(value) for value in np.asarray(values).tolist()]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

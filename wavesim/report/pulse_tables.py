@@ -1,0 +1,189 @@
+"""Tables of pulse tests: what was read, in an order that answers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from wavesim.readings.pulse.reading import Reading, Series
+
+_CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")
+# More notes than this are told by their number alone.
+_MOST_NOTES = 12
+
+
+def number(value: float, error: float = math.nan, unit: str = "") -> str:
+    """A value to two digits of its error: "3000.8 ± 1.3 m/s"; "–" where there is none."""
+    if not math.isfinite(value):
+        return "–"
+    end = f" {unit}" if unit else ""
+    if not (math.isfinite(error) and error > 0):
+        return f"{value:.5g}{end}"
+    digits = min(max(0, 1 - math.floor(math.log10(error))), 6)
+    return f"{value:.{digits}f} ± {error:.{digits}f}{end}"
+
+
+def in_time(value: float) -> tuple[float, str]:
+    """A unit in which a time is a number of few digits: its factor and name."""
+    size = abs(value)
+    if not math.isfinite(size) or size >= 1:
+        return 1.0, "s"
+    return (1e3, "ms") if size >= 2e-4 else (1e6, "µs")
+
+
+def show(console: Console, readings: Sequence[Reading], series: Series | None) -> None:
+    """Print readings, and the law of their series."""
+    alone = [one for one in readings if one.result is None]
+    if alone:
+        _single(console, alone, readings, series)
+    for one in readings:
+        if one.result is not None:
+            _several(console, one)
+    if series is not None:
+        _law(console, readings, series)
+    _notes(console, readings)
+
+
+def _single(
+    console: Console, alone: Sequence[Reading], readings: Sequence[Reading], series: Series | None
+) -> None:
+    times = [one.best.time for one in alone if math.isfinite(one.best.time)]
+    scale, unit = in_time(min(times) if times else math.nan)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("record", overflow="fold")
+    if series is not None:
+        table.add_column(series.parameter, justify="right")
+    table.add_column(f"travel time ({unit})", justify="right")
+    table.add_column("velocity (m/s)", justify="right")
+    for name in _CONVENTIONS[:4]:
+        table.add_column(name, justify="right")
+    for one in alone:
+        row = [one.file]
+        if series is not None:
+            row.append(f"{series.values[list(readings).index(one)]:g}")
+        best = one.best
+        if best.valid:
+            row += [number(best.time * scale, best.error * scale),
+                    number(best.velocity, best.velocity_error)]  # fmt: skip
+        else:
+            row += ["–", "refused"]
+        found = one.receivers[0].arrivals
+        for name in _CONVENTIONS[:4]:
+            time = found[name].time if name in found else math.nan
+            row.append(f"{time * scale:.4g}" if math.isfinite(time) else "–")
+        table.add_row(*row)
+    console.print(table)
+    console.print(
+        "± is one standard error: noise, and what the conventions leave open. Conventions' times "
+        "include the system's delay."
+    )
+    reasons = Counter(one.best.reason for one in alone if not one.best.valid)
+    for reason, count in reasons.items():
+        console.print(f"{count} refused: {reason}.", markup=False)
+
+
+def _several(console: Console, one: Reading) -> None:
+    assert one.result is not None
+    result, best = one.result, one.best
+    console.print(f"{one.file}: {len(one.receivers)} receivers", markup=False)
+    if best.valid:
+        speed = number(best.velocity, best.velocity_error, "m/s")
+        console.print(f"  velocity {speed} (by {best.convention}; ± is one standard error)")
+    else:
+        console.print(f"  velocity refused: {best.reason}.", markup=False)
+    quality, ratio = result.quality, result.constant_quality
+    low, high = (f / 1e3 for f in quality.band)
+    if not quality.reason:
+        told = f"  Q {number(quality.quality, quality.error)} from α and v_g over {low:.4g} to "
+        told += f"{high:.4g} kHz"
+        if quality.excess > 3:
+            told += f"; it changes with frequency (χ²/ν = {quality.excess:.2g})"
+        console.print(told)
+    else:
+        console.print(f"  Q refused: {quality.reason}.", markup=False)
+    if not ratio.reason:
+        console.print(f"  Q {number(ratio.quality, ratio.error)} by the spectral ratio")
+    else:
+        console.print(f"  Q by the spectral ratio refused: {ratio.reason}.", markup=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    times = [abs(float(t)) for own in result.arrivals.values() for t in own.time]
+    scale, unit = in_time(max((t for t in times if math.isfinite(t)), default=math.nan))
+    table.add_column("convention")
+    table.add_column("velocity (m/s)", justify="right")
+    for receiver in one.receivers:
+        table.add_column(f"{receiver.name}\n{receiver.position * 1e3:.5g} mm", justify="right")
+    for name, own in result.arrivals.items():
+        one_speed = result.velocities[name]
+        each = [f"{t * scale:.5g}" if math.isfinite(t) else "–" for t in own.time.tolist()]
+        table.add_row(f"{name} ({unit})", number(one_speed.velocity, one_speed.error), *each[:8])
+    console.print(table)
+    _spectra(console, one)
+
+
+def _spectra(console: Console, one: Reading) -> None:
+    """A few frequencies of c, v_g, α and Q."""
+    assert one.result is not None
+    found = one.result.dispersion
+    own = [i for i, ok in enumerate(found.valid.tolist()) if ok]
+    if not own:
+        return
+    rows = own[:: max(1, len(own) // 8)]
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("f (kHz)", "c (m/s)", "v_g (m/s)", "α (Np/m)", "Q"):
+        table.add_column(heading, justify="right")
+    for i in rows:
+        table.add_row(
+            f"{found.omega[i] / 6283.185307179586:.5g}",
+            number(found.phase_velocity[i], found.phase_error[i]),
+            number(found.group_velocity[i], found.group_error[i]),
+            number(found.attenuation[i], found.attenuation_error[i]),
+            number(found.quality[i], found.quality_error[i]),
+        )
+    console.print(table)
+
+
+def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:
+    law, name = series.law, series.parameter
+    if law is None:
+        console.print(
+            f"No law V = a {name}^b: it needs three velocities at two values above 0 or more."
+        )
+        return
+    console.print(
+        f"V = a {name}^b: a = {number(law.a, law.a_error)} m/s, b = {number(law.b, law.b_error)}; "
+        f"scatter {law.scatter:.1%}",
+        markup=False,
+    )
+    for i in law.outliers:
+        console.print(f"  set aside: {readings[i].file}, {readings[i].best.velocity:.5g} m/s")
+
+
+def _notes(console: Console, readings: Sequence[Reading]) -> None:
+    """Each note once, with how many records it is of."""
+    said: dict[str, list[Any]] = {}
+    for one in readings:
+        for note in dict.fromkeys(one.notes):
+            said.setdefault(note, []).append(one.file)
+    # Of those that differ in a number alone, one speaks for all.
+    alike: dict[str, list[str]] = {}
+    for note in said:
+        alike.setdefault(
+            "".join(c for c in note if not c.isdigit() and c not in ".-+e"), []
+        ).append(note)
+    for number_of, notes in enumerate(alike.values()):
+        if number_of == _MOST_NOTES:
+            console.print(f"… and {len(alike) - _MOST_NOTES} more notes: see --json")
+            break
+        files = [file for note in notes for file in said[note]]
+        where = (
+            ""
+            if len(readings) == 1
+            else (f"{files[0]}: " if len(files) == 1 else f"{len(files)} records, as {files[0]}: ")
+        )
+        console.print(f"Note: {where}{notes[0]}.", markup=False)

@@ -1,0 +1,161 @@
+"""Sweeps: a case measured over ranges of its keys, written to one dataset as results come."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from wavesim.studies.gap_sweep import gap_measure
+from wavesim.studies.run_sweep import Judge, run_measure
+from wavesim.studies.sweep_case import SweptCase, swept_case
+from wavesim.studies.sweep_store import Store
+from wavesim.studies.sweep_workers import here, pool
+from wavesim.studies.variation import Axis, Region, SweepError, variation
+
+MEASURES = ("gaps", "run")
+DATASET = "sweep.zarr"
+# Called with the members done, failed, and all there are.
+Progress = Callable[[int, int, int], None]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep as it was asked for.
+
+    Attributes:
+        case: what is swept.
+        measure: what is measured of each member.
+        store: where it is written.
+    """
+
+    case: SweptCase
+    measure: Any
+    store: Store
+
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return self.case.varied.count
+
+    def go(
+        self,
+        resume: bool = False,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        progress: Progress | None = None,
+    ) -> Any:
+        """Measure all members that are still to come, and open the dataset.
+
+        Args:
+            resume: carry on the dataset that is there; else it is begun anew.
+            workers: processes on this machine; None works in this one.
+            scheduler: address of a scheduler of Dask, in place of them.
+            progress: called after each block.
+
+        Returns:
+            The dataset (xarray).
+
+        Raises:
+            SweepError: there is nothing to carry on, or no workers.
+            LostSchedulerError: the scheduler is gone; what was written stays.
+            OSError: the dataset can't be written.
+        """
+        store, tell = self.store, progress or (lambda done, failed, of: None)
+        with ExitStack() as until_the_end:
+            work: Any = here
+            if scheduler is not None or workers is not None:
+                work = until_the_end.enter_context(pool(workers, scheduler))
+            done = 0
+            if resume:
+                done = store.carry_on()
+            else:
+                store.path.parent.mkdir(parents=True, exist_ok=True)
+                store.create()
+            tell(done, store.failed, self.count)
+            jobs = ((region, self._prepared(region)) for region in store.pending)
+            for region, result in work(_Timed(self.measure), jobs):
+                members = len(self.case.varied.at(region))
+                if isinstance(result, Exception):
+                    found, messages, seconds = {}, [_why(result)] * members, float("nan")
+                else:
+                    (found, messages), seconds = result
+                if members == len(messages) and any(messages) and members == 1:
+                    found = {}
+                store.write(region, found, messages, seconds / members, time.time())
+                done += members
+                tell(done, store.failed, self.count)
+        return store.open()
+
+    def _prepared(self, region: Region) -> Any:
+        return self.measure.prepare(self.case.varied.at(region))
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """A measure's work and the seconds it took."""
+
+    measure: Any
+
+    def __call__(self, argument: Any) -> Any:
+        begun = time.perf_counter()
+        found = self.measure.work(argument)
+        return found, time.perf_counter() - begun
+
+
+def sweep(
+    case: str | Path,
+    vary: Sequence[str | Axis],
+    measure: str = "gaps",
+    sample: int | None = None,
+    sampler: str = "sobol",
+    seed: int = 0,
+    folder: str | Path = "outputs",
+    overrides: Sequence[str] = (),
+    judge: Judge | None = None,
+) -> Sweep:
+    """Describe a sweep; its ``go`` measures it.
+
+    Args:
+        case: path of the case file.
+        vary: keys and their ranges, KEY=FROM:TO:N each, KEY as of ``--set``.
+        measure: "gaps" (edges of all gaps, rad/s), or "run" (signals at the receivers, SI).
+        sample: number of members drawn from the box of the ranges; None takes the grid.
+        sampler: "sobol" or "lhs".
+        seed: of the sample.
+        folder: where the dataset, sweep.zarr, goes.
+        overrides: "table.key=value", laid over every member.
+        judge: of runs, such as :func:`wavesim.runner.measure`; None stores signals alone.
+
+    Raises:
+        CaseError: the case can't be used.
+        SweepError: a range or key can't, or does not matter to what is measured.
+    """
+    if measure not in MEASURES:
+        raise SweepError(f"--measure {measure}: must be one of {', '.join(MEASURES)}")
+    varied = variation(vary, sample, sampler, seed)
+    swept = swept_case(case, varied, overrides)
+    made: Any = gap_measure(swept) if measure == "gaps" else run_measure(swept, judge)
+    told = {
+        "measure": measure,
+        "case": swept.text,
+        "set": list(overrides),
+        "vary": [[axis.key, axis.low, axis.high, axis.count] for axis in varied.axes],
+        "sampler": varied.sampler,
+        "members": varied.count,
+        "seed": varied.seed,
+        "wavesim_version": version("wavesim"),
+    }
+    return Sweep(swept, made, Store(Path(folder) / DATASET, varied, made.layout, told))
+
+
+def _why(error: Exception) -> str:
+    """What went wrong with a member, in a line."""
+    if type(error).__name__ == "KilledWorker":
+        return "every worker that it was given to was lost: it may need more memory than they have"
+    told = str(error).splitlines()
+    return ": ".join([type(error).__name__, *told[:1]])

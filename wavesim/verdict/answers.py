@@ -1,0 +1,271 @@
+"""What a run found, in the few rows that a reader asks for first: gaps, velocities, T, Q.
+
+A row is a dictionary of names, SI numbers and, where there is no number, None; each measured number
+stands beside the exact one. They go into summary.json as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.material.damping import quality
+from wavesim.material.medium import Medium
+from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
+from wavesim.readings.bar.eigenfrequencies import Ringing
+from wavesim.readings.bar.pulse_test import PulseTest
+from wavesim.readings.bar.reading import Reading
+from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.simulation.field import Field
+from wavesim.verdict.endless import Held
+
+Row = dict[str, Any]
+Answers = dict[str, list[Row]]
+
+_HERTZ = 1 / (2 * math.pi)
+_DECIBELS = 20 / math.log(10)
+_MOST_MODES = 5
+# A band is stopped where T is below this, dB; below the other the end of a record speaks.
+_STOPPED, _FLOOR = -20.0, -120.0
+# The key that says how high a source goes, by its kind.
+_PITCH = {
+    "ricker": "peak_frequency",
+    "gaussian-derivative": "peak_frequency",
+    "tone-burst": "frequency",
+}
+
+
+def of_endless(field: Field, held: Sequence[Held]) -> Answers:
+    """Gaps with the attenuation in their middle, and velocities of long waves, of an endless bar.
+
+    Args:
+        field: the field.
+        held: every block that was measured, beside the theory.
+
+    Returns:
+        "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) at the
+        frequency nearest to the middle, measured and exact at ω + iσ, exact at real ω, and what to
+        set to look closer; "velocities": phase velocity (m/s) of each acoustic branch at the
+        smallest wavenumber judged.
+    """
+    rows: list[Row] = []
+    family = field.medium.family
+    for sector in family.sectors:
+        own = [h for h in held if h.measured.block.sector == sector]
+        if own or sector in family.unlike:
+            rows += [_gap(field, gap, own, sector) for gap in _open(field.medium, sector)]
+    return {"gaps": rows, "velocities": [row for h in held for row in _velocity(h)]}
+
+
+def _open(medium: Medium, sector: str) -> list[Gap]:
+    return [gap for gap in gaps(medium, sector) if gap.upper > gap.lower]
+
+
+def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
+    row: Row = {
+        "gap": gap.name,
+        "sector": sector,
+        "lower": gap.lower * _HERTZ,
+        "upper": gap.upper * _HERTZ,
+        "frequency": None,
+        "attenuation": None,
+        "attenuation_exact": None,
+        "attenuation_at_real_frequency": None,
+        "frequencies": 0,
+        "closer": _closer(field, sector, gap),
+    }
+    middle = (gap.lower + gap.upper) / 2
+    for h in own:
+        curve, exact = h.measured.attenuation, h.k_exact
+        if curve is None or exact is None:
+            continue
+        inside = (curve.omega > gap.lower) & (curve.omega < gap.upper) & np.isfinite(curve.k)
+        if not inside.any():
+            continue
+        at = int(np.argmin(np.where(inside, np.abs(curve.omega - middle), np.inf)))
+        real = wavenumber(field.medium, sector, curve.omega[at : at + 1])[0]
+        row |= {
+            "frequency": float(curve.omega[at]) * _HERTZ,
+            "attenuation": float(curve.k[at].imag) * _DECIBELS,
+            "attenuation_exact": float(exact[at].imag) * _DECIBELS,
+            "attenuation_at_real_frequency": float(real.imag) * _DECIBELS,
+            "frequencies": int(inside.sum()),
+        }
+    return row
+
+
+def _closer(field: Field, sector: str, gap: Gap) -> str:
+    """What to change in the case to put a gap in the middle of what is driven."""
+    fields = [name for block in field.medium.family.blocks_of(sector) for name in block.fields]
+    pitch = float(f"{(gap.lower + gap.upper) / 2 * _HERTZ:.3g}")
+    sets = [
+        f"--set sources.{number}.{_PITCH[source.kind]}={pitch:.4g}"
+        for number, source in enumerate(field.sources)
+        if source.field in fields and source.kind in _PITCH
+    ]
+    if any(source.field in fields for source in field.sources):
+        return " ".join(sets)
+    return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {pitch:.4g}'
+
+
+def _velocity(h: Held) -> list[Row]:
+    if not h.measured.block.macro:
+        return []
+    branch = h.branches[0]
+    judged = np.flatnonzero(branch.judged)
+    if not len(judged):
+        return []
+    k = branch.k[judged[0]]
+    return [
+        {
+            "wave": branch.name,
+            "sector": h.measured.block.sector,
+            "wavenumber": float(k),
+            "velocity": float(branch.omega[judged[0]] / k),
+            "velocity_exact": float(branch.omega_exact[judged[0]] / k),
+        }
+    ]
+
+
+def of_bar(field: Field, reading: Reading) -> Answers:
+    """What a bar with layers or ends lets through, how it rings, how fast pulses pass.
+
+    Args:
+        field: the field.
+        reading: what was measured of it, beside the exact solver.
+
+    Returns:
+        "transmission": each band where T is below −20 dB, its ends measured and exact (Hz) and the
+        level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes;
+        "eigenfrequencies": the lowest (Hz); "velocities": of a pulse by each convention (m/s);
+        "quality": median Q between receivers, and that of the loss law.
+    """
+    found: Answers = {
+        "transmission": [row for one in reading.scattered for row in _levels(field, one)],
+        "eigenfrequencies": [row for one in reading.ringing for row in _modes(one)],
+        "velocities": [row for one in reading.pulses for row in _speeds(one)],
+        "quality": [row for one in reading.pulses for row in _quality(one)],
+    }
+    return {name: rows for name, rows in found.items() if rows}
+
+
+def _levels(field: Field, found: Scattered) -> list[Row]:
+    """Each band that is stopped, and where most passes."""
+    judged = found.judged
+    if not judged.any():
+        return []
+    level, exact = _level(found.T), _level(found.T_exact)
+    own = _stopped(found.omega, np.where(judged, level, np.inf))
+    known = _stopped(found.omega, np.where(judged, exact, np.inf))
+    rows: list[Row] = []
+    places = []
+    for number, (low, high) in enumerate(own, start=1):
+        beside = [b for b in known if b[0] < high and low < b[1]]
+        middle = (low + high) / 2
+        places.append(int(np.argmin(np.where(judged, np.abs(found.omega - middle), np.inf))))
+        edges = min((b[0] for b in beside), default=None), max((b[1] for b in beside), default=None)
+        rows.append(
+            {
+                "where": f"stop band {number}",
+                "lower": low * _HERTZ,
+                "upper": high * _HERTZ,
+                "lower_exact": None if edges[0] is None else edges[0] * _HERTZ,
+                "upper_exact": None if edges[1] is None else edges[1] * _HERTZ,
+            }
+        )
+    places.append(int(np.argmax(np.where(judged, level, -np.inf))))
+    nothing = dict.fromkeys(("lower", "upper", "lower_exact", "upper_exact"))
+    rows.append({"where": "most passes", **nothing})
+    for row, at in zip(rows, places, strict=True):
+        row |= {
+            "sector": found.sector,
+            "frequency": float(found.omega[at]) * _HERTZ,
+            "level": float(level[at]) if level[at] > _FLOOR else None,
+            "level_exact": float(exact[at]),
+            "level_at_real_frequency": _at_real(field, found.sector, found.omega[at]),
+        }
+    return rows
+
+
+def _at_real(field: Field, sector: str, omega: float) -> float | None:
+    """Level of T at real ω, dB; None where a graded layer has an asymptote there."""
+    try:
+        T, _ = exact_scattering(field.layers, sector, np.array([omega + 0j]))
+    except ValueError:
+        return None
+    return float(_level(T)[0])
+
+
+def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float]]:
+    """Where a level is below the mark, its ends between frequencies by a straight line, rad/s."""
+    over = level - _STOPPED
+    below = np.flatnonzero(over < 0)
+    found = []
+    for run in np.split(below, np.flatnonzero(np.diff(below) != 1) + 1) if len(below) else ():
+        ends = []
+        for inside, outside in ((run[0], run[0] - 1), (run[-1], run[-1] + 1)):
+            there = 0 <= outside < len(omega) and math.isfinite(over[outside])
+            part = over[inside] / (over[inside] - over[outside]) if there else 0.0
+            step = omega[outside] - omega[inside] if there else 0.0
+            ends.append(float(omega[inside] + part * step))
+        found.append((ends[0], ends[1]))
+    return found
+
+
+def _level(amplitude: NDArray[Any]) -> NDArray[Any]:
+    return np.asarray(20 * np.log10(np.maximum(np.abs(amplitude), 1e-15)))
+
+
+def _modes(found: Ringing) -> list[Row]:
+    return [
+        {
+            "mode": number + 1,
+            "sector": found.sector,
+            "frequency": _number(found.found[number] * _HERTZ),
+            "frequency_exact": float(found.exact[number]) * _HERTZ,
+        }
+        for number in range(min(_MOST_MODES, len(found.exact)))
+    ]
+
+
+def _speeds(test: PulseTest) -> list[Row]:
+    if test.medium is None:  # one speed across several layers is the speed of nothing
+        return []
+    return [
+        {
+            "by": convention,
+            "field": test.name,
+            "velocity": _number(one.velocity),
+            "velocity_error": _number(one.error),
+            "velocity_exact": _number(test.exact.velocities[convention].velocity),
+        }
+        for convention, one in test.result.velocities.items()
+        if math.isfinite(one.velocity)
+    ]
+
+
+def _quality(test: PulseTest) -> list[Row]:
+    found = test.result.dispersion
+    if test.medium is None or not test.medium.damping:
+        return []
+    read = np.isfinite(found.quality) & (found.quality > 0)
+    if not read.any():
+        return []
+    law = quality(test.medium.damping, found.omega)
+    at = np.flatnonzero(read)[np.argsort(found.quality[read])[int(read.sum()) // 2]]
+    return [
+        {
+            "field": test.name,
+            "frequency": float(found.omega[at]) * _HERTZ,
+            "quality": float(found.quality[at]),
+            "quality_exact": float(law[at]),
+        }
+    ]
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None
