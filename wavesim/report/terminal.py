@@ -10,15 +10,6 @@ import click
 FELL_SHORT, BAD_INPUT = 1, 2
 
 
-SET = click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="TABLE.KEY=VALUE",
-    help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
-)
-
-
 def stop(message: str, code: int) -> NoReturn:
     """End with one line on standard error and an exit code."""
     click.echo(f"wavesim: {message}", err=True)
