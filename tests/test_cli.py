@@ -17,7 +17,7 @@ from wavesim import planewave, runner
 from wavesim.cli import main as cli
 from wavesim.cli.main import main
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import SECTORS
+from wavesim.material.rotation import ROTATION
 from wavesim.timedomain import integrate, time_step
 
 
@@ -216,7 +216,7 @@ def test_bands_json_keeps_the_contract(tiny):
     medium = Medium(anisotropy=0.25)
     assert answer["medium"]["anisotropy"] == 0.25
     assert answer["medium"]["closure"] == "printed"
-    assert set(answer["sectors"]) == set(SECTORS)
+    assert set(answer["sectors"]) == set(ROTATION.sectors)
     names = set()
     for sector, content in answer["sectors"].items():
         omega = np.array(content["omega"])
@@ -235,7 +235,7 @@ def test_bands_writes_data_and_figure(tiny, tmp_path):
     assert result.exit_code == 0
     assert "RSB" in result.stdout
     content = json.loads((tmp_path / "bands" / "bands.json").read_text())
-    assert set(content["sectors"]) == set(SECTORS)
+    assert set(content["sectors"]) == set(ROTATION.sectors)
     assert (tmp_path / "bands" / "bands.png").read_bytes()[1:4] == b"PNG"
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from wavesim import planewave
 from wavesim.figures import gap_map as surveyfigures
-from wavesim.material.medium import SPECTRAL_CLOSURES, Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION, SPECTRAL_CLOSURES
 from wavesim.planewave.eigenproblem import spectral_form
 from wavesim.planewave.gap_map import gap_map, table
 from wavesim.planewave.many_media import block_forms
@@ -38,7 +38,7 @@ def test_a_family_has_the_coefficients_of_each_of_its_media(closure, rng):
         "curvature_inertia": (1e-15, 1e-13),
     }
     values = {name: rng.uniform(*ends, shape) for name, ends in ranges.items()}
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         family = block_forms(Medium(closure=closure, **values), block)
         for i in np.ndindex(shape):
             one = Medium(closure=closure, **{name: float(v[i]) for name, v in values.items()})

@@ -19,8 +19,7 @@ from wavesim.case.load import load
 from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.gathering import Gathering, deflated
-from wavesim.material.sectors import BLOCKS
-from wavesim.material.wave_equations import ROTATIONS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.field import Energy
 
@@ -97,9 +96,9 @@ def test_layout_is_the_contract(small_run):
             assert data.chunks is not None
             assert data.compression is not None
             assert not data.is_virtual
-            assert data.attrs["units"] == ("rad" if name in ROTATIONS else "1/m")
+            assert data.attrs["units"] == ("rad" if name in ROTATION.macro else "1/m")
             assert data.dims[0][0] == file["t"]
-            assert data.dims[1][0] == file["x" if name in ROTATIONS else "x_half"]
+            assert data.dims[1][0] == file["x" if name in ROTATION.macro else "x_half"]
         assert set(file["receivers"]) == {"near", "far"}
         for name in ("near", "far"):
             assert set(file["receivers"][name]) == {"phi1", "B11", "B22", "B33"}
@@ -122,7 +121,7 @@ def test_layout_is_the_contract(small_run):
         assert set(branches) == {"LA", "LO1", "LO2"}
         for number, name in enumerate(("LA", "LO1", "LO2")):
             k, exact = branches[name]["k"][()], branches[name]["omega_exact"][()]
-            expected = block_frequencies(field.medium, BLOCKS[0], k)[:, number]
+            expected = block_frequencies(field.medium, ROTATION.blocks[0], k)[:, number]
             np.testing.assert_allclose(exact, expected, rtol=1e-14)
             assert branches[name]["omega"].shape == k.shape
         curve = file["attenuation/longitudinal"]

@@ -327,7 +327,7 @@ def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.rotations for block in simulated.blocks) and not any(
+    if any(block.macro for block in simulated.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks
     ):
         found.append(

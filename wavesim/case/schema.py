@@ -72,7 +72,7 @@ class BarTable(Table):
         if (self.length is None) == (self.cells is None):
             both = "both are given" if self.cells is not None else "neither is given"
             raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
-        spacing = self.spacing or float(medium.branch_length) / 8
+        spacing = self.spacing or float(medium.length_scale) / 8
         if self.cells is not None:
             return Bar(self.cells, spacing, self.order)
         assert self.length is not None

@@ -183,7 +183,9 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 
 @click.command()
 @_options
-@click.option("--method", type=click.Choice(("harmonic", "fft")), default="harmonic")
+@click.option(
+    "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
+)
 @click.option("--k-max", type=float, help="Highest wavenumber, rad/m.")
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
@@ -230,10 +232,10 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
     if (medium is None) == (function is None):
         stop("give either --medium CASE.toml or --relation FILE.py:NAME, one of the two", BAD_INPUT)
     if medium is not None:
-        from wavesim.material.sectors import blocks_of
         from wavesim.records.relations import OfMedium
 
-        return OfMedium(_medium(medium), blocks_of(sector)[0])
+        made = _medium(medium)
+        return OfMedium(made, made.family.blocks_of(sector)[0])
     assert function is not None
     file, _, name = function.rpartition(":")
     if not file or not Path(file).is_file():

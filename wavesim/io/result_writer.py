@@ -25,7 +25,7 @@ import numpy as np
 
 from wavesim.io.gathering import COMPRESSED, Gathering
 from wavesim.io.result_reader import StorageError, reading
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS
+from wavesim.material.family import is_macro, known_field
 from wavesim.simulation.field import Energy
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import parameters
@@ -89,7 +89,7 @@ class Results:
         bar = self.simulation.bar
         for name, data in values.items():
             for receiver, position in self.simulation.receivers.items():
-                weights, indices = bar.sampling(position, name not in ROTATIONS)
+                weights, indices = bar.sampling(position, not is_macro(name))
                 series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
         with self._writing():
             with _written(self._part(end)) as part:
@@ -215,7 +215,7 @@ class Results:
     def _lay_out(self, file: h5py.File, status: str) -> None:
         """Everything but the fields and what was measured."""
         axes = {"t": self.simulation.times[: self._frames]}
-        axes |= dict(self._axis(name) for name in (ROTATIONS[0], CURVATURES[0]))
+        axes |= dict(self._axis(name) for name in self.simulation.fields)
         file.attrs.update(
             {
                 "format": "wavesim",
@@ -230,8 +230,9 @@ class Results:
         for name, values in axes.items():
             _put(file, name, values, "s" if name == "t" else "m")
             file[name].make_scale(name)
+        units = {name: known_field(name).unit for name in self.simulation.fields}
         for name, values in self._series.items():
-            _put(file, name, values, UNITS.get(name.rpartition("/")[2], "J/m²"))
+            _put(file, name, values, units.get(name.rpartition("/")[2], "J/m²"))
             file[name].dims[0].attach_scale(file["t"])
         file["energy/t"] = h5py.SoftLink("/t")
         for receiver, position in self.simulation.receivers.items():
@@ -253,10 +254,10 @@ class Results:
     def _axis(self, name: str) -> tuple[str, np.ndarray]:
         """Where a field lives: name of the scale, and positions in m."""
         bar = self.simulation.bar
-        return ("x", bar.nodes) if name in ROTATIONS else ("x_half", bar.half_nodes)
+        return ("x", bar.nodes) if is_macro(name) else ("x_half", bar.half_nodes)
 
     def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
-        data.attrs["units"] = UNITS[name]
+        data.attrs["units"] = known_field(name).unit
         data.dims[0].attach_scale(file["t"])
         data.dims[1].attach_scale(file[self._axis(name)[0]])
 

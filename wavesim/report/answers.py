@@ -21,8 +21,8 @@ KINDS: dict[str, tuple[float, str, int]] = {
 }
 _WAVES = {
     "longitudinal": "longitudinal",
-    "transverse2": "transverse φ₂",
-    "transverse3": "transverse φ₃",
+    "transverse2": "transverse x₂",
+    "transverse3": "transverse x₃",
     "inplane": "in-plane",
 }
 

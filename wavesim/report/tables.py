@@ -122,8 +122,8 @@ def survey(console: Console, case: Case, steps: TimeStep) -> None:
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
-                   f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
+        ("medium", f"{medium.family.name}, {medium.in_words}; ω̄ = 1 is "
+                   f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
