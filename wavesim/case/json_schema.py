@@ -6,12 +6,13 @@ from typing import Any
 
 from wavesim.case.schema import CaseFile
 from wavesim.grid.stencils import ORDERS
-from wavesim.material.medium import PARAMETERS
-from wavesim.material.wave_equations import FIELDS
+from wavesim.material.family import known_fields
+from wavesim.material.medium import PARAMETERS, families
 
 # What a key means; those of the medium have theirs from its parameters.
 _MEANS = {
     "title": "what the case is",
+    "family": "of media, which says what fields there are",
     "closure": 'which equations: "printed" (Eqs. 26–37 of the paper) or "consistent"',
     "mass_damping": "Rayleigh damping by mass (1/s)",
     "stiffness_damping": "Rayleigh damping by stiffness (s)",
@@ -54,7 +55,11 @@ _MEANS = {
     name: f"{own.symbol}" + (f" ({own.unit})" if own.unit else "")
     for name, own in PARAMETERS.items()
 }
-_ONE_OF: dict[str, list[Any]] = {"order": list(ORDERS), "field": list(FIELDS)}
+_ONE_OF: dict[str, list[Any]] = {
+    "order": list(ORDERS),
+    "field": list(known_fields()),
+    "family": list(families()),
+}
 
 
 def json_schema() -> dict[str, Any]:
@@ -78,7 +83,7 @@ def _told(part: Any) -> Any:
         rest = [one for one in made["anyOf"] if one != {"type": "null"}]
         made = {key: value for key, value in made.items() if key != "anyOf"}
         made |= rest[0] if len(rest) == 1 else {"anyOf": rest}
-    if "default" in made and made["default"] is None:
+    if "default" in made and not isinstance(made["default"], str | int | float | bool):
         del made["default"]
     keys = made.get("properties")
     if isinstance(keys, dict):

@@ -71,7 +71,7 @@ def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> N
 
 @click.command()
 @_FOLDER
-@click.option("--field", "name", help="The field shown, such as phi2; a rotation by default.")
+@click.option("--field", "name", help="The field shown, such as phi2; the first by default.")
 @click.option("--format", "kind", type=click.Choice(("gif", "mp4")), default="gif",
               show_default=True)  # fmt: skip
 @click.option("--frames", type=click.IntRange(2, 2000), default=120, show_default=True)

@@ -13,8 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from wavesim.figures.style import FOUND, GAP, STYLE, SYMBOLS
-from wavesim.material.wave_equations import ROTATIONS
+from wavesim.figures.style import FOUND, GAP, STYLE, symbol
+from wavesim.material.family import is_macro
 from wavesim.simulation.field import Field
 
 _SIZE, _DPI = (8.0, 3.2), 100  # whole, even numbers of pixels, which encoders need
@@ -26,13 +26,13 @@ class AnimationError(RuntimeError):
 
 
 def field_of(field: Field, name: str | None) -> str:
-    """The field to show: the one asked for, else the first rotation there is.
+    """The field to show: the one asked for, else the first macro-field there is.
 
     Raises:
         AnimationError: it is none of this run.
     """
     if name is None:
-        return next((n for n in field.names if n in ROTATIONS), field.names[0])
+        return next((n for n in field.names if is_macro(n)), field.names[0])
     if name not in field.names:
         raise AnimationError(f"--field {name}: must be one of {', '.join(field.names)}")
     return name
@@ -86,7 +86,7 @@ def _images(
     reach = 1.08 * (top or 1.0)
     axes.set(
         xlim=(0, bar.length * 1e3), ylim=(-reach, reach), xlabel="x (mm)",
-        ylabel=f"{SYMBOLS[name]} ({field.unit(name)})",
+        ylabel=f"{symbol(name)} ({field.unit(name)})",
     )  # fmt: skip
     (line,) = axes.plot(x, np.zeros(len(x)), color=FOUND, lw=1.1)
     clock = axes.text(0.99, 0.96, "", ha="right", va="top", transform=axes.transAxes)
