@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,10 +11,10 @@ from typing import Any
 
 import click
 
-from wavesim.report.terminal import BAD_INPUT, stop
+from wavesim.report.terminal import BAD_INPUT, FAILED, stop, told
 
 KINDS = ("png", "pdf", "svg")
-_NOT_WRITTEN = 3
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 _FOLDER = click.argument("folder", type=click.Path(file_okay=True))
 
 
@@ -32,17 +33,13 @@ def _told(target: Path) -> Iterator[None]:
         stop(
             f"{error.filename or target}: can't be written: {error.strerror}; name another with "
             "--out",
-            _NOT_WRITTEN,
+            FAILED if error.errno in _FULL else BAD_INPUT,
         )
 
 
 def _incomplete(run: Any) -> None:
     if run.status != "complete":
-        click.echo(
-            f"wavesim: warning: {run.folder}: the run is {run.status}, so only its field so far "
-            "is drawn",
-            err=True,
-        )
+        told(f"{run.folder}: the run is {run.status}, so only its field is drawn", "warning")
 
 
 @click.command()
