@@ -18,13 +18,17 @@ from typing import Any
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.arguments import CASE, SET
+from wavesim.cli.begin import cases, init, schema
+from wavesim.cli.completion import completion
+from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
 from wavesim.cli.sweep import sweep
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, SET, failed, told
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
 from wavesim.worker import end_all
@@ -55,9 +59,6 @@ def _planned(case: str, loaded: Any) -> Any:
         _stop(f"{case}: [time] {error}", BAD_INPUT)
 
 
-_CASE = click.argument("case", type=click.Path())
-
-
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="wavesim")
 def main() -> None:
@@ -65,7 +66,7 @@ def main() -> None:
 
 
 @main.command()
-@_CASE
+@CASE
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
 @SET
 @click.option("--resume", is_flag=True, help="Carry on an interrupted run of the same case.")
@@ -160,7 +161,7 @@ def _run(
 
 
 @main.command()
-@_CASE
+@CASE
 @SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
     """Say everything about CASE that can be said before integrating."""
@@ -233,11 +234,16 @@ def entry() -> None:
 
 _COMMANDS = (
     *labcli.COMMANDS,
+    animate,
     bands,
+    cases,
+    completion,
     figures_of,
     gaps,
+    init,
     inspect,
     pulse,
+    schema,
     sweep,
 )
 for _command in _COMMANDS:

@@ -240,6 +240,10 @@ def record(
     signal = None if input is None else np.array(input, float)
     if signal is not None and len(signal) != len(t):
         raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
+    frames = len(t)
+    values, t = whole_frames(values, t, found)
+    if signal is not None and len(t) != frames:
+        raise RecordError("frames are missing, so that the input is not whole: give all frames")
     raw = None
     first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
     if not trusted:
@@ -256,10 +260,6 @@ def record(
     if raw is not None and raw.spare.any():
         values, x = values[..., ~raw.spare], x[~raw.spare]
         channels = channels.take(~raw.spare)
-    frames = len(t)
-    values, t = whole_frames(values, t, found)
-    if signal is not None and len(t) != frames:
-        raise RecordError("frames are missing, so that the input is not whole: give all frames")
     alive = _living(values, x, channels.labels, ring)
     _tell_dead(x, alive, channels.labels, first_dead, found)
     values, x, channels = values[..., alive], x[alive], channels.take(alive)
@@ -333,8 +333,9 @@ def _real(values: Float) -> Float:
 
 
 def _is_even(x: Float) -> bool:
-    gaps = np.diff(x)
-    return bool(np.ptp(gaps) <= _EVEN_RECEIVERS * gaps.mean())
+    i = np.arange(len(x))
+    off = x - x.mean() - np.polyfit(i, x, 1)[0] * (i - i.mean())
+    return bool(np.abs(off).max() <= _EVEN_RECEIVERS * (x[-1] - x[0]) / (len(x) - 1))
 
 
 def _snapped(x: Float, storage: float, found: list[Finding]) -> tuple[Float, float]:
