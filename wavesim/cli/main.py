@@ -21,6 +21,7 @@ from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.inspect import inspect
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, SET
 from wavesim.report.terminal import console as _console
@@ -231,6 +232,7 @@ _COMMANDS = (
     gaps,
     inspect,
     pulse,
+    score,
     sweep,
 )
 for _command in _COMMANDS:
