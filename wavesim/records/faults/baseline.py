@@ -14,10 +14,12 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 # A level is an offset where it is this many standard errors off 0, and this part of the peak.
-_ERRORS = 4.0
+_ERRORS = 5.0
 _PART = 1e-7
 # Where no start is quiet, a line at zero frequency stands this many times above its neighbours.
 _LINE = 5.0
+# So many channels tell what all have alike, and differ by at most this part of it.
+_ENOUGH, _ALIKE = 0.4, 0.05
 _MAINS = (50.0, 60.0)
 # Fewer periods than this of the mains are a drift.
 _PERIODS = 1.5
@@ -45,9 +47,13 @@ def without_baseline(
         found: findings, added to.
     """
     taken: dict[str, list[tuple[int, float]]] = {"offset": [], "drift": [], "hum": []}
+    shared = _shared(values, rest)
+    # What all have alike is taken from all alike, and leaves differences between them as they are.
+    values -= shared
     usual = _usual(rest)
     for j in range(values.shape[1]):
         v = values[:, j]
+        base, kind = None, "offset"
         if rest.onset[j] >= FEWEST:
             hum = _hum(v, t, rest.mask[:, j], rest.peak[j])
             if hum is not None:
@@ -56,11 +62,13 @@ def without_baseline(
             base, kind = _level(
                 v, rest.mask[:, j], int(rest.onset[j]), quantum[j], rest.peak[j], usual
             )
-        else:
-            base, kind = _line(v), "offset"
+        elif not shared:
+            base = _line(v)
         if base is not None:
             v -= base
-            taken[kind].append((j, float(np.abs(base).max())))
+        size = abs(shared) if base is None else float(np.abs(base + shared).max())
+        if size:
+            taken[kind].append((j, size))
     for kind, those in taken.items():
         if those:
             which = [j for j, _ in those]
@@ -68,11 +76,33 @@ def without_baseline(
             part = max(size / max(rest.peak[j], 1e-300) for j, size in those)
             where = places(x, which, labels)
             found.append(
-                Finding(kind, where, f"{most:.3g}, {100 * part:.2g} % of peak", CURED,
-                        f"{kind} of up to {most:.3g} ({100 * part:.2g} % of the peak) taken out "
+                Finding(kind, where, f"{most:.3g}, {100 * part:.3g} % of peak", CURED,
+                        f"{kind} of up to {most:.3g} ({100 * part:.3g} % of the peak) taken out "
                         f"({where})")
             )  # fmt: skip
     return values
+
+
+def _shared(values: Float, rest: Rest) -> float:
+    """The offset that all channels have alike; 0 where there is none."""
+    own = rest.onset >= FEWEST
+    if own.mean() >= _ENOUGH:
+        levels, errors = rest.level[own], rest.noise[own] / np.sqrt(rest.onset[own])
+    else:
+        found = [_line(values[:, j]) for j in range(values.shape[1])]
+        lines = [one for one in found if one is not None]
+        if len(lines) < _ENOUGH * len(found) or len(found) < 2:
+            return 0.0
+        levels, errors = np.array([one[0] for one in lines]), np.zeros(len(lines))
+    middle = float(np.median(levels))
+    spread = 1.4826 * float(np.median(np.abs(levels - middle)))
+    error = float(np.median(errors))
+    alike = spread <= 3 * error + _ALIKE * abs(middle)
+    size = float(np.median(rest.peak))
+    if not alike or abs(middle) <= max(_ERRORS * error, _PART * size):
+        return 0.0
+    near = np.abs(levels - middle) <= 3 * max(spread, error)
+    return float(levels[near].mean())
 
 
 def _usual(rest: Rest) -> tuple[float, float]:
@@ -93,37 +123,49 @@ def _level(
     if len(start) < FEWEST:
         return None, "offset"
     level, error = float(start.mean()), _error(start)
-    if abs(level) <= max(_ERRORS * error, _PART * peak, 0.05 * quantum):
+    off = abs(level) > max(_ERRORS * error, _PART * peak, 0.05 * quantum)
+    at = np.flatnonzero(mask & np.isfinite(v))
+    after = at[at >= onset]
+    if len(after) >= 2 * FEWEST and _slopes(v[after]):
+        drift = _drift(v, at, onset, max(float(start.std()), quantum / np.sqrt(12)), peak)
+        if drift is not None:
+            return drift, "drift"
+    if not off:
         return None, "offset"
-    as_others = abs(level - usual[0]) <= 5 * (usual[1] + error) + 0.02 * peak
-    doubtful = onset < _SHORT * FEWEST and abs(level) > _STEP * peak and not as_others
     half = len(start) // 2
     a, b = start[:half], start[half:]
     still = abs(a.mean() - b.mean()) <= _ERRORS * np.hypot(_error(a), _error(b)) + 0.5 * quantum
-    at = np.flatnonzero(mask & np.isfinite(v))
-    after = at[at >= onset]
     if len(after) >= 2 * FEWEST:
         end = v[after]
-        close = abs(end.mean() - level) <= _ERRORS * np.hypot(error, _error(end)) + 0.5 * quantum
-        if close and still:
+        if abs(end.mean() - level) <= _ERRORS * np.hypot(error, _error(end)) + 0.5 * quantum:
             return np.full(len(v), v[at].mean()), "offset"
-        moves = _slopes(end)
-        if doubtful and not close and not moves:
-            # So short a rest far off the level after the signal is a part of the signal.
-            return None, "offset"
-        if not still or moves:
-            s = at / len(v)
-            order = 2 if len(at) >= 6 * FEWEST else 1
-            # Both ends weigh alike, however long each is.
-            weight = np.where(at < onset, 1 / np.sqrt(onset), 1 / np.sqrt(len(after)))
-            fit = np.polynomial.Polynomial.fit(s, v[at], order, w=weight)
-            return np.asarray(fit(np.arange(len(v)) / len(v))), "drift"
-    elif doubtful:
+    as_others = abs(level - usual[0]) <= 5 * (usual[1] + error) + 0.02 * peak
+    if onset < _SHORT * FEWEST and abs(level) > _STEP * peak and not as_others:
+        # So short a rest, so far off, is a part of the signal.
         return None, "offset"
     if not still:
         # A foot of the signal, or a drift whose course is not known: nothing to go by.
         return None, "drift"
     return np.full(len(v), level), "offset"
+
+
+def _drift(v: Float, at: NDArray[np.int64], onset: int, noise: float, peak: float) -> Float | None:
+    """A line or parabola through what is at rest before and after, if it fits both; else None."""
+    s = np.arange(len(v)) / len(v)
+    # Both ends weigh alike, however long each is.
+    before = at < onset
+    weight = np.where(before, 1 / np.sqrt(before.sum()), 1 / np.sqrt((~before).sum()))
+    for order in (1, 2):
+        fit = np.polynomial.Polynomial.fit(s[at], v[at], order, w=weight)
+        left = v[at] - fit(s[at])
+        good = all(
+            np.std(left[part]) <= 1.5 * noise + 1e-6 * peak
+            and abs(left[part].mean()) <= _ERRORS * _error(left[part]) + 1e-6 * peak
+            for part in (before, ~before)
+        )
+        if good:
+            return np.asarray(fit(s))
+    return None
 
 
 def _error(part: Float) -> float:
@@ -151,9 +193,10 @@ def _slopes(part: Float) -> bool:
 def _line(v: Float) -> Float | None:
     """The mean of a signal that is never at rest, where it is a line at zero frequency."""
     finite = np.isfinite(v)
-    if finite.mean() < 0.9 or len(v) < 64:
+    if finite.mean() < 0.98 or len(v) < 64:
         return None
-    filled = np.where(finite, v, np.mean(v[finite]))
+    frames = np.arange(len(v))
+    filled = v if finite.all() else np.interp(frames, frames[finite], v[finite])
     window = np.blackman(len(v))
     window = window / window.sum()
     mean = float(np.sum(window * filled))
