@@ -36,6 +36,8 @@ _HOMES = {
     "simulate": "wavesim.timedomain.integrate",
     "integrate": "wavesim.timedomain.integrate",
     "traced_fields": "wavesim.timedomain.gradient",
+    "traced_layers": "wavesim.differentiable.traced_layers",
+    "traced_transmission": "wavesim.differentiable.stack_transmission",
     "extract": "wavesim.readings.dispersion.extract",
     "hold": "wavesim.verdict.endless",
     "judge": "wavesim.verdict.endless",
@@ -55,7 +57,12 @@ _HOMES = {
     "sweep": "wavesim.studies.sweep",
 }
 # Offered under a name that says more than the one at home.
-_NAMES = {"measure_pulses": "measure", "open": "open_run", "read_record": "read"}
+_NAMES = {
+    "measure_pulses": "measure",
+    "open": "open_run",
+    "read_record": "read",
+    "traced_transmission": "transmission",
+}
 _MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
 
 __all__ = [*_HOMES, *_MODULES]

@@ -3,6 +3,8 @@
 from wavesim import layered as layeredwave
 from wavesim import planewave
 from wavesim.case.load import load
+from wavesim.differentiable.stack_transmission import transmission as traced_transmission
+from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
@@ -66,6 +68,8 @@ __all__ = [
     "sweep",
     "synthesize",
     "traced_fields",
+    "traced_layers",
+    "traced_transmission",
 ]
 
 __version__: str
