@@ -27,6 +27,7 @@ from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
 from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
@@ -245,6 +246,7 @@ _COMMANDS = (
     inspect,
     pulse,
     schema,
+    score,
     sweep,
     transmission,
 )
