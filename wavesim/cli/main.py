@@ -18,13 +18,19 @@ from typing import Any
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.arguments import CASE, SET
+from wavesim.cli.begin import cases, init, schema
+from wavesim.cli.completion import completion
+from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, SET, failed, told
+from wavesim.cli.transmission import transmission
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
 from wavesim.worker import end_all
@@ -69,9 +75,6 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
         _stop(f"{case}: [time] {error}", BAD_INPUT)
 
 
-_CASE = click.argument("case", type=click.Path())
-
-
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="wavesim")
 def main() -> None:
@@ -79,7 +82,7 @@ def main() -> None:
 
 
 @main.command()
-@_CASE
+@CASE
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
 @SET
 @click.option("--at-most", default="1h", metavar="TIME", help="Refuse a longer run; 1h by default.")
@@ -178,7 +181,7 @@ def _run(
 
 
 @main.command()
-@_CASE
+@CASE
 @SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
     """Say everything about CASE that can be said before integrating."""
@@ -257,12 +260,19 @@ def entry() -> None:
 
 _COMMANDS = (
     *labcli.COMMANDS,
+    animate,
     bands,
+    cases,
+    completion,
     figures_of,
     gaps,
+    init,
     inspect,
     pulse,
+    schema,
+    score,
     sweep,
+    transmission,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

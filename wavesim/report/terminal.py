@@ -23,15 +23,6 @@ def told(message: str, kind: str = "") -> None:
     click.echo(f"wavesim: {kind}: {text}" if kind else f"wavesim: {text}", err=True)
 
 
-SET = click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="TABLE.KEY=VALUE",
-    help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
-)
-
-
 def stop(message: str, code: int) -> NoReturn:
     """End with one line on standard error and an exit code."""
     told(message)
