@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.readings.dispersion import line_geometry
 from wavesim.readings.dispersion.decaying_waves import ABOVE_WEAKEST, weakest, while_waves_last
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.faults.finding import WIDENED, Finding
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import RecordError
@@ -141,6 +143,8 @@ def attenuation(
         component = 0 if origin.bar is not None else None
         omega = np.linspace(low, high, frequencies)
         points = in_space(record, omega, damping, pairs, component, keep)
+        if origin.bar is None and not (record.ring or record.lattice):
+            origin, points = _spread(origin, points)
         matched = None
         if origin.theory is not None:
             matched = match_in_space(points, *origin.theory)
@@ -148,6 +152,17 @@ def attenuation(
     if not results:
         raise RecordError("no wave travels in any of its sectors: there is no k to measure")
     return results
+
+
+def _spread(origin: RecordOfMedium, points: BranchPoints) -> tuple[RecordOfMedium, BranchPoints]:
+    """Told of, and in the bars, where waves spread as from a point."""
+    found = line_geometry.spreading_of(origin.record, points)
+    if found is None:
+        return origin, points
+    finding = Finding("spreading", "all receivers", f"r^-{found[0]:g}", WIDENED,
+                      line_geometry.told(*found))  # fmt: skip
+    record = origin.record.with_finding(finding)
+    return replace(origin, record=record), line_geometry.widened(points, record.x, *found)
 
 
 def checks(results: Sequence[Recovered]) -> list[Check]:

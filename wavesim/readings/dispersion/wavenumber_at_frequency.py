@@ -19,6 +19,7 @@ from scipy.stats import f as f_distribution
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
+from wavesim.readings.dispersion.line_geometry import folded, with_axes
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record, RecordError
 
@@ -86,10 +87,14 @@ def in_space(
     omega = np.asarray(omega, float)
     if component is None:
         component = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
-    receivers, x = _line(record, clear)
+    receivers, x = line_of(record, clear)
     values = record.values[component][:, receivers]
     t = record.t - record.t[0]
     deviation = replace(record, values=values[None], x=x).noise
+    if len(record.quantum):
+        # Samples rounded to q are off by q/√12, whatever the highest frequencies show.
+        rounding = np.sqrt(np.mean(record.quantum[receivers] ** 2) / 12)
+        deviation = float(max(deviation, rounding))
     if damping is None:
         part = deviation / max(np.abs(values).max(), 1e-290)
         damping = float(np.clip(_BELOW_NOISE - np.log(part + 1e-290), _LEAST_DAMPING, DAMPING))
@@ -111,10 +116,13 @@ def in_space(
         points.omega.real > _BAND * np.pi / record.interval,
         "near the Nyquist frequency: sample more often",
     )
+    points = with_axes(points, record.interval_error, record.spacing_error)
+    if not (record.ring or record.lattice):
+        points = folded(points, x, record.speed)
     return _with_branches(points, omega)
 
 
-def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
+def line_of(record: Record, clear: float = 0.0) -> tuple[NDArray[np.int64], Float]:
     """Receivers of the longest stretch without a source, and their positions along it."""
     x, sources = record.x, np.sort(np.array(record.sources, float))
     if record.ring and len(sources):
