@@ -53,6 +53,7 @@ _HOMES = {
     "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
     "synthesize": "wavesim.records.synthetic",
+    "score": "wavesim.verdict.score",
     "fit": "wavesim.studies.medium_fit",
     "sweep": "wavesim.studies.sweep",
 }

@@ -29,6 +29,7 @@ from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.endless import hold, judge
+from wavesim.verdict.score import score as score
 
 __all__ = [
     "Bar",

@@ -27,7 +27,9 @@ from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
+from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -244,7 +246,9 @@ _COMMANDS = (
     inspect,
     pulse,
     schema,
+    score,
     sweep,
+    transmission,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

@@ -66,7 +66,6 @@ class Record:
         begun: receivers at which the signal is there already when the record begins, shape (nx,).
         source_seen: where a source that nobody named stands among the receivers, by the earliest
             arrivals, m; None where none does.
-        speed: at which the signal goes along the receivers, m/s; NaN where it can't be told.
         driven: whether it is not known from when on no source acts.
         findings: what was wrong, and what was done.
     """
@@ -92,7 +91,6 @@ class Record:
     clipped: Mask = field(default_factory=lambda: np.zeros(0, bool))
     begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
     source_seen: float | None = None
-    speed: float = float("nan")
     driven: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -283,9 +281,9 @@ def record(
             "ring: the receivers round a periodic bar must be evenly spaced; treat the record as "
             "a stretch instead, or give --spacing where they are"
         )
-    within, place, speed = np.zeros(len(x), bool), None, float("nan")
+    within, place = np.zeros(len(x), bool), None
     if not trusted:
-        mended, within, place, speed = together(
+        mended, within, place = together(
             values if whole is None else whole, missing, t, x, channels.labels, channels.quantum,
             channels.flat | broken, ring, found,
         )  # fmt: skip
@@ -318,7 +316,6 @@ def record(
         clipped=channels.flat,
         begun=within,
         source_seen=place if not sources else None,
-        speed=speed,
         driven=quiet_from is None,
         findings=tuple(found),
     )

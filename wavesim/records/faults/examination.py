@@ -106,7 +106,7 @@ def together(
     unsure: Mask,
     ring: bool,
     found: list[Finding],
-) -> tuple[Mended, Mask, float | None, float]:
+) -> tuple[Mended, Mask, float | None]:
     """Channels beside each other: which do not fit, which have begun, where a source stands.
 
     Args:
@@ -120,7 +120,7 @@ def together(
 
     Returns:
         What to do to the channels; receivers at which the record begins inside the signal; the
-        place of a source among them, m; the signal's speed along them, m/s.
+        place of a source among them, m.
     """
     nx = values.shape[2]
     values = _filled(values, missing)
@@ -136,7 +136,7 @@ def together(
                     "the array if it is the other way round")
         )  # fmt: skip
     within = begun(values[strongest], own)
-    place, v = None, float("nan")
+    place = None
     if not ring and np.isfinite(x).all() and nx > 2:
         arrival = arrivals(values[strongest], t, own)
         place = source_within(x, arrival)
@@ -153,7 +153,7 @@ def together(
                     "the record begins inside the signal at "
                     f"{int(within.sum())} of {nx} receivers ({places(x, within, labels)})")
         )  # fmt: skip
-    return mended, within, place, v
+    return mended, within, place
 
 
 def _filled(values: Float, missing: Mask) -> Float:
