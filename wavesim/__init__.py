@@ -19,6 +19,10 @@ from typing import Any
 
 _HOMES = {
     "Medium": "wavesim.material.medium",
+    "Family": "wavesim.material.family",
+    "Block": "wavesim.material.family",
+    "FluxForm": "wavesim.material.medium",
+    "Parameter": "wavesim.material.medium",
     "Bar": "wavesim.grid.bar",
     "layered_bar": "wavesim.grid.bar",
     "Layer": "wavesim.material.layers",
