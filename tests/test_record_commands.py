@@ -117,7 +117,7 @@ def test_a_stretch_by_the_plain_route(csv_file, tmp_path):
     ("arguments", "message"),
     [
         (("dispersion", "none.csv"), "none.csv: no such file"),
-        (("dispersion", "FILE"), "waves reach the ends of the receivers"),
+        (("dispersion", "FILE", "--method", "harmonic"), "waves reach the ends of the receivers"),
         (("dispersion", "FILE", "--values", "q"), "has no array 'q'"),
         (("dispersion", "FILE", "--method", "fft", "--fit", "anisotropy"), "needs --medium"),
         (("attenuation", "FILE", "--medium", "none.toml"), "none.toml: no such file"),

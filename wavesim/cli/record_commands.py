@@ -183,7 +183,9 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 
 @click.command()
 @_options
-@click.option("--method", type=click.Choice(("harmonic", "fft")), default="harmonic")
+@click.option(
+    "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
+)
 @click.option("--k-max", type=float, help="Highest wavenumber, rad/m.")
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")

@@ -5,14 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from wavesim.records.content import RecordError
-from wavesim.records.faults.finding import TAKEN_OUT, Finding, places
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.record import Record
 
 # A record that is at rest at its beginning, and not later, was driven within.
 _AT_REST = 0.03
 _BEGINNING = 3
+# Missing frames are bridged if so few, or if all about them is below this many times the noise, or
+# this part of the peak.
+_BRIDGED = 2
+_QUIET, _QUIET_PART = 6.0, 1e-4
 
 
 def for_k_at_frequency(record: Record) -> Record:
@@ -21,7 +26,7 @@ def for_k_at_frequency(record: Record) -> Record:
     Raises:
         RecordError: fewer than two are, or a source stands among them that is not named.
     """
-    record = record.without_gaps()
+    record = _filled(record.without_gaps())
     if record.source_seen is not None:
         raise RecordError(
             f"the signal comes first to receivers near x = {record.source_seen:.3g} m and later to "
@@ -73,6 +78,33 @@ def at_rest_first(record: Record) -> bool:
     if len(record.missing):
         size = size[~record.missing]
     return bool(size[:_BEGINNING].max() < _AT_REST * size.max())
+
+
+def _filled(record: Record) -> Record:
+    """Frames that are missing at all receivers filled: one or two, or where nothing moves."""
+    if not len(record.missing) or not record.missing.any():
+        return record
+    gone = record.missing
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]]))).reshape(-1, 2)
+    size = np.abs(record.values).max()
+    values, there = record.values.copy(), ~gone
+    spline = CubicSpline(record.t[there], values[:, there], axis=1)
+    for start, stop in edges:
+        inside = start >= 2 and stop <= len(gone) - 2
+        about = values[:, max(0, 2 * start - stop - 2) : 2 * stop - start + 2]
+        if inside and stop - start <= _BRIDGED:
+            values[:, start:stop] = spline(record.t[start:stop])
+        elif np.abs(about).max() > max(_QUIET * record.noise, _QUIET_PART * size):
+            raise RecordError(
+                f"{stop - start} frames are missing from t = {record.t[start]:.6g} s on, while the "
+                "signal goes on: the exponential window needs them all; fill them, leave out the "
+                "receivers that lack them, or use the part before"
+            )
+    finding = Finding(
+        "frames missing", f"from t = {record.t[edges[0, 0]]:.6g} s", f"{int(gone.sum())} frames",
+        CURED, f"{int(gone.sum())} missing frames filled",
+    )  # fmt: skip
+    return replace(record, values=values, missing=np.zeros_like(gone)).with_finding(finding)
 
 
 def _entered(record: Record) -> bool:

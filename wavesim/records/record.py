@@ -253,9 +253,9 @@ def record(
             signal = signal[:: raw.held][: len(raw.t)]
         values, t = raw.values, raw.t
     channels = _Channels.of(x, names_of, raw)
-    if raw is not None and raw.twice.any():
-        values, x = values[..., ~raw.twice], x[~raw.twice]
-        channels = channels.take(~raw.twice)
+    if raw is not None and raw.spare.any():
+        values, x = values[..., ~raw.spare], x[~raw.spare]
+        channels = channels.take(~raw.spare)
     frames = len(t)
     values, t = whole_frames(values, t, found)
     if signal is not None and len(t) != frames:
@@ -270,10 +270,9 @@ def record(
     values, missing, broken = bridged(values, t, x, channels.labels, quiet, found)
     whole = values.copy() if broken.any() else None
     values[:, missing] = 0.0
-    uneven = t
     values, t, missing, interval_error = even_times(values, t, missing, storage[0], found)
-    if whole is not None and not np.array_equal(uneven, t) and interval_error == 0:
-        whole = None  # resampled
+    if any(finding.what == "times uneven" for finding in found):
+        whole = None
     if ring and not _is_even(x):
         raise RecordError(
             "ring: the receivers round a periodic bar must be evenly spaced; treat the record as "
@@ -281,13 +280,16 @@ def record(
         )
     within, place = np.zeros(len(x), bool), None
     if not trusted:
-        values, wrong, within, _, place = together(
-            values, t, x, channels.labels, channels.quantum, ring, found
-        )
-        if wrong.any() and (~wrong).sum() >= 2:
-            values, x, channels = values[..., ~wrong], x[~wrong], channels.take(~wrong)
-            within, broken = within[~wrong], broken[~wrong]
-            whole = None if whole is None else whole[..., ~wrong]
+        mended, within, place = together(
+            values if whole is None else whole, missing, t, x, channels.labels, channels.quantum,
+            channels.flat | broken, ring, found,
+        )  # fmt: skip
+        if mended.any:
+            kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
+            values = (values[..., mended.order] * mended.factor)[..., kept]
+            if whole is not None:
+                whole = (whole[..., mended.order] * mended.factor)[..., kept]
+            x, channels, within, broken = x[kept], channels.take(kept), within[kept], broken[kept]
     components = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
     return Record(
         t,

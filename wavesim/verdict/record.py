@@ -24,6 +24,7 @@ from wavesim.verdict.recovered_points import (
     Matched,
     MatchedInSpace,
     match,
+    match_along_line,
     match_in_space,
 )
 
@@ -59,7 +60,7 @@ class Recovered:
 
 def dispersion(
     found: Sequence[RecordOfMedium],
-    method: str = "harmonic",
+    method: str = "auto",
     k_max: float | None = None,
     **options: Any,
 ) -> list[Recovered]:
@@ -67,7 +68,7 @@ def dispersion(
 
     Args:
         found: the records.
-        method: "harmonic" or "fft".
+        method: "auto", "harmonic" or "fft".
         k_max: highest wavenumber, rad/m; k̄ = 1 where a medium is known, else Nyquist.
         options: of ``wavesim.readings.dispersion.frequency_at_wavenumber.in_time``.
     """
@@ -82,7 +83,7 @@ def dispersion(
             k_end = highest or np.pi / origin.record.spacing
             record = while_waves_last(origin.record, origin.law, origin.theory[0], k_end)
             origin, least = replace(origin, record=record), ABOVE_WEAKEST * weakest(origin.law)
-            if method == "harmonic":
+            if method != "fft":
                 own = {"dynamic_range": weakest(origin.law)} | options
         origin = replace(origin, record=for_frequency_at_k(origin.record, method == "harmonic"))
         points = in_time(origin.record, highest, method, **own)
@@ -91,7 +92,10 @@ def dispersion(
             exact, grid = origin.theory
             low, high = JUDGED[0] * unit, min(highest or np.inf, JUDGED[1] * unit)
             names, judged = origin.block.branches, (low, high)
-            matched = match(points, origin.record, names, exact, grid, judged, least)
+            if points.method == "beam":
+                matched = match_along_line(points, names, exact)
+            else:
+                matched = match(points, origin.record, names, exact, grid, judged, least)
         results.append(Recovered(origin, points, matched))
     return results
 
@@ -171,7 +175,7 @@ def _checks_in_time(one: Recovered, matched: Matched) -> list[Check]:
     if one.origin.bar is None or medium is None:
         inside = float(np.mean(np.abs(matched.omega - matched.grid)[matched.found]
                                <= matched.bar[matched.found]))  # fmt: skip
-        if harmonic:
+        if one.points.method != "fft":
             label = f"{name}: points whose 95 % bar holds the theory, at least"
             found.append(Check(label, inside, 1, 1 - COVERAGE, "–"))
         return found

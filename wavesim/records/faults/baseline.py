@@ -68,8 +68,8 @@ def without_baseline(
             part = max(size / max(rest.peak[j], 1e-300) for j, size in those)
             where = places(x, which, labels)
             found.append(
-                Finding(kind, where, f"{most:.3g}, {100 * part:.2g} % of peak", CURED,
-                        f"{kind} of up to {most:.3g} ({100 * part:.2g} % of the peak) taken out "
+                Finding(kind, where, f"{most:.3g}, {100 * part:.3g} % of peak", CURED,
+                        f"{kind} of up to {most:.3g} ({100 * part:.3g} % of the peak) taken out "
                         f"({where})")
             )  # fmt: skip
     return values
@@ -93,37 +93,49 @@ def _level(
     if len(start) < FEWEST:
         return None, "offset"
     level, error = float(start.mean()), _error(start)
-    if abs(level) <= max(_ERRORS * error, _PART * peak, 0.05 * quantum):
+    off = abs(level) > max(_ERRORS * error, _PART * peak, 0.05 * quantum)
+    at = np.flatnonzero(mask & np.isfinite(v))
+    after = at[at >= onset]
+    if len(after) >= 2 * FEWEST and _slopes(v[after]):
+        drift = _drift(v, at, onset, max(float(start.std()), quantum / np.sqrt(12)), peak)
+        if drift is not None:
+            return drift, "drift"
+    if not off:
         return None, "offset"
-    as_others = abs(level - usual[0]) <= 5 * (usual[1] + error) + 0.02 * peak
-    doubtful = onset < _SHORT * FEWEST and abs(level) > _STEP * peak and not as_others
     half = len(start) // 2
     a, b = start[:half], start[half:]
     still = abs(a.mean() - b.mean()) <= _ERRORS * np.hypot(_error(a), _error(b)) + 0.5 * quantum
-    at = np.flatnonzero(mask & np.isfinite(v))
-    after = at[at >= onset]
     if len(after) >= 2 * FEWEST:
         end = v[after]
-        close = abs(end.mean() - level) <= _ERRORS * np.hypot(error, _error(end)) + 0.5 * quantum
-        if close and still:
+        if abs(end.mean() - level) <= _ERRORS * np.hypot(error, _error(end)) + 0.5 * quantum:
             return np.full(len(v), v[at].mean()), "offset"
-        moves = _slopes(end)
-        if doubtful and not close and not moves:
-            # So short a rest far off the level after the signal is a part of the signal.
-            return None, "offset"
-        if not still or moves:
-            s = at / len(v)
-            order = 2 if len(at) >= 6 * FEWEST else 1
-            # Both ends weigh alike, however long each is.
-            weight = np.where(at < onset, 1 / np.sqrt(onset), 1 / np.sqrt(len(after)))
-            fit = np.polynomial.Polynomial.fit(s, v[at], order, w=weight)
-            return np.asarray(fit(np.arange(len(v)) / len(v))), "drift"
-    elif doubtful:
+    as_others = abs(level - usual[0]) <= 5 * (usual[1] + error) + 0.02 * peak
+    if onset < _SHORT * FEWEST and abs(level) > _STEP * peak and not as_others:
+        # So short a rest, so far off, is a part of the signal.
         return None, "offset"
     if not still:
         # A foot of the signal, or a drift whose course is not known: nothing to go by.
         return None, "drift"
     return np.full(len(v), level), "offset"
+
+
+def _drift(v: Float, at: NDArray[np.int64], onset: int, noise: float, peak: float) -> Float | None:
+    """A line or parabola through what is at rest before and after, if it fits both; else None."""
+    s = np.arange(len(v)) / len(v)
+    # Both ends weigh alike, however long each is.
+    before = at < onset
+    weight = np.where(before, 1 / np.sqrt(before.sum()), 1 / np.sqrt((~before).sum()))
+    for order in (1, 2):
+        fit = np.polynomial.Polynomial.fit(s[at], v[at], order, w=weight)
+        left = v[at] - fit(s[at])
+        good = all(
+            np.std(left[part]) <= 1.5 * noise + 1e-6 * peak
+            and abs(left[part].mean()) <= _ERRORS * _error(left[part]) + 1e-6 * peak
+            for part in (before, ~before)
+        )
+        if good:
+            return np.asarray(fit(s))
+    return None
 
 
 def _error(part: Float) -> float:

@@ -36,6 +36,20 @@ _SCALED = (0.2, 5.0)
 _DEAD = 0.05
 
 
+def clocks(values: Float) -> Mask:
+    """Channels that hold nothing but the times, in whatever unit, shape (nx,)."""
+    component = values[0]
+    s = np.linspace(-1, 1, len(component))
+    with np.errstate(invalid="ignore"):
+        rising = (np.diff(component, axis=0) > 0).all(axis=0)
+    found = np.zeros(component.shape[1], bool)
+    for j in np.flatnonzero(rising):
+        v = component[:, j]
+        slope = float(np.sum(s * v) / np.sum(s * s))
+        found[j] = np.abs(v - v.mean() - slope * s).max() < 1e-3 * np.ptp(v)
+    return found if len(values) == 1 and not found.all() else np.zeros_like(found)
+
+
 def duplicates(
     values: Float, x: Float, noisy: bool, found: list[Finding], labels: tuple[str, ...]
 ) -> Mask:
@@ -100,16 +114,44 @@ def _alike(a: Float, b: Float) -> bool:
 
 @dataclass
 class _Off:
-    """How far each of some channels is off: phase (sign), delay, ln of a factor; how well known."""
+    """How far each of some channels is off.
+
+    Attributes:
+        turned, odd: of opposite phase throughout; of phases that do not fit.
+        delay, factor: τ, s, and ln of a factor, with the deviations that the others have.
+        coherent: beam of the phases.
+        omega: median frequency, rad/s.
+    """
 
     turned: Mask
+    odd: Mask
     delay: Float
     factor: Float
     coherent: float
     spread_delay: float
     spread_factor: float
-    steady: Float
     omega: float
+
+
+@dataclass
+class Mended:
+    """What is done to channels: values[:, order] * factor, without those out.
+
+    Attributes:
+        order: which channel's samples stand at each place, shape (nx,).
+        factor: what each is multiplied by, shape (nx,).
+        out: which are left out, shape (nx,).
+    """
+
+    order: NDArray[np.int64]
+    factor: Float
+    out: Mask
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is done."""
+        moved = bool((self.order != np.arange(len(self.order))).any())
+        return moved or bool((self.factor != 1).any()) or bool(self.out.any())
 
 
 def misfits(
@@ -118,24 +160,22 @@ def misfits(
     x: Float,
     labels: tuple[str, ...],
     rest: Rest,
+    unsure: Mask,
     found: list[Finding],
-) -> tuple[Float, Mask, Float]:
-    """Turn, exchange and rescale channels that are off by that alone; name those to leave out.
+) -> Mended:
+    """Channels to turn, exchange or rescale, and those to leave out.
 
     Args:
         component: shape (nt, nx), finite, without offset.
         t, x, labels: times, positions and names of the receivers.
         rest: of the channels.
+        unsure: which have a size that says nothing: flat tops, gaps.
         found: findings, added to.
-
-    Returns:
-        The component; which channels to leave out; the factor each was divided by, and −1 for a
-        reversed one.
     """
     nx = component.shape[1]
-    out, factors = np.zeros(nx, bool), np.ones(nx)
+    mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     if nx < FEWEST or not np.isfinite(x).all() or (rest.onset > 0).sum() < 0.6 * nx:
-        return component, out, factors
+        return mended
     starts = list(range(0, max(nx - _TOGETHER, 0) + 1, _TOGETHER // 2))
     if starts[-1] + _TOGETHER < nx:
         starts.append(nx - _TOGETHER)
@@ -147,76 +187,47 @@ def misfits(
             verdicts.setdefault(int(part[number]), []).append(verdict)
         judged[part] += 1
     agreed = {
-        j: v[0] for j, v in verdicts.items() if len(v) == judged[j] and len({k for k, _ in v}) == 1
+        j: v[0]
+        for j, v in verdicts.items()
+        if len(v) == judged[j]
+        and len({kind for kind, _ in v}) == 1
+        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed"))
     }
-    _tell(component, x, labels, agreed, out, factors, found)
-    return component, out, factors
-
-
-def _tell(
-    component: Float,
-    x: Float,
-    labels: tuple[str, ...],
-    agreed: dict[int, tuple[str, float]],
-    out: Mask,
-    factors: Float,
-    found: list[Finding],
-) -> None:
     for kind in ("reversed", "swapped", "mis-scaled", "delayed", "dead"):
-        those = sorted(j for j, (k, _) in agreed.items() if k == kind)
-        if not those:
-            continue
-        where = places(x, those, labels)
-        sizes = [agreed[j][1] for j in those]
-        if kind == "reversed":
-            component[:, those] *= -1
-            factors[those] = -1
-            found.append(
-                Finding(
-                    kind,
-                    where,
-                    "polarity",
-                    CURED,
-                    f"of reversed polarity, as neighbours say: turned round ({where})",
-                )
-            )
-        elif kind == "swapped":
-            component[:, those] = component[:, those[::-1]]
-            found.append(
-                Finding(
-                    kind,
-                    where,
-                    "2 channels",
-                    CURED,
-                    f"exchanged with each other, as neighbours say: put back ({where})",
-                )
-            )
-        elif kind == "mis-scaled":
-            near = [j for j in those if _SCALED[0] <= agreed[j][1] <= _SCALED[1]]
-            for j in near:
-                component[:, j] /= agreed[j][1]
-                factors[j] = agreed[j][1]
-            far = [j for j in those if j not in near]
-            out[far] = True
-            listed = ", ".join(f"{s:.3g}" for s in sizes[:6])
-            found.append(
-                Finding(kind, where, f"by a factor {listed}", TAKEN_OUT if far else CURED,
-                        f"larger by a factor {listed} than neighbours say: "
-                        f"{'left out' if far else 'divided by it'} ({where})")
-            )  # fmt: skip
-        elif kind == "delayed":
-            out[those] = True
-            listed = ", ".join(f"{s:.3g}" for s in sizes[:6])
-            found.append(
-                Finding(kind, where, f"by {listed} s", TAKEN_OUT,
-                        f"later by {listed} s than neighbours say: left out ({where})")
-            )  # fmt: skip
-        else:
-            out[those] = True
-            found.append(
-                Finding(kind, where, f"{len(those)} of {len(x)}", TAKEN_OUT,
-                        f"{len(those)} dead receivers left out ({where})")
-            )  # fmt: skip
+        those = {j: size for j, (k, size) in sorted(agreed.items()) if k == kind}
+        if those:
+            found.append(_mend(mended, kind, those, x, labels))
+    return mended
+
+
+def _mend(
+    mended: Mended, kind: str, those: dict[int, float], x: Float, labels: tuple[str, ...]
+) -> Finding:
+    which = list(those)
+    where = places(x, which, labels)
+    listed = ", ".join(f"{size:.3g}" for size in list(those.values())[:6])
+    if kind == "reversed":
+        mended.factor[which] = -1
+        said = f"of reversed polarity, as neighbours say: turned round ({where})"
+        return Finding(kind, where, "polarity", CURED, said)
+    if kind == "swapped":
+        mended.order[which] = which[::-1]
+        said = f"exchanged with each other, as neighbours say: put back ({where})"
+        return Finding(kind, where, f"{len(which)} channels", CURED, said)
+    if kind == "mis-scaled":
+        far = [j for j in which if not _SCALED[0] <= those[j] <= _SCALED[1]]
+        for j in which:
+            mended.factor[j] = 1 / those[j]
+        mended.out[far] = True
+        said = (f"larger by a factor {listed} than neighbours say: "
+                f"{'left out' if far else 'divided by it'} ({where})")  # fmt: skip
+        return Finding(kind, where, f"by a factor {listed}", TAKEN_OUT if far else CURED, said)
+    mended.out[which] = True
+    if kind == "delayed":
+        said = f"later by {listed} s than neighbours say: left out ({where})"
+        return Finding(kind, where, f"by {listed} s", TAKEN_OUT, said)
+    said = f"{len(which)} dead receivers left out ({where})"
+    return Finding(kind, where, f"{len(which)} of {len(x)}", TAKEN_OUT, said)
 
 
 def _judge(
@@ -238,7 +249,7 @@ def _judge(
     late = ~off.turned & (
         np.abs(off.delay) > np.maximum(_DEVIATIONS * off.spread_delay, _PHASE / off.omega)
     )
-    late &= _alone(np.abs(off.delay), late)
+    late = (late & _alone(np.abs(off.delay), late)) | off.odd
     wrong = ~off.turned & (
         np.abs(off.factor) > np.maximum(_DEVIATIONS * off.spread_factor, _FACTOR)
     )
@@ -310,10 +321,12 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
     spacing = float(np.median(np.diff(x)))
     k = np.linspace(-np.pi / spacing, np.pi / spacing, 16 * nx + 1)
     steer = np.exp(-1j * np.outer(k, x - x.mean()))
-    beam = np.abs(unit @ steer.T) / nx
-    best = np.argmax(beam, axis=1)
+    # Of squared phasors, which polarity does not turn; by it alone k is open to π/spacing, and
+    # taken so that most phasors agree, and small.
+    beam = np.abs(unit**2 @ (steer**2).T) / nx
+    best = np.argmax(beam + 0.2 * np.abs(unit @ steer.T) / nx - 0.01 * np.abs(k) / k[-1], axis=1)
     coherent = float(np.median(beam[np.arange(count), best]))
-    if coherent < _COHERENT * (1 - 2 / nx) + 0.0:
+    if coherent < _COHERENT * (1 - 2 / nx):
         return None
     phase = np.empty((count, nx))
     factor = np.empty((count, nx))
@@ -325,27 +338,38 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
     clear = heard.mean(axis=0) > 0.5
     turned = clear & (np.mean(np.cos(phase) < -0.6, axis=0) > 0.8)
     fitting = np.mean(np.cos(phase) > 0.7, axis=0) > 0.6
-    if fitting.sum() < 0.5 * nx:
+    if (fitting | turned).sum() < 0.6 * nx:
         return None
-    delay = np.where(clear, (omega[:, None] * phase).sum(axis=0) / np.sum(omega**2), 0.0)
-    # e^{−iωt}: a later signal has a phase ωτ more.
-    middle = np.median(factor, axis=0)
-    steady = 1.4826 * np.median(np.abs(factor - middle), axis=0)
     good = fitting & ~turned
+    delay = np.where(clear, _delays(phase, omega), 0.0)
+    middle = np.median(factor, axis=0)
 
     def spread(values: Float) -> float:
         return float(1.4826 * np.median(np.abs(values[good] - np.median(values[good]))))
 
     return _Off(
         turned,
+        clear & ~fitting & ~turned,
         delay - np.median(delay[good]),
         middle - np.median(middle[good]),
         coherent,
         spread(delay),
         spread(middle),
-        steady,
         float(np.median(omega)),
     )
+
+
+def _delays(phase: Float, omega: Float) -> Float:
+    """τ of each channel whose ωτ fits its phases best, whole turns left open; shape (nx,), s."""
+    step = 0.25 / omega.max()
+    reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
+    tau = np.arange(-min(200.0, np.floor(reach / step)), min(200.0, np.floor(reach / step)) + 1)
+    tau = tau * step
+    match = np.abs(np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau)))
+    near = np.real(np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau)))
+    found = tau[np.argmax(near + 1e-3 * match - 1e-3 * len(omega) * np.abs(tau) / tau[-1], axis=1)]
+    left = np.angle(np.exp(1j * (phase - omega[:, None] * found)))
+    return np.asarray(found + (omega[:, None] * left).sum(axis=0) / np.sum(omega**2))
 
 
 def _phases(unit: Any, x: Float, k: float) -> Float:

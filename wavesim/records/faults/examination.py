@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from wavesim.records.content import RecordError
 from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline
-from wavesim.records.faults.channels import duplicates, misfits
+from wavesim.records.faults.channels import Mended, clocks, duplicates, misfits
 from wavesim.records.faults.clipping import clipped, once_each, without_stuck
 from wavesim.records.faults.fill_values import without_fill, without_spikes
-from wavesim.records.faults.finding import TOLD, Finding, places
+from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.moveout import FASTEST, arrivals, begun, source_within, speed
 from wavesim.records.faults.quiet import FEWEST, Rest, rest
 
@@ -32,7 +32,7 @@ class Raw:
         quantum: least step, shape (nx,).
         flat: receivers with flat tops, shape (nx,).
         flat_part: part of their samples, shape (nx,).
-        twice: receivers that hold the samples of another, shape (nx,).
+        spare: receivers that hold the samples of another, or the times, shape (nx,).
     """
 
     values: Float
@@ -41,7 +41,7 @@ class Raw:
     quantum: Float
     flat: Mask
     flat_part: Float
-    twice: Mask
+    spare: Mask
 
 
 def samples(
@@ -57,10 +57,15 @@ def samples(
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
                              f"flat tops at {where}"))  # fmt: skip
     values = without_stuck(values, t, x, labels, quantum, found)
-    values = without_spikes(values, t, x, labels, found)
+    values = without_spikes(values, t, x, labels, flat, found)
     quantisation.tell(quantum, values, x, labels, found)
-    twice = duplicates(values, x, _noisy(values), found, labels)
-    return Raw(values, t, held, quantum, flat, part, twice)
+    hands = clocks(values)
+    if hands.any():
+        where = places(x, hands, labels)
+        found.append(Finding("clock", where, f"{int(hands.sum())} channels", TAKEN_OUT,
+                             f"clocks, not receivers: left out ({where})"))  # fmt: skip
+    spare = hands | duplicates(values, x, _noisy(values), found, labels)
+    return Raw(values, t, held, quantum, flat, part, spare)
 
 
 def _noisy(values: Float) -> bool:
@@ -93,26 +98,37 @@ def levels(
 
 def together(
     values: Float,
+    missing: Mask,
     t: Float,
     x: Float,
     labels: tuple[str, ...],
     quantum: Float,
+    unsure: Mask,
     ring: bool,
     found: list[Finding],
-) -> tuple[Float, Mask, Mask, Float, float | None]:
-    """Channels beside each other: which to leave out, which have begun, where a source stands.
+) -> tuple[Mended, Mask, float | None]:
+    """Channels beside each other: which do not fit, which have begun, where a source stands.
+
+    Args:
+        values: shape (C, nt, nx), without offset; not finite where a sample is missing.
+        missing: frames that are, shape (nt,).
+        t, x, labels: times, positions and names of the receivers.
+        quantum: least step of each, shape (nx,).
+        unsure: receivers whose size says nothing.
+        ring: whether they go round a ring.
+        found: findings, added to.
 
     Returns:
-        Values; receivers to leave out; receivers at which the record begins inside the signal; the
-        factors that channels were divided by; the place of a source among them, m.
+        What to do to the channels; receivers at which the record begins inside the signal; the
+        place of a source among them, m.
     """
     nx = values.shape[2]
-    factors = np.ones(nx)
-    out, within = np.zeros(nx, bool), np.zeros(nx, bool)
+    values = _filled(values, missing)
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
     own = rest(values[strongest], quantum)
+    mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     if len(values) == 1 and not ring:
-        values[0], out, factors = misfits(values[0], t, x, labels, own, found)
+        mended = misfits(values[0], t, x, labels, own, unsure, found)
     if nx == values.shape[1] and np.isfinite(x).all():
         found.append(
             Finding("square", "whole array", f"{nx} by {nx}", TOLD,
@@ -137,7 +153,23 @@ def together(
                     "the record begins inside the signal at "
                     f"{int(within.sum())} of {nx} receivers ({places(x, within, labels)})")
         )  # fmt: skip
-    return values, out, within, factors, place
+    return mended, within, place
+
+
+def _filled(values: Float, missing: Mask) -> Float:
+    """Values with straight lines over what is missing, to look at."""
+    gone = ~np.isfinite(values) | missing[:, None]
+    if not gone.any():
+        return values
+    filled = values.copy()
+    frames = np.arange(values.shape[1])
+    for c, j in zip(*np.nonzero(gone.any(axis=1)), strict=True):
+        there = ~gone[c, :, j]
+        if there.any():
+            filled[c, :, j] = np.interp(frames, frames[there], values[c, there, j])
+        else:
+            filled[c, :, j] = 0.0
+    return filled
 
 
 __all__ = ["FEWEST", "Raw", "levels", "samples", "together"]

@@ -24,9 +24,11 @@ _BEYOND = 1e3
 # … and a code that is known where it is this many times.
 _BEYOND_KNOWN = 8.0
 _MOST_CODES = 6
-# A spike stands this many times the range of its three neighbours on either side off their middle,
-# and this many times the noise of the whole channel.
+# A spike is off the cubic through its neighbours by this many times what samples about it are (or,
+# where signals go up to the Nyquist frequency, by the range of its neighbours), and by this many
+# times the noise of the whole channel.
 _SPIKE = 5.0
+_HIGH = 0.01
 _SPIKE_NOISE = 10.0
 _MOST_SPIKES = 0.01
 
@@ -93,23 +95,25 @@ def _code(column: Float) -> float | None:
 
 
 def without_spikes(
-    values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
+    values: Float, t: Float, x: Float, labels: tuple[str, ...], flat: Mask, found: list[Finding]
 ) -> Float:
     """Values with lone samples far off their neighbours as NaN.
 
     Args:
         values: shape (C, nt, nx); changed in place.
         t, x, labels: times, positions and names of the receivers.
+        flat: which have flat tops, whose corners are no spikes.
         found: findings, added to.
     """
     if values.shape[1] < 16:
         return values
     which, total, first = np.zeros(len(x), bool), 0, len(t)
     for component in values:
-        marked = _spikes(component)
+        marked = _spikes(component, _coarse(component))
         # At all receivers at once it came from without: crosstalk of the trigger, not a bad sample.
         together = marked.sum(axis=1) > max(1, len(x) // 2)
         marked[together] = False
+        marked[:, flat] = False
         marked[:, marked.mean(axis=0) > _MOST_SPIKES] = False
         if marked.any():
             which |= marked.any(axis=0)
@@ -126,23 +130,42 @@ def without_spikes(
     return values
 
 
-def _spikes(component: Float) -> Mask:
+def _spikes(component: Float, coarse: bool) -> Mask:
+    nt = len(component)
     marked = np.zeros(component.shape, bool)
-    middle = component[3:-3]
-    # The cubic through two neighbours on either side.
-    off = np.abs(
-        middle - (4 * (component[2:-4] + component[4:-2]) - component[1:-5] - component[5:-1]) / 6
+    # Off the cubic through two neighbours on either side; one bad sample spoils those two off.
+    off = np.zeros(component.shape)
+    off[2:-2] = np.abs(
+        component[2:-2]
+        - (4 * (component[1:-3] + component[3:-1]) - component[:-4] - component[4:]) / 6
     )
     with np.errstate(invalid="ignore"):
         noise = 1.4826 * np.nanmedian(off, axis=0)
         rows, columns = np.nonzero(off > np.maximum(_SPIKE_NOISE * noise, 1e-300))
-    if len(rows) > component.size * _MOST_SPIKES:
+    if len(rows) > 5 * component.size * _MOST_SPIKES:
         return marked
-    for i, j in zip(rows + 3, columns, strict=True):
-        near = component[[i - 3, i - 2, i - 1, i + 1, i + 2, i + 3], j]
-        if not np.isfinite(near).all():
+    for i, j in zip(rows, columns, strict=True):
+        near = component[[k for k in range(i - 3, i + 4) if k != i and 0 <= k < nt], j]
+        if i < 3 or i > nt - 4 or not np.isfinite(near).all():
             continue
-        centre, spread = (near.max() + near.min()) / 2, near.max() - near.min()
-        if abs(component[i, j] - centre) > max(_SPIKE * spread, _SPIKE_NOISE * noise[j]):
+        usual = near.max() - near.min() if coarse else _usual(off[:, j], int(i))
+        if off[i, j] >= off[i - 2 : i + 3, j].max() and off[i, j] > _SPIKE * usual:
             marked[i, j] = True
     return marked
+
+
+def _usual(off: Float, i: int) -> float:
+    """How far samples about one are off their neighbours, those that it spoils left out."""
+    around = np.r_[off[max(0, i - 8) : i - 2], off[i + 3 : i + 9]]
+    around = around[np.isfinite(around)]
+    return float(around.max()) if len(around) else np.inf
+
+
+def _coarse(component: Float) -> bool:
+    """Whether signals go up to the Nyquist frequency, so that a peak may be one sample wide."""
+    some = np.nan_to_num(component[:, :: max(1, component.shape[1] // 64)])
+    power = np.abs(np.fft.rfft(some - some.mean(axis=0), axis=0)) ** 2
+    floor = np.median(power, axis=0)
+    above = np.maximum(power - 4 * floor, 0)
+    part = above[len(above) // 2 :].sum(axis=0) / np.maximum(above.sum(axis=0), 1e-300)
+    return bool(np.median(part) > _HIGH)

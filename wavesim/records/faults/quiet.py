@@ -23,6 +23,8 @@ _FLAT, _FLAT_PART = 4.0, 1e-3
 # Part of the time before the first break that counts as quiet: an emergent onset has a foot.
 _PART = 0.8
 _CROWD, _FEW = 4, 0.25
+# Over a block the end may deviate this many times more than the start.
+_TAIL = 1.6
 # Rounding is a noise too, of this part of the peak.
 _ROUNDING = 1e-9
 
@@ -86,7 +88,7 @@ def rest(values: Float, quantum: Float) -> Rest:
         onset[j], level[j], noise[j] = kept, float(np.mean(own)), float(np.std(own))
         peak[j] = np.abs(v - level[j]).max()
         mask[:kept, j] = True
-        last = _last(v, max(spread, least / _ABOVE), width, least)
+        last = _last(v, max(spread, least / _ABOVE), 2 * width, least)
         mask[last:, j] = True
     if nx >= _CROWD and (onset > 0).mean() < _FEW:
         # Where hardly any channel is at rest, those that seem to be are on a crest.
@@ -120,12 +122,14 @@ def _first(v: Float, centre: float, bound: float) -> int:
 
 
 def _last(v: Float, spread: float, width: int, least: float) -> int:
-    """From which sample on the end is as quiet as the start, about a level of its own."""
-    tail = v[-width:]
-    if np.std(tail) > 1.6 * spread + least:
-        return len(v)
-    centre = float(np.mean(tail))
-    beyond = np.flatnonzero(np.abs(v - centre) > max(_ABOVE * spread, least))
-    start = int(beyond[-1]) + 1 if len(beyond) else 0
+    """From which sample on the end is as quiet as the start, about a line of its own."""
+    s = np.arange(width) - (width - 1) / 2
+    stop = len(v)
+    while stop >= width:
+        block = v[stop - width : stop]
+        slope = float(np.sum(s * block) / np.sum(s * s))
+        if np.std(block - slope * s) > _TAIL * spread + least:
+            break
+        stop -= width
     # A signal fades: leave out as much again as a quarter of what is quiet.
-    return start + (len(v) - start) // 4
+    return stop + (len(v) - stop) // 4
