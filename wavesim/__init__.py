@@ -23,6 +23,7 @@ _HOMES = {
     "Block": "wavesim.material.family",
     "FluxForm": "wavesim.material.medium",
     "Parameter": "wavesim.material.medium",
+    "together": "wavesim.material.together",
     "Bar": "wavesim.grid.bar",
     "layered_bar": "wavesim.grid.bar",
     "Layer": "wavesim.material.layers",

@@ -5,8 +5,10 @@ from wavesim import planewave
 from wavesim.case.load import load
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.family import Block, Family
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import Medium
+from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.together import together
 from wavesim.readings.bar.reading import read_bar
 from wavesim.readings.dispersion.extract import extract
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
@@ -30,15 +32,19 @@ from wavesim.verdict.endless import hold, judge
 
 __all__ = [
     "Bar",
+    "Block",
     "Chirp",
     "Damping",
+    "Family",
     "Field",
+    "FluxForm",
     "GaussianDerivative",
     "InitialField",
     "Layer",
     "Layers",
     "Layout",
     "Medium",
+    "Parameter",
     "Recorded",
     "Ricker",
     "Simulation",
@@ -65,6 +71,7 @@ __all__ = [
     "simulate",
     "sweep",
     "synthesize",
+    "together",
     "traced_fields",
 ]
 

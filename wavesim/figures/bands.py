@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,11 +12,11 @@ from matplotlib.figure import Figure
 
 from wavesim.figures.band_axes import (
     LINE_STYLES,
-    TITLES,
     add_hertz_axis,
     add_wavenumber_axis,
     colour_of,
     hatch_full_gaps,
+    heading,
     shade_gaps,
 )
 from wavesim.material.medium import Medium
@@ -48,7 +49,7 @@ def _real_panel(axes: Axes, medium: Medium, sector: str, k_bar: np.ndarray) -> N
 def band_figure(
     medium: Medium, k_bar_max: float = 0.5, omega_bar_max: float | None = None
 ) -> Figure:
-    """Real bands ω(k) and complex bands k(ω) of every sector, side by side.
+    """Real bands ω(k) and complex bands k(ω) of every sector, side by side; a row for each family.
 
     Where waves travel the left panel is Im k of the one root that decays, the right panel the real
     branches; a sector of micro-fields alone has no propagating root.
@@ -61,15 +62,30 @@ def band_figure(
     Returns:
         The figure, not yet saved.
     """
+    widths = [_widths(part) for part in medium.parts]
+    size = (1.6 * max(map(sum, widths)) + 0.2, 5.2 * len(widths))
+    figure = Figure(figsize=size, layout="constrained")
+    rows = figure.subfigures(len(widths), 1, squeeze=False)[:, 0]
+    for row, part, own in zip(rows, medium.parts, widths, strict=True):
+        _of_family(row, part, own, k_bar_max, omega_bar_max)
+    return figure
+
+
+def _widths(medium: Medium) -> list[float]:
+    """Of panels: wide ones for real branches, a narrow one of complex k before what travels."""
+    family = medium.family
+    return [w for s in family.unlike for w in ((1, 1.7) if s in family.travelling else (1.7,))]
+
+
+def _of_family(
+    figure: Any, medium: Medium, widths: list[float], k_bar_max: float, omega_bar_max: float | None
+) -> None:
     sectors, travelling = medium.family.unlike, medium.family.travelling
     edges = [gap.upper for sector in sectors for gap in gaps(medium, sector)]
     top = omega_bar_max or 1.45 * max(edges) * float(medium.time_scale)
     k_bar = np.linspace(0.0, k_bar_max, 601)
     omega_bar = np.linspace(1e-3 * top, top, 4001)
 
-    # Wide panels are real branches; a narrow one of complex k stands before each that travels.
-    widths = [w for s in sectors for w in ((1, 1.7) if s in travelling else (1.7,))]
-    figure = Figure(figsize=(1.6 * sum(widths) + 0.2, 5.2), layout="constrained")
     panels = figure.subplots(
         1, len(widths), sharey=True, squeeze=False, gridspec_kw={"width_ratios": widths}
     )[0]
@@ -83,7 +99,7 @@ def band_figure(
             shade_gaps(left, medium, sector, label=False)
         right = next(left_over)
         _real_panel(right, medium, sector, k_bar)
-        right.set_title(TITLES.get(sector, sector), fontsize=10)
+        right.set_title(heading(medium.family, sector), fontsize=10)
         shade_gaps(right, medium, sector)
         right.set_xlim(0.0, k_bar_max)
         right.legend(loc="lower right", fontsize=8, framealpha=0.95)
@@ -94,7 +110,6 @@ def band_figure(
     panels[0].set_ylabel("$\\bar\\omega$")
     add_hertz_axis(panels[-1], medium)
     figure.suptitle(
-        f"{medium.family.name}, {medium.in_words};  grey: gap, hatched: no wave of any kind",
+        f"{medium.in_words};  grey: gap, hatched: no wave of any kind",
         fontsize=10,
     )
-    return figure

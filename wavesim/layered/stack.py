@@ -92,8 +92,9 @@ class Stack:
 
     @cached_property
     def units(self) -> Scales:
-        """Units of the medium at the left end."""
-        return scales(self.layers.first)
+        """Units of the block in the medium at the left end."""
+        first = self.layers.first
+        return scales(first).of(first.part(self.block).family)
 
     @cached_property
     def scaled(self) -> Any:

@@ -62,7 +62,8 @@ def block_modes(medium: Medium, block: Block, k: ArrayLike) -> Modes:
     density = float(units.energy / units.length)
     amplitude = np.where(resting, 1.0, (2 / density) ** 0.5 / np.where(resting, 1.0, omega))
     vectors = vectors * amplitude[..., None]
-    p, family = len(block.macro), medium.family
+    p, family = len(block.macro), medium.part(block).family
+    units = units.of(family)
     macro = float(units.macro) * (vectors[..., :p] @ weights(block.macro, family.macro))
     micro = float(units.micro) * (vectors[..., p:] @ weights(block.micro, family.micro))
     return Modes(

@@ -240,10 +240,10 @@ def operator(
         plain: layers of plain numbers, for the absorbers, where the others are traced.
     """
     known = differences(bar, float(scales(reference).length))
-    law = losses(layers, bar, reference, plain)
     held = held_nodes(bar)
     groups = []
     for stacked in grouped(blocks):
+        law = losses(layers, bar, stacked[0], reference, plain)
         c = coefficients(layers, bar, stacked, reference, with_gradient)
         free = np.where(held, 0.0, 1.0) / c.node_mass
         groups.append(Group(*known, c, free, law))

@@ -193,7 +193,7 @@ def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndar
     units = scales(medium)
     if source.acts == "prescribed":
         node = 0 if source.position < bar.length / 2 else bar.cells
-        return np.array([node]), np.full(1, 1 / float(units.macro))
+        return np.array([node]), np.full(1, 1 / float(units.unit(source.field)))
     density, indices = bar.spread(source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
