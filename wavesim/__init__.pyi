@@ -3,6 +3,8 @@
 from wavesim import layered as layeredwave
 from wavesim import planewave
 from wavesim.case.load import load
+from wavesim.differentiable.stack_transmission import transmission as traced_transmission
+from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.family import Block, Family
@@ -29,6 +31,7 @@ from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.endless import hold, judge
+from wavesim.verdict.score import score as score
 
 __all__ = [
     "Bar",
@@ -73,6 +76,8 @@ __all__ = [
     "synthesize",
     "together",
     "traced_fields",
+    "traced_layers",
+    "traced_transmission",
 ]
 
 __version__: str

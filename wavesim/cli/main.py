@@ -1,32 +1,39 @@
 """The commands: arguments, progress and exit codes. Nothing imports this module.
 
-Exit codes: 0 all well; 1 a check of the run fell short; 2 bad input; 3 the integration failed; 130
-interrupted from the keyboard.
+Exit codes: 0 all well; 1 a check of the run fell short; 2 bad input; 3 the integration or the
+writing of its results failed; 130 interrupted.
 """
 
 from __future__ import annotations
 
 import os
 import shlex
-import signal
 import sys
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.arguments import CASE, SET
+from wavesim.cli.begin import cases, init, schema
+from wavesim.cli.completion import completion
+from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.inspect import inspect
+from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, SET
+from wavesim.cli.transmission import transmission
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
-
-NOT_FINITE, INTERRUPTED = 3, 130
+from wavesim.worker import end_all
 
 
 def _load(case: str, overrides: tuple[str, ...]) -> Any:
@@ -54,9 +61,6 @@ def _planned(case: str, loaded: Any) -> Any:
         _stop(f"{case}: [time] {error}", BAD_INPUT)
 
 
-_CASE = click.argument("case", type=click.Path())
-
-
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="wavesim")
 def main() -> None:
@@ -64,7 +68,7 @@ def main() -> None:
 
 
 @main.command()
-@_CASE
+@CASE
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
 @SET
 @click.option("--resume", is_flag=True, help="Carry on an interrupted run of the same case.")
@@ -99,10 +103,10 @@ def _whole(
     steps = _planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
-    from wavesim.verdict.foreseen import warnings
+    from wavesim.verdict.foreseen import foreseen
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    warned = warnings(loaded, steps)
+    warned = foreseen(loaded, steps)
     _tell(case, loaded, warned)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet) as tell:
@@ -135,43 +139,43 @@ def _run(
 ) -> Any:
     from wavesim import runner
 
-    pressed = False
-
-    def interrupt(number: int, frame: Any) -> None:
-        nonlocal pressed
-        pressed = True
-        raise KeyboardInterrupt
+    done = 0.0
 
     def go_on(stage: str, part: float) -> None:
-        # Python drops an interrupt that is raised in a callback, as jax has one for garbage.
-        if pressed:
-            raise KeyboardInterrupt
+        nonlocal done
+        done = max(done, part) if stage == "integrate" else done
         tell(stage, part)
 
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, interrupt)
+    def stored() -> str:
+        result = folder / "result.h5"
+        if not (done or resume) or not result.exists():
+            return ""
+        return f"what was done is in {folder}, --resume carries on"
+
     try:
-        return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
+        with farewell(stored):
+            return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
     except runner.RunError as error:
-        _stop(str(error), NOT_FINITE if error.unstable else BAD_INPUT)
-    except KeyboardInterrupt:
-        _stop(f"interrupted; what was done is in {folder}, --resume carries on", INTERRUPTED)
+        _stop(str(error), error.code)
+    except KeyboardInterrupt:  # where this is not the command, but called by a program
+        more = stored()
+        _stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
 
 
 @main.command()
-@_CASE
+@CASE
 @SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
     """Say everything about CASE that can be said before integrating."""
     loaded = _load(case, overrides)
     steps = _planned(case, loaded)
     from wavesim.report import tables as report
-    from wavesim.verdict.foreseen import warnings
+    from wavesim.verdict.foreseen import foreseen
 
     report.survey(_console(), loaded, steps)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.
-    found = warnings(loaded, steps)
+    found = foreseen(loaded, steps)
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")
     _tell(case, loaded, found)
     if found:
@@ -182,11 +186,11 @@ def _tell(case: str, loaded: Any, warned: list[str]) -> None:
     """What was taken otherwise than written, and what will fall short."""
     for kind, texts in (("note", loaded.notes), ("warning", warned)):
         for text in texts:
-            click.echo(f"wavesim: {kind}: {case}: {text}", err=True)
+            told(f"{case}: {text}", kind)
 
 
-def _count(warnings: list[str]) -> str:
-    return f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}"
+def _count(found: list[str]) -> str:
+    return f"{len(found)} warning{'s' if len(found) > 1 else ''}"
 
 
 @main.command()
@@ -210,28 +214,41 @@ def paper(out: str) -> None:
 
 
 def entry() -> None:
-    """The command: as :func:`main`, but that it ends at once.
+    """The command: as :func:`main`, but that it ends at once, and never by a traceback.
 
     jax takes half a second to take itself down; all that a command writes is written before.
     """
     code: Any = 0
     try:
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")  # what is amiss a command says itself
         main()
     except SystemExit as stop:
         code = stop.code
-    sys.stdout.flush()
-    sys.stderr.flush()
+    except BaseException as error:
+        code = failed(error)
+    with suppress(OSError, ValueError):  # whoever read it may be gone
+        sys.stdout.flush()
+        sys.stderr.flush()
+    end_all()
     os._exit(code if isinstance(code, int) else bool(code))
 
 
 _COMMANDS = (
     *labcli.COMMANDS,
+    animate,
     bands,
+    cases,
+    completion,
     figures_of,
     gaps,
+    init,
     inspect,
     pulse,
+    schema,
+    score,
     sweep,
+    transmission,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

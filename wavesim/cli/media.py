@@ -12,7 +12,8 @@ from typing import Any
 
 import click
 
-from wavesim.report.terminal import BAD_INPUT, SET, console, stop
+from wavesim.cli.arguments import CASE, SET
+from wavesim.report.terminal import BAD_INPUT, console, stop
 
 _POINTS = 101
 
@@ -75,7 +76,7 @@ def print_all_bands(known: Any) -> None:
 
 
 @click.command()
-@click.argument("case", type=click.Path())
+@CASE
 @click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 @SET
@@ -118,7 +119,7 @@ _AXIS = (str, float, float)
 
 
 @click.command()
-@click.argument("case", type=click.Path())
+@CASE
 @click.option(
     "--x", type=_AXIS, default=("anisotropy", 0.0, 1.0), metavar="KEY FROM TO", help="Abscissa."
 )

@@ -38,8 +38,8 @@ def phase_velocity(one: Recovered) -> Figure:
     Above the dashed line a wave is longer than the line, below the dotted one shorter than two
     distances between receivers.
     """
-    record, points = one.origin.record, one.points
-    values, x = one_side(record)
+    record, points = one_side(one.origin.record.without_gaps()), one.points
+    values, x = record.values[0], record.x
     low, high, slow, fast = _span(one)
     omega, U = transform(values, record.interval)
     rows = np.flatnonzero((omega >= low) & (omega <= high))

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wavesim.figures.style import FOUND, KHZ, Drawings, symbol
+from wavesim.material.family import known_field
 
 _MAP = matplotlib.colormaps["viridis"]
 # Panels of one figure.
@@ -52,7 +53,7 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
     if "peak" in data:
         peak = data["peak"]
         for name in peak["field"].values:
-            unit = "rad" if str(name).startswith("phi") else "1/m"
+            unit = known_field(str(name)).unit
             found[f"peak_{name}"] = {
                 f"largest {symbol(str(name))} at {receiver}": (
                     peak.sel(field=name, receiver=receiver),

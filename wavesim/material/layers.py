@@ -79,13 +79,18 @@ class Layer:
     def weight(self, position: Any) -> Any:
         """w at positions within the layer, of any shape, m."""
         s = np.clip((position - self.start) / self.thickness, 0.0, 1.0)
-        return s**3 * (10 - 15 * s + 6 * s**2) if self.grading == "smooth" else s
+        return graded_weight(s, self.grading)
 
     def at(self, position: float) -> Medium:
         """The medium at a position within the layer, m."""
         if self.last is None:
             return self.medium
         return self.medium.towards(self.last, float(self.weight(position)))
+
+
+def graded_weight(s: Any, grading: Grading) -> Any:
+    """w of s, the part of a graded layer that lies behind, 0 to 1, any shape: see Layer."""
+    return s**3 * (10 - 15 * s + 6 * s**2) if grading == "smooth" else s
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,6 +18,7 @@ from wavesim.records.content import RecordError
 from wavesim.records.evenness import even
 from wavesim.records.faults.clock import check_ascending, even_times, one_clock
 from wavesim.records.faults.examination import Raw, levels, samples, together
+from wavesim.records.faults.fill_values import within_range
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames
 
@@ -32,6 +33,8 @@ _ROUNDED = 0.02
 _DEAD = 1e-12
 # A receiver with more than this part of its samples missing is left out.
 _MOST_MISSING = 0.2
+# Spans of time (s) and place (m) within which squares and products are numbers still.
+_LEAST, _GREATEST = 1e-30, 1e30
 
 
 @dataclass(frozen=True)
@@ -240,10 +243,14 @@ def record(
     signal = None if input is None else np.array(input, float)
     if signal is not None and len(signal) != len(t):
         raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
+    frames = len(t)
+    values, t = whole_frames(values, t, found)
+    if signal is not None and len(t) != frames:
+        raise RecordError("frames are missing, so that the input is not whole: give all frames")
     raw = None
     first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
     if not trusted:
-        values[np.isinf(values)] = np.nan
+        values = within_range(values, found)
         alive = _living(values, x, names_of, ring, still=False)
         first_dead = x[~alive], tuple(np.array(names_of, object)[~alive])
         values, x = values[..., alive], x[alive]
@@ -256,10 +263,6 @@ def record(
     if raw is not None and raw.spare.any():
         values, x = values[..., ~raw.spare], x[~raw.spare]
         channels = channels.take(~raw.spare)
-    frames = len(t)
-    values, t = whole_frames(values, t, found)
-    if signal is not None and len(t) != frames:
-        raise RecordError("frames are missing, so that the input is not whole: give all frames")
     alive = _living(values, x, channels.labels, ring)
     _tell_dead(x, alive, channels.labels, first_dead, found)
     values, x, channels = values[..., alive], x[alive], channels.take(alive)
@@ -333,8 +336,9 @@ def _real(values: Float) -> Float:
 
 
 def _is_even(x: Float) -> bool:
-    gaps = np.diff(x)
-    return bool(np.ptp(gaps) <= _EVEN_RECEIVERS * gaps.mean())
+    i = np.arange(len(x))
+    off = x - x.mean() - np.polyfit(i, x, 1)[0] * (i - i.mean())
+    return bool(np.abs(off).max() <= _EVEN_RECEIVERS * (x[-1] - x[0]) / (len(x) - 1))
 
 
 def _snapped(x: Float, storage: float, found: list[Finding]) -> tuple[Float, float]:
@@ -376,6 +380,12 @@ def _check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
         )
     if not (np.isfinite(t).all() and (not placed or np.isfinite(x).all())):
         raise RecordError("t or x: holds values that are not finite; give every time and position")
+    span, reach = np.ptp(t), np.ptp(x) if placed else 1.0
+    if not (_LEAST < span < _GREATEST and (reach == 0 or _LEAST < reach < _GREATEST)):
+        raise RecordError(
+            f"t or x: times span {span:g} s, positions {reach:g} m; give them between {_LEAST:g} "
+            f"and {_GREATEST:g}"
+        )
 
 
 def _check_places(x: Float) -> None:

@@ -57,6 +57,7 @@ def page(
         case=case,
         summary_json=_script(summary),
         data_json=_script(data),
+        time_unit=data["time_unit"],
         style=_asset("page.css"),
         script=_asset("page.js"),
         plotly=_plotly(),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.family import is_macro
+from wavesim.material.family import is_macro, known_field
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
 from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.readings.bar.reading import Reading
@@ -47,6 +47,8 @@ def of_field(field: Field) -> Data:
     sectors = list(dict.fromkeys(block.sector for block in field.blocks))
     return {
         "units": {"length": float(medium.length_scale), "time": float(medium.time_scale)},
+        "time_unit": medium.family.time,
+        "symbols": {name: known_field(name).symbol for name in field.names},
         "length": bar.length,
         "duration": float(field.t[-1]),
         "periodic": bar.periodic,

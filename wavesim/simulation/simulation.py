@@ -172,7 +172,7 @@ def simulation(
 
 
 def at_double_moment(simulated: Simulation, position: float) -> bool:
-    """Whether a place is that of a point source on a micro-curvature, which is infinite there."""
+    """Whether a place is that of a point source on a micro-field, which is infinite there."""
     return any(
         source.staggered
         and source.acts == "body"

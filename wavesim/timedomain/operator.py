@@ -169,10 +169,10 @@ class Group(eqx.Module):
     def bending(self, B: Any) -> tuple[Any, Any]:
         """Slope g(B) at nodes, and Γ g over the length of each."""
         slope = -self.QT(B) / self.node_norm
-        moment = self.c.gradient[:, 0] * slope[0]
+        force = self.c.gradient[:, 0] * slope[0]
         for j in range(1, len(slope)):
-            moment = moment + self.c.gradient[:, j] * slope[j]
-        return slope, moment
+            force = force + self.c.gradient[:, j] * slope[j]
+        return slope, force
 
     def rate(self, y: State) -> State:
         """A y."""

@@ -30,7 +30,7 @@ _OFF_QUALITY = 0.2
 _RANGE = 65
 
 
-def warnings(case: Case, steps: TimeStep) -> list[str]:
+def foreseen(case: Case, steps: TimeStep) -> list[str]:
     """What will make a run less than it could be.
 
     Args:

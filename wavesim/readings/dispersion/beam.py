@@ -146,7 +146,9 @@ def weights(U: Complex, noise: Float) -> Float:
     return np.where(heard, strength**2 / (strength**2 + 1), 0.0)
 
 
-def beams(values: Float, x: Float, interval: float, omega_max: float) -> tuple[Float, Beams]:
+def beams(
+    values: Float, x: Float, interval: float, omega_max: float, quantum: Float | float = 0.0
+) -> tuple[Float, Beams]:
     """The waves along a line, at each frequency of its transform.
 
     Args:
@@ -154,6 +156,7 @@ def beams(values: Float, x: Float, interval: float, omega_max: float) -> tuple[F
         x: positions, ascending, shape (nx,), m.
         interval: Δt, s.
         omega_max: highest frequency wanted, rad/s.
+        quantum: least step between samples, shape (nx,) or (), unit of the values.
 
     Returns:
         Frequencies (n,), rad/s, and what was found at them.
@@ -161,7 +164,7 @@ def beams(values: Float, x: Float, interval: float, omega_max: float) -> tuple[F
     omega, U = transform(values, interval)
     kept = omega <= omega_max
     omega, U = omega[kept], U[kept]
-    noise = noise_of_transform(values, interval, omega)
+    noise = noise_of_transform(values, interval, omega, quantum)
     weight = weights(U, noise)
     weight[np.abs(U).max(axis=1) < _FAINT * np.abs(U).max()] = 0.0
     rows = np.flatnonzero((weight > 0).sum(axis=1) >= min(FEWEST, len(x)))

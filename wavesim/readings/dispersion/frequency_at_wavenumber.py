@@ -127,8 +127,7 @@ def in_time(
         raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
     quiet = record.since(record.quiet_from)
     if method == "auto":
-        whole = record.ring or (quiet.even and not _at_ends(quiet)[1])
-        method = "harmonic" if whole else "fft"
+        method = chosen_method(quiet)
     if method == "fft" and not record.ring:
         return along_line(record if record.sources else quiet, k_max, omega_max)
     k, channels = series(quiet, k_max)
@@ -152,6 +151,12 @@ def in_time(
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
     return _with_rounding(points, quiet)
+
+
+def chosen_method(record: Record) -> str:
+    """What "auto" comes to: "harmonic" where that is exact, else "fft"."""
+    whole = record.ring or (record.even and not _at_ends(record)[1])
+    return "harmonic" if whole else "fft"
 
 
 def _with_rounding(points: BranchPoints, record: Record) -> BranchPoints:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.dispersion.beam import FEWEST, Beams, beams, highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.folding import FOLDED, is_folded, points_to_zero
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.records.record import Record, RecordError
 
@@ -36,14 +37,8 @@ _SHORT = 0.3
 # One whose dω/dk is less than this part of ω/k is not. Above so many times its frequency at π/d all
 # is folded.
 _FLAT, _FOLDS = 0.3, 2.0
-# A mode points to k = 0 within this part of 2π/d.
-_TO_ZERO = 0.3
 # No k is better than this part of 2π/X: rounding, and what of a wave is left at the record's end.
 _FLOOR = 1e-7
-FOLDED = (
-    "folded: phases run on by more than half a turn between receivers, so that k is ambiguous; "
-    "space receivers closer"
-)
 CHANCE = "phases along the line are no more in line than by chance"
 
 
@@ -64,18 +59,21 @@ def along_line(
     Raises:
         RecordError: frames are missing, or fewer than five receivers stand on one side of sources.
     """
+    record = record.without_gaps()
     if len(record.missing) and record.missing.any():
         raise RecordError(
             f"{record.missing.sum()} frames are missing: a line that waves leave needs them all; "
             "fill them, or use the part before the first one"
         )
-    values, x = one_side(record)
+    record = one_side(record)
+    values, x = record.values[0], record.x
     top = _NYQUIST * np.pi / record.interval
-    omega, found = beams(values, x, record.interval, min(top, omega_max or top))
+    quantum = record.quantum if len(record.quantum) else 0.0
+    omega, found = beams(values, x, record.interval, min(top, omega_max or top), quantum)
     return _as_points(omega, found, x, k_max, record)
 
 
-def one_side(record: Record) -> tuple[Float, Float]:
+def one_side(record: Record) -> Record:
     """The strongest component at the receivers on the side of the sources that has most."""
     component = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
     edges = np.concatenate([[-np.inf], np.sort(record.sources), [np.inf]])
@@ -90,7 +88,7 @@ def one_side(record: Record) -> tuple[Float, Float]:
             "to tell waves along a line apart; add receivers, or measure k at given ω (wavesim "
             "attenuation)"
         )
-    return record.values[component][:, own], record.x[own]
+    return record.component(component).receivers(own)
 
 
 def _as_points(
@@ -172,50 +170,3 @@ def slopes(k: Float, omega: Float) -> Float:
         change = float(np.sum(away * (k[near] - k[near].mean())) / np.sum(away**2))
         result[i] = 1 / change if change else omega[i] / max(abs(k[i]), 1e-290)
     return result
-
-
-def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
-    """Slope dk/dω of a mode, its error; k of that straight line at ω = 0, its error."""
-    away = omega - omega.mean()
-    size = float(np.sum(away**2))
-    slope = float(np.sum(away * (k - k.mean())) / size)
-    left = k - k.mean() - slope * away
-    unsure = float(np.sqrt(np.sum(left**2) / (len(k) - 2) / size))
-    middle = float(omega.mean())
-    return slope, unsure, float(k.mean()) - slope * middle, unsure * middle
-
-
-def is_folded(k: Float, omega: Float, gap: float) -> bool:
-    """Whether a mode's k, known up to 2π/d, is not where it seems.
-
-    Energy goes the way of dω/dk, and with it phases, unless a wave runs backward. So k has the sign
-    of dω/dk; and a straight mode, ω = c(k + 2πn/d), must point to k = 0, not to another multiple of
-    2π/d.
-
-    Args:
-        k: signed, along a mode, shape (m,), rad/m.
-        omega: shape (m,), ascending, rad/s.
-        gap: d, the distance of receivers on an even line that folds at the same k, m.
-    """
-    if len(k) < 3:
-        return False
-    slope, unsure, offset, blur = _straight(k, omega)
-    if abs(slope) * np.ptp(omega) < 0.02 * np.pi / gap or abs(slope) < 4 * unsure:
-        return False
-    if float(np.median(k)) * slope < 0:
-        return True
-    turns = offset * gap / (2 * np.pi)
-    near = abs(turns - round(turns)) < 0.08 and blur * gap / (2 * np.pi) < 0.08
-    return bool(abs(round(turns)) >= 1 and near)
-
-
-def points_to_zero(k: Float, omega: Float, gap: float) -> bool:
-    """Whether a mode as a straight line meets ω = 0 nearer to k = 0 than to ±2π/d, surely.
-
-    Args:
-        k, omega, gap: as of :func:`is_folded`.
-    """
-    if len(k) < 3:
-        return False
-    _, _, offset, blur = _straight(k, omega)
-    return bool(abs(offset) + blur < _TO_ZERO * 2 * np.pi / gap)

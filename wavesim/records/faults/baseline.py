@@ -14,10 +14,12 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 # A level is an offset where it is this many standard errors off 0, and this part of the peak.
-_ERRORS = 4.0
+_ERRORS = 5.0
 _PART = 1e-7
 # Where no start is quiet, a line at zero frequency stands this many times above its neighbours.
 _LINE = 5.0
+# So many channels tell what all have alike, and differ by at most this part of it.
+_ENOUGH, _ALIKE = 0.4, 0.05
 _MAINS = (50.0, 60.0)
 # Fewer periods than this of the mains are a drift.
 _PERIODS = 1.5
@@ -45,9 +47,13 @@ def without_baseline(
         found: findings, added to.
     """
     taken: dict[str, list[tuple[int, float]]] = {"offset": [], "drift": [], "hum": []}
+    shared = _shared(values, rest)
+    # What all have alike is taken from all alike, and leaves differences between them as they are.
+    values -= shared
     usual = _usual(rest)
     for j in range(values.shape[1]):
         v = values[:, j]
+        base, kind = None, "offset"
         if rest.onset[j] >= FEWEST:
             hum = _hum(v, t, rest.mask[:, j], rest.peak[j])
             if hum is not None:
@@ -56,11 +62,13 @@ def without_baseline(
             base, kind = _level(
                 v, rest.mask[:, j], int(rest.onset[j]), quantum[j], rest.peak[j], usual
             )
-        else:
-            base, kind = _line(v), "offset"
+        elif not shared:
+            base = _line(v)
         if base is not None:
             v -= base
-            taken[kind].append((j, float(np.abs(base).max())))
+        size = abs(shared) if base is None else float(np.abs(base + shared).max())
+        if size:
+            taken[kind].append((j, size))
     for kind, those in taken.items():
         if those:
             which = [j for j, _ in those]
@@ -73,6 +81,28 @@ def without_baseline(
                         f"({where})")
             )  # fmt: skip
     return values
+
+
+def _shared(values: Float, rest: Rest) -> float:
+    """The offset that all channels have alike; 0 where there is none."""
+    own = rest.onset >= FEWEST
+    if own.mean() >= _ENOUGH:
+        levels, errors = rest.level[own], rest.noise[own] / np.sqrt(rest.onset[own])
+    else:
+        found = [_line(values[:, j]) for j in range(values.shape[1])]
+        lines = [one for one in found if one is not None]
+        if len(lines) < _ENOUGH * len(found) or len(found) < 2:
+            return 0.0
+        levels, errors = np.array([one[0] for one in lines]), np.zeros(len(lines))
+    middle = float(np.median(levels))
+    spread = 1.4826 * float(np.median(np.abs(levels - middle)))
+    error = float(np.median(errors))
+    alike = spread <= 3 * error + _ALIKE * abs(middle)
+    size = float(np.median(rest.peak))
+    if not alike or abs(middle) <= max(_ERRORS * error, _PART * size):
+        return 0.0
+    near = np.abs(levels - middle) <= 3 * max(spread, error)
+    return float(levels[near].mean())
 
 
 def _usual(rest: Rest) -> tuple[float, float]:
@@ -163,9 +193,10 @@ def _slopes(part: Float) -> bool:
 def _line(v: Float) -> Float | None:
     """The mean of a signal that is never at rest, where it is a line at zero frequency."""
     finite = np.isfinite(v)
-    if finite.mean() < 0.9 or len(v) < 64:
+    if finite.mean() < 0.98 or len(v) < 64:
         return None
-    filled = np.where(finite, v, np.mean(v[finite]))
+    frames = np.arange(len(v))
+    filled = v if finite.all() else np.interp(frames, frames[finite], v[finite])
     window = np.blackman(len(v))
     window = window / window.sum()
     mean = float(np.sum(window * filled))

@@ -109,7 +109,7 @@ def duplicates(
 
 
 def _alike(a: Float, b: Float) -> bool:
-    return bool(np.nanmax(np.abs(a - b)) <= 1e-9 * np.nanmax(np.abs(a)))
+    return bool(np.nanmax(np.abs(a - b)) <= 1e-6 * np.nanmax(np.abs(a)))
 
 
 @dataclass
@@ -118,6 +118,7 @@ class _Off:
 
     Attributes:
         turned, odd: of opposite phase throughout; of phases that do not fit.
+        unfit: mean of |phase|, rad.
         delay, factor: τ, s, and ln of a factor, with the deviations that the others have.
         coherent: beam of the phases.
         omega: median frequency, rad/s.
@@ -125,6 +126,7 @@ class _Off:
 
     turned: Mask
     odd: Mask
+    unfit: Float
     delay: Float
     factor: Float
     coherent: float
@@ -249,7 +251,8 @@ def _judge(
     late = ~off.turned & (
         np.abs(off.delay) > np.maximum(_DEVIATIONS * off.spread_delay, _PHASE / off.omega)
     )
-    late = (late & _alone(np.abs(off.delay), late)) | off.odd
+    late &= _alone(np.abs(off.delay), late)
+    late |= off.odd & _alone(off.unfit, off.odd)
     wrong = ~off.turned & (
         np.abs(off.factor) > np.maximum(_DEVIATIONS * off.spread_factor, _FACTOR)
     )
@@ -350,6 +353,7 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
     return _Off(
         turned,
         clear & ~fitting & ~turned,
+        np.abs(phase).mean(axis=0),
         delay - np.median(delay[good]),
         middle - np.median(middle[good]),
         coherent,

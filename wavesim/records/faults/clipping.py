@@ -12,10 +12,9 @@ from wavesim.records.faults.finding import CURED, Finding, places
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-# So many samples at one extreme in a row, entered by so steep a step (over the least step), are a
-# top cut flat.
+# So many samples at one extreme in a row, entered by a step that no crest has, are a top cut flat.
 _FLAT = 3
-_STEEP = 3.0
+_ROUNDED = 1.0
 # The extreme is this part of the range off the middle of the samples.
 _OFF = 0.2
 _MOST_HELD = 16
@@ -63,8 +62,9 @@ def _flat(v: Float, rail: float, quantum: float) -> float:
     for start, stop in long:
         before = abs(v[start] - v[start - 1]) if start else 0.0
         behind = abs(v[stop] - v[stop - 1]) if stop < len(v) else 0.0
-        # A parabola through a run of n equal samples falls by n of its least steps beside it.
-        bound = max(_STEEP, (stop - start) / 2) * quantum
+        # A parabola whose crest is within one step over n samples falls by so many beside it.
+        n = int(stop - start)
+        bound = (((n + 1) / (n - 1)) ** 2 + _ROUNDED) * quantum
         climb += max(before, behind) > bound
         counted += int(stop - start)
     return counted / len(v) if climb * 2 > len(long) else 0.0

@@ -24,6 +24,7 @@ _BEYOND = 1e3
 # … and a code that is known where it is this many times.
 _BEYOND_KNOWN = 8.0
 _MOST_CODES = 6
+_LARGEST = 1e100
 # A spike is off the cubic through its neighbours by this many times what samples about it are (or,
 # where signals go up to the Nyquist frequency, by the range of its neighbours), and by this many
 # times the noise of the whole channel.
@@ -31,6 +32,21 @@ _SPIKE = 5.0
 _HIGH = 0.01
 _SPIKE_NOISE = 10.0
 _MOST_SPIKES = 0.01
+
+
+def within_range(values: Float, found: list[Finding]) -> Float:
+    """Values with those that no instrument gives, infinite ones among them, as NaN, in place."""
+    with np.errstate(invalid="ignore"):
+        beyond = np.abs(values) > _LARGEST
+    count = int((beyond & np.isfinite(values)).sum())
+    # A code is one value; it is told of as such.
+    codes = np.unique(values[beyond & np.isfinite(values)])
+    if len(codes) > _MOST_CODES:
+        found.append(Finding("out of range", "several receivers", f"{count} samples", CURED,
+                             f"{count} samples beyond {_LARGEST:g} taken as missing"))  # fmt: skip
+        values[beyond] = np.nan
+    values[np.isinf(values)] = np.nan
+    return values
 
 
 def without_fill(
