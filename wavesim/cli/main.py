@@ -225,9 +225,11 @@ def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
     from wavesim.paper.claims import CLOSURES
     from wavesim.paper.reproduction import reproduce
+    from wavesim.report.progress import parts
 
     try:
-        result = reproduce(Path(out))
+        with parts("figures") as tell:
+            result = reproduce(Path(out), tell=tell)
     except OSError as error:
         _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
     click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
