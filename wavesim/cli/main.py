@@ -19,7 +19,9 @@ from typing import Any
 import click
 
 from wavesim.cli import record_commands as labcli
+from wavesim.cli.compare import compare
 from wavesim.cli.figures import figures as figures_of
+from wavesim.cli.fit import fit
 from wavesim.cli.pulse import pulse
 from wavesim.cli.sweep import sweep
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT
@@ -343,7 +345,7 @@ def entry() -> None:
     os._exit(code if isinstance(code, int) else bool(code))
 
 
-for _command in (*labcli.COMMANDS, figures_of, pulse, sweep):
+for _command in (*labcli.COMMANDS, figures_of, pulse, compare, fit, sweep):
     main.add_command(_command)
 
 

@@ -18,14 +18,15 @@ import numpy as np
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.scaling import scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
-from wavesim.timedomain.operator import operator
+from wavesim.timedomain.operator import Operator, operator
 from wavesim.timedomain.scaled_fields import is_rotation, to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
-from wavesim.timedomain.time_step import highest_frequency, time_step
+from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
 
 
 class _Recorded(Equation):
@@ -55,6 +56,10 @@ def traced_fields(
     layers: Medium | Layers | Sequence[Layer],
     planned: Simulation,
     receivers: Sequence[float] | None = None,
+    *,
+    law: tuple[Any, Any] | None = None,
+    fastest: Layers | None = None,
+    forward: bool = False,
 ) -> dict[str, jax.Array]:
     """The fields of a run as jax arrays, a pure function of the media's parameters.
 
@@ -65,16 +70,21 @@ def traced_fields(
     stiffnesses and the smallest inertias, and keep to media whose waves do not grow (a question
     with closure "printed" only).
 
-    Losses, absorbers, sources and units are those of the plan. A gradient term that the plan leaves
-    out as negligible is kept where a G_n_g is a jax array. Derivatives are of reverse mode
-    (diffrax's RecursiveCheckpointAdjoint): ``jax.grad``, ``jax.vjp``, ``jax.jacrev``; the
-    checkpoints in memory grow as the root of the number of steps.
+    Losses, absorbers, sources and units are those of the plan, but for what ``law`` says. A
+    gradient term that the plan leaves out as negligible is kept where a G_n_g is a jax array.
+    Derivatives are of reverse mode (diffrax's RecursiveCheckpointAdjoint): ``jax.grad``,
+    ``jax.vjp``, ``jax.jacrev``; the checkpoints in memory grow as the root of the number of steps.
+    For few parameters and many values ``forward`` gives ``jax.jvp`` and ``jax.jacfwd`` instead.
 
     Args:
         layers: what the bar is made of; parameters of media may be traced. Boundaries, closures
             and loss laws must be those of the plan.
         planned: the simulation.
         receivers: positions, m; None for the whole grid.
+        law: unrelaxed modulus m_U over the medium's own, –, and strengths Y_l, shape (mechanisms,),
+            in place of those of the plan's law, which must be one for all layers; may be traced.
+        fastest: layers for which the step is chosen, in place of the plan's.
+        forward: whether derivatives are of forward mode.
 
     Returns:
         {field: shape (frames, receivers) or (frames, points)}, rad or 1/m, at ``planned.times``.
@@ -84,14 +94,17 @@ def traced_fields(
             outside the bar, or media of plain numbers are faster than those of the plan.
     """
     given = as_layers(layers, planned.bar.length)
-    _check(given, planned)
-    step = time_step(dataclasses.replace(planned, solver="chebyshev"))
+    quickest = planned if fastest is None else dataclasses.replace(planned, layers=fastest)
+    _check(given, planned, quickest)
+    step = _in_units_of(planned, quickest, time_step(_by_series(quickest)))
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
     traced_gradient = any(
         isinstance(one.G_n_g, jax.Array) for layer in given.layers for one in _ends(layer)
     )
     with_gradient = planned.with_gradient or traced_gradient
     A = operator(given, bar, blocks, medium, with_gradient, plain=planned.layers)
+    if law is not None:
+        A = _under_law(A, planned, *law)
     known = planned.sources, medium, bar, blocks, A
     places = [_places(bar, receivers, staggered) for staggered in (False, True)]
     equation = _Recorded(A, source_terms(*known), *places)
@@ -104,7 +117,7 @@ def traced_fields(
         step.step,
         step.frames - 1,
         step.per_frame,
-        diffrax.RecursiveCheckpointAdjoint(),
+        diffrax.ForwardMode() if forward else diffrax.RecursiveCheckpointAdjoint(),
     )
     first = equation.observe(start)
     whole = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
@@ -114,7 +127,38 @@ def traced_fields(
     return fields
 
 
-def _check(given: Layers, planned: Simulation) -> None:
+def _by_series(planned: Simulation) -> Simulation:
+    return dataclasses.replace(planned, solver="chebyshev")
+
+
+def _in_units_of(planned: Simulation, other: Simulation, step: TimeStep) -> TimeStep:
+    """A time step in the scaled time of one simulation, from that of another."""
+    ratio = float(scales(other.medium).time) / float(scales(planned.medium).time)
+    return dataclasses.replace(
+        step, step=step.step * ratio, radius=step.radius / ratio, shift=step.shift / ratio
+    )
+
+
+def _under_law(A: Operator, planned: Simulation, unrelaxed: Any, strengths: Any) -> Operator:
+    """The operator with another unrelaxed modulus and other strengths of relaxation."""
+    (own, *others) = [layer.medium.damping for layer in planned.layers.layers]
+    if any(other != own for other in others) or own.mass or own.stiffness:
+        raise ValueError("law: the plan's layers must have one law of relaxations for all")
+    factor = unrelaxed / own.unrelaxed
+    groups = []
+    for group in A.groups:
+        c = dataclasses.replace(
+            group.c,
+            stiffness=group.c.stiffness * factor,
+            gradient=None if group.c.gradient is None else group.c.gradient * factor,
+        )
+        placed = jnp.where(group.losses.strengths > 0, strengths[:, None], 0.0)
+        losses = dataclasses.replace(group.losses, strengths=placed)
+        groups.append(dataclasses.replace(group, c=c, losses=losses))
+    return Operator(tuple(groups))
+
+
+def _check(given: Layers, planned: Simulation, quickest: Simulation) -> None:
     """Hold layers to those of the plan, as far as their numbers are known."""
     of_plan = planned.layers.layers
     if len(given.layers) != len(of_plan):
@@ -131,7 +175,9 @@ def _check(given: Layers, planned: Simulation) -> None:
             if getattr(layer.medium, name) != getattr(plain.medium, name):
                 raise ValueError(f"{name} (layer {number}): must be that of the plan's layer")
         known.append(_plain(layer) or plain)
-    most = highest_frequency(planned)
+    # Both in Hz: each has the units of its own medium.
+    unit = float(scales(planned.medium).time)
+    most = highest_frequency(quickest) / float(scales(quickest.medium).time) * unit
     here = highest_frequency(planned, Layers(tuple(known)))
     if here > most * (1 + 1e-9):
         raise ValueError(
