@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 import wavesim as ws
 from wavesim.grid.stencils import difference_weights
+from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
-from wavesim.material.sectors import BLOCKS
-from wavesim.material.wave_equations import CURVATURES
 from wavesim.simulation.simulation import simulation
 from wavesim.timedomain.integrate import equation_of
 from wavesim.timedomain.scaled_fields import to_fields
@@ -62,7 +61,7 @@ def problem(name: str, other: bool = False) -> Any:
     middle = CELLS // 2 if name == "ring" else CELLS // 8
     sources = []
     for field, offset in (("phi1", 0), ("phi2", -3), ("phi3", 4), ("B22", 2), ("B23", -5)):
-        at = middle + 8 * offset + (0.5 if field in CURVATURES else 0.0)
+        at = middle + 8 * offset + (0.5 if field in ROTATION.micro else 0.0)
         amplitude = float(scale.force(field)) * length
         sources.append(ws.Ricker(field, at * h, 1 / (2 * np.pi * unit), amplitude))
     return made, bar, tuple(sources), UNITS * unit
@@ -124,7 +123,7 @@ def _stencil(simulated: Any, L: Any, n: int) -> dict[str, Any]:
     c = np.zeros((len(edges) - 1, 4, 3, 3))
     for number, layer in enumerate(simulated.layers.layers):
         for block, form in enumerate(
-            block_coefficients(layer.medium, block, units) for block in BLOCKS
+            block_coefficients(layer.medium, block, units) for block in ROTATION.blocks
         ):
             if block < 3:
                 rows = [[form.c_pp / form.i_phi, -form.c_pb / form.i_phi]]
@@ -192,7 +191,7 @@ def in_fields(name: str, frames: Float) -> Float:
         (parts[0][:, None], parts[1].reshape(-1, 2, 3, n)),
         (np.zeros((len(frames), 0, 3, n)), parts[2][:, None]),
     ]
-    found = to_fields(pairs, BLOCKS, medium)
+    found = to_fields(pairs, ROTATION.blocks, medium)
     return np.stack([found[field][..., : bar.cells] for field in sorted(found)])
 
 

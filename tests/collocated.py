@@ -10,13 +10,13 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.linalg import lstsq
 
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
+from wavesim.material.rotation import ROTATION
 
 
 def coefficients(medium, phi, curvatures):
     """I_φ, I_B, C_φφ, C_φB, C_Bφ, C_BB, Γ in SI, of one rotation and its micro-curvatures."""
-    flux, scale = flux_form(medium), medium.branch_length**2 * medium.contact_density
-    i, j = ROTATIONS.index(phi), [CURVATURES.index(name) for name in curvatures]
+    flux, scale = medium.flux_form(), medium.branch_length**2 * medium.contact_density
+    i, j = ROTATION.macro.index(phi), [ROTATION.micro.index(name) for name in curvatures]
     parts = (
         flux.m_phi, flux.m_B, flux.C_phi_phi[i, i], flux.C_phi_B[i, j], flux.C_B_phi[j, i],
         flux.C_B_B[np.ix_(j, j)], flux.Gamma[np.ix_(j, j)],

@@ -13,7 +13,7 @@ import numpy as np
 from media import twelve_by_twelve
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
+from wavesim.material.rotation import ROTATION
 
 
 def modal_field(medium, bar, sources, times, rate=False):
@@ -36,8 +36,8 @@ def modal_field(medium, bar, sources, times, rate=False):
     scale = medium.branch_length**2 * medium.contact_density
     pulses = {}
     for source in sources:
-        index = FIELDS.index(source.field)
-        staggered = source.field in CURVATURES
+        index = ROTATION.fields.index(source.field)
+        staggered = source.field in ROTATION.micro
         density, at = bar.spread(source.position, source.width, staggered)
         line = np.zeros(n)
         np.add.at(line, at, density)
@@ -49,8 +49,8 @@ def modal_field(medium, bar, sources, times, rate=False):
         total += pulses[signal] * force[None]
     total = np.einsum("kij,tkj->tki", V, total) / root
     fields = {}
-    for i, name in enumerate(FIELDS):
-        hat = total[..., i] * (1 if name in ROTATIONS else shift)
+    for i, name in enumerate(ROTATION.fields):
+        hat = total[..., i] * (1 if name in ROTATION.macro else shift)
         fields[name] = np.fft.irfft(hat, n, axis=1)
     return fields
 

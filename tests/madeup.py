@@ -9,9 +9,8 @@ import numpy as np
 from wavesim.grid.bar import layered_bar
 from wavesim.material.damping import constant_quality
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.medium import Medium, fastest_speed
+from wavesim.material.rotation import ROTATION
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading
 from wavesim.simulation.field import Field
@@ -21,7 +20,7 @@ from wavesim.sources import Ricker
 SOFT = Medium(closure="consistent")
 STIFF = Medium(closure="consistent", G_n_a=20.0, G_n_r=20.0)
 LOSSY = dataclasses.replace(STIFF, damping=constant_quality(50.0, (5e4, 2e6)))
-LONGITUDINAL = next(block for block in BLOCKS if block.sector == "longitudinal")
+LONGITUDINAL = next(block for block in ROTATION.blocks if block.sector == "longitudinal")
 T = np.linspace(0, 1e-4, 801)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from hypothesis import strategies as st
 
 from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import flux_form
 
 MEDIUM = Medium(anisotropy=0.25)
 
@@ -55,7 +54,7 @@ def twelve_by_twelve(medium, k):
     Complex Hermitian where the closure is symmetric; shape (…, 12, 12) for k of shape (…). It
     shares no sector, block or scaled unknown with the program's own route. Returns K and the root.
     """
-    flux = flux_form(medium)
+    flux = medium.flux_form()
     k = np.asarray(k)[..., None, None]
     K = np.zeros((*k.shape[:-2], 12, 12), dtype=complex)
     K[..., :3, :3] = k**2 * flux.C_phi_phi

@@ -16,7 +16,7 @@ from wavesim.material.contact_tensors import (
     relative_stiffness,
 )
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import SECTORS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave import angle_of_travel as direction
 
 property_test = settings(deadline=None, derandomize=True, max_examples=40)
@@ -85,7 +85,7 @@ def test_contraction_with_the_direction_is_the_turned_body_along_its_axis(medium
 def test_along_the_axis_they_are_the_four_sectors(medium, k_bar):
     """θ = 0 gives the equations of closure "consistent": ω² to 1e-13 of the largest."""
     k = 2 * np.pi * k_bar / medium.branch_length
-    sectors = np.concatenate([planewave.frequencies(medium, s, k)[0] for s in SECTORS])
+    sectors = np.concatenate([planewave.frequencies(medium, s, k)[0] for s in ROTATION.sectors])
     found = direction.frequencies(medium, 0.0, k)[0]
     scale = found.max() ** 2
     np.testing.assert_allclose(found**2, np.sort(sectors) ** 2, rtol=0, atol=1e-13 * scale)

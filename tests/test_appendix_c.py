@@ -7,7 +7,7 @@ import pytest
 
 from wavesim import planewave
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.paper import findings
 from wavesim.planewave import appendix_c
 from wavesim.planewave import eigenproblem as spectral
@@ -104,7 +104,7 @@ def determinant(block, k, omega):
     return np.linalg.det(np.array(matrix))
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.name)
+@pytest.mark.parametrize("block", ROTATION.blocks, ids=lambda block: block.name)
 def test_frequencies_make_the_printed_determinant_vanish(block):
     """Roots of the printed determinant, found as sign changes on both sides of each ω(k).
 
@@ -120,7 +120,7 @@ def test_frequencies_make_the_printed_determinant_vanish(block):
 
 def test_closures_coincide_in_an_isotropic_medium():
     """At a = 0 the three are one: every coefficient of every block, to rounding."""
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         one, two = (
             spectral.spectral_form(Medium(closure=closure, G_n_g=0.1), block)
             for closure in ("appendix_c", "consistent")

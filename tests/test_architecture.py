@@ -20,7 +20,7 @@ MODULES = {
 FLOORS = (
     {"material", "worker"},
     {"grid", "planewave", "sources"},
-    {"layered"},
+    {"layered", "differentiable"},
     {"simulation"},
     {"case", "timedomain", "io"},
     {"records"},
@@ -163,7 +163,7 @@ def test_readings_of_waves_know_no_theory():
         (("zarr", "dask", "distributed"), {"studies"}),
         (("pydantic",), {"case"}),
         (("diffrax", "equinox"), {"timedomain"}),
-        (("jax",), {"timedomain", "studies", "runner"}),
+        (("jax",), {"timedomain", "differentiable", "studies", "runner"}),
     ],
     ids=lambda given: " ".join(sorted(given)),
 )
@@ -184,7 +184,7 @@ def test_one_module_integrates():
     assert {room(name) for name in calls} == {"timedomain"}
 
 
-LIGHT = set(FLOOR) - {"timedomain", "studies", "runner", "cli"}
+LIGHT = set(FLOOR) - {"timedomain", "differentiable", "studies", "runner", "cli"}
 
 
 @pytest.mark.parametrize("name", sorted(LIGHT))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.angle_of_travel import KINDS, direction_form, kind_form
 from wavesim.planewave.branches import follow, track
 from wavesim.planewave.eigenproblem import solve, spectral_form
 
-LONGITUDINAL = BLOCKS[0]
+LONGITUDINAL = ROTATION.blocks[0]
 
 
 def bars(medium, count, k_bar=1.0):
@@ -50,7 +50,7 @@ def test_a_near_miss_is_no_crossing_however_coarse_the_steps(eta, count):
 def test_printed_branches_are_followed_too():
     """Left and right modes differ: overlaps are u†v. Nothing crosses at a = 0.5, η = 0.5."""
     medium = Medium(anisotropy=0.5)
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         found = follow(medium, block, bars(medium, 50))
         assert found.omega.shape == (50, len(block.branches))
         assert np.all(np.diff(found.omega, axis=1) > 0)
@@ -64,7 +64,7 @@ def test_branches_are_followed_over_directions():
     k = np.array([2.0])
 
     def solver(angles):
-        forms = [kind_form(direction_form(medium, float(x)), "in-plane rotation") for x in angles]
+        forms = [kind_form(direction_form(medium, float(x)), KINDS[0]) for x in angles]
         found = [solve(form, k) for form in forms]
         return type(found[0])(
             *(np.stack([getattr(x, n)[0] for x in found]) for n in ("squares", "right", "left"))
@@ -74,7 +74,7 @@ def test_branches_are_followed_over_directions():
     for count in (31, 61):
         theta = np.linspace(0.0, np.pi, count)
         squares = solver(theta).squares
-        assert squares.shape[1] == len(KINDS["in-plane rotation"])
+        assert squares.shape[1] == 7
         followed = np.take_along_axis(squares, track(solver, theta), axis=1)
         np.testing.assert_allclose(np.sort(followed[-1]), np.sort(followed[0]), rtol=1e-10)
         jumps.append(np.abs(np.diff(np.sqrt(followed), axis=0)).max())

@@ -16,8 +16,10 @@ from runs import call
 from wavesim import planewave, runner
 from wavesim.cli import main as cli
 from wavesim.cli.main import main
+from wavesim.io.result_reader import describe
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import SECTORS
+from wavesim.material.rotation import ROTATION
+from wavesim.report import terminal
 from wavesim.timedomain import integrate, time_step
 
 
@@ -82,16 +84,20 @@ def test_override_is_laid_over(tiny):
 
 
 def test_run_that_passes_gives_0(small_run):
-    """The verdict on the terminal: every check, in one line each, and where the results are."""
+    """The terminal, 80 columns of it: what was found, then the verdict, then where the page is."""
     assert (small_run.exit_code, small_run.stderr) == (0, "")
     assert small_run.summary["passed"]
     lines = small_run.stdout.splitlines()
-    for check in small_run.summary["checks"]:
-        (line,) = [line for line in lines if check["name"] in line]
-        assert line.rstrip().endswith("pass")
     count = len(small_run.summary["checks"])
-    assert any(f"{count} of {count} checks passed" in line for line in lines)
+    verdict = next(n for n, line in enumerate(lines) if f"{count} of {count} checks" in line)
+    for gap in small_run.summary["answers"]["gaps"]:
+        at = next(n for n, line in enumerate(lines) if gap["gap"] in line)
+        assert at < verdict
+        assert f"{gap['lower'] / 1e3:.6g}" in lines[at]
+        assert f"{gap['upper'] / 1e3:.6g}" in lines[at]
+    assert all(len(line) <= 80 for line in lines[:verdict])
     assert lines[-1] == f"The page: {small_run.folder / 'report.html'}"
+    assert len(lines) == verdict + 2
 
 
 def test_quiet_run_prints_nothing_and_goes_to_outputs(small_case, small_run, monkeypatch):
@@ -177,7 +183,7 @@ def test_resume_of_nothing_gives_2(tiny, tmp_path):
     assert "no such file; run the case first" in line
 
 
-def test_interrupt_says_how_to_carry_on(tiny, tmp_path, monkeypatch):
+def test_interrupt_before_anything_is_stored_offers_nothing(tiny, tmp_path, monkeypatch):
     def stream(*arguments):
         raise KeyboardInterrupt
         yield
@@ -185,7 +191,7 @@ def test_interrupt_says_how_to_carry_on(tiny, tmp_path, monkeypatch):
     monkeypatch.setattr(integrate, "stream", stream)
     result = call("run", tiny, "--out", tmp_path / "out")
     assert result.exit_code == 130
-    assert "--resume carries on" in result.stderr
+    assert result.stderr.splitlines()[-1] == "wavesim: interrupted"
 
 
 def test_wrong_usage_gives_2():
@@ -212,7 +218,7 @@ def test_bands_json_keeps_the_contract(tiny):
     medium = Medium(anisotropy=0.25)
     assert answer["medium"]["anisotropy"] == 0.25
     assert answer["medium"]["closure"] == "printed"
-    assert set(answer["sectors"]) == set(SECTORS)
+    assert set(answer["sectors"]) == set(ROTATION.sectors)
     names = set()
     for sector, content in answer["sectors"].items():
         omega = np.array(content["omega"])
@@ -231,37 +237,57 @@ def test_bands_writes_data_and_figure(tiny, tmp_path):
     assert result.exit_code == 0
     assert "RSB" in result.stdout
     content = json.loads((tmp_path / "bands" / "bands.json").read_text())
-    assert set(content["sectors"]) == set(SECTORS)
+    assert set(content["sectors"]) == set(ROTATION.sectors)
     assert (tmp_path / "bands" / "bands.png").read_bytes()[1:4] == b"PNG"
 
 
 def test_exit_codes_are_the_contract():
-    assert (cli.FELL_SHORT, cli.BAD_INPUT, cli.NOT_FINITE) == (1, 2, 3)
+    assert (cli.FELL_SHORT, cli.BAD_INPUT, terminal.FAILED) == (1, 2, 3)
     assert isinstance(main, click.Group)
 
 
-def test_interrupt_of_a_real_run(small_case, tmp_path):
-    """SIGINT, as from the keyboard: a message, and no traceback."""
-    long = ["--set", "time.duration=4e-3", "--set", "time.samples=40000"]
-    # Whoever runs the tests in the background has the keyboard's signal ignored; not so here.
-    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    command = f"{heard}; from wavesim.cli.main import main; main()"
-    run = ["-c", command, "run", str(small_case), "--out", str(tmp_path / "o"), *long]
-    process = subprocess.Popen(
-        [sys.executable, *run],
+COMMAND = "import sys; sys.argv[0] = 'wavesim'; from wavesim.cli.main import entry; entry()"
+
+
+def begun(*words, **options):
+    """The command itself, as a process."""
+    return subprocess.Popen(
+        [sys.executable, "-c", COMMAND, *map(str, words)],
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"JAX_PLATFORMS": "cpu"},
+        **options,
     )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_at_once(small_case, tmp_path, number):
+    """In the middle of its frames: 130, one line that says how to go on, and a file that opens."""
+    long = ["--set", "time.duration=4e-3", "--set", "time.samples=40000"]
+    process = begun("run", small_case, "--out", tmp_path / "o", *long)
     try:
         deadline = time.monotonic() + 60
-        while not (tmp_path / "o" / "resolved.toml").exists() and time.monotonic() < deadline:
+        while not (tmp_path / "o" / "result.h5").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
-        _, told = process.communicate(timeout=60)
+        process.send_signal(number)
+        told = process.communicate(timeout=10)[1]
     finally:
         process.kill()
         process.wait()
     assert process.returncode == 130
+    assert told.splitlines()[-1].startswith("wavesim: interrupted")
     assert "Traceback" not in told
-    assert "--resume carries on" in told
+    assert describe(tmp_path / "o" / "result.h5").status == "running"
+
+
+@pytest.mark.parametrize("words", [("check",), ("run",), ("bands",)])
+def test_a_signal_while_it_starts_ends_any_command(small_case, tmp_path, words):
+    for wait in (0.15, 0.4):
+        process = begun(*words, small_case, cwd=tmp_path)
+        time.sleep(wait)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10)
+        assert process.returncode in (0, 1, 130)
+        assert "Traceback" not in out + err
+        assert "resume" not in err

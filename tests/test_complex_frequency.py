@@ -13,7 +13,7 @@ from media import media, twelve_by_twelve
 from wavesim import planewave
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 
 TABLE_1 = Medium(anisotropy=0.25, closure="consistent")
 BAR = TABLE_1.time_scale
@@ -73,7 +73,7 @@ def test_k_of_omega_undoes_omega_of_k(law, k_bar):
     omega = planewave.damped_frequencies(medium, "longitudinal", [k])[0]
     for found in (
         planewave.wavenumber(medium, "longitudinal", omega),
-        planewave.complex_waves(medium, BLOCKS[0], omega).k[:, 0],
+        planewave.complex_waves(medium, ROTATION.blocks[0], omega).k[:, 0],
     ):
         # A root is given with Im k ≥ 0: at these ω it may be −k.
         assert np.minimum(np.abs(found - k), np.abs(found + k)).max() <= 1e-11 * k

@@ -13,7 +13,7 @@ from media import any_media, media
 
 from wavesim import planewave
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave import eigenproblem as spectral
 from wavesim.planewave.complex_wavenumber import complex_waves, wavenumber
 
@@ -42,7 +42,7 @@ def test_roots_make_the_determinant_vanish(medium, real, imaginary):
 
     Tolerance 1e-10 of the sum of the sizes of the determinant's terms; measured at most 7e-13.
     """
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         form = spectral.spectral_form(medium, block)
         for omega in (real, complex(real, imaginary)):
             waves = complex_waves(medium, block, omega / medium.time_scale)
@@ -57,8 +57,8 @@ def test_there_is_one_pair_and_one_more_for_each_rank_of_the_gradient_term(mediu
     """Degree of det in k²: 1 + rank Γ with a rotation, rank Γ without."""
     omega = omega_bar / medium.time_scale
     without = dataclasses.replace(medium, G_n_g=0.0)
-    for block in BLOCKS:
-        p, b = len(block.rotations), len(block.curvatures)
+    for block in ROTATION.blocks:
+        p, b = len(block.macro), len(block.micro)
         assert complex_waves(medium, block, omega).k.shape == (1, p + b)
         assert complex_waves(without, block, omega).k.shape == (1, p)
 
@@ -71,7 +71,7 @@ def test_roots_decay_or_carry_energy_forward(medium, real, imaginary):
     A step of 1e-7 in Im ω must move each real root to Im k > 0. Flat waves, whose k moves by more
     than itself, are left out.
     """
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         omega = np.array([real]) / medium.time_scale
         assert np.all(complex_waves(medium, block, omega + 1j * imaginary / BAR).k.imag >= 0)
         here = complex_waves(medium, block, omega)
@@ -90,7 +90,7 @@ def test_a_real_wave_is_among_the_roots_of_its_frequency(medium, k_bar):
     flat to 1e-4 have no k(ω) that rounding leaves.
     """
     k = 2 * np.pi * k_bar / medium.branch_length
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         omega = planewave.block_frequencies(medium, block, k)[0]
         speed = planewave.block_group_velocity(medium, block, k)[0]
         for w, v in zip(omega, speed, strict=True):
@@ -105,7 +105,10 @@ def test_full_problem_tends_to_the_closed_form_linearly_in_the_gradient_term(clo
     """k_Γ − k₀ ~ Γ: slope of the log-log fit over three decades 1 ± 0.01, in a gap and in bands."""
     sizes = np.geomspace(1e-9, 1e-6, 4)
     omega = np.array([0.4, 0.95, 1.15, 1.4, 2.0]) / BAR
-    for sector, block in (("longitudinal", BLOCKS[0]), ("transverse2", BLOCKS[1])):
+    for sector, block in (
+        ("longitudinal", ROTATION.blocks[0]),
+        ("transverse2", ROTATION.blocks[1]),
+    ):
         errors = []
         for size in sizes:
             medium = Medium(anisotropy=0.25, G_n_g=5.0 * size, closure=closure)
@@ -118,7 +121,10 @@ def test_full_problem_tends_to_the_closed_form_linearly_in_the_gradient_term(clo
 def test_with_table_1_the_closed_form_is_the_wave():
     """Γ is 1e-12 of M: the pair of the closed form differs by less than 1e-8 from the full one."""
     omega = np.linspace(0.05, 3.0, 200) / BAR
-    for sector, block in (("longitudinal", BLOCKS[0]), ("transverse2", BLOCKS[1])):
+    for sector, block in (
+        ("longitudinal", ROTATION.blocks[0]),
+        ("transverse2", ROTATION.blocks[1]),
+    ):
         full = complex_waves(TABLE_1, block, omega)
         closed = wavenumber(TABLE_1, sector, omega)
         near_asymptote = np.abs(closed) * TABLE_1.branch_length > 100
@@ -141,7 +147,7 @@ def test_in_a_gap_decay_goes_from_infinite_at_the_lower_edge_to_none_at_the_uppe
 
 
 def test_decay_length_is_the_distance_of_one_e():
-    waves = complex_waves(TABLE_1, BLOCKS[0], np.array([0.5, 1.0]) / BAR)
+    waves = complex_waves(TABLE_1, ROTATION.blocks[0], np.array([0.5, 1.0]) / BAR)
     assert waves.sector == "longitudinal"
     assert waves.propagates[:, 0].tolist() == [True, False]
     assert np.isinf(waves.decay_length[0, 0])
@@ -154,7 +160,7 @@ def test_decay_length_is_the_distance_of_one_e():
 
 def test_in_plane_waves_by_hand():
     """ω² = c + γk² has one root: k² = (ω² − c)/γ, evanescent below the cutoff, real above."""
-    block = BLOCKS[3]
+    block = ROTATION.blocks[3]
     form = spectral.spectral_form(TABLE_1, block)
     for omega_bar in (0.5, 2.0):
         (k,) = complex_waves(TABLE_1, block, omega_bar / BAR).k[0] * TABLE_1.length_scale
@@ -164,6 +170,6 @@ def test_in_plane_waves_by_hand():
 
 def test_what_has_no_answer_is_refused():
     with pytest.raises(ValueError, match="omega = 0"):
-        complex_waves(TABLE_1, BLOCKS[0], [0.0, 1.0])
+        complex_waves(TABLE_1, ROTATION.blocks[0], [0.0, 1.0])
     with pytest.raises(ValueError, match="'inplane' has no propagating wave"):
         wavenumber(TABLE_1, "inplane", [1.0])

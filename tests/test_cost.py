@@ -15,7 +15,7 @@ from media import any_media
 
 import wavesim as ws
 from wavesim.grid.stencils import difference_norm
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.simulation import simulation
 from wavesim.timedomain.time_step import time_step
@@ -46,7 +46,7 @@ def test_the_highest_frequency_is_bounded_closely(medium, cells_to_length, order
     which is a margin and half what a ring of an odd number of cells misses of Nyquist's k̃."""
     cell = medium.branch_length / cells_to_length
     k = np.linspace(0, difference_norm(cell, order), 257)
-    fastest = max(block_frequencies(medium, block, k).max() for block in BLOCKS)
+    fastest = max(block_frequencies(medium, block, k).max() for block in ROTATION.blocks)
     radius = settled(medium, cells, 3, "chebyshev", order, cell).radius / medium.time_scale
     assert fastest <= radius <= 1.04 * fastest
 

@@ -17,13 +17,13 @@ from madeup import made_field
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import BLOCKS
 from wavesim.readings.dispersion import spectrum as dispersion
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, peaks, ridges, spectrum
 from wavesim.sources import Ricker
 
-BLOCK = BLOCKS[0]
+BLOCK = ROTATION.blocks[0]
 BAR = Bar(128, 1.25e-4, 8)
 DURATION, FRAMES = 6e-5, 601
 # The record begins when the source has ended; what is analysed is all but the first frame or so.

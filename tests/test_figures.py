@@ -9,6 +9,7 @@ import pytest
 from madeup import made_field
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 from runs import call
 
 from wavesim import planewave
@@ -350,3 +351,35 @@ def test_what_goes_wrong_in_drawing_is_raised_here(small_run, tmp_path):
     gone = dataclasses.replace(field, values=rest)
     with pytest.raises(KeyError, match="phi1"):
         drawn_by_forks(tmp_path / "other", gone)
+
+
+def test_animation_shows_the_field_frame_by_frame(small_run, tmp_path):
+    """As many frames as were asked for, each another picture; the pulse fills the width in time."""
+    path = tmp_path / "pulse.gif"
+    result = call("animate", small_run.folder, "--frames", "9", "--out", path)
+    assert (result.exit_code, result.stderr) == (0, "")
+    with Image.open(path) as animation:
+        assert animation.n_frames == 9
+        assert animation.size == (800, 320)
+        red = []
+        for number in range(9):
+            animation.seek(number)
+            picture = np.asarray(animation.convert("RGB")).astype(int)
+            line = (picture[..., 0] > 150) & (picture[..., 1] < 90)
+            moving = np.flatnonzero(np.ptp(np.where(line, np.arange(320)[:, None], 0), axis=0))
+            columns = np.flatnonzero(line.sum(axis=0) > 4)
+            red.append(0 if len(moving) == 0 or len(columns) == 0 else int(np.ptp(columns)))
+    assert red[0] == 0
+    assert red[-1] > 300
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(("--field", "phi2"), "--field phi2: must be one of phi1, "), (("--format", "mp4"), "ffmpeg")],
+)
+def test_animation_that_can_not_be_made_gives_2(small_run, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    result = call("animate", small_run.folder, *arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert len(result.stderr.splitlines()) == 1

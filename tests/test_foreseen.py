@@ -5,7 +5,7 @@ import pytest
 from wavesim.case.load import build
 from wavesim.case.schema import parse
 from wavesim.timedomain.time_step import time_step
-from wavesim.verdict.foreseen import warnings
+from wavesim.verdict.foreseen import foreseen as said
 
 ENDED = """
 [medium]
@@ -52,7 +52,7 @@ anisotropy = 0.25
 
 def foreseen(text, *overrides):
     case = build(parse(text, "my.toml", overrides), "my.toml")
-    return warnings(case, time_step(case.simulation))
+    return said(case, time_step(case.simulation))
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 
 from wavesim import planewave
 from wavesim.figures import gap_map as surveyfigures
-from wavesim.material.medium import SPECTRAL_CLOSURES, Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION, SPECTRAL_CLOSURES
 from wavesim.planewave.eigenproblem import spectral_form
 from wavesim.planewave.gap_map import gap_map, table
 from wavesim.planewave.many_media import block_forms
@@ -38,7 +38,7 @@ def test_a_family_has_the_coefficients_of_each_of_its_media(closure, rng):
         "curvature_inertia": (1e-15, 1e-13),
     }
     values = {name: rng.uniform(*ends, shape) for name, ends in ranges.items()}
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         family = block_forms(Medium(closure=closure, **values), block)
         for i in np.ndindex(shape):
             one = Medium(closure=closure, **{name: float(v[i]) for name, v in values.items()})
@@ -100,10 +100,11 @@ def test_a_map_as_a_table_keeps_each_medium_in_one_row():
     ratios, values = np.array([0.2, 0.8]), np.array([0.0, 0.3, 0.6])
     found = gap_map(Medium(), ("anisotropy", values), ("stiffness_ratio", ratios))
     header, rows = table(found)
-    assert header[:3] == ["anisotropy", "stiffness_ratio", "RLB1_lower"]
-    assert header[-2:] == ["full_lower", "full_upper"]
+    assert header[:3] == ["anisotropy", "stiffness_ratio", "RLB1_lower (kHz)"]
+    assert header[-2:] == ["full_lower (kHz)", "full_upper (kHz)"]
     row = rows[4]
     assert row[:2].tolist() == [0.3, 0.8]
     gap = planewave.gaps(Medium(anisotropy=0.3, stiffness_ratio=0.8), "transverse2")[1]
-    assert row[header.index("RTB2_lower")] == pytest.approx(gap.lower, rel=1e-12)
-    assert row[header.index("RTB2_upper")] == pytest.approx(gap.upper, rel=1e-12)
+    edges = [row[header.index(f"RTB2_{side} (kHz)")] for side in ("lower", "upper")]
+    kHz = 2e3 * np.pi
+    assert edges == pytest.approx([gap.lower / kHz, gap.upper / kHz], rel=1e-12)

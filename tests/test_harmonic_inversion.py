@@ -9,7 +9,7 @@ import pytest
 from media import unit_wavenumber
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, power, series
 from wavesim.readings.dispersion.harmonic_inversion import invert
@@ -115,7 +115,7 @@ def noisy(simulated, recovered):
     k = 2 * np.pi * np.arange(1, 1025) / record.aperture
     rows = np.flatnonzero((k >= 0.02 * unit) & (k <= 0.5 * unit))[::10]
     kt = modified_wavenumber(k[rows], field.bar.spacing, field.bar.order)
-    exact = block_frequencies(field.medium, BLOCKS[0], kt)
+    exact = block_frequencies(field.medium, ROTATION.blocks[0], kt)
     peaks = np.abs(record.values).max(axis=(1, 2))
     clean = np.stack(
         [part for v in record.values for hat in [np.fft.rfft(v, axis=1).T[1 + rows]]

@@ -14,7 +14,7 @@ from wavesim.layered.stack import Stack
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)
@@ -101,7 +101,7 @@ def test_layered_bars_resonate_where_a_wave_returns_as_it_left(gradient, graded)
     assert len(found) >= 3
 
     def least(omega):
-        stack = Stack(layers, BLOCKS[0], omega, gradient > 0)
+        stack = Stack(layers, ROTATION.blocks[0], omega, gradient > 0)
         S, R = stack.whole().whole, returned(stack, "fixed", "free")
         return np.linalg.svd(np.eye(S.shape[-1]) - S @ R, compute_uv=False)[:, -1]
 

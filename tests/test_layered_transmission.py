@@ -20,7 +20,7 @@ from wavesim.layered.star_product import star
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)
@@ -130,7 +130,7 @@ def test_graded_steps_are_of_order_sixteen(gradient):
     """
     one, two = (dataclasses.replace(m, G_n_g=gradient) for m in (ONE, TWO))
     layer = Layer(0.0, 0.7e-3 if gradient else 3e-3, one, two, "linear")
-    stack = Stack(Layers((layer,)), BLOCKS[0], np.array([0.5, 0.7]) / BAR, gradient > 0)
+    stack = Stack(Layers((layer,)), ROTATION.blocks[0], np.array([0.5, 0.7]) / BAR, gradient > 0)
     end = layer.end / stack.units.length
 
     def system(x, chosen):
@@ -191,7 +191,7 @@ def test_bloch_wave_of_a_uniform_cell_is_its_wave():
         cell = stacked((0.4e-3, medium), (0.6e-3, medium))
         omega = np.array([0.3, 0.6, 0.8]) / BAR
         q = layeredwave.bloch(cell, "longitudinal", omega).reshape(3, -1)
-        k = planewave.complex_waves(medium, BLOCKS[0], omega).k[:, 0]
+        k = planewave.complex_waves(medium, ROTATION.blocks[0], omega).k[:, 0]
         assert (k.imag == 0).all()
         folded = (k.real * cell.length + np.pi) % (2 * np.pi) - np.pi
         assert np.abs(q * cell.length - folded[:, None]).min(axis=1).max() <= 1e-8

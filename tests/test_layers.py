@@ -11,7 +11,6 @@ import pytest
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import PARAMETERS, Medium
-from wavesim.material.wave_equations import flux_form
 
 SOFT = Medium(closure="consistent")
 STIFF = Medium(closure="consistent", G_n_a=9.0, density=2000.0, particle_radius=6e-4)
@@ -148,7 +147,7 @@ def test_a_bar_conserves_energy_where_every_medium_has_symmetric_equations(closu
     """What the closure says, seen in the matrices: C_Bφ = C_φBᵀ, C_BB and Γ symmetric to 1e-13."""
     medium = Medium(closure=closure, anisotropy=a)
     bar = Layers((Layer(0, 1, Medium(closure=closure)), Layer(1, 2, medium)))
-    form = flux_form(medium)
+    form = medium.flux_form()
     pairs = ((form.C_phi_B, form.C_B_phi.T), (form.C_B_B, form.C_B_B.T), (form.Gamma, form.Gamma.T))
     seen = all(np.allclose(one, other, rtol=1e-13, atol=0) for one, other in pairs)
     assert (bar.conserves_energy, medium.conserves_energy, seen) == (conserves,) * 3

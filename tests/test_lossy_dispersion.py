@@ -13,7 +13,7 @@ import pytest
 
 import wavesim as ws
 from wavesim.material.damping import Damping, constant_quality
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.readings.dispersion.decaying_waves import WEAKEST, WEAKEST_RELAXING
 from wavesim.records.of_field import block_record
 from wavesim.records.of_medium import RecordOfMedium
@@ -21,7 +21,7 @@ from wavesim.records.relations import OfMedium
 from wavesim.verdict import record as verdict
 from wavesim.verdict.recovered_points import match
 
-LONGITUDINAL = BLOCKS[0]
+LONGITUDINAL = ROTATION.blocks[0]
 RAYLEIGH = Damping(mass=2e4, stiffness=1e-9)
 BAR = ws.Bar(512, 1.25e-4)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from media import MEDIUM, unit_wavenumber
 
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.of_field import block_record
@@ -34,7 +34,9 @@ def exact_points(medium, block, part=1e-4):
     return points(omega.ravel(), np.repeat(k, omega.shape[1]), part * omega.ravel(), branch)
 
 
-@pytest.mark.parametrize("block", [BLOCKS[0], BLOCKS[1], BLOCKS[4]], ids=lambda b: b.name)
+@pytest.mark.parametrize(
+    "block", [ROTATION.blocks[0], ROTATION.blocks[1], ROTATION.blocks[4]], ids=lambda b: b.name
+)
 @pytest.mark.parametrize("closure", ["printed", "consistent"])
 def test_slopes_against_differences(closure, block):
     # Law: ∂ω/∂θ = uᵀ ∂K v/2ω against central differences of the solver, h = 1e-5: their own error
@@ -58,10 +60,10 @@ def test_slopes_against_differences(closure, block):
 def test_slopes_of_complex_k_against_differences(simulated):
     field = simulated("printed")
     omega = np.linspace(0.3, 1.8, 15) / float(MEDIUM.time_scale)
-    found = in_space(block_record(field, BLOCKS[0]), omega, component=0, clear=1e-3)
+    found = in_space(block_record(field, ROTATION.blocks[0]), omega, component=0, clear=1e-3)
     names = ("anisotropy", "stiffness_ratio", "G_n_a")
     for grid in (None, field.bar):
-        observed = [Observed(BLOCKS[0], found, grid)]
+        observed = [Observed(ROTATION.blocks[0], found, grid)]
         model = _Model(observed, MEDIUM, names, np.ones(3), [np.zeros(15, int)])
         at = np.array([0.25, 0.5, 5.0])
         slopes = model.slopes(at)
@@ -91,7 +93,7 @@ def test_bars_of_the_fit_hold_the_truth():
     inside = []
     for _ in range(50):
         observed = []
-        for block in (BLOCKS[0], BLOCKS[1]):
+        for block in (ROTATION.blocks[0], ROTATION.blocks[1]):
             clean = exact_points(MEDIUM, block)
             noisy = clean.omega + clean.error * rng.normal(size=len(clean))
             observed.append(Observed(block, replace(clean, omega=noisy)))
@@ -104,10 +106,10 @@ def test_bars_of_the_fit_hold_the_truth():
 
 
 def test_a_fit_that_cannot_be_made_says_why():
-    observed = [Observed(BLOCKS[0], exact_points(MEDIUM, BLOCKS[0]))]
+    observed = [Observed(ROTATION.blocks[0], exact_points(MEDIUM, ROTATION.blocks[0]))]
     with pytest.raises(FitError, match="parameters = colour: must be of anisotropy"):
         fit(observed, MEDIUM, ("colour",))
-    few = Observed(BLOCKS[0], observed[0].points.take(slice(0, 2)))
+    few = Observed(ROTATION.blocks[0], observed[0].points.take(slice(0, 2)))
     with pytest.raises(FitError, match="2 valid points for 2 parameters"):
         fit([few], MEDIUM, ("anisotropy", "stiffness_ratio"))
     # Density and all stiffnesses scale ω together: no point tells them apart.

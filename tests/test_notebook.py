@@ -90,7 +90,7 @@ def test_a_run_is_opened_from_its_folder(small_run):
     assert (data.B11.units, data.t.units) == ("1/m", "s")
     assert "phi1" in repr(run.field)
     assert run.plot()._repr_png_()
-    (measured,) = [m for m in ws.extract(run.field) if m.block.rotations]
+    (measured,) = [m for m in ws.extract(run.field) if m.block.macro]
     assert "branches" in measured._repr_html_()
     assert measured.plot().axes
 

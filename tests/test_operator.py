@@ -15,8 +15,8 @@ from wavesim.layered import resonances
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
-from wavesim.material.sectors import BLOCKS
 from wavesim.planewave import gaps, wavenumber
 from wavesim.timedomain.energy import energy
 from wavesim.timedomain.operator import operator
@@ -48,7 +48,7 @@ def fitted(layers, left, right, cell=CELL):
     return layered_bar(layers, cell, 8, left, right, 4e-3 if "absorbing" in (left, right) else 0.0)
 
 
-def built(layers, bar, blocks=BLOCKS[:1], with_gradient=False):
+def built(layers, bar, blocks=ROTATION.blocks[:1], with_gradient=False):
     """A of a bar, in units of the soft medium."""
     return operator(layers, bar, blocks, SOFT, with_gradient)
 
@@ -86,7 +86,7 @@ def test_as_jax_applies_it_is_the_sparse_matrix(ends, cell, rng):
     """The operator in jax and the sparse matrix, formed apart from the same coefficients, agree to
     rounding: layers, a graded one, every loss, Γ, all blocks; measured 7e-16 of the largest."""
     layers = three(damping=EVERYTHING, gradient=1e-3)
-    A = built(layers, fitted(layers, *ends, cell), BLOCKS, with_gradient=True)
+    A = built(layers, fitted(layers, *ends, cell), ROTATION.blocks, with_gradient=True)
     y = random_state(A, rng)
     by_matrix = sparse_matrix(A) @ flat(y)
     assert np.abs(flat(A(y)) - by_matrix).max() <= 1e-14 * np.abs(by_matrix).max()
@@ -100,7 +100,7 @@ def test_energy_is_kept(ends, with_gradient, rng):
     layers, their cells and the ends. To 1e-12 of the energy in a unit of time times the highest
     frequency, 19; measured 3e-15."""
     layers = three(gradient=2.0 if with_gradient else None)
-    A = built(layers, fitted(layers, *ends), BLOCKS, with_gradient)
+    A = built(layers, fitted(layers, *ends), ROTATION.blocks, with_gradient)
     y = random_state(A, rng)
     total = float(sum(energy(A, y)))
     assert total > 0
@@ -111,7 +111,7 @@ def test_energy_is_kept(ends, with_gradient, rng):
 def test_dampers_only_take(damping, rng):
     """Law: what dampers take is a sum of squares: the energy of no state rises by itself."""
     layers = three(damping=damping)
-    A = built(layers, fitted(layers, "free", "fixed"), BLOCKS)
+    A = built(layers, fitted(layers, "free", "fixed"), ROTATION.blocks)
     for _ in range(10):
         assert energy_rate(A, random_state(A, rng)) < 0
 
@@ -148,7 +148,7 @@ def test_absorbing_ends_are_stable(closure, place):
 
 
 @pytest.mark.parametrize("closure", ["printed", "consistent"])
-@pytest.mark.parametrize("block", BLOCKS[:2], ids=["longitudinal", "transverse"])
+@pytest.mark.parametrize("block", ROTATION.blocks[:2], ids=["longitudinal", "transverse"])
 def test_what_absorbing_ends_reflect(closure, block):
     """Amplitude that the default absorber, eight branch lengths, sends back at each frequency.
 
@@ -241,7 +241,7 @@ def test_mass_is_that_of_the_layers():
     A = built(layers, fitted(layers, "free", "free"))
     units = scales(SOFT)
     for row, inertia in ((0, "beta"), (1, "gamma")):
-        unit = units.moment * units.time**2 * units.length
+        unit = units.energy * units.time**2
         if inertia == "gamma":
             unit *= float(SOFT.gamma / SOFT.beta)
         made = float(np.sum(A.groups[0].mass[row])) * unit
@@ -258,7 +258,7 @@ def test_coefficients_of_a_graded_layer_are_those_of_its_media():
     layers = Layers((Layer(0.0, 4e-3, first, last),))
     (group,) = built(layers, Bar(32, CELL, 8, "free", "free")).groups
     for j in (0, 7, 19, 31):
-        one = block_coefficients(layers.at((j + 0.5) * CELL), BLOCKS[0], scales(first))
+        one = block_coefficients(layers.at((j + 0.5) * CELL), ROTATION.blocks[0], scales(first))
         whole = np.block([[one.c_pp, -one.c_pb], [-one.c_bp, one.c_bb]])
         np.testing.assert_allclose(group.c.stiffness[..., 0, j], whole, rtol=1e-11)
         assert float(group.c.inertia[0, j]) == pytest.approx(float(one.i_B), rel=1e-12)

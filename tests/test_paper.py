@@ -10,7 +10,7 @@ import pytest
 from wavesim import planewave
 from wavesim.figures.bands import band_figure
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import SECTORS
+from wavesim.material.rotation import ROTATION
 from wavesim.paper import claims
 from wavesim.paper import reproduction as paper
 from wavesim.planewave import bands
@@ -96,7 +96,7 @@ def test_bands_keep_the_contract():
     """{"medium", "sectors": {…: {"k", "omega", "gaps"}}, "full_gaps"}, SI, branches ascending."""
     medium = Medium(anisotropy=0.5)
     found = json.loads(json.dumps(bands.summary(medium, k_max=2000.0, points=11)))
-    assert list(found["sectors"]) == list(SECTORS)
+    assert list(found["sectors"]) == list(ROTATION.sectors)
     names = []
     for sector, values in found["sectors"].items():
         omega = np.array(values["omega"])

@@ -59,7 +59,7 @@ def test_a_wrong_medium_fails_the_verdict(tmp_path):
     assert call(*arguments).exit_code == 0
     right = call("dispersion", made, "--medium", CASE, "--k-max", 3000)
     assert right.exit_code == 0, right.output
-    assert "lab: points whose 95 % bar holds the theory" in right.output
+    assert "lab: points whose 95 % bar" in " ".join(right.output.split())
     assert "FAIL" not in right.output
     other = tmp_path / "other.toml"
     other.write_text(Path(CASE).read_text().replace("anisotropy = 0.25", "anisotropy = 0.4"))
@@ -117,7 +117,7 @@ def test_a_stretch_by_the_plain_route(csv_file, tmp_path):
     ("arguments", "message"),
     [
         (("dispersion", "none.csv"), "none.csv: no such file"),
-        (("dispersion", "FILE"), "waves reach the ends of the receivers"),
+        (("dispersion", "FILE", "--method", "harmonic"), "waves reach the ends of the receivers"),
         (("dispersion", "FILE", "--values", "q"), "has no array 'q'"),
         (("dispersion", "FILE", "--method", "fft", "--fit", "anisotropy"), "needs --medium"),
         (("attenuation", "FILE", "--medium", "none.toml"), "none.toml: no such file"),

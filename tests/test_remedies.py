@@ -27,7 +27,7 @@ from wavesim import planewave
 from wavesim.cli import main as cli
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.records.relations import OfMedium
@@ -37,7 +37,7 @@ from wavesim.verdict import remedies
 from wavesim.verdict.bar import bar_notes, judge_bar
 from wavesim.verdict.endless import Check, energy_checks
 
-LONGITUDINAL = BLOCKS[0]
+LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(closure="consistent", anisotropy=0.25)
 # A key of the case file, as it is named in a remedy.
 KEY = re.compile(r"\[\[?[a-z]+\]\]? (\"\w+\" )?[a-zA-Z_]+")
@@ -179,7 +179,7 @@ def test_readings_of_a_pulse_test_that_are_off():
     assert remedies.of_one_wave(open_, test).startswith("lengthen [time] duration to 0.0002")
     found = test.result.dispersion
     omega = found.omega + 1j * found.sigma
-    (block,) = [b for b in BLOCKS if b.sector == "longitudinal"]
+    (block,) = [b for b in ROTATION.blocks if b.sector == "longitudinal"]
     low = dataclasses.replace(open_.bar, order=2)
     made_by = dataclasses.replace(open_.simulation, bar=low)
     coarse = dataclasses.replace(open_, simulation=made_by)

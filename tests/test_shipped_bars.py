@@ -8,7 +8,8 @@ from scipy.interpolate import BarycentricInterpolator
 
 from wavesim.case.load import load
 from wavesim.figures.drawing import drawings
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS, flux_form
+from wavesim.material.family import known_field
+from wavesim.material.rotation import ROTATION
 from wavesim.runner import measure
 
 NAMES = ["free_bar", "lossy", "pulse_test", "rainbow", "slab", "stack"]
@@ -58,17 +59,17 @@ def test_layout_of_the_result(done):
         assert set(file["fields"]) == set(names) >= set(LONGITUDINAL)
         for field in names:
             data = file[f"fields/{field}"]
-            along = "x" if field in ROTATIONS else "x_half"
+            along = "x" if field in ROTATION.macro else "x_half"
             assert data.dims[0][0] == file["t"]
             assert data.dims[1][0] == file[along]
             assert data.shape == (len(file["t"]), len(file[along]))
-            assert data.attrs["units"] == UNITS[field]
+            assert data.attrs["units"] == known_field(field).unit
         for receiver in done.field.receivers:
             for field in names:
                 for group in ("receivers", "exact"):
                     data = file[f"{group}/{receiver}/{field}"]
                     assert data.shape == file["t"].shape
-                    assert data.attrs["units"] == UNITS[field]
+                    assert data.attrs["units"] == known_field(field).unit
         for group in ("transmission", "pulse", "energy"):
             for data in file.get(group, {}).values():
                 parts = data.values() if isinstance(data, h5py.Group) else [data]
@@ -85,7 +86,7 @@ def test_receivers_agree_with_the_exact_solver_and_with_the_stored_field(done):
                 peak = np.abs(exact).max()
                 assert peak > 0
                 assert np.abs(found - exact).max() <= 1e-4 * peak
-                x = file["x" if field in ROTATIONS else "x_half"][()]
+                x = file["x" if field in ROTATION.macro else "x_half"][()]
                 near = np.sort(np.argsort(np.abs(x - position), kind="stable")[:8])
                 values = file[f"fields/{field}"][:, near[0] : near[-1] + 1]
                 through = BarycentricInterpolator(x[near], values.T)(position)
@@ -111,8 +112,8 @@ def test_energy_is_the_work_less_what_is_lost(done):
 def stiffness(medium, s):
     """D(s) and k(s) of D φ″ = −m_φ s² φ, longitudinal, Γ → 0: the wave equations in SI with B taken
     out, D = C_φφ − C_φB (C_BB − m_B s²)⁻¹ C_Bφ; Im k > 0."""
-    flux = flux_form(medium)
-    at = [CURVATURES.index(name) for name in LONGITUDINAL[1:]]
+    flux = medium.flux_form()
+    at = [ROTATION.micro.index(name) for name in LONGITUDINAL[1:]]
     D = np.empty(len(s), complex)
     for row, w in enumerate(s):
         inner = flux.C_B_B[np.ix_(at, at)] - flux.m_B * w**2 * np.eye(3)
@@ -155,7 +156,7 @@ def test_pulse_test_is_in_the_summary(shipped):
     run = shipped("pulse_test")
     (test,) = run.summary["pulse_tests"]
     assert (test["field"], test["sector"]) == ("phi1", "longitudinal")
-    flux = flux_form(run.field.medium)
+    flux = (run.field.medium).flux_form()
     unrelaxed = run.field.medium.damping.unrelaxed
     fastest = np.sqrt(unrelaxed * flux.C_phi_phi[0, 0] / flux.m_phi)
     picks = [a for a in test["arrivals"] if a["convention"] == "threshold"]

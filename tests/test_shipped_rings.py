@@ -13,7 +13,7 @@ from exact import modal_field
 from media import twelve_by_twelve
 
 from wavesim.figures.drawing import drawings
-from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, flux_form
+from wavesim.material.rotation import ROTATION
 from wavesim.runner import measure
 
 NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine"]
@@ -49,7 +49,7 @@ def done(request, shipped):
 def frequencies(medium, sector, k):
     """All ω(k) of the coupled fields, ascending, rad/s; B₂₂ and B₃₃ bring one of the other
     sector's along."""
-    at = [FIELDS.index(name) for name in COUPLED[sector]]
+    at = [ROTATION.fields.index(name) for name in COUPLED[sector]]
     K, _ = twelve_by_twelve(medium, k)
     squares = np.linalg.eigvals(K[:, at][:, :, at])
     return np.sqrt(np.sort(squares.real, axis=1))
@@ -57,10 +57,10 @@ def frequencies(medium, sector, k):
 
 def wavenumber(medium, sector, omega):
     """k(ω) with Γ → 0: k² = m_φ ω² / (C_φφ − C_φB (C_BB − m_B ω²)⁻¹ C_Bφ), SI, Im k > 0."""
-    flux = flux_form(medium)
+    flux = medium.flux_form()
     names = COUPLED[sector]
-    p = [ROTATIONS.index(n) for n in names if n in ROTATIONS]
-    b = [CURVATURES.index(n) for n in names if n in CURVATURES]
+    p = [ROTATION.macro.index(n) for n in names if n in ROTATION.macro]
+    b = [ROTATION.micro.index(n) for n in names if n in ROTATION.micro]
     found = []
     for w in omega:
         inner = flux.C_B_B[np.ix_(b, b)] - flux.m_B * w**2 * np.eye(len(b))

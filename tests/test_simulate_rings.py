@@ -15,8 +15,8 @@ import pytest
 from exact import modal_field
 
 import wavesim as ws
+from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import scales
-from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
 
 CELL = 2.5e-4
 DURATION = 12e-6
@@ -34,11 +34,11 @@ EVERY = tuple(
         name,
         (1.07 + 1.1 * n) * 1e-3,
         600e3,
-        amplitude=200.0 if name in ROTATIONS else 1.0,
+        amplitude=200.0 if name in ROTATION.macro else 1.0,
         width=n % 2 * 5e-4,
         delay=(2.5 + 0.1 * n) * 1e-6,
     )
-    for n, name in enumerate(FIELDS)
+    for n, name in enumerate(ROTATION.fields)
 )
 # Astride of the ring's ends.
 ASTRIDE = (
@@ -80,7 +80,8 @@ def test_it_is_the_exact_semi_discrete_solution(name):
         assert np.abs(field[made][frames] - expected[made]).max() <= 1e-10 * size, made
     # Sectors that no source drives are at rest, and are not integrated.
     largest = {
-        kind: max(np.abs(expected[n]).max() for n in kind) for kind in (ROTATIONS, CURVATURES)
+        kind: max(np.abs(expected[n]).max() for n in kind)
+        for kind in (ROTATION.macro, ROTATION.micro)
     }
     for kind, size in largest.items():
         for idle in set(kind) - set(field.names):
@@ -137,7 +138,9 @@ def test_kinetic_energy_is_that_of_the_exact_rates():
     frames = [4, 8, 12]
     rates = modal_field(field.medium, field.bar, field.sources, field.t[frames], rate=True)
     medium = field.medium
-    inertia = dict.fromkeys(ROTATIONS, medium.beta) | dict.fromkeys(CURVATURES, medium.gamma)
+    inertia = dict.fromkeys(ROTATION.macro, medium.beta) | dict.fromkeys(
+        ROTATION.micro, medium.gamma
+    )
     expected = sum(
         0.5 * medium.density * inertia[name] * field.bar.spacing * (rate**2).sum(axis=1)
         for name, rate in rates.items()
@@ -200,19 +203,20 @@ def test_potential_energy_is_what_the_contacts_store(parameters):
     bar = ws.Bar(96, CELL, 12)
     sources = [dataclasses.replace(source, width=1.2e-3) for source in EVERY]
     field = ws.simulate(medium, bar, sources, 8e-6, 5)
-    assert set(field.names) == set(FIELDS)
+    assert set(field.names) == set(ROTATION.fields)
     k = 2 * np.pi * np.fft.rfftfreq(bar.cells, CELL)
 
     def along(name, frame, derivative=0):
         hat = np.fft.rfft(field[name][frame]) * (1j * k) ** derivative
-        shift = 0.0 if name in ROTATIONS else CELL / 2
+        shift = 0.0 if name in ROTATION.macro else CELL / 2
         return np.fft.irfft(hat * np.exp(-1j * k * shift), bar.cells)
 
     for frame in (2, 4):
         kappa = np.zeros((bar.cells, 3, 3))
-        kappa[:, :, 0] = np.stack([along(name, frame, 1) for name in ROTATIONS], axis=-1)
+        kappa[:, :, 0] = np.stack([along(name, frame, 1) for name in ROTATION.macro], axis=-1)
         B, slope = (
-            np.stack([along(n, frame, d) for n in CURVATURES], -1).reshape(-1, 3, 3) for d in (0, 1)
+            np.stack([along(n, frame, d) for n in ROTATION.micro], -1).reshape(-1, 3, 3)
+            for d in (0, 1)
         )
         expected = contact_energy(medium, bar.length, kappa, B, slope)
         assert field.energy.potential[frame] == pytest.approx(expected, rel=1e-9)
@@ -321,6 +325,6 @@ def test_components_are_the_fields_in_their_own_units():
     for block in field.blocks:
         for values, staggered in field.components(block):
             kinds[staggered] = kinds[staggered] + (values**2).sum(axis=1)
-    for staggered, names in ((False, ROTATIONS), (True, CURVATURES)):
+    for staggered, names in ((False, ROTATION.macro), (True, ROTATION.micro)):
         expected = sum((field[name] ** 2).sum(axis=1) / unit(name) ** 2 for name in names)
         np.testing.assert_allclose(kinds[staggered], expected, rtol=1e-12)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import excited_blocks
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.simulation import highest_band
 from wavesim.sources import (
@@ -239,7 +239,7 @@ def test_initial_field():
     edge = math.sqrt(2 * math.log(1 / 0.03)) / 1e-3
     assert math.exp(-((edge * 1e-3) ** 2) / 2) == pytest.approx(0.03, rel=1e-12)
     highest = max(
-        block_frequencies(medium, block, [edge]).max() for block in excited_blocks(["phi1"])
+        block_frequencies(medium, block, [edge]).max() for block in ROTATION.excited(["phi1"])
     )
     assert highest_band([source], medium) == highest
     assert highest_band([source, Ricker("phi1", 0.0, 1e9)], medium) == Ricker("phi1", 0.0, 1e9).band

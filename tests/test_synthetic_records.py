@@ -7,7 +7,7 @@ import pytest
 from media import MEDIUM
 from scipy.integrate import quad
 
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.records.oscillator import driven
 from wavesim.records.record import RecordError
 from wavesim.records.relations import Beam, Diatomic, Given, MassInMass, OfMedium
@@ -95,7 +95,7 @@ def test_waves_of_a_medium_against_the_simulator():
     source = ws.Ricker("phi1", position=at, peak_frequency=6e5, width=width)
     field = ws.simulate(MEDIUM, bar, [source], duration=1.2e-5, samples=61)
     nodes = np.array([256, 270, 300, 400])
-    relation = OfMedium(MEDIUM, BLOCKS[0], bar)
+    relation = OfMedium(MEDIUM, ROTATION.blocks[0], bar)
     made = synthesize(
         relation, field.t, bar.nodes[nodes], Pulse(6e5, at, source.peak_time, width=width),
         bar.length, k_max=np.pi / bar.spacing * 0.999,

@@ -8,7 +8,7 @@ from madeup import made_field
 from wavesim import planewave
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.dispersion import decay_along_ring as transmission
 from wavesim.readings.dispersion.decay_along_ring import (
@@ -20,7 +20,7 @@ from wavesim.readings.dispersion.decay_along_ring import (
 from wavesim.readings.dispersion.extract import extract
 from wavesim.sources import Ricker
 
-LONGITUDINAL, TRANSVERSE = BLOCKS[0], BLOCKS[1]
+LONGITUDINAL, TRANSVERSE = ROTATION.blocks[0], ROTATION.blocks[1]
 
 
 @pytest.mark.parametrize("k", [3000.0 + 0.0j, 700 + 40j, 0.0 + 900j, -1500 + 3j, 5 + 1e-3j])
@@ -170,7 +170,7 @@ def test_wave_that_arrives_too_weak_is_not_a_number():
 
 def test_block_without_a_rotation_is_refused():
     with pytest.raises(ValueError, match="no rotation: no wave travels in it"):
-        attenuation(empty_field(at(0.05, field="B23")), BLOCKS[3], np.array([1e6]), 18.0)
+        attenuation(empty_field(at(0.05, field="B23")), ROTATION.blocks[3], np.array([1e6]), 18.0)
 
 
 def test_bar_too_short_to_measure_along_gives_no_attenuation():

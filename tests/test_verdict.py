@@ -10,14 +10,14 @@ from wavesim import planewave
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.readings.dispersion.extract import Measured, extract
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum
 from wavesim.simulation.field import Energy
 from wavesim.sources import EXCITED, Ricker, excitation
 from wavesim.verdict.endless import Branch, Check, hold, judge, tables
 
-LONGITUDINAL = BLOCKS[0]
+LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")
 BAR = Bar(1024, 1.25e-4, 8)
 K_RANGE = (125.0, 3142.0)

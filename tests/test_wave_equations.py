@@ -15,17 +15,17 @@ import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from wavesim.material.family import known_field
 from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
-from wavesim.material.sectors import BLOCKS, SECTORS, blocks_of, excited_blocks
-from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS, UNITS, flux_form
 
 a, el = sp.symbols("a l")
 b1, b2, p1, p2, w1, w2 = sp.symbols("b1 b2 p1 p2 w1 w2")
 quarter = el**2 / 4
 
-phi = {n: sp.Symbol(n) for n in ROTATIONS}
-B = {n: sp.Symbol(n) for n in CURVATURES}
+phi = {n: sp.Symbol(n) for n in ROTATION.macro}
+B = {n: sp.Symbol(n) for n in ROTATION.micro}
 # Derivatives along x₁: D(·) is ′, DD(·) is ″.
 first = {s: sp.Symbol(f"{s}_x") for s in (*phi.values(), *B.values())}
 second = {s: sp.Symbol(f"{s}_xx") for s in (*phi.values(), *B.values())}
@@ -119,18 +119,18 @@ def printed():
         return sp.Matrix([[equations[r].coeff(s) for s in symbols] for r in rows])
 
     slots = {
-        "C_phi_phi": collect(ROTATIONS, [DD(phi[n]) for n in ROTATIONS]),
-        "C_phi_B": -collect(ROTATIONS, [D(B[n]) for n in CURVATURES]),
-        "C_B_phi": collect(CURVATURES, [D(phi[n]) for n in ROTATIONS]),
-        "C_B_B": -collect(CURVATURES, [B[n] for n in CURVATURES]),
-        "Gamma": collect(CURVATURES, [DD(B[n]) for n in CURVATURES]),
+        "C_phi_phi": collect(ROTATION.macro, [DD(phi[n]) for n in ROTATION.macro]),
+        "C_phi_B": -collect(ROTATION.macro, [D(B[n]) for n in ROTATION.micro]),
+        "C_B_phi": collect(ROTATION.micro, [D(phi[n]) for n in ROTATION.macro]),
+        "C_B_B": -collect(ROTATION.micro, [B[n] for n in ROTATION.micro]),
+        "Gamma": collect(ROTATION.micro, [DD(B[n]) for n in ROTATION.micro]),
     }
     # No derivative of another kind hides in an equation.
     for name, expression in equations.items():
         seen = expression.free_symbols & set(every)
         allowed = (
             {DD(s) for s in phi.values()} | {D(s) for s in B.values()}
-            if name in ROTATIONS
+            if name in ROTATION.macro
             else {D(s) for s in phi.values()} | {DD(s) for s in B.values()} | set(B.values())
         )
         assert seen <= allowed
@@ -182,7 +182,7 @@ def same(made, expected, part):
 @given(medium=some_media)
 def test_closure_printed_is_the_printed_equations(printed, medium):
     """Entry by entry, to 1e-14 of the largest; measured 5e-16."""
-    form = flux_form(dataclasses.replace(medium, closure="printed"))
+    form = (dataclasses.replace(medium, closure="printed")).flux_form()
     for name in MATRICES:
         same(getattr(form, name), printed[name](*shorthand(medium)), 1e-14)
 
@@ -192,7 +192,7 @@ def test_closure_printed_is_the_printed_equations(printed, medium):
 def test_closure_consistent_differs_in_the_curvature_equations_alone(printed, medium):
     """The φ equations (26)–(28) and the gradient terms are printed as the tensors give them;
     measured 8e-16."""
-    form = flux_form(dataclasses.replace(medium, closure="consistent"))
+    form = (dataclasses.replace(medium, closure="consistent")).flux_form()
     for name in ("C_phi_phi", "C_phi_B", "Gamma"):
         same(getattr(form, name), printed[name](*shorthand(medium)), 1e-14)
 
@@ -201,7 +201,7 @@ def test_closure_consistent_differs_in_the_curvature_equations_alone(printed, me
 @given(medium=some_media)
 def test_consistent_is_symmetric(medium):
     """C_Bφ = C_φBᵀ, and C_φφ, C_BB, Γ are symmetric, to rounding; measured 0."""
-    form = flux_form(dataclasses.replace(medium, closure="consistent"))
+    form = (dataclasses.replace(medium, closure="consistent")).flux_form()
     same(form.C_B_phi, form.C_phi_B.T, 1e-15)
     for name in ("C_phi_phi", "C_B_B", "Gamma"):
         same(getattr(form, name), getattr(form, name).T, 1e-15)
@@ -212,7 +212,7 @@ def test_consistent_is_symmetric(medium):
 def test_closures_coincide_in_an_isotropic_medium(medium):
     isotropic = dataclasses.replace(medium, anisotropy=0.0)
     one, other = (
-        flux_form(dataclasses.replace(isotropic, closure=closure))
+        (dataclasses.replace(isotropic, closure=closure)).flux_form()
         for closure in ("printed", "consistent")
     )
     for name in MATRICES:
@@ -222,7 +222,7 @@ def test_closures_coincide_in_an_isotropic_medium(medium):
 def test_printed_is_not_symmetric_where_the_fabric_is_not_isotropic():
     """The force of B on φ and that of φ on B differ, by 2a p₁ − 2a p₂ in (26) against (29)."""
     medium = Medium(anisotropy=0.5, closure="printed")
-    form = flux_form(medium)
+    form = medium.flux_form()
     *_, P1, P2, _, _ = shorthand(medium)
     difference = form.C_B_phi[0, 0] - form.C_phi_B[0, 0]
     assert difference == pytest.approx(0.5 * (2 * P1 - 2 * P2), rel=1e-13)
@@ -238,7 +238,7 @@ def test_printed_is_not_symmetric_where_the_fabric_is_not_isotropic():
 def test_inertia(medium, beta, gamma):
     """m_φ = ρβ/(l²N_p), m_B = ργ/(l²N_p); β = 2R²/5 and γ = 12R⁴/35 unless given."""
     medium = dataclasses.replace(medium, rotation_inertia=beta, curvature_inertia=gamma)
-    form = flux_form(medium)
+    form = medium.flux_form()
     R = medium.particle_radius
     per_volume = medium.branch_length**2 * medium.contact_density
     expected = medium.density * (0.4 * R**2 if beta is None else beta) / per_volume
@@ -249,9 +249,9 @@ def test_inertia(medium, beta, gamma):
 
 def test_names_and_units_of_the_twelve_fields():
     rotations, curvatures = "phi1 phi2 phi3", "B11 B12 B13 B21 B22 B23 B31 B32 B33"
-    assert tuple(f"{rotations} {curvatures}".split()) == FIELDS
-    assert {UNITS[name] for name in ROTATIONS} == {"rad"}
-    assert {UNITS[name] for name in CURVATURES} == {"1/m"}
+    assert tuple(f"{rotations} {curvatures}".split()) == ROTATION.fields
+    assert {known_field(name).unit for name in ROTATION.macro} == {"rad"}
+    assert {known_field(name).unit for name in ROTATION.micro} == {"1/m"}
 
 
 # Blocks
@@ -260,12 +260,12 @@ def test_names_and_units_of_the_twelve_fields():
 def block_basis() -> tuple[np.ndarray, list[tuple[int, str]]]:
     """Matrix from the twelve fields to all blocks' components, and each row's block and kind."""
     rows, owners = [], []
-    for number, block in enumerate(BLOCKS):
-        for component in block.rotations:
-            rows.append([component.get(name, 0.0) for name in FIELDS])
+    for number, block in enumerate(ROTATION.blocks):
+        for component in block.macro:
+            rows.append([component.get(name, 0.0) for name in ROTATION.fields])
             owners.append((number, "phi"))
-        for component in block.curvatures:
-            rows.append([component.get(name, 0.0) for name in FIELDS])
+        for component in block.micro:
+            rows.append([component.get(name, 0.0) for name in ROTATION.fields])
             owners.append((number, "B"))
     return np.array(rows), owners
 
@@ -274,9 +274,9 @@ def test_blocks_are_an_orthonormal_basis_of_the_twelve_fields():
     basis, owners = block_basis()
     assert basis.shape == (12, 12)
     np.testing.assert_allclose(basis @ basis.T, np.eye(12), rtol=0, atol=1e-15)
-    assert sum(len(block.branches) for block in BLOCKS) == 12
-    for block in BLOCKS:
-        assert len(block.branches) == len(block.rotations) + len(block.curvatures)
+    assert sum(len(block.branches) for block in ROTATION.blocks) == 12
+    for block in ROTATION.blocks:
+        assert len(block.branches) == len(block.macro) + len(block.micro)
     # A component never mixes rotations and micro-curvatures, which live on different points.
     for row, (_, kind) in zip(basis, owners, strict=True):
         assert np.any(row[:3]) == (kind == "phi")
@@ -285,7 +285,7 @@ def test_blocks_are_an_orthonormal_basis_of_the_twelve_fields():
 
 def stiffness(medium: Medium, k: float) -> np.ndarray:
     """K of ω² v = K(k) v, (12, 12), SI, on (φ, B/i), from the flux form's matrices."""
-    form = flux_form(medium)
+    form = medium.flux_form()
     K = np.zeros((12, 12))
     K[:3, :3] = k**2 * form.C_phi_phi / form.m_phi
     K[:3, 3:] = -k * form.C_phi_B / form.m_phi
@@ -300,7 +300,7 @@ def test_blocks_do_not_exchange_anything(medium):
     """In the blocks' basis each matrix of the flux form is zero outside the blocks, to 1e-15 of its
     largest entry, in both closures; measured 4e-16."""
     basis, owners = block_basis()
-    form = flux_form(medium)
+    form = medium.flux_form()
     number = np.array([owner for owner, _ in owners])
     kind = np.array([kind for _, kind in owners])
     rotations, curvatures = basis[kind == "phi", :3], basis[kind == "B", 3:]
@@ -328,14 +328,14 @@ def test_scaled_blocks_are_the_equations_in_si(medium, kl):
     the whole; measured 5e-16."""
     basis, owners = block_basis()
     units = scales(medium)
-    unit = np.array([units.rotation if kind == "phi" else units.curvature for _, kind in owners])
+    unit = np.array([units.macro if kind == "phi" else units.micro for _, kind in owners])
     whole = basis @ stiffness(medium, kl / medium.branch_length) @ basis.T
     whole = whole / unit[:, None] * unit[None, :]
     size = np.abs(whole).max()
-    for number, block in enumerate(BLOCKS):
+    for number, block in enumerate(ROTATION.blocks):
         form = block_coefficients(medium, block, scales(medium))
         mine = [i for i, (owner, _) in enumerate(owners) if owner == number]
-        p = len(block.rotations)
+        p = len(block.macro)
         K = np.zeros((len(mine), len(mine)))
         K[:p, :p] = kl**2 * form.c_pp
         K[:p, p:] = -kl * form.c_pb
@@ -353,14 +353,14 @@ def test_frequencies_of_the_blocks_are_those_of_the_twelve_equations(medium, kl)
     (0 ≤ a ≤ 1, 0 ≤ η ≤ 1 for "printed"). To 1e-12 of the largest; measured 2e-15."""
     if medium.closure == "printed":
         assume(0 <= medium.anisotropy <= 1 and medium.stiffness_ratio <= 1)
-    form = flux_form(medium)
+    form = medium.flux_form()
     root = np.sqrt(np.r_[np.full(3, form.m_phi), np.full(9, form.m_B)])
     K = stiffness(medium, kl / medium.branch_length)
     expected = np.linalg.eigvals(K * root[:, None] / root[None, :])
     size = np.abs(expected).max()
     assert np.abs(expected.imag).max() < 1e-6 * size
     made = []
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         form = block_coefficients(medium, block, scales(medium))
         matrix = np.block(
             [
@@ -378,9 +378,9 @@ def test_frequencies_of_the_blocks_are_those_of_the_twelve_equations(medium, kl)
 @given(medium=some_media)
 def test_scaled_blocks_are_symmetric_in_the_consistent_closure(medium):
     medium = dataclasses.replace(medium, closure="consistent")
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         form = block_coefficients(medium, block, scales(medium))
-        if block.rotations:
+        if block.macro:
             same(form.c_bp, form.c_pb.T, 2e-15)
         same(form.c_bb, form.c_bb.T, 1e-15)
         same(form.gamma, form.gamma.T, 1e-15)
@@ -390,7 +390,7 @@ def test_reference_medium_sets_the_units():
     """Coefficients over another medium's units, converted back, are the same matrices in SI."""
     medium = Medium(anisotropy=0.3, G_n_a=8.0, particle_radius=4e-4, branch_length=9e-4)
     reference = Medium(closure="consistent")
-    for block in BLOCKS:
+    for block in ROTATION.blocks:
         si = []
         for units_of in (medium, reference):
             unit = scales(units_of)
@@ -399,8 +399,8 @@ def test_reference_medium_sets_the_units():
             si.append(
                 (
                     form.c_pp * unit.length**2 / per,
-                    form.c_pb * unit.length / unit.curvature / per,
-                    form.c_bp * unit.length * unit.curvature / per,
+                    form.c_pb * unit.length / unit.micro / per,
+                    form.c_bp * unit.length * unit.micro / per,
                     form.c_bb / per,
                     form.gamma * unit.length**2 / per,
                 )
@@ -431,9 +431,9 @@ def test_units_of_the_scaled_form():
 
 def test_sectors_and_the_blocks_that_a_source_sets_in_motion():
     """B22 drives both the longitudinal block and the in-plane wave of B22 − B33."""
-    assert {block.sector for block in BLOCKS} == set(SECTORS)
-    assert [len(blocks_of(sector)) for sector in SECTORS] == [1, 1, 1, 3]
-    names = {field: [b.name for b in excited_blocks([field])] for field in FIELDS}
+    assert {block.sector for block in ROTATION.blocks} == set(ROTATION.sectors)
+    assert [len(ROTATION.blocks_of(sector)) for sector in ROTATION.sectors] == [1, 1, 1, 3]
+    names = {field: [b.name for b in ROTATION.excited([field])] for field in ROTATION.fields}
     assert names["phi1"] == names["B11"] == ["longitudinal"]
     assert names["B22"] == names["B33"] == ["longitudinal", "inplane(22-33)"]
     assert names["phi2"] == names["B12"] == names["B21"] == ["transverse2"]
@@ -441,10 +441,10 @@ def test_sectors_and_the_blocks_that_a_source_sets_in_motion():
     assert names["B23"] == names["B32"] == ["inplane[23]", "inplane(23)"]
     # Independently: a unit force on a field has a part in a block just where the basis says so.
     basis, owners = block_basis()
-    for column, field in enumerate(FIELDS):
+    for column, field in enumerate(ROTATION.fields):
         driven = {owners[row][0] for row in np.nonzero(basis[:, column])[0]}
-        assert names[field] == [BLOCKS[number].name for number in sorted(driven)]
+        assert names[field] == [ROTATION.blocks[number].name for number in sorted(driven)]
     with pytest.raises(
         ValueError, match=r"sector 'shear': must be one of longitudinal, transverse2"
     ):
-        blocks_of("shear")
+        ROTATION.blocks_of("shear")

@@ -179,7 +179,7 @@ def test_what_does_not_match_is_refused(record, tmp_path):
     other = PulseTestRecord(
         "x", record.t, {"a": record.t, "b": record.t}, {"a": 1.0, "b": 2.0}, None
     )
-    with pytest.raises(MatchError, match="no receiver of the case .* is in the record"):
+    with pytest.raises(MatchError, match=r"no receiver of the case .* is in the record"):
         matched(other, planned, None)
     with pytest.raises(MatchError, match="--field phi9: is not simulated; must be one of phi1"):
         matched(record, planned, "phi9")

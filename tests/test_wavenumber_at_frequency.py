@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from media import MEDIUM
 
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
@@ -75,7 +75,9 @@ def test_two_pairs_at_once():
 def laboratory(**spoil):
     """Twenty-four receivers 0.4 mm apart, 2.2 mm from a wide source, in an unbounded medium."""
     return synthesize(
-        OfMedium(MEDIUM, BLOCKS[0]), np.linspace(0, 4e-5, 600), positions(24, 4e-4, 2.2e-3),
+        OfMedium(MEDIUM, ROTATION.blocks[0]),
+        np.linspace(0, 4e-5, 600),
+        positions(24, 4e-4, 2.2e-3),
         Pulse(8e5, 0.0, width=2.5e-4), 0.5, spoil=Spoil(**spoil),
     )  # fmt: skip
 
@@ -96,7 +98,7 @@ def test_bars_of_k_hold_the_truth(noise):
         values = clean.values + noise * peak * rng.normal(size=clean.values.shape)
         points = in_space(record(values, clean.t, clean.x, sources=(0.0,)), omega)
         # σ follows the noise, and so differs from seed to seed.
-        exact = OfMedium(MEDIUM, BLOCKS[0]).wavenumber(points.omega)
+        exact = OfMedium(MEDIUM, ROTATION.blocks[0]).wavenumber(points.omega)
         own = points.valid
         off = points.k - exact
         inside += list(np.abs(off[own]) <= points.bar[own])

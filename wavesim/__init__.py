@@ -36,6 +36,8 @@ _HOMES = {
     "simulate": "wavesim.timedomain.integrate",
     "integrate": "wavesim.timedomain.integrate",
     "traced_fields": "wavesim.timedomain.gradient",
+    "traced_layers": "wavesim.differentiable.traced_layers",
+    "traced_transmission": "wavesim.differentiable.stack_transmission",
     "extract": "wavesim.readings.dispersion.extract",
     "hold": "wavesim.verdict.endless",
     "judge": "wavesim.verdict.endless",
@@ -46,15 +48,22 @@ _HOMES = {
     "open": "wavesim.records.run_folder",
     "record": "wavesim.records.record",
     "read_record": "wavesim.records.files",
+    "inspect": "wavesim.records.inspection",
     "Layout": "wavesim.records.arrays",
     "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
     "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
     "synthesize": "wavesim.records.synthetic",
+    "score": "wavesim.verdict.score",
     "fit": "wavesim.studies.medium_fit",
     "sweep": "wavesim.studies.sweep",
 }
 # Offered under a name that says more than the one at home.
-_NAMES = {"measure_pulses": "measure", "open": "open_run", "read_record": "read"}
+_NAMES = {
+    "measure_pulses": "measure",
+    "open": "open_run",
+    "read_record": "read",
+    "traced_transmission": "transmission",
+}
 _MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
 
 __all__ = [*_HOMES, *_MODULES]

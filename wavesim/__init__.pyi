@@ -3,6 +3,8 @@
 from wavesim import layered as layeredwave
 from wavesim import planewave
 from wavesim.case.load import load
+from wavesim.differentiable.stack_transmission import transmission as traced_transmission
+from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
@@ -14,6 +16,7 @@ from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.readings.pulse.measurement import measure as measure_pulses
 from wavesim.records.arrays import Layout
 from wavesim.records.files import read as read_record
+from wavesim.records.inspection import inspect
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
@@ -26,6 +29,7 @@ from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.endless import hold, judge
+from wavesim.verdict.score import score as score
 
 __all__ = [
     "Bar",
@@ -48,6 +52,7 @@ __all__ = [
     "hold",
     "in_space",
     "in_time",
+    "inspect",
     "integrate",
     "judge",
     "judge_bar",
@@ -64,6 +69,8 @@ __all__ = [
     "sweep",
     "synthesize",
     "traced_fields",
+    "traced_layers",
+    "traced_transmission",
 ]
 
 __version__: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import resource
@@ -32,10 +33,12 @@ class RunError(RuntimeError):
 
     Attributes:
         unstable: the integration failed, rather than a file.
+        code: to end with: 2 where what was asked for can't be, 3 where the integration, or the
+            writing of its results, failed.
     """
 
-    def __init__(self, message: str, unstable: bool) -> None:
-        self.unstable = unstable
+    def __init__(self, message: str, unstable: bool, written: bool = True) -> None:
+        self.unstable, self.code = unstable, 2 if written and not unstable else 3
         super().__init__(message)
 
 
@@ -98,17 +101,27 @@ def run(
     begun = time.perf_counter()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
-    from wavesim.io.result_reader import StorageError
+    from wavesim.io.folder_lock import locked
+    from wavesim.io.result_reader import StorageError, WriteError
 
     try:
         with ExitStack() as until_the_end:
+            if not resume:
+                _begin(folder)
+            if folder.is_dir():
+                until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
             return _run(case, folder, resume, tell, begun, own, figures, rerun)
     except StorageError as error:
-        raise RunError(str(error), False) from error
+        raise RunError(str(error), False, not isinstance(error, WriteError)) from error
     except OSError as error:
         what = error.strerror or error
-        raise RunError(f"{error.filename or folder}: can't be written: {what}", False) from error
+        raise RunError(
+            f"{error.filename or folder}: can't be written: {what}; make room on the disk, and "
+            "run again with --resume if result.h5 is there",
+            False,
+            False,
+        ) from error
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "RESOURCE_EXHAUSTED" not in str(error):
             raise
@@ -165,12 +178,11 @@ def _run(
     if resume:
         start = results.carry_on()
     else:
-        _begin(folder)
         results.create()
     # An earlier run's verdict must not be taken for this one's.
     for name in ("summary.json", "report.html", "overview.png"):
         (folder / name).unlink(missing_ok=True)
-    (folder / "resolved.toml").write_text(resolved, encoding="utf-8")
+    storage.write_whole(folder / "resolved.toml", resolved.encode())
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
     loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
@@ -211,11 +223,19 @@ def _run(
     if figures:
         asked = folder / "figures", field, found.shown
         drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
+    undrawn = []
     with results.gathering():
         # The file is read until all is drawn; only then may another take its place.
         for one in drawn:
-            one.result()
-        data = shown.result()[0] | measured.result()[0]
+            try:
+                one.result()
+            except Exception as error:  # a picture that fails takes nothing else with it
+                undrawn.append(error)
+        data = None
+        try:
+            data = shown.result()[0] | measured.result()[0]
+        except Exception as error:
+            undrawn.append(error)
         lap("figures")
         tell("store", 0.0)
         results.finish("complete", found.tables)
@@ -236,11 +256,17 @@ def _run(
         "answers": found.answers,
     } | found.summary
     summary = _plain(summary)
-    (folder / "summary.json").write_text(
-        json.dumps(summary, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
-    made = page(summary, data, resolved, folder, rerun, found.notes)
-    (folder / "report.html").write_text(made, encoding="utf-8")
+    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+    storage.write_whole(folder / "summary.json", text.encode())
+    for failure in undrawn:
+        why = str(failure).partition("\n")[0]
+        found.notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+    if data is not None:
+        made = page(summary, data, resolved, folder, rerun, found.notes)
+        storage.write_whole(folder / "report.html", made.encode())
+    for failure in undrawn:
+        if isinstance(failure, OSError):
+            raise failure
     return Outcome(summary, folder, found.notes)
 
 
@@ -311,8 +337,11 @@ def _begin(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
         raise RunError(
-            f"--out {folder}: can't be written: {error.strerror}; name another folder", False
+            f"--out {folder}: can't be written: {error.strerror}; name another folder",
+            False,
+            not full,
         ) from None
 
 
@@ -327,7 +356,7 @@ def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.rotations for block in simulated.blocks) and not any(
+    if any(block.macro for block in simulated.blocks) and not any(
         "|Δk|/|k|" in check.name for check in checks
     ):
         found.append(

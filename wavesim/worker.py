@@ -37,6 +37,17 @@ _PROGRAM = (
 )
 
 
+# Process ids of the workers of this process.
+_RUNNING: set[int] = set()
+
+
+def end_all() -> None:
+    """End all workers of this process, and their forks, at once."""
+    for number in list(_RUNNING):
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(number, signal.SIGKILL)
+
+
 class Answer:
     """What a worker was asked for, once it is there."""
 
@@ -74,9 +85,12 @@ class Worker:
                 [sys.executable, "-c", _PROGRAM, str(there.fileno()), *sys.path],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
+                # What goes wrong there is told by an answer.
+                stderr=None if os.environ.get("WAVESIM_TRACEBACK") else subprocess.DEVNULL,
                 pass_fds=[there.fileno()],
                 start_new_session=True,  # an interrupt from the keyboard is the run's to deal with
             )
+        _RUNNING.add(self._process.pid)
         self._line = Connection(here.detach())
         self._asked: list[Answer] = []
         self._listener = Thread(target=self._listen, daemon=True)
@@ -91,6 +105,7 @@ class Worker:
         with suppress(ProcessLookupError):  # waited for before
             os.killpg(self._process.pid, signal.SIGKILL)  # it and its forks
         self._process.wait()
+        _RUNNING.discard(self._process.pid)
         self._listener.join()
         self._line.close()
 
@@ -216,8 +231,9 @@ def serve(descriptor: int) -> None:
             if ready is line:
                 try:
                     number, *question = line.recv()
-                except EOFError:
-                    return  # the run ended before
+                except (EOFError, OSError):
+                    # The run ended before; forks at work on it end too.
+                    os.killpg(os.getpgid(0), signal.SIGKILL)
                 try:
                     made = _jobs(*question)
                 except Exception as error:

@@ -84,7 +84,7 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     make(("medium",), check_hyperbolic, medium)
     bar = file.bar
     make(("bar",), _check_half_spaces, bar, file.layers)
-    places = make(("layers",), _with_buffers, bar, file.layers, float(medium.branch_length))
+    places = make(("layers",), _with_buffers, bar, file.layers, float(medium.length_scale))
     stretches: list[Layer] = []
     for one in places:
         layer = make(one.where, one.table.build, file.medium, one.start, one.end)

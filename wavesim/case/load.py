@@ -22,9 +22,8 @@ from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
-from wavesim.material.medium import Medium
+from wavesim.material.medium import Medium, fastest_speed
 from wavesim.material.scaling import JUDGED
-from wavesim.material.wave_equations import fastest_speed
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
@@ -35,7 +34,7 @@ _PHASE_ERROR = 0.01
 # Length of the absorbing layer at an end, in branch lengths of the medium there.
 _ABSORBER = 8
 # What an end must be for a source to drive it.
-_DRIVEN_END: dict[str, End] = {"moment": "free", "rotation": "fixed"}
+_DRIVEN_END: dict[str, End] = {"surface": "free", "prescribed": "fixed"}
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def build(file: CaseFile, name: str) -> Case:
     make, known = builder(name), bar_layers(file, name)
     medium, stretches, ends = known.medium, known.stretches, known.ends
     media = [m for layer in stretches for m in layer.sampled(2)] or [medium]
-    finest = min(media, key=lambda m: float(m.branch_length))
+    finest = min(media, key=lambda m: float(m.length_scale))
     sized = not stretches or file.bar.length is not None or file.bar.cells is not None
     plain = make(("bar",), file.bar.build, finest) if sized else None
     notes: list[str] = []
@@ -121,7 +120,7 @@ def build(file: CaseFile, name: str) -> Case:
         make(one.where, check_follow, stretches[: number + 1], length, last)
     layers = known.layers
     order = file.bar.order
-    widest = file.bar.spacing or (plain.spacing if plain else float(finest.branch_length) / 8)
+    widest = file.bar.spacing or (plain.spacing if plain else float(finest.length_scale) / 8)
     spacings = []
     for one, layer in zip(known.places, stretches, strict=True):
         if layers:
@@ -135,7 +134,7 @@ def build(file: CaseFile, name: str) -> Case:
         source = make(where, entry.build, bar.length)
         source, taken = _on_grid(source, number, file, bar)
         notes += taken
-        if source.drive in _DRIVEN_END:
+        if source.acts in _DRIVEN_END:
             make(where, _check_end, source, entry, ends)
         else:
             make(where, bar.spread, source.position, source.width, source.staggered)
@@ -166,7 +165,7 @@ def _on_grid(source: Source, number: int, file: CaseFile, bar: Bar) -> tuple[Sou
     changed: dict[str, float] = {"position": _within(source.position, file, bar)}
     said = []
     cell = min(size for _, size in bar.all_stretches)
-    if source.drive == "body" and 0 < source.width < cell:
+    if source.acts == "body" and 0 < source.width < cell:
         changed["width"] = 0.0
         said.append(
             f"{place(('sources', str(number)))} width = {source.width:g}: less than a cell of the "
@@ -232,7 +231,8 @@ def _resolved(
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
     tables = file.model_dump(by_alias=True)
     own = file.medium.build()
-    tables["medium"] |= {"rotation_inertia": own.beta, "curvature_inertia": own.gamma}
+    own = known.medium
+    tables["medium"] |= {"closure": own.closure} | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}
     if not _own_cells(file.bar, known):
         tables["bar"].pop("length", None)
@@ -264,7 +264,7 @@ def _absorber(
     absorbing = [m for end, m in zip(ends, media, strict=True) if end == "absorbing"]
     if not absorbing:
         return 0.0
-    length = file.bar.absorber or _ABSORBER * max(float(m.branch_length) for m in absorbing)
+    length = file.bar.absorber or _ABSORBER * max(float(m.length_scale) for m in absorbing)
     if len(absorbing) * length >= whole:
         raise ValueError(
             f"absorber = {length:g}: the absorbing layers leave nothing of the bar of "
@@ -324,7 +324,7 @@ def _whole(
 def _check_end(source: Source, table: Any, ends: tuple[End, End]) -> None:
     """Hold a source that drives an end to what that end is."""
     end = ends[0] if table.end == "left" else ends[1]
-    needed = _DRIVEN_END[source.drive]
+    needed = _DRIVEN_END[source.acts]
     if end != needed:
         raise ValueError(
             f'drive = "{source.drive}": acts at a {needed} end, and [bar] {table.end} = "{end}"; '

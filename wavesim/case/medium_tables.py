@@ -21,7 +21,8 @@ from pydantic import (
 from wavesim.case.table import NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
-from wavesim.material.medium import PARAMETERS, Closure, Medium, check_parameter
+from wavesim.material.medium import PARAMETERS, Medium, check_parameter, families, medium_of
+from wavesim.material.rotation import Closure
 
 
 def _held(name: str, value: float) -> float:
@@ -94,8 +95,9 @@ LOSSES: dict[str, tuple[Any, Any]] = {
     "quality_band": (Band, None),
 }
 
-_KEYS: dict[str, Any] = {name: (float | None, getattr(Medium, name)) for name in PARAMETERS}
-_KEYS = {"closure": (Closure, "printed")} | _KEYS | LOSSES
+# Keys of all families; what is left out is as the family has it.
+_KEYS: dict[str, Any] = dict.fromkeys(PARAMETERS, (float | None, None))
+_KEYS = {"closure": (Closure | None, None)} | _KEYS | LOSSES
 _MediumKeys: Any = create_model("_MediumKeys", __base__=Table, **_KEYS)
 _GRADED: dict[str, Any] = {
     key: (Any if key in PARAMETERS else kind | None, None) for key, (kind, _) in _KEYS.items()
@@ -104,7 +106,16 @@ _LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_GRADED)
 
 
 class MediumTable(_MediumKeys):
-    """[medium]: the parameters of Table 1 and the losses; see :class:`Medium`."""
+    """[medium]: its family, the parameters of that, and the losses; see :class:`Medium`."""
+
+    family: str = "rotation"
+
+    @field_validator("family")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value not in families():
+            raise ValueError(f"must be one of {', '.join(families())}")
+        return value
 
     @field_validator(*PARAMETERS)
     @classmethod
@@ -115,7 +126,30 @@ class MediumTable(_MediumKeys):
         """The medium."""
         given = self.model_dump()
         losses = {key: given.pop(key) for key in LOSSES}
-        return Medium(**given, damping=damping(losses))
+        return _made(given, damping(losses))
+
+
+def _made(given: dict[str, Any], law: Damping) -> Medium:
+    """The medium of what is given, None standing for what is not.
+
+    Raises:
+        ValueError: a key is another family's.
+    """
+    given = {key: value for key, value in given.items() if value is not None}
+    known = medium_of(given["family"]).known()
+    for key in given:
+        if key in PARAMETERS and key not in known:
+            own = [name for name in known if name not in PARAMETERS or _only(name)]
+            raise ValueError(
+                f"{key} = {given[key]:g}: is no key of family {given['family']!r}, which has "
+                f"{', '.join(own)} of its own"
+            )
+    return Medium(**given, damping=law)
+
+
+def _only(name: str) -> bool:
+    """Whether a parameter is one family's alone."""
+    return sum(name in medium_of(family).known() for family in families()) == 1
 
 
 class LayerTable(_LayerKeys):
@@ -205,9 +239,7 @@ class LayerTable(_LayerKeys):
         whole = medium.model_dump() | given
         law = damping({key: whole.pop(key) for key in LOSSES})
         ends = [
-            Medium(
-                **{key: v[n] if isinstance(v, list) else v for key, v in whole.items()}, damping=law
-            )
+            _made({key: v[n] if isinstance(v, list) else v for key, v in whole.items()}, law)
             for n in (0, 1)
         ]
         last = None if ends[0] == ends[1] else ends[1]
@@ -276,6 +308,6 @@ def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, 
     return (
         {"from": layer.start, "to": layer.end, "grading": layer.grading}
         | {"closure": layer.medium.closure}
-        | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in PARAMETERS}
+        | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in first}
         | {key: value for key, value in losses.items() if value is not None}
     )

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from wavesim.case.units import UNITS, numbered
+from wavesim.material.shown import printable
 
 _PLAIN = {
     "float_type": "must be a number",
@@ -165,14 +166,6 @@ def _table(annotation: Any) -> Any:
     if not members:
         return inner
     return {member.__metadata__[0].tag: typing.get_args(member)[0] for member in members}
-
-
-def printable(text: str, longest: int = 200) -> str:
-    """Text as a terminal may have it: control characters and line ends escaped, cut if long."""
-    text = text[: longest + 1]
-    if not text.isprintable():
-        text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
 def shown(value: Any) -> str:

@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from wavesim.case.medium_tables import LayerTable, MediumTable
 from wavesim.case.messages import sentence
+from wavesim.case.shipped import found
 from wavesim.case.source_tables import SourceTable
 from wavesim.case.table import Name, NotNegative, Positive, Table, Text
 from wavesim.case.toml_text import CaseError as CaseError
@@ -71,7 +72,7 @@ class BarTable(Table):
         if (self.length is None) == (self.cells is None):
             both = "both are given" if self.cells is not None else "neither is given"
             raise ValueError(f"length, cells: {both}; give length (m) or cells, one of the two")
-        spacing = self.spacing or float(medium.branch_length) / 8
+        spacing = self.spacing or float(medium.length_scale) / 8
         if self.cells is not None:
             return Bar(self.cells, spacing, self.order)
         assert self.length is not None
@@ -162,7 +163,7 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
     """Read a case file and lay overrides over it.
 
     Args:
-        path: of the TOML file.
+        path: of the TOML file, or the name of a shipped case.
         overrides: "table.key=value", value in TOML; "sources.0.position=0.1" for a table of
             an array.
 
@@ -174,10 +175,11 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
     """
     name = str(path)
     try:
-        text = text_of(Path(path), "a case file, such as one in cases/")
+        file = found(path)
+        text = text_of(file, "a case file, or a shipped case (wavesim cases lists them)")
     except ValueError as error:  # a NUL in the path among them
         raise CaseError(f"{name}: {error}") from None
-    return parse(text, name, overrides, Path(path).parent)
+    return parse(text, name, overrides, file.parent)
 
 
 def parse(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from wavesim.case.table import Finite, NotNegative, Positive, Table
-from wavesim.material.wave_equations import FIELDS, ROTATIONS
+from wavesim.material.family import is_macro, known_field, known_fields
 from wavesim.sources import (
     Chirp,
     GaussianDerivative,
@@ -20,11 +20,10 @@ from wavesim.sources import (
     parameters,
     read_csv,
 )
+from wavesim.sources.source import END_ACTS, SIGNAL_ACTS
 from wavesim.sources.tone_burst import Window
 
 Side = Literal["left", "right"]
-SignalDrive = Literal["body", "moment", "rotation"]
-
 _KINDS: dict[str, type[Source]] = {
     made.kind: made
     for made in (Ricker, GaussianDerivative, ToneBurst, Chirp, Recorded, InitialField)
@@ -47,8 +46,8 @@ class _SourceTable(Table):
     @field_validator("field")
     @classmethod
     def _known(cls, value: str) -> str:
-        if value not in FIELDS:
-            raise ValueError(f"must be one of {', '.join(FIELDS)}")
+        if value not in known_fields():
+            raise ValueError(f"must be one of {', '.join(known_fields())}")
         return value
 
     @field_validator("amplitude", check_fields=False)
@@ -64,17 +63,23 @@ class _SignalTable(_SourceTable):
 
     position: NotNegative | None = None
     end: Side | None = None
-    drive: SignalDrive = "body"
+    drive: str = "body"
     amplitude: Finite = 1.0
     width: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _placed(self) -> _SignalTable:
-        if self.drive == "body":
+        family = known_field(self.field).family
+        words = family.words_for(SIGNAL_ACTS)
+        if self.drive not in words:
+            *first, last = (f'"{word}"' for word in words)
+            allowed = f"{', '.join(first)} or {last}"
+            raise ValueError(f'drive = "{self.drive}": must be {allowed} on {self.field}')
+        if family.acts(self.drive) == "body":
             if self.end is not None:
+                ends = " or ".join(f'"{word}"' for word in family.words_for(END_ACTS))
                 raise ValueError(
-                    f'end = "{self.end}": is for drive = "moment" or "rotation"; give position '
-                    "(m), or a drive"
+                    f'end = "{self.end}": is for drive = {ends}; give position (m), or a drive'
                 )
             if self.position is None:
                 raise ValueError("position: required, but not given; add it")
@@ -88,10 +93,10 @@ class _SignalTable(_SourceTable):
             raise ValueError(
                 f'end: required with drive = "{self.drive}", but not given; add "left" or "right"'
             )
-        if self.field not in ROTATIONS:
+        if not is_macro(self.field):
             raise ValueError(
-                f'field = "{self.field}": drive = "{self.drive}" acts on a rotation; take one of '
-                f"{', '.join(ROTATIONS)}"
+                f'field = "{self.field}": drive = "{self.drive}" acts on a {family.words[0]}; take '
+                f"one of {', '.join(family.macro)}"
             )
         if self.width:
             raise ValueError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from wavesim.case.messages import printable
+from wavesim.material.shown import printable
 
 
 class CaseError(ValueError):

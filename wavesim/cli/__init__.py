@@ -1,1 +1,3 @@
-"""The commands; nothing else imports them."""
+"""The commands; nothing else imports them. Ctrl-C and SIGTERM are heeded from the first moment."""
+
+from wavesim.cli import interrupts as interrupts

@@ -1,48 +1,106 @@
-"""wavesim figures: the figures of a run, drawn from its folder."""
+"""wavesim figures and animate: pictures of a run, drawn from its folder."""
 
 from __future__ import annotations
 
+import errno
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 
-from wavesim.report.terminal import BAD_INPUT, stop
+from wavesim.report.terminal import BAD_INPUT, FAILED, stop, told
 
 KINDS = ("png", "pdf", "svg")
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+_FOLDER = click.argument("folder", type=click.Path(file_okay=True))
+
+
+@contextmanager
+def _told(target: Path) -> Iterator[None]:
+    """One line for whatever keeps a picture from being made."""
+    from wavesim.case.schema import CaseError
+    from wavesim.figures.animation import AnimationError
+    from wavesim.io.result_reader import StorageError
+
+    try:
+        yield
+    except (StorageError, CaseError, AnimationError) as error:
+        stop(str(error), BAD_INPUT)
+    except OSError as error:
+        stop(
+            f"{error.filename or target}: can't be written: {error.strerror}; name another with "
+            "--out",
+            FAILED if error.errno in _FULL else BAD_INPUT,
+        )
+
+
+def _incomplete(run: Any) -> None:
+    if run.status != "complete":
+        told(f"{run.folder}: the run is {run.status}, so only its field is drawn", "warning")
 
 
 @click.command()
-@click.argument("folder", type=click.Path())
+@_FOLDER
 @click.option("--only", multiple=True, metavar="NAME", help="One figure; may be repeated.")
 @click.option("--format", "kind", type=click.Choice(KINDS), default="png", show_default=True)
 @click.option("--out", type=click.Path(), help="Folder for them; FOLDER/figures by default.")
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""
-    from wavesim.case.schema import CaseError
-    from wavesim.io.result_reader import StorageError
     from wavesim.records.run_folder import open_run
     from wavesim.runner import begun_beside, measure
 
-    target = Path(out) if out else Path(folder) / "figures"
-    with begun_beside() as beside:
+    with begun_beside() as beside, _told(Path(out or folder)):
+        run = open_run(folder)
+        target = Path(out) if out else run.folder / "figures"
+        found = measure(run.case, run.field).shown if run.status == "complete" else None
+        job = beside.each("wavesim.figures.drawing.some", target, run.field, found, only, kind)
         try:
-            run = open_run(folder)
-            whole = run.status == "complete"
-            found = measure(run.case, run.field).shown if whole else None
-            job = beside.each("wavesim.figures.drawing.some", target, run.field, found, only, kind)
             written = [path for paths in job.result() for path in paths]
-        except (StorageError, CaseError) as error:
-            stop(str(error), BAD_INPUT)
         except KeyError as error:
             name, known = error.args
-            more = "" if whole else "; the others need a run that came to its end"
-            stop(f"--only {name}: must be one of {', '.join(known)}{more}", BAD_INPUT)
-        except OSError as error:
-            stop(f"--out {target}: can't be written: {error.strerror}", BAD_INPUT)
-    if not whole:
-        click.echo(
-            f"wavesim: warning: {folder}: the run is {run.status}, so only its field is drawn; "
-            "wavesim run --resume carries it on",
-            err=True,
-        )
+            stop(f"--only {name}: must be one of {', '.join(known)}", BAD_INPUT)
+    _incomplete(run)
     click.echo(f"{', '.join(sorted(path.name for path in written))} in {target}")
+
+
+@click.command()
+@_FOLDER
+@click.option("--field", "name", help="The field shown, such as phi2; the first by default.")
+@click.option("--format", "kind", type=click.Choice(("gif", "mp4")), default="gif",
+              show_default=True)  # fmt: skip
+@click.option("--frames", type=click.IntRange(2, 2000), default=120, show_default=True)
+@click.option("--rate", type=click.IntRange(1, 60), default=20, show_default=True, help="A second.")
+@click.option("--out", type=click.Path(), help="The file; FOLDER/FIELD.gif by default.")
+def animate(
+    folder: str, name: str | None, kind: str, frames: int, rate: int, out: str | None
+) -> None:
+    """Animate the pulse on its way, from the FOLDER of a run's results."""
+    with _told(Path(out or folder)):
+        from wavesim.figures.animation import animate as made
+        from wavesim.figures.animation import field_of
+        from wavesim.records.run_folder import open_run
+
+        run = open_run(folder)
+        shown = field_of(run.field, name)
+        path = Path(out) if out else run.folder / f"{shown}.{kind}"
+        if out and path.suffix not in (".gif", ".mp4"):
+            path = path.with_name(f"{path.name}.{kind}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        made(path, run.field, shown, frames, rate, _progress())
+    _incomplete(run)
+    click.echo(f"{shown} over {run.field.t[-1] * 1e6:.4g} µs in {path}")
+
+
+def _progress() -> Callable[[float], None]:
+    """What shows how much is done, on a terminal."""
+    if not sys.stderr.isatty():
+        return lambda part: None
+
+    def tell(part: float) -> None:
+        end = "\r\x1b[K" if part >= 1 else ""
+        click.echo(f"\r{100 * part:.0f} % of the frames{end}", err=True, nl=False)
+
+    return tell

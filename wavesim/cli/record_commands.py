@@ -98,9 +98,6 @@ def _extract(options: dict[str, Any], work: Callable[[Any], Any]) -> None:
 
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
-    from rich import box
-    from rich.table import Table
-
     from wavesim.report.tables import show_checks
 
     shown = console()
@@ -116,23 +113,11 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         for reason in dict.fromkeys(r for r in points.reason if r):
             shown.print(f"  {int((points.reason == reason).sum())} refused: {reason}.")
         if entry.get("waves"):
-            table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-            for heading in ("wave", "present", "found", "missed", "|Δω|/ω grid: median", "largest",
-                            "continuum: median", "largest", "in 95 % bar"):  # fmt: skip
-                table.add_column(heading, justify="left" if heading == "wave" else "right")
-            for row in entry["waves"]:
-                numbers = [row[f"{kind}_{name}"] for name in ("grid", "continuum")
-                           for kind in ("median", "largest")]  # fmt: skip
-                inside = row["within_bar"]
-                table.add_row(
-                    row["wave"],
-                    *(str(row[name]) for name in ("present", "found", "missed")),
-                    *("–" if n is None else f"{n:.1e}" for n in numbers),
-                    "–" if inside is None else f"{100 * inside:.0f} %",
-                )
-            shown.print(table)
+            shown.print(_waves(entry["waves"], one.origin.bar is not None))
         elif not entry.get("error_grid"):
             _show_branches(shown, points)
+        if one.score is not None:
+            shown.print(f"  {one.score.said()}.")
     if answer["checks"]:
         show_checks(shown, answer["checks"])
     if "fit" in answer:
@@ -141,6 +126,33 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             bar = 1.96 * fit["standard_errors"][name]
             shown.print(f"{name} = {value:.9g} ± {bar:.2g} (95 %)")
         shown.print(f"χ² per degree of freedom {fit['chi_square']:.3g}, {fit['points']} numbers")
+
+
+def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
+    """Each wave: where found, |Δω|/ω against the continuum and, of a simulated field, its grid."""
+    from rich import box
+    from rich.table import Table
+
+    kinds = ("grid", "continuum") if on_grid else ("continuum",)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("wave", "found", "missed"):
+        table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
+    for kind in kinds:
+        where = f"\n{kind}" if on_grid else ""
+        table.add_column(f"|Δω|/ω{where}\nmedian", justify="right", no_wrap=True)
+        table.add_column(f"{where}\nlargest", justify="right", no_wrap=True)
+    table.add_column("in 95 %\nbar", justify="right", no_wrap=True)
+    for row in rows:
+        inside = row["within_bar"]
+        numbers = [row[f"{part}_{kind}"] for kind in kinds for part in ("median", "largest")]
+        table.add_row(
+            row["wave"],
+            f"{row['found']} of {row['present']}",
+            str(row["missed"]),
+            *("–" if n is None else f"{n:.1e}" for n in numbers),
+            "–" if inside is None else f"{100 * inside:.0f} %",
+        )
+    return table
 
 
 def _show_branches(shown: Any, points: Any) -> None:
@@ -183,7 +195,9 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 
 @click.command()
 @_options
-@click.option("--method", type=click.Choice(("harmonic", "fft")), default="harmonic")
+@click.option(
+    "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
+)
 @click.option("--k-max", type=float, help="Highest wavenumber, rad/m.")
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
@@ -206,12 +220,15 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
               help="σT of the exponential window; by the noise where not given.")  # fmt: skip
 @click.option("--pairs", type=click.IntRange(1, 2), default=1, help="Most pairs ±k sought.")
 @click.option("--clear", type=float, help="Distance to keep from sources, m.")
+@click.option("--spreading", type=click.Choice(("plane", "cylindrical", "spherical")),
+              default="plane", help="How waves spread from --source; plane: not.")  # fmt: skip
 def attenuation(
     band: tuple[float, float] | None,
     frequencies: int,
     damping: float | None,
     pairs: int,
     clear: float | None,
+    spreading: str,
     **given: Any,
 ) -> None:
     """Complex k(ω) of the record FILE, in bands and gaps: result.h5, other HDF5, NPZ or CSV."""
@@ -221,7 +238,7 @@ def attenuation(
     def work(found: Any) -> Any:
         from wavesim.verdict import record
 
-        return record.attenuation(found, band, frequencies, damping, pairs, clear)
+        return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
 
     _extract(given, work)
 
@@ -230,10 +247,10 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
     if (medium is None) == (function is None):
         stop("give either --medium CASE.toml or --relation FILE.py:NAME, one of the two", BAD_INPUT)
     if medium is not None:
-        from wavesim.material.sectors import blocks_of
         from wavesim.records.relations import OfMedium
 
-        return OfMedium(_medium(medium), blocks_of(sector)[0])
+        made = _medium(medium)
+        return OfMedium(made, made.family.blocks_of(sector)[0])
     assert function is not None
     file, _, name = function.rpartition(":")
     if not file or not Path(file).is_file():

@@ -42,6 +42,8 @@ def summary(results: Sequence[Recovered], fit_of: Fitted | None = None) -> dict[
         elif one.matched is not None:
             entry["error_grid"] = plain(one.matched.error(False))
             entry["error_continuum"] = plain(one.matched.error(True))
+        if one.score is not None:
+            entry["score"] = one.score.row()
         entries.append(entry)
     found = checks(results)
     answer: dict[str, Any] = {

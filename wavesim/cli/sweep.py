@@ -8,9 +8,10 @@ from typing import Any
 
 import click
 
+from wavesim.cli.interrupts import farewell
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-_LOST, _INTERRUPTED = 3, 130
+_LOST = 3
 
 
 @click.command()
@@ -76,8 +77,9 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
     workers, address = options["workers"], options["scheduler"]
     if workers is None and address is None and options["measure"] == "run":
         workers = _cores()
+    carried_on = f"what was done is in {folder}, --resume carries on"
     try:
-        with members(asked.count, quiet) as tell:
+        with members(asked.count, quiet) as tell, farewell(lambda: carried_on):
             return asked.go(options["resume"], workers, address, tell)
     except LostSchedulerError:
         stop(
@@ -85,8 +87,6 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
             f"{folder}, --resume carries on",
             _LOST,
         )
-    except KeyboardInterrupt:
-        stop(f"interrupted; what was done is in {folder}, --resume carries on", _INTERRUPTED)
 
 
 def _cores() -> int:

@@ -8,21 +8,23 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from wavesim.figures.style import gap_edges, second_axes, shade
+from wavesim.material.family import Family
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import full_gaps
 
 _VIRIDIS = colormaps["viridis"]
-SECTOR_COLOURS = {
-    "longitudinal": _VIRIDIS(0.05),
-    "transverse2": _VIRIDIS(0.45),
-    "inplane": _VIRIDIS(0.72),
-}
+SECTOR_COLOURS = (_VIRIDIS(0.05), _VIRIDIS(0.45), _VIRIDIS(0.72))
 LINE_STYLES = ("-", "--", "-.")
 TITLES = {
     "longitudinal": "longitudinal",
     "transverse2": "transverse (two alike)",
     "inplane": "in-plane shear",
 }
+
+
+def colour_of(family: Family, sector: str) -> tuple[float, ...]:
+    """The colour of a sector among those of its family that differ."""
+    return SECTOR_COLOURS[family.unlike.index(sector) % len(SECTOR_COLOURS)]
 
 
 def shade_gaps(axes: Axes, medium: Medium, sector: str, label: bool = True) -> None:

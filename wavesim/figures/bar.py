@@ -14,18 +14,18 @@ from wavesim.figures.bar_section import bar_section
 from wavesim.figures.style import (
     FOUND,
     KHZ,
-    SYMBOLS,
     THEORY,
     Drawings,
     gap_edges,
     second_axes,
     shade,
+    symbol,
     tiles,
 )
 from wavesim.material.damping import quality
+from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import ROTATIONS
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -151,7 +151,7 @@ def signals(field: Field, reading: Reading) -> Figure:
     Of long records the signals' beginning is shown. The difference is over the whole record, the
     largest of all fields, each in units of its own largest value there: what the verdict judges.
     """
-    names = [name for name in field.names if name in ROTATIONS]
+    names = [name for name in field.names if is_macro(name)]
     receivers = sorted(reading.exact, key=lambda name: field.receivers[name])
     some = np.unique(np.linspace(0, len(receivers) - 1, _MOST_LABELS // len(names)).round())
     shown = [receivers[int(i)] for i in some]
@@ -171,7 +171,7 @@ def signals(field: Field, reading: Reading) -> Figure:
         axes.plot(t, exact / size, "-", color=THEORY, lw=1.8, alpha=0.4, label="exact")
         axes.plot(t, measured / size, "--", color=FOUND, lw=0.8, label="simulated")
         axes.set(xlim=(0, end), ylim=(-1.15, 1.15), yticks=[-1, 0, 1])
-        axes.set_ylabel(SYMBOLS[name], rotation=0, labelpad=10)
+        axes.set_ylabel(symbol(name), rotation=0, labelpad=10)
         if axes is not rows[-1]:
             axes.set_xticklabels([])
         axes.text(
@@ -247,11 +247,11 @@ def _pulse_drawings(test: PulseTest) -> Drawings:
 
 def of_reading(field: Field, reading: Reading) -> Drawings:
     """Figures of a reading, by name, not drawn yet."""
-    sectors = [block.sector for block in field.blocks if block.rotations]
+    sectors = [block.sector for block in field.blocks if block.macro]
     drawings: Drawings = {}
     if sectors:
         drawings["bar"] = lambda: bar_section(field, sectors)
-    if reading.exact and any(name in ROTATIONS for name in field.names):
+    if reading.exact and any(is_macro(name) for name in field.names):
         drawings["signals"] = lambda: signals(field, reading)
     for one in reading.scattered:
         drawings[f"transmission_{one.sector}"] = lambda one=one: transmission(field, one)  # type: ignore[misc]

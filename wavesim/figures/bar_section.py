@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from wavesim.figures.style import FOUND, KHZ, TITLES
+from wavesim.figures.style import FOUND, KHZ, title
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
 
@@ -53,7 +53,7 @@ def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
         for source in field.sources:
             if np.isfinite(source.peak_frequency):
                 axes.axhline(source.peak_frequency / 1e3, color=FOUND, lw=0.9, ls="--")
-        axes.set_title(f"gaps, {TITLES[sector]}")
+        axes.set_title(f"gaps, {title(layers.first.family.blocks_of(sector))}")
         axes.set(ylabel="ω/2π (kHz)", ylim=(0, reached))
     rows[-1].set(xlabel="x (mm)", xlim=(0, layers.length * 1e3))
     figure.legend(handles=_key(field), loc="outside upper center", ncols=5)
@@ -149,11 +149,9 @@ def _letter(number: int) -> str:
 
 def _told(kinds: Sequence[Kind]) -> list[str]:
     """A line for each: its keys of the case file that differ among them, or the main ones."""
-    names = [
-        name
-        for name in ("closure", *PARAMETERS)
-        if len({getattr(m, name) for kind in kinds for m in kind if m is not None}) > 1
-    ] or ["closure", "anisotropy", "stiffness_ratio"]
+    media = [m for kind in kinds for m in kind if m is not None]
+    every = ("closure", *media[0].known())
+    names = [name for name in every if len({getattr(m, name) for m in media}) > 1] or every[:3]
     lines = []
     for number, (first, last) in enumerate(kinds[:_MOST_MEDIA]):
         parts = []

@@ -15,12 +15,12 @@ from wavesim.figures.style import (
     KHZ,
     MAP,
     THEORY,
-    TITLES,
     Drawings,
     gap_edges,
     second_axes,
     shade,
     thin,
+    title,
 )
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
@@ -41,7 +41,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
         (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
         (2e3 * np.pi * medium.time_scale, "ω̄"),
     )
-    axes.set_title(TITLES[sector])
+    axes.set_title(title(medium.family.blocks_of(sector)))
     figure.colorbar(image, ax=axes, label="power (dB)")
     return figure
 
@@ -131,7 +131,9 @@ def attenuation(field: Field, held: Held) -> Figure:
     second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
     second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
     second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
-    level.set_title(TITLES[block.sector] + f",  σ = {curve.sigma:.3g} rad/s")
+    level.set_title(
+        title(medium.family.blocks_of(block.sector)) + f",  σ = {curve.sigma:.3g} rad/s"
+    )
     return figure
 
 

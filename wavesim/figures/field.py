@@ -13,17 +13,16 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import (
     FOUND,
     MAP,
-    SYMBOLS,
     THEORY,
-    TITLES,
     Drawings,
     decibels,
     gap_edges,
     second_axes,
     shade,
+    symbol,
+    title,
 )
-from wavesim.material.sectors import SECTORS
-from wavesim.material.wave_equations import ROTATIONS
+from wavesim.material.family import is_macro
 from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.simulation.field import Field
 
@@ -65,7 +64,7 @@ def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
 
 def spacetime(field: Field) -> Figure:
     """Amplitude of every sector over position and time, in dB below its peak."""
-    sectors = [s for s in SECTORS if any(b.sector == s for b in field.blocks)]
+    sectors = list(dict.fromkeys(block.sector for block in field.blocks))
     columns = min(2, len(sectors))
     rows = -(-len(sectors) // columns)
     figure = Figure(figsize=(3.6 * columns + 0.8, 3.1 * rows + 0.3))
@@ -75,7 +74,7 @@ def spacetime(field: Field) -> Figure:
         axes.remove()
     for number, (axes, sector) in enumerate(zip(panels, sectors, strict=False), start=1):
         image = spacetime_panel(axes, field, sector)
-        axes.set_title(TITLES[sector])
+        axes.set_title(title(medium.family.blocks_of(sector)))
         # Numbers and units stand at the outer sides alone.
         if number % columns == 1 % columns:
             axes.set_ylabel("t (µs)")
@@ -86,7 +85,7 @@ def spacetime(field: Field) -> Figure:
         second_axes(
             axes,
             (1e-3 / medium.length_scale, "x / l") if number <= columns else None,
-            (1e-6 / medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)") if last else None,
+            (1e-6 / medium.time_scale, f"t / {medium.family.time}") if last else None,
         )
     figure.colorbar(
         image,
@@ -116,14 +115,14 @@ def _end_taper(count: int) -> np.ndarray:
 
 
 def receivers(field: Field) -> Figure:
-    """Record section of rotations (or, without any, the first field), and their spectra.
+    """Record section of macro-fields (or, without any, the first field), and their spectra.
 
     A trace stands at its receiver's position, or, where some stand much closer than others, in
     their order. Traces have one scale where their peaks are alike, else each its own; the title
     says which. Shown is the record until it falls silent, but no more periods than can be told
     apart. The last fifth of the record is tapered for the spectra.
     """
-    names = [n for n in field.names if n in ROTATIONS] or list(field.names[:1])
+    names = [n for n in field.names if is_macro(n)] or list(field.names[:1])
     order = sorted(field.receivers.items(), key=lambda item: item[1])
     shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(order)))
     tall = min(2.4 + 0.22 * max(0, len(order) - 4), 4.4, 11.2 / len(names))
@@ -146,7 +145,7 @@ def receivers(field: Field) -> Figure:
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
             if one_medium:
                 shade(spectrum, gap_edges(field.medium, sector))
-        spectrum.set_ylabel(f"|∫ {SYMBOLS[name]} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
+        spectrum.set_ylabel(f"|∫ {symbol(name)} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
         pitch = float(f[np.argmax(np.sum(power**2, axis=0))]) * 1e3
         _section(section, field, name, order, signals, shades, pitch)
     handles, labels = rows[0, 1].get_legend_handles_labels()
@@ -159,7 +158,9 @@ def receivers(field: Field) -> Figure:
     )  # fmt: skip
     rows[-1, 0].set_xlabel("t (µs)")
     rows[-1, 1].set_xlabel("ω/2π (kHz)")
-    second_axes(rows[0, 0], (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
+    second_axes(
+        rows[0, 0], (1e-6 / field.medium.time_scale, f"t / {field.medium.family.time}"), None
+    )
     second_axes(rows[0, 1], (2e3 * np.pi * field.medium.time_scale, "ω̄"), None)
     return figure
 
@@ -213,7 +214,7 @@ def _section(
     unit = f"{'× ' + exponent if exponent else ''}{field.unit(name)}"
     told = f"one scale, peak {high}" if alike else f"each to its peak, {low} to {high}"
     cut = "" if shown.all() else f"; first {end * 1e6:.3g} of {field.t[-1] * 1e6:.3g} µs"
-    axes.set_title(f"{SYMBOLS[name]}, {told} {unit}{cut}", fontsize=8)
+    axes.set_title(f"{symbol(name)}, {told} {unit}{cut}", fontsize=8)
     axes.set(
         ylabel=f"{'position' if placed else 'position, in order'} (mm)", xlim=(0, end * 1e6),
         ylim=(base[0] - 0.85 * step, base[-1] + 0.85 * step),
@@ -247,7 +248,7 @@ def energy(field: Field) -> Figure:
         y = getattr(field.energy, name) * factor
         axes.plot(field.t * 1e6, y, style, color=colour, lw=width, label=name)
     axes.set(xlabel="t (µs)", ylabel=f"energy per area of the section ({exponent}J/m²)")
-    second_axes(axes, (1e-6 / field.medium.time_scale, "t / √(4πρR⁵/3Gₙᵃ)"), None)
+    second_axes(axes, (1e-6 / field.medium.time_scale, f"t / {field.medium.family.time}"), None)
     axes.legend()
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from matplotlib import colormaps
@@ -18,13 +19,13 @@ from wavesim.planewave.gap_map import GapMap
 def _label(name: str) -> str:
     """A parameter of a medium beside an axis."""
     known = PARAMETERS[name]
-    words = "" if name.startswith("G_") else name.replace("_", " ") + " "
+    words = "" if known.symbol.startswith(name[:2]) else name.replace("_", " ") + " "
     symbol = f"${known.symbol}$" if "_" in known.symbol else known.symbol
     return f"{words}{symbol}" + (f" ({known.unit})" if known.unit else "")
 
 
 def gap_map_figure(gaps: GapMap) -> Figure:
-    """Widths of the five gaps and of the widest full gap over two parameters, in kHz.
+    """Widths of the gaps and of the widest full gap over two parameters, in kHz.
 
     Contours are drawn over the colours, so that values can be read in grey; white is closed.
 
@@ -34,9 +35,12 @@ def gap_map_figure(gaps: GapMap) -> Figure:
     names = (*gaps.lower, "full")
     x = np.ravel(getattr(gaps.medium, gaps.x))
     y = np.ravel(getattr(gaps.medium, gaps.y))
-    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True, sharey=True)
-    for axes, name in zip(panels.flat, names, strict=True):
+    rows = -(-len(names) // 3)
+    figure = Figure(figsize=(11.0, 3.3 * rows), layout="constrained")
+    panels = figure.subplots(rows, 3, sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat[len(names) :]:
+        axes.remove()
+    for axes, name in zip(panels.flat, names, strict=False):
         width = gaps.width(name) * 1e-3 / (2 * math.pi)
         top = float(np.nanmax(width))
         shown = np.ma.masked_invalid(np.where(width > 1e-6 * max(top, 1e-300), width, np.nan))
@@ -52,7 +56,7 @@ def gap_map_figure(gaps: GapMap) -> Figure:
         axes.set_xlabel(_label(gaps.x))
     for axes in panels[:, 0]:
         axes.set_ylabel(_label(gaps.y))
-    figure.suptitle(f"closure {gaps.medium.closure}", fontsize=10)
+    figure.suptitle(f"{gaps.medium.family.name}, closure {gaps.medium.closure}", fontsize=10)
     return figure
 
 
@@ -104,8 +108,8 @@ def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 
         column[1].set_ylabel("group velocity $x_2$ (m/s)")
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     figure.suptitle(
-        f"closure consistent, a = {float(medium.anisotropy):g}, "
-        f"η = {float(medium.stiffness_ratio):g}; $x_1$ is the axis of symmetry",
+        f"{medium.family.name}, {replace(medium, closure='consistent').in_words}; "
+        "$x_1$ is the axis of symmetry",
         fontsize=10,
     )
     return figure

@@ -15,7 +15,7 @@ from wavesim.figures.band_axes import LINE_STYLES
 from wavesim.figures.bands import band_figure
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.field import spacetime
-from wavesim.figures.style import GAP, KHZ, MAP, STYLE, TITLES, decibels
+from wavesim.figures.style import GAP, KHZ, MAP, STYLE, decibels, title
 from wavesim.grid.bar import Bar
 from wavesim.layered.transmission import Transmission
 from wavesim.material.layers import Layers
@@ -92,7 +92,7 @@ def _(measured: Measured, lowest: float = -80.0) -> Figure:
         some = slice(None, None, max(1, len(ridge.k) // 40))
         found_at = ridge.k[some], ridge.omega[some] * KHZ
         axes.plot(*found_at, "o", ms=5, mfc="none", mew=1.2, color="#00b7c7")
-    axes.set(xlabel="k (rad/m)", ylabel="ω/2π (kHz)", title=TITLES[measured.block.sector])
+    axes.set(xlabel="k (rad/m)", ylabel="ω/2π (kHz)", title=title([measured.block]))
     return figure
 
 

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, TITLES, shade
-from wavesim.material.wave_equations import ROTATIONS
+from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, shade, title
+from wavesim.material.family import is_macro
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.simulation.field import Field
 
@@ -63,7 +63,7 @@ def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
 
 def _panels(field: Field, found: Any) -> list[Panel]:
     sectors = list(dict.fromkeys(b.sector for b in field.blocks))
-    travelling = [b.sector for b in field.blocks if b.rotations] or sectors
+    travelling = [b.sector for b in field.blocks if b.macro] or sectors
     panels: list[Panel] = [partial(_spacetime, field=field, sector=travelling[0])]
     if isinstance(found, list):
         panels += [partial(_spectrum, field=field, held=found, sector=travelling[0])][: len(found)]
@@ -83,20 +83,20 @@ def _spacetime(axes: Axes, field: Field, sector: str) -> str:
     image = of_fields.spacetime_panel(axes, field, sector)
     axes.set(xlabel="x (mm)", ylabel="t (µs)")
     axes.figure.colorbar(image, ax=axes, label="amplitude (dB)", pad=0.02)
-    return f"Amplitude in the bar, {TITLES[sector]}"
+    return f"Amplitude in the bar, {title(field.medium.family.blocks_of(sector))}"
 
 
 def _spectrum(axes: Axes, field: Field, held: Any, sector: str) -> str:
     image = endless.spectrum_panel(axes, field, held, sector)
     axes.figure.colorbar(image, ax=axes, label="power (dB)", pad=0.02)
-    return f"Dispersion and gaps, {TITLES[sector]}"
+    return f"Dispersion and gaps, {title(field.medium.family.blocks_of(sector))}"
 
 
 def _attenuation(axes: Axes, field: Field, held: Any) -> str:
     endless.attenuation_panel(axes, field, held)
     axes.set_xlabel("ω/2π (kHz)")
     axes.legend(loc="upper right")
-    return f"Attenuation, {TITLES[held.measured.block.sector]}"
+    return f"Attenuation, {title([held.measured.block])}"
 
 
 def _transmission(axes: Axes, field: Field, found: Any) -> str:
@@ -131,6 +131,6 @@ def _velocity(axes: Axes, test: PulseTest) -> str:
 
 
 def _signals(axes: Axes, field: Field) -> str:
-    names = [n for n in field.names if n in ROTATIONS] or list(field.names)
+    names = [n for n in field.names if is_macro(n)] or list(field.names)
     of_fields.section_panel(axes, field, names[0])
     return f"Receivers: {axes.get_title()}"

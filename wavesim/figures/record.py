@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wavesim.figures import style
+from wavesim.figures.phase_velocity import phase_velocity
 from wavesim.figures.style import FOUND, MAP, THEORY, gap_edges, shade
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
 from wavesim.verdict.record import Recovered
@@ -217,7 +218,9 @@ def write(results: Sequence[Recovered], folder: Path) -> list[Path]:
         if one.points.in_space:
             kind, shown, compared = "attenuation", attenuation, wavenumber_residuals
         else:
-            kind, shown, compared = "dispersion", spectrum, residuals
+            along_line = one.points.method == "beam"
+            kind, compared = "dispersion", residuals
+            shown = phase_velocity if along_line else spectrum
         drawings[f"{kind}_{one.origin.label}"] = partial(shown, one)
         if one.matched is not None:
             drawings[f"{kind}_{one.origin.label}_residuals"] = partial(compared, one)

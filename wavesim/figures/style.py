@@ -6,7 +6,7 @@ as by colour, so that a figure can be read in grey.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from wavesim.material.family import Block, known_field
 from wavesim.material.medium import Medium
-from wavesim.material.wave_equations import FIELDS, ROTATIONS
 from wavesim.planewave.dispersion_relation import gaps
 
 Drawings = dict[str, Callable[[], Figure]]
@@ -45,17 +45,27 @@ LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "p
 KHZ = 1 / (2e3 * np.pi)
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
-_LOWERED = str.maketrans("123", "₁₂₃")
-SYMBOLS = {
-    name: ("φ" if name in ROTATIONS else "B") + name.lstrip("phiB").translate(_LOWERED)
-    for name in FIELDS
-}
-TITLES = {
-    "longitudinal": "longitudinal: φ₁, B₁₁, B₂₂ + B₃₃",
-    "transverse2": "transverse: φ₂, B₂₁, B₁₂",
-    "transverse3": "transverse: φ₃, B₃₁, B₁₃",
-    "inplane": "in-plane shear: B₂₃, B₃₂, B₂₂ − B₃₃",
-}
+# Words for what a sector is called in code.
+SECTORS = {"transverse2": "transverse", "transverse3": "transverse", "inplane": "in-plane shear"}
+
+
+def symbol(name: str) -> str:
+    """A field's symbol, such as φ₁."""
+    return known_field(name).symbol
+
+
+def title(blocks: Sequence[Block]) -> str:
+    """The sector of some blocks in words, with the fields that are coupled in it."""
+    sector = blocks[0].sector
+    parts = [part for block in blocks for part in block.macro + block.micro]
+    held: dict[str, None] = {}
+    for part in parts:
+        if sum(part.keys() == other.keys() for other in parts) > 1:  # as good as each alone
+            held |= dict.fromkeys(map(symbol, part))
+            continue
+        terms = [("+ " if w > 0 else "− ") + symbol(name) for name, w in part.items()]
+        held[" ".join(terms).removeprefix("+ ")] = None
+    return f"{SECTORS.get(sector, sector)}: {', '.join(held)}"
 
 
 def decibels(amplitude: Any, reference: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, KHZ, SYMBOLS, Drawings
+from wavesim.figures.style import FOUND, KHZ, Drawings, symbol
 
 _MAP = matplotlib.colormaps["viridis"]
 # Panels of one figure.
@@ -54,7 +54,7 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
         for name in peak["field"].values:
             unit = "rad" if str(name).startswith("phi") else "1/m"
             found[f"peak_{name}"] = {
-                f"largest {SYMBOLS[str(name)]} at {receiver}": (
+                f"largest {symbol(str(name))} at {receiver}": (
                     peak.sel(field=name, receiver=receiver),
                     unit,
                 )

@@ -35,6 +35,16 @@ class Stored:
     places: dict[str, NDArray[Any]] = field(default_factory=dict)
 
 
+def is_hdf5(path: Path) -> bool:
+    """Whether a file can be opened as HDF5."""
+    try:
+        with h5py.File(path, "r") as file:
+            list(file)
+    except (OSError, RuntimeError, KeyError, ValueError):
+        return False
+    return True
+
+
 def read_arrays(path: Path, largest: int) -> Stored:
     """Every array of numbers in an HDF5 file.
 

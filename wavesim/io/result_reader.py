@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -16,23 +17,77 @@ from wavesim.simulation.simulation import Simulation
 
 
 class StorageError(RuntimeError):
-    """A file can't be written or is not what it should be; the message says which and why."""
+    """A file is not what it should be; the message says which and why."""
+
+
+class WriteError(StorageError):
+    """A file can't be written; the message says why, what is stored, and how to go on."""
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[h5py.File]:
+def reading(path: Path, what: str = "") -> Iterator[h5py.File]:
+    """A result file, opened; whatever the library stumbles over is told as damage.
+
+    Args:
+        path: of the file.
+        what: is read of it, for messages.
+
+    Raises:
+        StorageError: it is not there, not of wavesim, or damaged.
+    """
     if not path.is_file():
         raise StorageError(f"{path}: no such file; run the case first")
     try:
         file = h5py.File(path, "r")
-    except OSError as error:
-        raise StorageError(f"{path}: is not a readable HDF5 file: {error}") from None
+    except (OSError, RuntimeError, ValueError) as error:
+        raise StorageError(f"{path}: is not a readable HDF5 file: {_first(error)}") from None
     try:
         if file.attrs.get("format") != "wavesim":
             raise StorageError(f"{path}: is not a result of wavesim (attribute format)")
         yield file
+    except StorageError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+        part = f"{what}: " if what else ""
+        raise StorageError(
+            f"{path}: {part}damaged: {_first(error)}; run the case again, or take a whole copy"
+        ) from None
     finally:
-        file.close()
+        with suppress(OSError, RuntimeError):
+            file.close()
+
+
+def _first(error: Exception) -> str:
+    return str(error).partition("\n")[0]
+
+
+# What the library keeps for itself, references among them.
+_OF_THE_LIBRARY = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
+CHECKSUM = "checksum"
+
+
+def attributes_checksum(file: h5py.File) -> str:
+    """SHA-256 of all attributes: of texts among them HDF5 itself has no checksum."""
+    found = hashlib.sha256()
+
+    def add(name: str, item: Any) -> None:
+        for key in sorted(item.attrs):
+            if key not in (*_OF_THE_LIBRARY, CHECKSUM):
+                found.update(f"{name}\0{key}\0{item.attrs[key]!r}\0".encode(errors="replace"))
+
+    add("", file)
+    file.visititems(add)
+    return found.hexdigest()
+
+
+def _hold(path: Path, file: h5py.File) -> None:
+    """Hold a file's attributes to their checksum, where it has one."""
+    stored = file.attrs.get(CHECKSUM)
+    if stored is not None and stored != attributes_checksum(file):
+        raise StorageError(
+            f"{path}: damaged: its attributes (case, units, names) are not those that were "
+            "written; run the case again, or take a whole copy"
+        )
 
 
 class _Lazy:
@@ -42,7 +97,7 @@ class _Lazy:
         self._path, self._name = path, name
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with reading(self._path) as file:
+        with reading(self._path, self._name) as file:
             return np.asarray(file[self._name][key])
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
@@ -71,6 +126,7 @@ def describe(path: Path) -> Stored:
         StorageError: it is not a result of wavesim.
     """
     with reading(path) as file:
+        _hold(path, file)
         return Stored(str(file.attrs["case"]), str(file.attrs["status"]), len(file["t"]))
 
 
@@ -100,5 +156,5 @@ def is_result(path: Path) -> bool:
     try:
         with h5py.File(path, "r") as file:
             return bool(file.attrs.get("format") == "wavesim")
-    except OSError:
+    except (OSError, RuntimeError, KeyError, ValueError):
         return False

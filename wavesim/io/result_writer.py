@@ -1,21 +1,22 @@
 """result.h5: readable at any moment of a run and after a crash.
 
-The only importer of h5py. No file that a reader may see is ever changed in place: the frames of a
-run go to parts beside result.h5, written once each, and result.h5 itself, which presents them as
-one array, is written anew after each chunk and moved into place. A run that is killed, at whatever
-instant, so leaves a whole file of whole chunks. At the end the parts are gathered into result.h5,
-by threads, while figures are drawn.
+No file that a reader may see is ever changed in place: the frames of a run go to parts beside
+result.h5, packed and written once each, and result.h5 itself, which presents them as one array, is
+written anew after each chunk and moved into place; it holds the last frames, which fill no whole
+chunk of a part. A run that is killed, at whatever instant, so leaves a whole file of whole chunks.
+At the end the parts are gathered into result.h5, by a thread, while figures are drawn.
 """
 
 from __future__ import annotations
 
 import datetime
+import functools
 import importlib.metadata
 import io
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,16 @@ from typing import Any
 import h5py
 import numpy as np
 
-from wavesim.io.gathering import COMPRESSED, Gathering
-from wavesim.io.result_reader import StorageError, reading
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, UNITS
+from wavesim.io.gathering import LIBVER, Gathering
+from wavesim.io.packing import PACKED, chunk_of, pack, packed_dataset
+from wavesim.io.result_reader import (
+    CHECKSUM,
+    StorageError,
+    WriteError,
+    attributes_checksum,
+    reading,
+)
+from wavesim.material.family import is_macro, known_field
 from wavesim.simulation.field import Energy
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import parameters
@@ -33,10 +41,11 @@ from wavesim.sources import parameters
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
 # Arrays of more numbers than this are packed.
-_PACKED = 65536
+_LONG = 65536
 _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
 
 
+@functools.cache
 def versions() -> dict[str, str]:
     """Versions of wavesim and of what its results depend on."""
     return {name: importlib.metadata.version(name) for name in _VERSIONED}
@@ -50,7 +59,7 @@ class Results:
         simulation: what is run.
         told: attributes of the file: the resolved "case" as TOML, "title", "stepper", "step" (s).
 
-    Every method raises StorageError if the file can't be written (a full disk, say).
+    Every method raises WriteError if the file can't be written (a full disk, say).
     """
 
     def __init__(self, path: Path, simulation: Simulation, told: Mapping[str, Any]) -> None:
@@ -58,13 +67,11 @@ class Results:
         self._parts = path.with_name(path.name + ".parts")
         self._created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         self._ends: list[int] = []
+        self._frames = self._stored = 0
+        self._tail: dict[str, np.ndarray] = {}
         self._series: dict[str, np.ndarray] = {}
         self._state: Sequence[np.ndarray] = ()
         self._gathering: Gathering | None = None
-
-    @property
-    def _frames(self) -> int:
-        return self._ends[-1] if self._ends else 0
 
     def create(self) -> None:
         """Begin anew, replacing what an earlier run left."""
@@ -89,13 +96,11 @@ class Results:
         bar = self.simulation.bar
         for name, data in values.items():
             for receiver, position in self.simulation.receivers.items():
-                weights, indices = bar.sampling(position, name not in ROTATIONS)
+                weights, indices = bar.sampling(position, not is_macro(name))
                 series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
         with self._writing():
-            with _written(self._part(end)) as part:
-                for name, data in values.items():
-                    part[name] = data
-            self._ends.append(end)
+            self._keep(values)
+            self._frames = end
             self._series = {
                 name: np.concatenate([self._series.get(name, np.zeros(0)), data])
                 for name, data in series.items()
@@ -105,6 +110,25 @@ class Results:
                 self._lay_out(file, "running")
                 for name in values:
                     self._present(file, name)
+            self._stored = end
+
+    def _keep(self, values: Mapping[str, np.ndarray]) -> None:
+        """Put frames into a part as far as they fill whole chunks, with those left before."""
+        before = self._ends[-1] if self._ends else 0
+        whole = {
+            name: np.concatenate([self._tail[name], data]) if name in self._tail else data
+            for name, data in values.items()
+        }
+        count = len(next(iter(whole.values())))
+        # Of rotations and micro-curvatures, so that both end at whole chunks.
+        high = max(chunk_of(data.shape[1])[0] for data in whole.values())
+        full = count // high * high
+        if full:
+            with _written(self._part(before + full)) as part:
+                for name, data in whole.items():
+                    pack(packed_dataset(part, name, full, data.shape[1]), data[:full])
+            self._ends.append(before + full)
+        self._tail = {name: data[full:].copy() for name, data in whole.items()}
 
     @contextmanager
     def gathering(self) -> Iterator[None]:
@@ -114,13 +138,18 @@ class Results:
         """
         with self._writing():
             self._room()
-        with reading(self.path) as before:
-            self._gathering = Gathering(self.path, before, self.simulation.fields)
-            try:
-                yield
-            finally:
-                self._gathering.abandon()
-                self._gathering = None
+            first = [0, *self._ends]
+            parts = [(at, self._part(end)) for at, end in zip(first, self._ends, strict=False)]
+            if not all(path.is_file() for _, path in parts):  # gathered before
+                parts, self._tail = [(0, self.path)], {}
+            points = {name: len(self._axis(name)[1]) for name in self.simulation.fields}
+            known = self.path, points, parts, self._tail, self._frames
+            self._gathering = Gathering(*known)
+        try:
+            yield
+        finally:
+            self._gathering.abandon()
+            self._gathering = None
 
     def finish(
         self, status: str, tables: Mapping[str, tuple[np.ndarray, str]] | None = None
@@ -145,6 +174,7 @@ class Results:
                 for path, (values, unit) in (tables or {}).items():
                     _put(file, path, values, unit)
                 _attach_axes(file)
+                file.attrs[CHECKSUM] = attributes_checksum(file)
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def carry_on(self) -> tuple[int, list[np.ndarray]]:
@@ -169,8 +199,10 @@ class Results:
                 )
             self._created = str(file.attrs["created_utc"])
             self._ends = file["restart/ends"][()].tolist()
+            self._frames = self._stored = len(file["t"])
+            running = file.attrs["status"] == "running"
             missing = [e for e in self._ends if not self._part(e).is_file()]
-            if missing and file.attrs["status"] == "running":
+            if missing and running:
                 raise StorageError(
                     f"{self._part(missing[0])}: is missing, so that the run can't be resumed; run "
                     "without --resume"
@@ -179,6 +211,9 @@ class Results:
             for receiver in self.simulation.receivers:
                 names += [f"receivers/{receiver}/{name}" for name in self.simulation.fields]
             self._series = {name: file[name][()] for name in names}
+            if running:
+                tail = self._ends[-1] if self._ends else 0
+                self._tail = {n: file[f"fields/{n}"][tail:] for n in self.simulation.fields}
             group = file["restart/state"]
             self._state = [group[str(n)][()] for n in range(len(group))]
             return self._frames - 1, list(self._state)
@@ -194,28 +229,39 @@ class Results:
             yield
         except StorageError:
             raise
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, ValueError) as error:
             what = getattr(error, "strerror", None) or str(error).partition("\n")[0]
-            raise StorageError(
-                f"{self.path}: can't be written: {what}; make room, or name another folder with "
-                "--out"
-            ) from error
+            raise WriteError(f"{self.path}: can't be written: {what}; {self.stored}") from error
+
+    @property
+    def stored(self) -> str:
+        """What of the run is stored, and how to go on."""
+        if not self.path.parent.is_dir():
+            return "its folder is gone; run again, and leave it there"
+        if not self._stored:
+            return "nothing is stored yet; make room on the disk, or name another folder with --out"
+        return (
+            f"{self._stored} of {self.simulation.frames} frames are stored; make room on the disk "
+            "and run again with --resume"
+        )
 
     def _room(self) -> None:
-        """Hold the file to come to the room on the disk; the HDF5 library dies of a full one."""
-        points = sum(len(self._axis(name)[1]) for name in self.simulation.fields)
-        needed = 8 * self._frames * points
+        """Hold the file to come to the room on the disk."""
+        needed = sum(
+            self._part(end).stat().st_size for end in self._ends if self._part(end).is_file()
+        )
+        needed += sum(data.nbytes for data in self._tail.values())
         free = shutil.disk_usage(self.path.parent).free
         if needed > free:
-            raise StorageError(
-                f"{self.path}: can't be written: it may need {needed / 1e6:.0f} MB, and the disk "
+            raise WriteError(
+                f"{self.path}: can't be written: it may need {needed / 1e6:.3g} MB, and the disk "
                 f"has {free / 1e6:.0f} MB left; make room and run again with --resume"
             )
 
     def _lay_out(self, file: h5py.File, status: str) -> None:
         """Everything but the fields and what was measured."""
         axes = {"t": self.simulation.times[: self._frames]}
-        axes |= dict(self._axis(name) for name in (ROTATIONS[0], CURVATURES[0]))
+        axes |= dict(self._axis(name) for name in self.simulation.fields)
         file.attrs.update(
             {
                 "format": "wavesim",
@@ -230,33 +276,39 @@ class Results:
         for name, values in axes.items():
             _put(file, name, values, "s" if name == "t" else "m")
             file[name].make_scale(name)
+        units = {name: known_field(name).unit for name in self.simulation.fields}
         for name, values in self._series.items():
-            _put(file, name, values, UNITS.get(name.rpartition("/")[2], "J/m²"))
+            _put(file, name, values, units.get(name.rpartition("/")[2], "J/m²"))
             file[name].dims[0].attach_scale(file["t"])
         file["energy/t"] = h5py.SoftLink("/t")
         for receiver, position in self.simulation.receivers.items():
             file[f"receivers/{receiver}"].attrs["position"] = position
         self._sources(file.create_group("source"))
-        file["restart/ends"] = self._ends
+        file["restart/ends"] = np.array(self._ends, np.int64)
         for number, array in enumerate(self._state):
-            file[f"restart/state/{number}"] = array
+            _put(file, f"restart/state/{number}", np.asarray(array), "")
 
     def _present(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
         points = len(self._axis(name)[1])
         layout = h5py.VirtualLayout((self._frames, points), np.float64)
-        for first, end in zip([0, *self._ends], self._ends, strict=False):
+        first = 0
+        for end in self._ends:
             where = self._part(end).relative_to(self.path.parent)
             layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, points))
+            first = end
+        if first < self._frames:
+            kept = _put(file, f"restart/tail/{name}", self._tail[name], "")
+            layout[first : self._frames] = h5py.VirtualSource(kept)
         self._label(file, name, file.create_virtual_dataset(f"fields/{name}", layout, np.nan))
 
     def _axis(self, name: str) -> tuple[str, np.ndarray]:
         """Where a field lives: name of the scale, and positions in m."""
         bar = self.simulation.bar
-        return ("x", bar.nodes) if name in ROTATIONS else ("x_half", bar.half_nodes)
+        return ("x", bar.nodes) if is_macro(name) else ("x_half", bar.half_nodes)
 
     def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
-        data.attrs["units"] = UNITS[name]
+        data.attrs["units"] = known_field(name).unit
         data.dims[0].attach_scale(file["t"])
         data.dims[1].attach_scale(file[self._axis(name)[0]])
 
@@ -270,7 +322,8 @@ class Results:
                     entry[name] = value
                 else:
                     entry.attrs[name] = value
-            entry["t"], entry["signal"] = t, source.signal(t)
+            _put(entry, "t", t, "s")
+            _put(entry, "signal", source.signal(t), "")
 
 
 @contextmanager
@@ -279,26 +332,44 @@ def _written(path: Path) -> Iterator[h5py.File]:
 
     It is made in memory: no failure to write can upset the HDF5 library.
     """
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver=LIBVER) as file:
+        yield file
+    write_whole(path, image.getbuffer())
+
+
+def write_whole(path: Path, data: bytes | memoryview) -> None:
+    """A file that is there as a whole, or is what it was before.
+
+    Raises:
+        OSError: it can't be written.
+    """
     temporary = path.with_name(path.name + ".tmp")
     try:
-        image = io.BytesIO()
-        with h5py.File(image, "w") as file:
-            yield file
-        temporary.write_bytes(image.getbuffer())
+        temporary.write_bytes(data)
         os.replace(temporary, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
-def _put(group: h5py.Group, name: str, data: Any, unit: str) -> None:
-    """An array with its unit, packed where it is long; a plain number or text as an attribute."""
+def _put(group: h5py.Group, name: str, data: Any, unit: str) -> Any:
+    """An array with its unit and checksum, packed where it is long; else an attribute.
+
+    Returns:
+        The data set; None of a plain number or text, which is an attribute.
+    """
     if isinstance(data, float | str):
         where, _, name = name.rpartition("/")
         group.require_group(where).attrs[name] = data
-        return
-    packed = COMPRESSED if np.size(data) > _PACKED else {}
-    group.create_dataset(name, data=data, **packed)
-    group[name].attrs["units"] = unit
+        return None
+    kept: dict[str, Any] = {"fletcher32": True} if np.ndim(data) and np.size(data) else {}
+    made = group.create_dataset(
+        name, data=data, **(PACKED if np.size(data) > _LONG and kept else kept)
+    )
+    if unit:
+        made.attrs["units"] = unit
+    return made
 
 
 def _attach_axes(file: h5py.File) -> None:

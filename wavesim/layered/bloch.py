@@ -38,7 +38,7 @@ def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = N
         ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
     """
     kept = keeps_gradient(cell, gradient)
-    stack = Stack(cell, block_of(sector), np.atleast_1d(np.asarray(omega)), kept)
+    stack = Stack(cell, block_of(cell.first.family, sector), np.atleast_1d(np.asarray(omega)), kept)
     S = stack.whole()
     if len(stack.impedance) > 1:
         return _many(S) / cell.length
@@ -95,7 +95,9 @@ def stop_bands(
     """
     low, high = band
     edges = [
-        eigenfrequencies(cell, block_of(sector), sign, sign, band, False, spacing)
+        eigenfrequencies(
+            cell, block_of(cell.first.family, sector), sign, sign, band, False, spacing
+        )
         for sign in ("periodic", "antiperiodic")
     ]
     marks = sorted({low, high, *np.concatenate(edges), *windows(cell, sector, band).ravel()})

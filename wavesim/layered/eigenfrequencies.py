@@ -13,8 +13,8 @@ from wavesim.layered.stack import Stack
 from wavesim.layered.transmission import block_of
 from wavesim.layered.uniform_layer import waves
 from wavesim.material.damping import UNDAMPED
+from wavesim.material.family import Block
 from wavesim.material.layers import Layers, as_layers
-from wavesim.material.sectors import Block
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs, keeps_gradient
 from wavesim.planewave.eigenproblem import spectral_form
 
@@ -45,7 +45,7 @@ def windows(layers: Layers, sector: str, band: tuple[float, float]) -> Any:
     low, high = band
     stops = [
         (float(column.min()), float(column.max()))
-        for values in _edges(layers, block_of(sector), form_asymptotes)
+        for values in _edges(layers, block_of(layers.first.family, sector), form_asymptotes)
         for column in values.T
     ]
     found = []
@@ -177,7 +177,7 @@ def resonances(
     """
     check_ends(left, right, ("fixed", "free", "periodic"))
     kept = keeps_gradient(layers, gradient)
-    block = block_of(sector)
+    block = block_of(layers.first.family, sector)
     real = eigenfrequencies(layers, block, left, right, band, kept, spacing)
     if all(layer.medium.damping == UNDAMPED for layer in layers.layers):
         return real

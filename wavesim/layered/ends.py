@@ -43,7 +43,7 @@ def returned(stack: Stack, left: str, right: str) -> Any:
             R[:, inside, inside] = reflection(stack.end_waves(place > 0), place > 0)
             continue
         R[:, range(place, place + n), range(place, place + n)] = 1
-        if end == "fixed" and stack.block.rotations:
+        if end == "fixed" and stack.block.macro:
             R[:, place, place] = -1
     return R
 

@@ -68,7 +68,7 @@ def clamped_bound(one: Section) -> float:
     """√ of the least of J/I_φ and Γ/I_B: a clamped element has ω ≥ this π/h."""
     own = one.own
     parts = [float(np.linalg.eigvalsh(own.gamma).min()) / own.i_B]
-    if one.rotations:
+    if one.macro:
         static = own.c_pp - own.c_pb @ np.linalg.solve(own.c_bb, own.c_bp)
         parts.append(float(static[0, 0]) / own.i_phi)
     return math.sqrt(min(parts))
@@ -153,7 +153,7 @@ def count(
         K[:, a, b] += sign * here[:, :n, n:]
         K[:, b, a] += sign * here[:, n:, :n]
     free = np.ones(nodes * n, dtype=bool)
-    if stack.block.rotations:
+    if stack.block.macro:
         free[0] &= left != "fixed"
         free[M * n if not ring else 0] &= right != "fixed"
     K = K[:, free][:, :, free]

@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.damping import Damping
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, Scales, block_coefficients
-from wavesim.material.sectors import Block
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Section:
     impedance: Any = None
 
     @property
-    def rotations(self) -> int:
-        """p, how many rotations the block has: 0 or 1."""
+    def macro(self) -> int:
+        """p, how many macro-fields the block has: 0 or 1."""
         return len(self.own.c_pp)
 
     @property
     def size(self) -> int:
         """n, how many pairs of waves: p + b with Γ, p without."""
-        return self.rotations + (len(self.own.c_bb) if self.kept else 0)
+        return self.macro + (len(self.own.c_bb) if self.kept else 0)
 
     @cached_property
     def natural_impedance(self) -> Any:
@@ -101,7 +101,7 @@ def limit(one: Section, omega: Any) -> Limit:
     m, iota = one.losses(omega)
     square = omega**2 * iota / m
     X = np.linalg.inv(own.c_bb - square[:, None, None] * own.i_B * np.eye(len(own.c_bb)))
-    if not one.rotations:
+    if not one.macro:
         empty = np.zeros((len(omega), len(own.c_bb)))
         return Limit(X, np.zeros(len(omega)), empty, empty, m, iota)
     pX, Xp = (own.c_pb @ X)[:, 0, :], (X @ own.c_bp)[:, :, 0]
@@ -118,7 +118,7 @@ def halves(one: Section, omega: Any) -> tuple[Any, Any]:
     Returns:
         Shapes (N, n, n), weighted by √z.
     """
-    own, p, n = one.own, one.rotations, one.size
+    own, p, n = one.own, one.macro, one.size
     P = np.zeros((len(omega), n, n), dtype=complex)
     Q = np.zeros_like(P)
     at = 1j * omega
@@ -147,13 +147,13 @@ def weights(one: Section) -> tuple[Any, Any]:
     """By what e and o are multiplied: √z for a v, 1/√z for an f."""
     root = np.sqrt(one.impedance)
     even, odd = 1 / root, root.copy()
-    even[: one.rotations], odd[: one.rotations] = root[: one.rotations], 1 / root[: one.rotations]
+    even[: one.macro], odd[: one.macro] = root[: one.macro], 1 / root[: one.macro]
     return even, odd
 
 
 def to_vf(one: Section, even: Any, odd: Any) -> tuple[Any, Any]:
     """(v, f) from (e, o), along axis 1."""
-    p = one.rotations
+    p = one.macro
     return (
         np.concatenate([even[:, :p], odd[:, p:]], axis=1),
         np.concatenate([odd[:, :p], even[:, p:]], axis=1),
@@ -162,7 +162,7 @@ def to_vf(one: Section, even: Any, odd: Any) -> tuple[Any, Any]:
 
 def generator(one: Section, omega: Any) -> Any:
     """A of y′ = A y, y = (√z v, f/√z), shape (N, 2n, 2n)."""
-    n, p = one.size, one.rotations
+    n, p = one.size, one.macro
     P, Q = halves(one, omega)
     place_even = [*range(p), *range(n + p, 2 * n)]
     place_odd = [*range(n, n + p), *range(p, n)]

@@ -12,12 +12,12 @@ from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.ends import check_ends, returned, waves_at_ends
 from wavesim.layered.inverse_transform import contour
 from wavesim.layered.section import limit
-from wavesim.layered.source_loads import body_loads, drive_of, end_drives
+from wavesim.layered.source_loads import acts_of, body_loads, end_drives
 from wavesim.layered.stack import Load, Stack
 from wavesim.layered.star_product import inner, nothing, star, times
+from wavesim.material.family import Block, weights
 from wavesim.material.layers import Layers
-from wavesim.material.sectors import Block, excited_blocks
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS
+from wavesim.material.scaling import Scales
 from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.eigenproblem import solve, spectral_form
 
@@ -45,7 +45,7 @@ def signals(
         gradient: whether Γ is kept; None lets planewave.gradient_share > 1e-9 of a layer decide.
 
     Returns:
-        {receiver: {field: shape (nt,)}} of all fields of the blocks that are driven, rad and 1/m.
+        {receiver: {field: shape (nt,)}} of all fields of the blocks that are driven, SI.
 
     Raises:
         ValueError: an end, a receiver, a source or a layer is not admissible; the message names it.
@@ -56,8 +56,8 @@ def signals(
     if times_.min() < 0 or not times_.max() > 0:
         raise ValueError("t: must be ≥ 0, and reach beyond 0")
     kept = keeps_gradient(layers, gradient)
-    pulses = [source for source in sources if drive_of(source) != "initial"]
-    initial = [source for source in sources if drive_of(source) == "initial"]
+    pulses = [source for source in sources if acts_of(source) != "initial"]
+    initial = [source for source in sources if acts_of(source) == "initial"]
     tops = [_fastest(layers, source) for source in initial]
     grid = contour(float(times_.max()), pulses, tops)
     found = field_spectra(layers, left, right, sources, receivers, grid.omega, kept)
@@ -73,7 +73,7 @@ def _fastest(layers: Layers, source: Any) -> float:
         float(np.sqrt(solve(spectral_form(m, block), np.array([k])).squares.real.max()))
         / m.time_scale
         for m in layers.media
-        for block in excited_blocks([source.field])
+        for block in m.family.excited([source.field])
         for k in [6.5 / source.width * m.length_scale]
     )
 
@@ -93,7 +93,7 @@ def field_spectra(
         omega: ω, shape (N,), complex with Im ω ≥ 0, not 0, rad/s.
 
     Returns:
-        {receiver: {field: shape (N,)}}, rad s and s/m.
+        {receiver: {field: shape (N,)}}, the field's unit times s.
     """
     check_ends(left, right)
     for name, x in receivers.items():
@@ -106,7 +106,8 @@ def field_spectra(
             )
     omega = np.atleast_1d(np.asarray(omega, dtype=complex))
     found: dict[str, dict[str, Any]] = {name: {} for name in receivers}
-    for block in excited_blocks([source.field for source in sources]):
+    family = layers.first.family
+    for block in family.excited([source.field for source in sources]):
         values = _block_spectra(layers, left, right, sources, receivers, omega, gradient, block)
         for name, fields in values.items():
             for field, spectrum in fields.items():
@@ -124,7 +125,7 @@ def _block_spectra(
     gradient: bool,
     block: Block,
 ) -> dict[str, dict[str, Any]]:
-    travels = gradient or bool(block.rotations)
+    travels = gradient or bool(block.macro)
     stack = Stack(layers, block, omega, gradient)
     loads = body_loads(stack, sources, left == "periodic")
     if not travels:
@@ -149,17 +150,15 @@ def _block_spectra(
     return found
 
 
-def _named(block: Block, phi: Any, B: Any, curvature: float) -> dict[str, Any]:
+def _named(block: Block, phi: Any, B: Any, units: Scales) -> dict[str, Any]:
     """Fields in SI from a block's components, (N, p) and (N, b)."""
-    names = [*ROTATIONS, *CURVATURES]
-    values = np.concatenate(
-        [phi @ block.weights(ROTATIONS), B @ block.weights(CURVATURES) * curvature], axis=1
-    )
-    return {name: values[:, names.index(name)] for name in block.fields}
+    values = np.concatenate([phi * units.macro, B * units.micro], axis=1)
+    values = values @ weights(block.macro + block.micro, block.fields)
+    return {name: values[:, i] for i, name in enumerate(block.fields)}
 
 
-def _double_moment(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int) -> Any:
-    """Π(x) on each micro-curvature, shape (N, b)."""
+def _double_force(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int) -> Any:
+    """Π(x) on each micro-field, shape (N, b)."""
     here = stack.section(stack.layers.layer_at(x), x)
     total = np.zeros((len(stack.scaled), b), dtype=complex)
     for load in loads:
@@ -169,7 +168,7 @@ def _double_moment(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int
         if load.width == 0:
             if abs(load.position - at) <= 1e-12 * max(at, 1.0):
                 raise ValueError(
-                    f"receiver at {x:g} m: there a point source makes the micro-curvature "
+                    f"receiver at {x:g} m: there a point source makes the micro-field "
                     "infinite; give the source a width"
                 )
             continue
@@ -179,23 +178,23 @@ def _double_moment(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int
 
 
 def _fields(stack: Stack, loads: Sequence[Load], x: float, v: Any, f: Any) -> dict[str, Any]:
-    p, b = len(stack.block.rotations), len(stack.block.curvatures)
+    p, b = len(stack.block.macro), len(stack.block.micro)
     omega = stack.scaled
     u = 1j * v / omega[:, None]
     if stack.kept:
-        return _named(stack.block, u[:, :p], u[:, p:], stack.units.curvature)
+        return _named(stack.block, u[:, :p], u[:, p:], stack.units)
     here = stack.section(stack.layers.layer_at(x), x)
     local = limit(here, omega)
-    pushed = _double_moment(stack, loads, x, p, b)
+    pushed = _double_force(stack, loads, x, p, b)
     slope = (-f[:, 0] + np.sum(local.pX * pushed, axis=1)) / local.D
     B = local.Xp * slope[:, None] + times(local.X, pushed) / local.modulus[:, None]
-    return _named(stack.block, u, B, stack.units.curvature)
+    return _named(stack.block, u, B, stack.units)
 
 
 def _still(stack: Stack, loads: Sequence[Load], x: float) -> dict[str, Any]:
-    """A micro-curvature alone, without Γ: B = X Π/m where it is driven, and nowhere else."""
-    b = len(stack.block.curvatures)
+    """A micro-field alone, without Γ: B = X Π/m where it is driven, and nowhere else."""
+    b = len(stack.block.micro)
     here = stack.bare(stack.layers.layer_at(x), x)
     local = limit(here, stack.scaled)
-    B = times(local.X, _double_moment(stack, loads, x, 0, b)) / local.modulus[:, None]
-    return _named(stack.block, np.zeros((len(B), 0)), B, stack.units.curvature)
+    B = times(local.X, _double_force(stack, loads, x, 0, b)) / local.modulus[:, None]
+    return _named(stack.block, np.zeros((len(B), 0)), B, stack.units)

@@ -21,9 +21,9 @@ from wavesim.layered.section import (
 )
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
+from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.scaling import Scales, scales
-from wavesim.material.sectors import Block
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Load:
         """Strength with the local inertia, shape (N,)."""
         if not self.inertial:
             return self.strength
-        own = one.own.i_phi if self.component < one.rotations else one.own.i_B
+        own = one.own.i_phi if self.component < one.macro else one.own.i_B
         return self.strength * own * one.losses(omega)[1]
 
 
 def driven(one: Section, omega: Any, component: int) -> Any:
     """s of y′ = A y + s for a unit body moment on a component, shape (N, 2n); see ``section``."""
-    n, p = one.size, one.rotations
+    n, p = one.size, one.macro
     s = np.zeros((len(omega), 2 * n), dtype=complex)
     if component < p or one.kept:
         s[:, n + component] = 1 / np.sqrt(one.impedance[component])
@@ -69,7 +69,7 @@ class Stack:
 
     Args:
         layers: the bar.
-        block: one of wavesim.material.sectors.BLOCKS.
+        block: one of its family's blocks.
         omega: ω in SI, shape (N,), real or complex, not 0, rad/s.
         kept: whether Γ is kept.
 
@@ -88,10 +88,7 @@ class Stack:
         for layer in self.layers.layers if self.kept else ():
             gamma = self.bare(layer, layer.start).own.gamma
             if np.linalg.cond(gamma) > 1e12:
-                raise ValueError(
-                    f"G_n_g = {layer.medium.G_n_g:g}, stiffness_ratio = "
-                    f"{layer.medium.stiffness_ratio:g}: Γ is singular; take gradient = False"
-                )
+                raise ValueError(f"{layer.medium.in_words}: Γ is singular; take gradient = False")
 
     @cached_property
     def units(self) -> Scales:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
+from wavesim.material.family import Block, Family
 from wavesim.material.layers import Layers
-from wavesim.material.sectors import Block, blocks_of
 from wavesim.material.shown import Shown
 from wavesim.planewave.band_edges import keeps_gradient
 
@@ -63,17 +63,17 @@ class Transmission(Shown):
         return xarray.Dataset(ratios, {"omega": ("omega", self.omega, {"units": "rad/s"})})
 
 
-def block_of(sector: str) -> Block:
-    """The block of a sector with a rotation.
+def block_of(family: Family, sector: str) -> Block:
+    """The block of a sector with a macro-field.
 
     Raises:
         ValueError: the sector has none, or is unknown.
     """
-    blocks = blocks_of(sector)
-    if not blocks[0].rotations:
+    blocks = family.blocks_of(sector)
+    if not blocks[0].macro:
         raise ValueError(
-            f"sector {sector!r}: nothing travels in it as Γ → 0; take longitudinal, transverse2 or "
-            "transverse3"
+            f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
+            f"{', '.join(family.travelling)}"
         )
     return blocks[0]
 
@@ -101,7 +101,9 @@ def transmission(
         ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
     """
     kept = keeps_gradient(layers, gradient)
-    stack = Stack(layers, block_of(sector), np.atleast_1d(np.asarray(omega)), kept)
+    stack = Stack(
+        layers, block_of(layers.first.family, sector), np.atleast_1d(np.asarray(omega)), kept
+    )
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)
     n, rows = len(stack.impedance), np.arange(len(stack.scaled))

@@ -34,12 +34,12 @@ def outward(k: Any, flux: Any) -> Any:
     return np.where(flat, np.where(flux < 0, -1.0, 1.0), np.where(k.imag < 0, -1.0, 1.0))
 
 
-def _eigen(matrix: Any, rotations: int) -> tuple[Any, Any]:
+def _eigen(matrix: Any, macro: int) -> tuple[Any, Any]:
     """Eigenvalues and vectors of P Q, to their own precision however small Γ is."""
     # With f_B counted in units of i it is real for real ω without loss: k² is then real exactly,
     # or one of a pair. The largest entries come first, as QR keeps small values if they do.
     turn = np.ones(matrix.shape[-1], dtype=complex)
-    turn[rotations:] = 1j
+    turn[macro:] = 1j
     turned = (matrix * turn / turn[:, None])[:, ::-1, ::-1]
     values, vectors = np.linalg.eig(turned if turned.imag.any() else turned.real)
     return values.astype(complex), vectors[:, ::-1] * turn[:, None]
@@ -57,7 +57,7 @@ def waves(one: Section, omega: Any) -> Waves:
         even = np.ones_like(P)
         k = np.sqrt(-(P * Q)[:, :, 0])
     else:
-        values, even = _eigen(P @ Q, one.rotations)
+        values, even = _eigen(P @ Q, one.macro)
         even = even / np.abs(even).max(axis=1, keepdims=True)
         k = np.sqrt(-values)
     k = np.where(k == 0, 1e-150, k)

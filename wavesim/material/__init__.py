@@ -1,1 +1,4 @@
-"""What the waves travel in: media, tensors, wave equations, losses, layers."""
+"""What the waves travel in: families, media, tensors, wave equations, losses, layers."""
+
+# Both families are known wherever a medium is.
+from wavesim.material import rotation as rotation

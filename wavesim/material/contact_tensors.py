@@ -1,4 +1,6 @@
-"""The constitutive tensors J, M, N of Appendix B, by exact averages over contact directions.
+"""The constitutive tensors of Appendix B, by exact averages over contact directions.
+
+J, M, N of rotation; C, E, H of translation are the same averages with K for G.
 
 ξ(n) = (δ_pq + F_pq) n_p n_q / 4π, F = diag(a, −a/2, −a/2)  (Eqs. 18, 19), and
 ∫ n₁^2α n₂^2β n₃^2γ dΩ/4π = (2α−1)!!(2β−1)!!(2γ−1)!!/(2(α+β+γ)+1)!!, zero for any odd power.
@@ -61,7 +63,7 @@ def fabric_moments(anisotropy: Any, order: int) -> Any:
 def _contact_stiffness_average(medium: Medium, normal: Any, order: int) -> Any:
     """⟨G_ik n_j…⟩ with G = (G_n − G_s) n⊗n + G_s I (Eq. 15), order = number of n's beside G.
 
-    Index order of the result: i, k, then the n's. Shape (3,)*(order + 2), N·m.
+    Index order of the result: i, k, then the n's. Shape (3,)*(order + 2), unit of the stiffness.
     """
     tangential = medium.stiffness_ratio * normal
     aligned = fabric_moments(medium.anisotropy, order + 2)
@@ -72,24 +74,22 @@ def _contact_stiffness_average(medium: Medium, normal: Any, order: int) -> Any:
 
 
 def average_stiffness(medium: Medium) -> Any:
-    """J_ijkl = l² N_p ⟨G^a_ik n_j n_l⟩, of μ = J : κ (Eq. 23). Shape (3, 3, 3, 3), N."""
-    scale = medium.branch_length**2 * medium.contact_density
-    average = _contact_stiffness_average(medium, medium.G_n_a, 2)
-    return scale * average.transpose(0, 2, 1, 3)
+    """J_ijkl = l² N_p ⟨G^a_ik n_j n_l⟩, of μ = J : κ (Eq. 23). Shape (3, 3, 3, 3), N; Pa."""
+    average = _contact_stiffness_average(medium, medium.stiffnesses[0], 2)
+    return medium.per_contacts * average.transpose(0, 2, 1, 3)
 
 
 def relative_stiffness(medium: Medium) -> Any:
-    """M_ijkl = l² N_p ⟨G^r_ik n_j n_l⟩, of υ = M : (κ − B) (Eq. 24). Shape (3, 3, 3, 3), N."""
-    scale = medium.branch_length**2 * medium.contact_density
-    average = _contact_stiffness_average(medium, medium.G_n_r, 2)
-    return scale * average.transpose(0, 2, 1, 3)
+    """M_ijkl = l² N_p ⟨G^r_ik n_j n_l⟩, of υ = M : (κ − B) (Eq. 24). Shape (3, 3, 3, 3), N; Pa."""
+    average = _contact_stiffness_average(medium, medium.stiffnesses[1], 2)
+    return medium.per_contacts * average.transpose(0, 2, 1, 3)
 
 
 def gradient_stiffness(medium: Medium) -> Any:
     """N_ijklmn = l⁴ N_p/4 ⟨G^g_il n_j n_k n_m n_n⟩, of 𝕍 = N ⋮ ∇B (Eq. 25).
 
-    Shape (3,)*6, N·m².
+    Shape (3,)*6, N·m²; N.
     """
     scale = medium.branch_length**4 * medium.contact_density / 4
-    average = _contact_stiffness_average(medium, medium.G_n_g, 4)
+    average = _contact_stiffness_average(medium, medium.stiffnesses[2], 4)
     return scale * average.transpose(0, 2, 3, 1, 4, 5)

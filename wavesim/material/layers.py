@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 from wavesim.material.shown import Shown, quantity
 from wavesim.material.tables import grouped, medium_table, rounded
 
@@ -42,7 +42,7 @@ class Layer:
         grading: "smooth" or "linear".
 
     Raises:
-        ValueError: it has no thickness, or the two media differ in closure or in loss law.
+        ValueError: it has no thickness, or the two media differ in family, closure or loss law.
     """
 
     start: float
@@ -58,6 +58,8 @@ class Layer:
             )
         if self.grading not in GRADINGS:
             raise ValueError(f"grading = {self.grading!r}: must be one of {', '.join(GRADINGS)}")
+        if self.last is not None and self.last.family is not self.medium.family:
+            raise ValueError("family: must be the same at both ends of a graded layer")
         if self.last is not None and (
             self.last.closure != self.medium.closure or self.last.damping != self.medium.damping
         ):
@@ -77,18 +79,18 @@ class Layer:
     def weight(self, position: Any) -> Any:
         """w at positions within the layer, of any shape, m."""
         s = np.clip((position - self.start) / self.thickness, 0.0, 1.0)
-        return s**3 * (10 - 15 * s + 6 * s**2) if self.grading == "smooth" else s
+        return graded_weight(s, self.grading)
 
     def at(self, position: float) -> Medium:
         """The medium at a position within the layer, m."""
         if self.last is None:
             return self.medium
-        w = float(self.weight(position))
-        first, last = self.medium.parameters, self.last.parameters
-        values: dict[str, Any] = {
-            name: (1 - w) * first[name] + w * last[name] for name in PARAMETERS
-        }
-        return dataclasses.replace(self.medium, **values)
+        return self.medium.towards(self.last, float(self.weight(position)))
+
+
+def graded_weight(s: Any, grading: Grading) -> Any:
+    """w of s, the part of a graded layer that lies behind, 0 to 1, any shape: see Layer."""
+    return s**3 * (10 - 15 * s + 6 * s**2) if grading == "smooth" else s
 
 
 @dataclass(frozen=True, repr=False)

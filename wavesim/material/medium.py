@@ -1,26 +1,24 @@
-"""The granular medium: the parameters of Table 1 and the units that the program scales by.
+"""A medium: what the waves of a family travel in, and what everything else asks it.
 
-Source of every equation number: Yu, Liu, Shi, Chen, Appl. Sci. 2022, 12, 6129,
-doi 10.3390/app12126129.
+A family comes with a class of its own, a frozen dataclass derived from :class:`Medium` that holds
+its parameters and gives its coefficients. ``Medium(family="translation", …)`` makes one by name.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 import numbers
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, Literal, get_origin, get_type_hints
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin, get_type_hints
+
+import numpy as np
 
 from wavesim.material.damping import UNDAMPED, Damping
+from wavesim.material.family import Family, register
 from wavesim.material.shown import Shown
-
-Closure = Literal["printed", "consistent"]
-SpectralClosure = Literal["printed", "consistent", "appendix_c"]
-
-CLOSURES: tuple[str, ...] = ("printed", "consistent")  # those with wave equations
-SPECTRAL_CLOSURES: tuple[str, ...] = (*CLOSURES, "appendix_c")
-_NEGATIVE_CONTACTS = "the contact density is negative in some direction outside it"
-_NEGATIVE_STIFFNESS = "a tangential stiffness can't be negative"
 
 
 @dataclass(frozen=True)
@@ -56,120 +54,227 @@ class Parameter:
         return self.low < value <= self.high or (value == self.low and not self.open)
 
 
-@dataclass(frozen=True, repr=False)
-class Medium(Shown):
-    """A transversely isotropic granular medium; its axis of symmetry is x₁, the bar's axis.
+PARAMETERS: dict[str, Parameter] = {}
+"""What is known of the parameters of the media of all families, by name."""
+_MEDIA: dict[str, type[Medium]] = {}
+_USED: list[type[Medium]] = []
+_LISTENERS: list[Callable[[type[Medium]], None]] = []
 
-    Every parameter may be a float or a scalar ``jax`` array, so that gradients and batches go
-    through; the range of a plain number is checked on construction.
+
+@dataclass(frozen=True)
+class FluxForm:
+    """Coefficients of the flux form (``family``); any 1D linear micromorphic medium fits.
+
+    For n macro- and m micro-fields, in the order of the family's.
+
+    Attributes:
+        m_phi, m_B: inertias of a macro- and of a micro-field.
+        C_phi_phi: C_φφ, shape (n, n).
+        C_phi_B: C_φB, shape (n, m).
+        C_B_phi: C_Bφ, shape (m, n); equals C_φBᵀ where the equations conserve energy.
+        C_B_B: C_BB, shape (m, m).
+        Gamma: Γ, shape (m, m).
+        per: what all of them were divided by, such as l²N_p; 1 where they are in SI: energies per
+            volume.
+    """
+
+    m_phi: Any
+    m_B: Any
+    C_phi_phi: Any
+    C_phi_B: Any
+    C_B_phi: Any
+    C_B_B: Any
+    Gamma: Any
+    per: Any = 1.0
+
+
+class _ByFamily(type):
+    """Medium(family="…", …) makes a medium of that family's class."""
+
+    def __call__(cls, *args: Any, family: str | None = None, **given: Any) -> Any:
+        if "family" not in vars(cls):
+            name = family or next(iter(_MEDIA))
+            cls = medium_of(name)
+        elif family not in (None, cls.family.name):  # type: ignore[attr-defined]
+            raise ValueError(
+                f"family = {family!r}: a medium of family {cls.family.name!r} "  # type: ignore[attr-defined]
+                "can't be made one of another; make a new one"
+            )
+        return super().__call__(*args, **given)
+
+
+@dataclass(frozen=True, repr=False)
+class Medium(Shown, metaclass=_ByFamily):
+    """The medium of some family; ``Medium(family="…", **parameters)`` makes one, of rotation if
+    none is named.
+
+    Parameters, those annotated with a :class:`Parameter`, may each be a float or a scalar ``jax``
+    array, so that gradients and batches go through; the range of a plain number is checked on
+    construction.
 
     Args:
-        anisotropy: fabric anisotropy a of Eq. (19), –, in [−1, 2]; 0 is isotropic.
-        stiffness_ratio: η = G_s/G_n, tangential to normal rotation stiffness, –, ≥ 0.
-        branch_length: l, distance between the centres of two particles in contact, m.
-        particle_radius: R, m.
-        contact_density: N_p, contacts per volume, 1/m³.
-        density: ρ, of the medium, kg/m³.
-        G_n_a: G_n^a, normal rotation stiffness for the average rotation, N·m.
-        G_n_r: G_n^r, normal rotation stiffness for the relative rotation, N·m.
-        G_n_g: G_n^g, normal rotation stiffness for the gradient of micro-curvature, N·m.
-        closure: "printed", Eqs. (26)–(37) as the paper prints them, or "consistent", the paper's
-            Appendix-B tensors in every equation. They differ where a ≠ 0 (docs/physics.md). A
-            third, "appendix_c", the dispersion coefficients of Appendix C, is for the spectral
-            solver alone: it has no wave equations.
-        rotation_inertia: β, m²; None stands for the paper's 2R²/5.
-        curvature_inertia: γ, m⁴; None stands for the paper's 12R⁴/35.
+        closure: which form of the equations, of the class's ``closures``.
         damping: its loss law; lossless by default.
 
     Raises:
         ValueError: a parameter is outside its admissible range; the message names it.
     """
 
-    # Outside −1 ≤ a ≤ 2 ξ(n) of Eq. (18) is negative somewhere; outside the other ranges the energy
-    # of deformation, or of motion, is not positive.
-    anisotropy: Annotated[Any, Parameter("a", "", -1.0, 2.0, False, _NEGATIVE_CONTACTS)] = 0.0
-    stiffness_ratio: Annotated[Any, Parameter("η", "", open=False, why=_NEGATIVE_STIFFNESS)] = 0.5
-    branch_length: Annotated[Any, Parameter("l", "m")] = 1e-3
-    particle_radius: Annotated[Any, Parameter("R", "m")] = 5e-4
-    contact_density: Annotated[Any, Parameter("N_p", "1/m³")] = 1e9
-    density: Annotated[Any, Parameter("ρ", "kg/m³")] = 1570.0
-    G_n_a: Annotated[Any, Parameter("G_n^a", "N·m")] = 5.0
-    G_n_r: Annotated[Any, Parameter("G_n^r", "N·m")] = 5.0
-    G_n_g: Annotated[Any, Parameter("G_n^g", "N·m", open=False)] = 1.25e-11
-    closure: SpectralClosure = "printed"
-    rotation_inertia: Annotated[Any, Parameter("β", "m²")] = None
-    curvature_inertia: Annotated[Any, Parameter("γ", "m⁴")] = None
-    damping: Damping = UNDAMPED
+    closure: str = field(default="consistent", kw_only=True)
+    damping: Damping = field(default=UNDAMPED, kw_only=True)
+
+    family: ClassVar[Family]
+    closures: ClassVar[tuple[str, ...]] = ("consistent",)
+    """Those that its equations have; the spectral solver may know more."""
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *args: Any, family: str | None = None, **parameters: Any) -> None: ...
+
+        def __getattr__(self, name: str) -> Any:
+            """A parameter of the family's."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "family" in vars(cls):
+            register(cls.family)
+            _MEDIA[cls.family.name] = cls
+            PARAMETERS.update(cls.known())
 
     def __post_init__(self) -> None:
-        if self.closure not in SPECTRAL_CLOSURES:
-            allowed = ", ".join(SPECTRAL_CLOSURES)
-            raise ValueError(f"closure = {self.closure!r}: must be one of {allowed}")
-        for name in PARAMETERS:
+        if type(self) not in _USED:
+            _USED.append(type(self))
+            for act in _LISTENERS:
+                act(type(self))
+        if self.closure not in self.closures:
+            raise ValueError(self.closure_missing(self.closure))
+        for name, known in self.known().items():
             value = getattr(self, name)
             if isinstance(value, numbers.Real):
-                check_parameter(name, float(value))
+                _check(name, float(value), known)
 
     def __repr__(self) -> str:
-        changed = {
-            field.name: getattr(self, field.name)
-            for field in fields(self)
-            if getattr(self, field.name) is not field.default
-            and not _same(getattr(self, field.name), field.default)
+        made = {"family": self.family.name} if self.family.name != next(iter(_MEDIA)) else {}
+        changed = made | {
+            one.name: getattr(self, one.name)
+            for one in dataclasses.fields(self)
+            if getattr(self, one.name) is not one.default
+            and not _same(getattr(self, one.name), one.default)
         }
         return f"Medium({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
 
     def told(self) -> dict[str, str]:
         """Every parameter with its symbol and unit."""
-        told: dict[str, str] = {"closure": self.closure}
+        told: dict[str, str] = {"family": self.family.name, "closure": self.closure}
         for name, value in self.parameters.items():
-            own = PARAMETERS[name]
+            own = self.known()[name]
             shown = f"{float(value):.6g}" if isinstance(value, numbers.Real) else str(value)
             told[f"{own.symbol}, {name}"] = f"{shown} {own.unit}".rstrip()
         return told | {"damping": str(self.damping) if self.damping else "none"}
 
-    @property
-    def beta(self) -> Any:
-        """Micro-inertia of rotation β = 2R²/5 (m²) unless given."""
-        if self.rotation_inertia is None:
-            return 2 * self.particle_radius**2 / 5
-        return self.rotation_inertia
+    @classmethod
+    def closure_missing(cls, closure: str) -> str:
+        """What is said of a closure that its equations do not have."""
+        return f"closure = {closure!r}: must be one of {', '.join(cls.closures)}"
 
-    @property
-    def gamma(self) -> Any:
-        """Micro-inertia of micro-curvature γ = 12R⁴/35 (m⁴) unless given."""
-        if self.curvature_inertia is None:
-            return 12 * self.particle_radius**4 / 35
-        return self.curvature_inertia
+    @classmethod
+    @functools.cache
+    def known(cls) -> dict[str, Parameter]:
+        """What is known of its parameters, by name."""
+        return {
+            name: hint.__metadata__[0]
+            for name, hint in get_type_hints(cls, include_extras=True).items()
+            if get_origin(hint) is Annotated and isinstance(hint.__metadata__[0], Parameter)
+        }
 
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """Every parameter by name, β and γ as they are where they are left to follow from R."""
-        given = {name: getattr(self, name) for name in PARAMETERS}
-        return given | {"rotation_inertia": self.beta, "curvature_inertia": self.gamma}
+    def flux_form(self) -> FluxForm:
+        """The coefficients of its equations, for waves along x₁; each family has its own.
 
-    @property
-    def conserves_energy(self) -> bool:
-        """Whether its equations conserve energy, losses apart: all closures do where a = 0."""
-        return self.closure == "consistent" or bool(self.anisotropy == 0)
+        Raises:
+            ValueError: the closure has no wave equations.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.flux_form")
 
     @property
     def length_scale(self) -> Any:
-        """Unit of length l (m): k̄ = k l/2π."""
-        return self.branch_length
+        """Unit of length l (m), k̄ = k l/2π; each family has its own."""
+        raise NotImplementedError(f"{type(self).__name__}.length_scale")
 
     @property
     def time_scale(self) -> Any:
-        """Unit of time √(4πρR⁵/3G_n^a) (s): ω̄ = ω times this; 1/785 kHz/2π with Table 1."""
-        return (4 * math.pi * self.density * self.particle_radius**5 / (3 * self.G_n_a)) ** 0.5
+        """Unit of time (s), ω̄ = ω times this: the highest cutoff's, unless a family has its own."""
+        form = self.flux_form()
+        return (form.m_B / np.abs(np.linalg.eigvals(form.C_B_B)).max()) ** 0.5
+
+    @property
+    def macro_scale(self) -> Any:
+        """Unit of a macro-field, in the family's."""
+        return 1.0
+
+    @property
+    def inertias(self) -> tuple[Any, Any]:
+        """Inertia of a macro- and of a micro-field per volume."""
+        form = self.flux_form()
+        return form.m_phi * form.per, form.m_B * form.per
+
+    @property
+    def of_gradient(self) -> tuple[Any, ...]:
+        """Parameters that Γ comes from."""
+        return ()
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Every parameter by name, with what those left out stand for."""
+        return {name: getattr(self, name) for name in self.known()}
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether its equations conserve energy, losses apart."""
+        return self.closure == "consistent"
+
+    @property
+    def in_words(self) -> str:
+        """What is said of it in a line: closure, and what else tells it from others."""
+        return f"closure {self.closure}"
+
+    @property
+    def settings(self) -> str:
+        """The keys that decide whether its waves are stable, with their values."""
+        return ", ".join(f"{n} = {v:g}" for n, v in self.parameters.items())
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """All that makes it, as plain data."""
+        return {"family": self.family.name} | dataclasses.asdict(self) | self.parameters
+
+    def towards(self, other: Medium, share: float) -> Medium:
+        """The medium with every parameter p + share · (p′ − p) between this one's and another's."""
+        first, last = self.parameters, other.parameters
+        values = {name: (1 - share) * first[name] + share * last[name] for name in first}
+        return dataclasses.replace(self, **values)
 
 
-PARAMETERS: dict[str, Parameter] = {
-    name: hint.__metadata__[0]
-    for name, hint in get_type_hints(Medium, include_extras=True).items()
-    if get_origin(hint) is Annotated
-}
-"""What the case file, gap maps and fits know of the parameters of a medium, by name."""
+def medium_of(family: str) -> type[Medium]:
+    """The class of a family's media.
+
+    Raises:
+        ValueError: no family has that name.
+    """
+    if family not in _MEDIA:
+        raise ValueError(f"family = {family!r}: must be one of {', '.join(_MEDIA)}")
+    return _MEDIA[family]
+
+
+def with_each_class(act: Callable[[type[Medium]], None]) -> None:
+    """Have something done with each class of media, once it is used."""
+    _LISTENERS.append(act)
+    for used in _USED:
+        act(used)
+
+
+def families() -> tuple[str, ...]:
+    """Names of the families."""
+    return tuple(_MEDIA)
 
 
 def _same(value: Any, default: Any) -> bool:
@@ -178,7 +283,7 @@ def _same(value: Any, default: Any) -> bool:
 
 
 def check_parameter(name: str, value: float) -> None:
-    """Hold one parameter of the medium to its admissible range.
+    """Hold one parameter of a medium to its admissible range.
 
     Args:
         name: one of PARAMETERS.
@@ -187,7 +292,18 @@ def check_parameter(name: str, value: float) -> None:
     Raises:
         ValueError: the value is not finite or not admissible.
     """
+    _check(name, value, PARAMETERS[name])
+
+
+def _check(name: str, value: float, known: Parameter) -> None:
     if not math.isfinite(value):
         raise ValueError(f"{name} = {value}: must be finite")
-    if not PARAMETERS[name].admits(value):
-        raise ValueError(f"{name} = {value:g}: must be {PARAMETERS[name].allowed}")
+    if not known.admits(value):
+        raise ValueError(f"{name} = {value:g}: must be {known.allowed}")
+
+
+def fastest_speed(medium: Medium) -> float:
+    """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
+    form = medium.flux_form()
+    unrelaxed = medium.damping.unrelaxed
+    return float(np.sqrt(unrelaxed * np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi))

@@ -1,7 +1,7 @@
 """The scaled form of the wave equations: its units, and a block's coefficients in them.
 
-x is in l, t in τ = √(4πρR⁵/3G_n^a), φ in rad and B in 1/(r l) with r² = γ/(β l²), of one reference
-medium for the whole bar. A block of the equations (``sectors``) then is
+x is in l, t in τ, φ in φ₀ and B in φ₀/r, with r² = m_B/m_φ (γ/β for rotation, α for translation),
+of one reference medium for the whole bar. A block of the equations (``family``) then is
 
     i_φ φ̈ = ∂ₓ(c_φφ φ′ − c_φB B) + f,    i_B B̈ = c_Bφ φ′ − c_BB B + Γ ∂ₓ²B + g,
 
@@ -14,9 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from wavesim.material.family import Block, is_macro, weights
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
 
 # Branches are judged between these k̄ where nobody says otherwise.
 JUDGED = (0.02, 0.5)
@@ -28,50 +27,43 @@ class Scales:
 
     Attributes:
         length: l, m.
-        time: τ = √(4πρR⁵/3G_n^a), s.
-        rotation: 1 rad.
-        curvature: 1/(r l), 1/m, r² = γ/(β l²).
-        moment: body moment k that makes φ̈ = 1, ρβ/τ², N·m/m³.
-        double_moment: body double moment Π that makes B̈ = 1, ργ/(r l τ²), N·m²/m³.
-        energy: energy per area of the bar's section, ρβ l/τ², J/m².
+        time: τ, s.
+        macro: φ₀, unit of a macro-field.
+        micro: φ₀/r, unit of a micro-field.
+        energy: energy per area of the bar's section, m_φ φ₀² l/τ², J/m².
     """
 
     length: Any
     time: Any
-    rotation: float
-    curvature: Any
-    moment: Any
-    double_moment: Any
+    macro: Any
+    micro: Any
     energy: Any
 
     def unit(self, field: str) -> Any:
         """SI value of one scaled unit of a field."""
-        return self.rotation if field in ROTATIONS else self.curvature
+        return self.macro if is_macro(field) else self.micro
 
     def force(self, field: str) -> Any:
-        """SI value of one scaled unit of body (double) moment on a field."""
-        return self.moment if field in ROTATIONS else self.double_moment
+        """SI value of what acts per volume on a field and makes its scaled acceleration 1."""
+        return self.energy / (self.length * self.unit(field))
 
 
 def scales(medium: Medium) -> Scales:
     """Units of the scaled form, those of a medium; its parameters may be traced by jax."""
-    length, time = medium.length_scale, medium.time_scale
-    curvature = (medium.beta / medium.gamma) ** 0.5
-    moment = medium.density * medium.beta / time**2
+    length, time, unit = medium.length_scale, medium.time_scale, medium.macro_scale
+    macro, micro = medium.inertias
     return Scales(
         length=length,
         time=time,
-        rotation=1.0,
-        curvature=curvature,
-        moment=moment,
-        double_moment=medium.density * medium.gamma * curvature / time**2,
-        energy=moment * length,
+        macro=unit,
+        micro=unit * (macro / micro) ** 0.5,
+        energy=macro * (unit / time) ** 2 * length,
     )
 
 
 @dataclass(frozen=True)
 class BlockCoefficients:
-    """Coefficients of one block for p rotations and b micro-curvatures; see the head of this file.
+    """Coefficients of one block for p macro- and b micro-fields; see the head of this file.
 
     Attributes:
         c_pp, c_pb, c_bp, c_bb, gamma: c_φφ, c_φB, c_Bφ, c_BB, Γ; shapes (…, p, p), (…, p, b),
@@ -88,16 +80,17 @@ class BlockCoefficients:
     i_B: Any = 1.0
 
     def scaled(self, units: Scales) -> BlockCoefficients:
-        """These, given in SI (N, N, N, N, N·m², kg/m, kg·m), in units of the scaled form."""
-        coupling = units.double_moment * units.length
-        local = units.double_moment / units.curvature
+        """These, given in SI, in units of the scaled form."""
+        coupling = units.energy / (units.macro * units.micro)
+        along = units.energy * units.length / units.macro**2
+        local = units.energy / (units.length * units.micro**2)
         return BlockCoefficients(
-            c_pp=self.c_pp / (units.moment * units.length**2),
+            c_pp=self.c_pp / along,
             c_pb=self.c_pb / coupling,
             c_bp=self.c_bp / coupling,
             c_bb=self.c_bb / local,
             gamma=self.gamma / (local * units.length**2),
-            i_phi=self.i_phi / (units.moment * units.time**2),
+            i_phi=self.i_phi / (along * (units.time / units.length) ** 2),
             i_B=self.i_B / (local * units.time**2),
         )
 
@@ -117,21 +110,21 @@ def block_coefficients(medium: Medium, block: Block, units: Scales) -> BlockCoef
 
     Args:
         medium: the medium; its parameters may be traced by jax.
-        block: one of ``sectors.BLOCKS``.
+        block: one of its family's.
         units: of the reference medium, from :func:`scales`.
 
     Raises:
         ValueError: the closure has no wave equations.
     """
-    flux = flux_form(medium)
-    per_contacts = medium.branch_length**2 * medium.contact_density  # flux is divided by it
-    rotation, curvature = block.weights(ROTATIONS), block.weights(CURVATURES)
+    form, family = medium.flux_form(), medium.family
+    macro, micro = weights(block.macro, family.macro), weights(block.micro, family.micro)
+    inertias = medium.inertias
     return BlockCoefficients(
-        c_pp=per_contacts * (rotation @ flux.C_phi_phi @ rotation.T),
-        c_pb=per_contacts * (rotation @ flux.C_phi_B @ curvature.T),
-        c_bp=per_contacts * (curvature @ flux.C_B_phi @ rotation.T),
-        c_bb=per_contacts * (curvature @ flux.C_B_B @ curvature.T),
-        gamma=per_contacts * (curvature @ flux.Gamma @ curvature.T),
-        i_phi=medium.density * medium.beta,
-        i_B=medium.density * medium.gamma,
+        c_pp=form.per * (macro @ form.C_phi_phi @ macro.T),
+        c_pb=form.per * (macro @ form.C_phi_B @ micro.T),
+        c_bp=form.per * (micro @ form.C_B_phi @ macro.T),
+        c_bb=form.per * (micro @ form.C_B_B @ micro.T),
+        gamma=form.per * (micro @ form.Gamma @ micro.T),
+        i_phi=inertias[0],
+        i_B=inertias[1],
     ).scaled(units)

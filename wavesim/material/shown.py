@@ -70,3 +70,11 @@ _PREFIXES: dict[str, Sequence[tuple[float, str]]] = {
     "s": ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")),
     "Hz": ((1e6, "M"), (1e3, "k"), (1.0, "")),
 }
+
+
+def printable(text: str, longest: int = 200) -> str:
+    """Text as a terminal may have it: control characters and line ends escaped, cut if long."""
+    text = text[: longest + 1]
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return text if len(text) <= longest else text[: longest - 1] + "…"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wavesim.material.damping import UNDAMPED, Damping, constant_quality
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 
 # Digits that are written: a sum of thicknesses is off in the sixteenth.
 _DIGITS = 14
@@ -49,9 +49,13 @@ def medium_table(medium: Medium) -> dict[str, Any]:
     """
     if medium.closure == "appendix_c":
         raise ValueError('closure = "appendix_c": has no wave equations, so that no case has it')
-    given = {name: getattr(medium, name) for name in PARAMETERS}
+    given = {name: getattr(medium, name) for name in medium.known()}
     plain = {name: rounded(value) for name, value in given.items() if value is not None}
-    return {"closure": medium.closure} | plain | loss_keys(medium.damping)
+    return (
+        {"family": medium.family.name, "closure": medium.closure}
+        | plain
+        | loss_keys(medium.damping)
+    )
 
 
 def grouped(tables: list[dict[str, Any]]) -> list[dict[str, Any]]:

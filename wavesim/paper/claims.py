@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wavesim.material.medium import SpectralClosure
+from wavesim.material.rotation import SpectralClosure
 from wavesim.paper import statements
 from wavesim.paper.statements import Statement
 from wavesim.paper.study import Study

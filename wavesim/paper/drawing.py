@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 
 from wavesim.figures.band_axes import (
     LINE_STYLES,
-    SECTOR_COLOURS,
     TITLES,
     add_hertz_axis,
     add_wavenumber_axis,
+    colour_of,
     hatch_full_gaps,
     shade_gaps,
 )
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import blocks_of
+from wavesim.material.rotation import ROTATION
 from wavesim.paper.claims import CLOSURES
 from wavesim.paper.study import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.planewave.dispersion_relation import block_frequencies
@@ -127,12 +127,12 @@ def gap_figure() -> Figure:
         k = K_BAR * 2 * math.pi / medium.length_scale
         for axes, sector in zip(row, SECTORS, strict=True):
             dashes = iter(LINE_STYLES)
-            for block in blocks_of(sector):
+            for block in ROTATION.blocks_of(sector):
                 for omega in block_frequencies(medium, block, k).T:
                     axes.plot(
                         K_BAR,
                         omega * medium.time_scale,
-                        color=SECTOR_COLOURS[sector],
+                        color=colour_of(ROTATION, sector),
                         ls=next(dashes),
                         lw=1.6,
                     )
@@ -153,7 +153,7 @@ def _edges_panel(
     axes: Axes, x: Float, lower: dict[str, Float], upper: dict[str, Float], sector: str
 ) -> None:
     """Gap edges of one sector over a parameter: lower dashed, upper solid, between them shaded."""
-    colour = SECTOR_COLOURS[sector]
+    colour = colour_of(ROTATION, sector)
     inside = slice(len(x) // 8, -(len(x) // 8))
     for name, alpha in zip(SECTOR_GAPS[sector], (0.45, 0.2), strict=False):
         low, high = lower[name], upper[name]

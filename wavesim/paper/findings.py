@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.material.medium import Closure, Medium
-from wavesim.material.sectors import BLOCKS
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS, flux_form
+from wavesim.material.family import weights
+from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION, Closure
 from wavesim.planewave.appendix_c import DETERMINANTS, PRINTED, UNKNOWNS
 
 Factors = tuple[float, float, float, float]
@@ -73,7 +73,7 @@ def _factors(read: Any, closure: Closure) -> Factors:
     values = {}
     for a in (0.0, 1.0):
         one, both = _unit_media(closure, a)
-        first, sum_of_both = read(flux_form(one)), read(flux_form(both))
+        first, sum_of_both = read(one.flux_form()), read(both.flux_form())
         values[a] = (first, sum_of_both - first)
     constant, change = values[0.0], np.subtract(values[1.0], values[0.0])
     return _rounded((*constant, *change))
@@ -90,10 +90,10 @@ _SYMBOLS = {"p": ("p₁", "p₂"), "w": ("w₁", "w₂"), "b+p": ("(b₁+p₁)",
 
 def _readers(block_name: str) -> dict[str, Any]:
     """How each coefficient of a determinant is read from a flux form, Zᵀ K Z of its blocks."""
-    block = next(block for block in BLOCKS if block.name == block_name)
+    block = next(block for block in ROTATION.blocks if block.name == block_name)
     names, turn = DETERMINANTS[block_name], UNKNOWNS[block_name]
-    rotation = block.weights(ROTATIONS)
-    curvature = turn.T @ block.weights(CURVATURES)
+    rotation = weights(block.macro, ROTATION.macro)
+    curvature = turn.T @ weights(block.micro, ROTATION.micro)
     length = Medium().branch_length
     readers: dict[str, Any] = {}
     for i, name in enumerate(names.row):
@@ -140,8 +140,8 @@ def equation_findings() -> list[Finding]:
     """Relative stiffness in Eqs. (29)–(37), as printed against the tensor M_ijkl."""
     found = []
     for number, row in zip(range(29, 38), _EQUATIONS, strict=True):
-        for column in CURVATURES:
-            i, j = CURVATURES.index(row), CURVATURES.index(column)
+        for column in ROTATION.micro:
+            i, j = ROTATION.micro.index(row), ROTATION.micro.index(column)
 
             def read(form: Any, i: int = i, j: int = j) -> float:
                 return float(form.C_B_B[i, j])

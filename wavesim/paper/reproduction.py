@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wavesim.figures import gap_map as surveyfigures
-from wavesim.material.medium import Medium, SpectralClosure
+from wavesim.material.medium import Medium
+from wavesim.material.rotation import SpectralClosure
 from wavesim.paper import drawing as paperfigures
 from wavesim.paper.claims import CLOSURES, judge
 from wavesim.paper.findings import appendix_c_findings, equation_findings

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.rotation import ROTATION
 from wavesim.paper.study import A_VALUES, K_BAR, Study
 from wavesim.planewave.band_edges import full_gaps
 from wavesim.planewave.branches import follow
@@ -68,7 +68,7 @@ def twelve_waves(study: Study) -> list[Statement]:
     """Claim 1."""
     medium = study.medium(0.5)
     k = K_BAR[1:] * 2 * math.pi / medium.length_scale
-    waves = [w for block in BLOCKS for w in follow(medium, block, k).omega.T]
+    waves = [w for block in ROTATION.blocks for w in follow(medium, block, k).omega.T]
     distinct: list[Float] = []
     for wave in waves:
         if not any(np.allclose(wave, other, rtol=1e-9, atol=0) for other in distinct):

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesim.material.medium import Medium, SpectralClosure
-from wavesim.material.sectors import BLOCKS
+from wavesim.material.medium import Medium
+from wavesim.material.rotation import ROTATION, SpectralClosure
 from wavesim.planewave.branches import follow
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.gap_map import family_gaps
@@ -48,7 +48,7 @@ class Study:
         for a in A_VALUES:
             medium = self.medium(float(a))
             k = K_BAR * 2 * math.pi / medium.length_scale
-            for block in BLOCKS:
+            for block in ROTATION.blocks:
                 if block.sector != "transverse3":
                     omega = follow(medium, block, k).omega * medium.time_scale
                     for name, values in zip(block.branches, omega.T, strict=True):

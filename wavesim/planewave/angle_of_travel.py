@@ -14,6 +14,7 @@ In the limit Γ → 0 each ω has three pairs ±k, from a Christoffel matrix tha
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -26,18 +27,16 @@ from wavesim.material.contact_tensors import (
     gradient_stiffness,
     relative_stiffness,
 )
+from wavesim.material.granular import GranularMedium
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, scales
-from wavesim.material.wave_equations import CURVATURES, FIELDS, ROTATIONS
 from wavesim.planewave.eigenproblem import Complex, Eigenmodes, Float, solve
 
-# Fields whose sign the mirror x₃ → −x₃ does not change (rotation is an axial vector), and those
-# that it does; a wave holds the one kind or the other.
-_THREE = ("phi3", "B13", "B23", "B31", "B32")
-KINDS: dict[str, tuple[str, ...]] = {
-    "in-plane rotation": tuple(name for name in FIELDS if name not in _THREE),
-    "out-of-plane rotation": tuple(name for name in FIELDS if name in _THREE),
-}
+# The mirror x₃ → −x₃ changes the sign of the fields with an odd number of indices 3 and no others,
+# or (where the macro-field is an axial vector) of all but these; a wave holds the one kind or the
+# other.
+KINDS: tuple[str, ...] = ("in-plane", "out-of-plane")
+_TWO = list(itertools.product(range(3), repeat=2))
 POLARISATIONS: tuple[str, ...] = ("longitudinal", "transverse2", "transverse3")
 
 
@@ -49,10 +48,14 @@ def scaled_tensors(medium: Medium) -> BlockCoefficients:
 
     Returns:
         J + M as c_pp, M as c_pb, c_bp and c_bb, each (3, 3, 3, 3), and N as gamma, (3,)*6.
+
+    Raises:
+        ValueError: the medium is not a granular one, which has tensors.
     """
+    if not isinstance(medium, GranularMedium):
+        raise ValueError(f"family {medium.family.name}: has no tensors, so waves along x₁ only")
     J, M = average_stiffness(medium), relative_stiffness(medium)
-    inertias = medium.density * medium.beta, medium.density * medium.gamma
-    tensors = BlockCoefficients(J + M, M, M, M, gradient_stiffness(medium), *inertias)
+    tensors = BlockCoefficients(J + M, M, M, M, gradient_stiffness(medium), *medium.inertias)
     return tensors.scaled(scales(medium))
 
 
@@ -68,7 +71,7 @@ def direction_form(medium: Medium, theta: float) -> BlockCoefficients:
         theta: θ, angle between the direction of travel and the axis x₁, rad.
 
     Returns:
-        Coefficients for p = 3 rotations and b = 9 micro-curvatures, in the order of FIELDS.
+        Coefficients for p = 3 macro- and b = 9 micro-fields, in the order of the family's.
     """
     return _contract(scaled_tensors(medium), _normal(theta))
 
@@ -86,8 +89,9 @@ def _contract(tensors: BlockCoefficients, n: Float) -> BlockCoefficients:
 
 def kind_form(form: BlockCoefficients, kind: str) -> BlockCoefficients:
     """The part of the twelve fields' coefficients that holds one of KINDS."""
-    p = [i for i, name in enumerate(ROTATIONS) if name in KINDS[kind]]
-    b = [i for i, name in enumerate(CURVATURES) if name in KINDS[kind]]
+    odd = kind == KINDS[1]
+    p = [i for i in range(3) if (i == 2) == odd]
+    b = [n for n, (i, j) in enumerate(_TWO) if ((i == 2) != (j == 2)) == odd]
     return BlockCoefficients(
         form.c_pp[np.ix_(p, p)],
         form.c_pb[np.ix_(p, b)],
@@ -140,8 +144,8 @@ def group_velocity(medium: Medium, theta: float, k: ArrayLike) -> Float:
     tensors = scaled_tensors(medium)
     wave = scaled[:, None] * _normal(theta)
     slopes = np.zeros((len(scaled), 3, 12, 12))
-    rotation = np.einsum("ijkl,nl->njik", tensors.c_pp, wave)
-    slopes[:, :, :3, :3] = rotation + np.swapaxes(rotation, -1, -2)
+    travelling = np.einsum("ijkl,nl->njik", tensors.c_pp, wave)
+    slopes[:, :, :3, :3] = travelling + np.swapaxes(travelling, -1, -2)
     coupling = tensors.c_pb.transpose(1, 0, 2, 3).reshape(3, 3, 9)
     slopes[:, :, :3, 3:] = -coupling
     slopes[:, :, 3:, :3] = -np.swapaxes(coupling, -1, -2)
@@ -180,7 +184,7 @@ def directed_waves(medium: Medium, omega: float, theta: ArrayLike) -> DirectedWa
         theta: angles to the axis of symmetry, shape (n,), rad.
 
     Returns:
-        The waves; longitudinal is the one of the two with rotations in the plane (x₁, x₂) whose
+        The waves; longitudinal is the one of the two with a macro-field in the plane (x₁, x₂) whose
         Φ is nearer to n, which is how it is followed as the other crosses it.
 
     Raises:

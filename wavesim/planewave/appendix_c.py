@@ -17,9 +17,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, scales
-from wavesim.material.sectors import Block
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def printed_coefficients(medium: Medium, block: Block) -> BlockCoefficients:
 
     Args:
         medium: the medium; its closure is not looked at.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
 
     Returns:
         The coefficients, as ``wavesim.material.scaling.block_coefficients`` gives those of others.
@@ -155,7 +155,7 @@ def printed_coefficients(medium: Medium, block: Block) -> BlockCoefficients:
 
     printed = DETERMINANTS[block.name]
     back = np.linalg.inv(UNKNOWNS[block.name])
-    rotations = len(block.rotations)
+    rotations = len(block.macro)
     per_contacts = medium.branch_length**2 * medium.contact_density
     row = matrix(printed.row).reshape(rotations, len(back))
     column = matrix(printed.column).reshape(len(back), rotations)

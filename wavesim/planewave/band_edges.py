@@ -17,18 +17,10 @@ import numpy as np
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
-from wavesim.material.sectors import BLOCKS, SECTORS, blocks_of
 from wavesim.planewave.eigenproblem import Float, spectral_form
 
 # A gradient term with a share below this is left out.
 NEGLIGIBLE = 1e-9
-
-GAP_NAMES: dict[str, tuple[str, ...]] = {
-    "longitudinal": ("RLB1", "RLB2"),
-    "transverse2": ("RTB1", "RTB2"),
-    "transverse3": ("RTB1", "RTB2"),
-    "inplane": ("RSB",),
-}
 
 
 @dataclass(frozen=True)
@@ -36,8 +28,8 @@ class Gap:
     """A band gap.
 
     Attributes:
-        name: RLB1, RLB2, RTB1, RTB2 or RSB.
-        sector: longitudinal, transverse2, transverse3 or inplane.
+        name: that of its family, such as RLB1.
+        sector: of the waves.
         lower, upper: edges, rad/s; equal where the gap is closed.
     """
 
@@ -70,7 +62,9 @@ def form_asymptotes(form: BlockCoefficients) -> Float:
 
 def cutoffs(medium: Medium, sector: str) -> Float:
     """Optical cutoffs ω(k = 0): √ of the eigenvalues of C_BB/m_B. Ascending, rad/s."""
-    found = [form_cutoffs(spectral_form(medium, block)) for block in blocks_of(sector)]
+    found = [
+        form_cutoffs(spectral_form(medium, block)) for block in medium.family.blocks_of(sector)
+    ]
     return np.sort(np.concatenate(found)) / medium.time_scale
 
 
@@ -79,57 +73,60 @@ def asymptotes(medium: Medium, sector: str) -> Float:
 
     They are √ of the eigenvalues of (C_BB − C_Bφ C_φφ⁻¹ C_φB)/m_B.
     """
-    found = [form_asymptotes(spectral_form(medium, block)) for block in blocks_of(sector)]
+    found = [
+        form_asymptotes(spectral_form(medium, block)) for block in medium.family.blocks_of(sector)
+    ]
     return np.sort(np.concatenate(found)) / medium.time_scale
 
 
 def gaps(medium: Medium, sector: str) -> list[Gap]:
     """Band gaps of one sector, in the limit Γ → 0.
 
-    A gap of the longitudinal and transverse sectors runs from the asymptote of the branch below
-    to the cutoff of the branch above; RSB lies between the two frequencies of the in-plane
-    waves.
+    Where waves travel a gap runs from the asymptote of the branch below to the cutoff of the branch
+    above; in a sector of micro-fields alone it lies between the lowest and the highest frequency.
 
     Returns:
         One gap for each pair of neighbours; a closed gap has upper = lower.
     """
     upper = cutoffs(medium, sector)
-    if sector == "inplane":
-        edges = [(upper[0], upper[-1])]
-    else:
+    if sector in medium.family.travelling:
         edges = list(zip(asymptotes(medium, sector), upper, strict=True))
+    else:
+        edges = [(upper[0], upper[-1])]
     return [
         Gap(name, sector, float(low), float(max(low, high)))
-        for name, (low, high) in zip(GAP_NAMES[sector], edges, strict=True)
+        for name, (low, high) in zip(medium.family.gap_names(sector), edges, strict=True)
     ]
 
 
 def full_gaps(medium: Medium) -> list[tuple[float, float]]:
     """Frequency intervals in which no wave of any sector propagates, rad/s, ascending.
 
-    The in-plane waves have (nearly) one frequency each; where one falls into such an interval
-    it divides it.
+    Micro-fields alone have (nearly) one frequency each; where one falls into such an interval it
+    divides it.
     """
-    stops = [[(gap.lower, gap.upper) for gap in gaps(medium, s)] for s in SECTORS if s != "inplane"]
+    moving = medium.family.travelling
+    stops = [[(gap.lower, gap.upper) for gap in gaps(medium, s)] for s in moving]
     common = stops[0]
     for other in stops[1:]:
         common = [(max(a, c), min(b, d)) for a, b in common for c, d in other]
-    lines = cutoffs(medium, "inplane")
+    still = [cutoffs(medium, s) for s in medium.family.sectors if s not in moving]
+    lines = np.concatenate([*still, np.zeros(0)])
     free = []
     for low, high in common:
         marks = [low, *(w for w in lines if low < w < high), high]
         free += [(float(a), float(b)) for a, b in itertools.pairwise(marks)]
-    tiny = 1e-12 * float(lines[-1])
+    tiny = 1e-12 * max((b for _, b in common), default=0.0)
     return sorted((a, b) for a, b in free if b - a > tiny)
 
 
 def gradient_share(medium: Medium) -> float:
-    """Largest part that the gradient term has in ω² of a standing micro-curvature at k̄ = 1.
+    """Largest part that the gradient term has in ω² of a standing micro-field at k̄ = 1.
 
     max (2π/l)² Γ / C_BB over the blocks, –. Gap edges, which neglect Γ, are good to about this.
     """
     share = 0.0
-    for block in BLOCKS:
+    for block in medium.family.blocks:
         form = spectral_form(medium, block)
         gradient = np.abs(np.linalg.eigvals(form.gamma)).max() * (2 * math.pi) ** 2
         share = max(share, float(gradient / np.abs(np.linalg.eigvals(form.c_bb)).min()))

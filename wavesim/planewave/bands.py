@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
 import numpy as np
 
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import SECTORS, blocks_of
 from wavesim.planewave.dispersion_relation import (
     Gap,
     asymptotes,
@@ -23,7 +21,7 @@ from wavesim.planewave.dispersion_relation import (
 
 def default_k_max(medium: Medium) -> float:
     """Largest wavenumber that is shown unless another is asked for: k̄ = 1, 2π/l, rad/m."""
-    return 2 * math.pi / float(medium.branch_length)
+    return 2 * math.pi / float(medium.length_scale)
 
 
 def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> dict[str, Any]:
@@ -54,7 +52,9 @@ def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> di
         sector: {
             "k": k.tolist(),
             "omega": frequencies(medium, sector, k).tolist(),
-            "branches": [name for block in blocks_of(sector) for name in block.branches],
+            "branches": [
+                name for block in medium.family.blocks_of(sector) for name in block.branches
+            ],
             "cutoffs": cutoffs(medium, sector).tolist(),
             "asymptotes": asymptotes(medium, sector).tolist(),
             "gaps": [
@@ -62,10 +62,10 @@ def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> di
                 for gap in gaps(medium, sector)
             ],
         }
-        for sector in SECTORS
+        for sector in medium.family.sectors
     }
     return {
-        "medium": dataclasses.asdict(medium) | medium.parameters,
+        "medium": medium.described,
         "units": {
             "omega_bar_per_omega": float(medium.time_scale),
             "k_bar_per_k": float(medium.length_scale) / (2 * math.pi),
@@ -109,23 +109,26 @@ def table(medium: Medium) -> list[dict[str, Any]]:
         end), "gap" (name of the gap above the branch), "gap_lower_hz", "gap_upper_hz",
         "gap_lower_bar", "gap_upper_bar"; None where no gap is above.
     """
-    rows = []
-    for sector, label in (
-        ("longitudinal", "longitudinal"),
-        ("transverse2", "transverse2, transverse3"),
-    ):
-        (block,) = blocks_of(sector)
+    rows, family = [], medium.family
+    for sector in (s for s in family.unlike if s in family.travelling):
+        (block,) = family.blocks_of(sector)
+        alike = [s for s in family.sectors if family.gap_names(s) == family.gap_names(sector)]
+        label = ", ".join(alike)
         starts = (0.0, *cutoffs(medium, sector).tolist())
         ends = (*asymptotes(medium, sector).tolist(), None)
         above = (*gaps(medium, sector), None)
         for branch, start, end, gap in zip(block.branches, starts, ends, above, strict=True):
             rows.append(_row(medium, label, branch, start, end, gap))
-    (shear,) = gaps(medium, "inplane")
-    lines = [
-        (float(block_frequencies(medium, block, 0.0)[0, 0]), block.branches[0])
-        for block in blocks_of("inplane")
-    ]
-    lines.sort(key=lambda line: float(f"{line[0]:.10g}"))  # two are equal but for rounding
-    for i, (line, branch) in enumerate(lines):
-        rows.append(_row(medium, "inplane", branch, line, line, None if i else shear))
+    for sector in (s for s in family.sectors if s not in family.travelling):
+        (shear,) = gaps(medium, sector)
+        lines = [
+            (omega, branch)
+            for block in family.blocks_of(sector)
+            for omega, branch in zip(
+                block_frequencies(medium, block, 0.0)[0].tolist(), block.branches, strict=True
+            )
+        ]
+        lines.sort(key=lambda line: float(f"{line[0]:.10g}"))  # two are equal but for rounding
+        for i, (line, branch) in enumerate(lines):
+            rows.append(_row(medium, sector, branch, line, line, None if i else shear))
     return rows

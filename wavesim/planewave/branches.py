@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block
 from wavesim.planewave.eigenproblem import Eigenmodes, Float, solve, spectral_form
 from wavesim.planewave.hyperbolicity import real_frequencies
 
@@ -117,7 +117,7 @@ def follow(medium: Medium, block: Block, k: ArrayLike) -> Branches:
 
     Args:
         medium: the medium.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         k: wavenumbers to follow them over, shape (n,), monotonic, rad/m.
 
     Raises:

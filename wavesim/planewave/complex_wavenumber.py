@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.material.damping import UNDAMPED
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
-from wavesim.material.sectors import Block, blocks_of
 from wavesim.planewave.eigenproblem import Complex, Float, spectral_form
 
 
@@ -85,8 +85,8 @@ def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
     Raises:
         ValueError: the sector has no rotation, so nothing propagates in it.
     """
-    (block, *others) = blocks_of(sector)
-    if others or not block.rotations:
+    (block, *others) = medium.family.blocks_of(sector)
+    if others or not block.macro:
         raise ValueError(f"sector {sector!r} has no propagating wave: k(ω) is not defined")
     scaled = _lossless(medium, np.atleast_1d(np.asarray(omega))) * medium.time_scale
     return _closed_form(spectral_form(medium, block), scaled) / medium.length_scale
@@ -175,7 +175,7 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
 
     Args:
         medium: the medium.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         omega: angular frequencies, real or complex, shape (n,), not 0, rad/s.
 
     Returns:
@@ -197,7 +197,7 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
     rises = -_evaluate(rates, roots) / _evaluate(_derivative(values), roots)
     k = _outward(roots, rises)
     order = np.argsort(np.abs(k), axis=1)
-    if block.rotations:
+    if block.macro:
         nearest = np.abs(k**2 - _closed_form(form, scaled)[:, None] ** 2)
         first = np.argmin(np.where(np.isfinite(nearest), nearest, np.inf), axis=1)
         others = np.array([row[row != one] for row, one in zip(order, first, strict=True)])

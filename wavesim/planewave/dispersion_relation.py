@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
-from wavesim.material.sectors import Block, blocks_of
 from wavesim.planewave.band_edges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
 from wavesim.planewave.complex_wavenumber import ComplexWaves, complex_waves, wavenumber
 from wavesim.planewave.eigenproblem import (
@@ -57,7 +57,7 @@ def block_frequencies(medium: Medium, block: Block, k: ArrayLike) -> Float:
 
     Args:
         medium: the medium.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         k: wavenumbers, shape (n,), rad/m.
 
     Returns:
@@ -94,7 +94,7 @@ def frequencies(medium: Medium, sector: str, k: ArrayLike) -> Float:
         NotHyperbolicError: an ω(k) is not real.
         ValueError: no sector has that name.
     """
-    parts = [block_frequencies(medium, block, k) for block in blocks_of(sector)]
+    parts = [block_frequencies(medium, block, k) for block in medium.family.blocks_of(sector)]
     return np.sort(np.concatenate(parts, axis=1), axis=1)
 
 
@@ -143,7 +143,7 @@ def block_group_velocity(medium: Medium, block: Block, k: ArrayLike) -> Float:
 
     Args:
         medium: the medium.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         k: wavenumbers, shape (n,), rad/m.
 
     Returns:
@@ -175,7 +175,7 @@ def group_velocity(medium: Medium, sector: str, k: ArrayLike) -> Float:
         NotHyperbolicError: an ω(k) is not real.
         ValueError: no sector has that name.
     """
-    blocks = blocks_of(sector)
+    blocks = medium.family.blocks_of(sector)
     omega = np.concatenate([block_frequencies(medium, block, k) for block in blocks], axis=1)
     speed = np.concatenate([block_group_velocity(medium, block, k) for block in blocks], axis=1)
     return np.take_along_axis(speed, np.argsort(omega, axis=1), axis=1)
@@ -187,8 +187,8 @@ def long_wave_speed(medium: Medium, sector: str) -> float:
     Raises:
         ValueError: the sector has no acoustic branch.
     """
-    (block, *others) = blocks_of(sector)
-    if others or not block.rotations:
+    (block, *others) = medium.family.blocks_of(sector)
+    if others or not block.macro:
         raise ValueError(
             f"sector {sector!r} has no acoustic branch: take longitudinal or transverse2"
         )

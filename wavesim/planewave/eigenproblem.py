@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, block_coefficients, scales
-from wavesim.material.sectors import Block
 from wavesim.planewave import appendix_c
 
 Float = NDArray[np.float64]

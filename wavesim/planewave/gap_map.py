@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.material.medium import PARAMETERS, Medium
-from wavesim.material.sectors import blocks_of
-from wavesim.planewave.band_edges import GAP_NAMES, form_asymptotes, form_cutoffs
+from wavesim.material.medium import Medium
+from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.many_media import block_forms
-
-GAPS = ("RLB1", "RLB2", "RTB1", "RTB2", "RSB")
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class GapMap:
 
     Attributes:
         medium: the family; parameters that were varied are arrays that broadcast to S.
-        lower, upper: edges by name of the gap, RLB1, RLB2, RTB1, RTB2, RSB, each of shape S;
+        lower, upper: edges by name of the gap, such as RLB1, each of shape S;
             upper = lower where closed, NaN where an edge is not real (an unstable medium).
         full_lower, full_upper: the widest interval in which no wave of any kind propagates,
             shape S; equal where there is none.
@@ -51,36 +50,45 @@ def family_gaps(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:
     to_si = 1 / np.asarray(medium.time_scale)
     lower: dict[str, Float] = {}
     upper: dict[str, Float] = {}
-    for sector in ("longitudinal", "transverse2"):
-        (block,) = blocks_of(sector)
+    family = medium.family
+    for sector in (s for s in family.unlike if s in family.travelling):
+        (block,) = family.blocks_of(sector)
         forms = block_forms(medium, block)
         starts, ends = form_asymptotes(forms), form_cutoffs(forms)
-        for i, name in enumerate(GAP_NAMES[sector]):
+        for i, name in enumerate(family.gap_names(sector)):
             lower[name] = starts[..., i] * to_si
             upper[name] = np.maximum(lower[name], ends[..., i] * to_si)
-    lines = inplane_lines(medium)
-    lower["RSB"], upper["RSB"] = lines[..., 0], lines[..., -1]
+    for sector in (s for s in family.sectors if s not in family.travelling):
+        ((name,), lines) = family.gap_names(sector), standing_lines(medium, sector)
+        lower[name], upper[name] = lines[..., 0], lines[..., -1]
     return lower, upper
 
 
-def inplane_lines(medium: Medium) -> Float:
-    """The frequencies of the three in-plane waves of a family, ascending, S + (3,), rad/s."""
-    found = [form_cutoffs(block_forms(medium, block)) for block in blocks_of("inplane")]
+def standing_lines(medium: Medium, sector: str) -> Float:
+    """Frequencies of a sector of micro-fields alone, ascending, S + (waves,), rad/s."""
+    blocks = medium.family.blocks_of(sector)
+    found = [form_cutoffs(block_forms(medium, block)) for block in blocks]
     return np.sort(np.concatenate(found, axis=-1)) / np.asarray(medium.time_scale)[..., None]
 
 
 def widest_full_gap(medium: Medium) -> tuple[Float, Float]:
     """The widest interval in which no wave of any kind propagates: its edges, rad/s, shape S."""
     lower, upper = family_gaps(medium)
-    lines = inplane_lines(medium)
+    family = medium.family
+    standing = [s for s in family.sectors if s not in family.travelling]
+    lines = [standing_lines(medium, sector) for sector in standing]
+    moving = [family.gap_names(s) for s in family.unlike if s in family.travelling]
     starts, ends = [], []
-    for along in GAP_NAMES["longitudinal"]:
-        for across in GAP_NAMES["transverse2"]:
-            low = np.maximum(lower[along], lower[across])[..., None]
-            high = np.maximum(low, np.minimum(upper[along], upper[across])[..., None])
-            marks = np.concatenate([low, np.clip(lines, low, high), high], axis=-1)
-            starts.append(marks[..., :-1])
-            ends.append(marks[..., 1:])
+    for names in itertools.product(*moving):
+        low = np.max(np.broadcast_arrays(*(lower[name] for name in names)), axis=0)[..., None]
+        high = np.min(np.broadcast_arrays(*(upper[name] for name in names)), axis=0)[..., None]
+        high = np.maximum(low, high)
+        inside = [np.clip(own, low, high) for own in lines]
+        marks = np.concatenate([low, *inside, high], axis=-1)
+        if len(standing) > 1:
+            marks = np.sort(marks, axis=-1)
+        starts.append(marks[..., :-1])
+        ends.append(marks[..., 1:])
     start, end = np.concatenate(starts, axis=-1), np.concatenate(ends, axis=-1)
     width = np.where(np.isnan(end - start), -1.0, end - start)
     widest = np.argmax(width, axis=-1)[..., None]
@@ -105,8 +113,8 @@ def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) 
         ValueError: a name is unknown or used twice, or a value is not admissible.
     """
     for name, _ in (x, y):
-        if name not in PARAMETERS:
-            raise ValueError(f"parameter {name!r}: must be one of {', '.join(PARAMETERS)}")
+        if name not in medium.known():
+            raise ValueError(f"parameter {name!r}: must be one of {', '.join(medium.known())}")
     if x[0] == y[0]:
         raise ValueError(f"parameter {x[0]!r} is given for both axes: take two different ones")
     varied: dict[str, Any] = {
@@ -128,15 +136,18 @@ def table(gaps: GapMap) -> tuple[list[str], Float]:
     """The map as one row for each medium, for a file.
 
     Returns:
-        Names of the columns: the two parameters, then lower and upper edge of each gap and of
-        the widest full gap, rad/s; and the rows, shape (ny·nx, columns).
+        Names of the columns, each with its unit: the two parameters, then lower and upper edge of
+        each gap and of the widest full gap (kHz); and the rows, shape (ny·nx, columns).
     """
     shape = gaps.full_lower.shape
-    columns = {
-        gaps.x: np.broadcast_to(getattr(gaps.medium, gaps.x), shape),
-        gaps.y: np.broadcast_to(getattr(gaps.medium, gaps.y), shape),
-    }
-    for name in gaps.lower:
-        columns[f"{name}_lower"], columns[f"{name}_upper"] = gaps.lower[name], gaps.upper[name]
-    columns["full_lower"], columns["full_upper"] = gaps.full_lower, gaps.full_upper
+    columns = {}
+    for name in (gaps.x, gaps.y):
+        unit = gaps.medium.known()[name].unit
+        heading = f"{name} ({unit})" if unit else name
+        columns[heading] = np.broadcast_to(getattr(gaps.medium, name), shape)
+    edges = {name: (gaps.lower[name], gaps.upper[name]) for name in gaps.lower}
+    edges["full"] = gaps.full_lower, gaps.full_upper
+    for name, pair in edges.items():
+        for side, edge in zip(("lower", "upper"), pair, strict=True):
+            columns[f"{name}_{side} (kHz)"] = edge * 1e-3 / (2 * math.pi)
     return list(columns), np.column_stack([np.ravel(column) for column in columns.values()])

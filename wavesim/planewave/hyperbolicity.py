@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
-from wavesim.material.sectors import BLOCKS, Block
 from wavesim.planewave.eigenproblem import Eigenmodes, Float, is_symmetric, solve, spectral_form
 
 # ω² that is negative, or complex, by less than these of the largest |ω²| at its k is rounding, or
@@ -31,8 +31,7 @@ class NotHyperbolicError(ValueError):
     def __init__(self, sector: str, k: float, growth_rate: float, medium: Medium) -> None:
         self.sector, self.k, self.growth_rate = sector, k, growth_rate
         super().__init__(
-            f"anisotropy = {medium.anisotropy:g} with stiffness_ratio = "
-            f"{medium.stiffness_ratio:g}: the {sector} waves of closure {medium.closure!r} are "
+            f"{medium.settings}: the {sector} waves of closure {medium.closure!r} are "
             f"unstable: at k = {k:.4g} rad/m they grow as exp({growth_rate:.3g}/s · t); bring "
             "anisotropy nearer to 0, where no closure is, or take closure 'consistent'"
         )
@@ -119,7 +118,7 @@ def check_hyperbolic(medium: Medium) -> None:
         NotHyperbolicError: one was found; it says where growth is fastest, and how fast.
     """
     worst = max(
-        ((fastest_growth(spectral_form(medium, block)), block) for block in BLOCKS),
+        ((fastest_growth(spectral_form(medium, block)), block) for block in medium.family.blocks),
         key=lambda found: found[0][1],
     )
     (k, growth), block = worst

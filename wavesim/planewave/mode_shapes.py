@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavesim.material.family import Block, weights
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import Block
-from wavesim.material.wave_equations import CURVATURES, ROTATIONS
 from wavesim.planewave.dispersion_relation import scaled_group_velocity
 from wavesim.planewave.eigenproblem import Complex, Float, is_symmetric, solve, spectral_form
 from wavesim.planewave.hyperbolicity import real_frequencies
@@ -26,9 +25,9 @@ class Modes:
         k: shape (n,), rad/m.
         omega: shape (n, m), rad/s.
         group_velocity: ∂ω/∂k, shape (n, m), m/s.
-        shapes: complex amplitudes in e^{i(kx−ωt)} of the twelve ``FIELDS``,
-            shape (n, m, 12), rad and 1/m, for a mean energy density of 1 J/m³, with Φ real and
-            ≥ 0. A wave with ω = 0 holds no energy at any amplitude: it is given 1 rad.
+        shapes: complex amplitudes in e^{i(kx−ωt)} of the family's fields, shape (n, m, fields), SI,
+            for a mean energy density of 1 J/m³, with Φ real and ≥ 0. A wave with ω = 0 holds no
+            energy at any amplitude: it is given one unit.
     """
 
     block: Block
@@ -42,11 +41,11 @@ def block_modes(medium: Medium, block: Block, k: ArrayLike) -> Modes:
     """Frequencies, group velocities and mode shapes of one block.
 
     The mean energy density of a plane wave is twice its kinetic part, so that
-    ½ ω² (ρβ |Φ|² + ργ |B|²) = 1 J/m³; closures that conserve no energy are normalised alike.
+    ½ ω² (m_φ |Φ|² + m_B |B|²) = 1 J/m³; closures that conserve no energy are normalised alike.
 
     Args:
         medium: the medium.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         k: wavenumbers, shape (n,), rad/m.
 
     Raises:
@@ -63,15 +62,15 @@ def block_modes(medium: Medium, block: Block, k: ArrayLike) -> Modes:
     density = float(units.energy / units.length)
     amplitude = np.where(resting, 1.0, (2 / density) ** 0.5 / np.where(resting, 1.0, omega))
     vectors = vectors * amplitude[..., None]
-    p = len(block.rotations)
-    rotations = vectors[..., :p] @ block.weights(ROTATIONS)
-    curvatures = 1j * float(units.curvature) * (vectors[..., p:] @ block.weights(CURVATURES))
+    p, family = len(block.macro), medium.family
+    macro = float(units.macro) * (vectors[..., :p] @ weights(block.macro, family.macro))
+    micro = float(units.micro) * (vectors[..., p:] @ weights(block.micro, family.micro))
     return Modes(
         block,
         given,
         omega / medium.time_scale,
         scaled_group_velocity(form, scaled, solved) * medium.length_scale / medium.time_scale,
-        np.concatenate([rotations.astype(complex), curvatures], axis=-1),
+        np.concatenate([macro.astype(complex), 1j * micro], axis=-1),
     )
 
 
@@ -83,7 +82,7 @@ def energy_velocity(medium: Medium, block: Block, k: ArrayLike) -> Float:
 
     Args:
         medium: the medium; its equations must be symmetric.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         k: wavenumbers, shape (n,), not 0, rad/m.
 
     Returns:
@@ -96,15 +95,15 @@ def energy_velocity(medium: Medium, block: Block, k: ArrayLike) -> Float:
     form = spectral_form(medium, block)
     if not is_symmetric(form):
         raise ValueError(
-            f"closure = {medium.closure!r} with anisotropy = {medium.anisotropy:g} is not "
-            "symmetric and conserves no energy: take closure 'consistent', or group_velocity"
+            f"closure = {medium.closure!r} of this medium is not symmetric and conserves no "
+            "energy: take closure 'consistent', or group_velocity"
         )
     if (scaled == 0).any():
         raise ValueError("k = 0: must not be 0; no energy travels there, see long_wave_speed")
     solved = solve(form, scaled)
     omega = np.sqrt(solved.squares)[..., None]
     vectors = np.swapaxes(solved.right, -1, -2).astype(complex)
-    p = len(block.rotations)
+    p = len(block.macro)
     wave = 1j * scaled[:, None, None]
     phi, bend = vectors[..., :p], 1j * vectors[..., p:]
     kappa, bend_slope = wave * phi, wave * bend

@@ -114,6 +114,10 @@ def find(content: Content, layout: Layout) -> Found:
     arrays = {n: np.asarray(a) for n, a in content.arrays.items()}
     truth = {n[len(_TRUTH) :]: a for n, a in arrays.items() if n.startswith(_TRUTH)}
     arrays = {n: a for n, a in arrays.items() if not n.startswith(_TRUTH)}
+    # Rows and columns of a larger array's length are one row, as MATLAB has no other.
+    largest = max((a.size for a in arrays.values()), default=0)
+    arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and a.size < largest else a
+              for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
     content = replace(content, arrays=arrays)
     signal = _input(content, layout)
@@ -313,6 +317,8 @@ def _seconds(
     if stored.dtype.kind in "mM":
         if np.isnat(stored).any():
             raise RecordError(f"{name}: holds times that are not there (NaT); give every time")
+        if np.datetime_data(stored.dtype)[0] in ("Y", "M"):
+            raise RecordError(f"{name}: holds dates of years or months; give times in s")
         since = stored - stored.ravel()[0]
         unit = np.datetime_data(stored.dtype)[0]
         tick = float(np.ones(1, f"m8[{unit}]")[0] / np.timedelta64(1, "s"))
@@ -430,6 +436,15 @@ def _unsaid(
         return RecordError(
             f"no times of {frames} entries for a record of shape {values.shape}; arrays are "
             f"{_listed(content.arrays)}: name them with --time, or give --interval"
+        )
+    if count == 1:
+        return RecordError(
+            "1 receiver: at least 2 are needed for a wavenumber, 3 where waves run both ways"
+        )
+    if labels and not content.columns:
+        return RecordError(
+            f"no positions of {count} receivers: the file says none; give --spacing, or "
+            "--positions 0.02,0.025,… in m"
         )
     if labels:
         shown = ", ".join(map(repr, labels[:3])) + (", …" if len(labels) > 3 else "")

@@ -114,10 +114,7 @@ def _reader(path: Path) -> Callable[[Path], Content]:
 def _build(content: Content, layout: Layout) -> Record:
     found = find(content, layout)
     rest = found.rest
-    quiet = layout.quiet_from
-    if quiet is None:
-        own = _scalar(rest, "quiet_from")
-        quiet = float(np.asarray(found.t).ravel()[0]) if own is None else own
+    quiet = _scalar(rest, "quiet_from") if layout.quiet_from is None else layout.quiet_from
     sources = list(layout.sources)
     if not sources and "sources" in rest and rest["sources"].dtype.kind in "fiu":
         sources = [float(s) for s in np.atleast_1d(rest["sources"]).ravel()]

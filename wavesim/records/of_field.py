@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.records.record import Record, record
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
@@ -24,7 +24,7 @@ def block_record(field: Field, block: Block) -> Record:
         The record, in the units of ``Field.components``.
     """
     parts = [values for values, _ in field.components(block)]
-    names = [next(iter(c)) for c in block.rotations + block.curvatures]
+    names = [next(iter(c)) for c in block.macro + block.micro]
     own = tuple(s.position for s in field.sources if s.field in block.fields)
     return record(
         np.stack(parts),

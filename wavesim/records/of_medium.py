@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from wavesim.material.damping import UNDAMPED, Damping
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, blocks_of
 from wavesim.records.files import HDF5, Layout, read
 from wavesim.records.record import Record, RecordError
 from wavesim.records.relations import OfMedium
@@ -74,7 +74,7 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
     record = read(path, layout)
     if medium is None:
         return [RecordOfMedium(path.stem, record)]
-    (block, *others) = blocks_of(sector)
+    (block, *others) = medium.family.blocks_of(sector)
     if others:
         raise RecordError(
             f"--sector {sector}: its waves do not travel and can't be told apart in one record; "

@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.records.content import RecordError
 from wavesim.records.evenness import even
 from wavesim.records.faults.clock import check_ascending, even_times, one_clock
+from wavesim.records.faults.examination import Raw, levels, samples, together
+from wavesim.records.faults.fill_values import within_range
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames
 
@@ -31,6 +33,8 @@ _ROUNDED = 0.02
 _DEAD = 1e-12
 # A receiver with more than this part of its samples missing is left out.
 _MOST_MISSING = 0.2
+# Spans of time (s) and place (m) within which squares and products are numbers still.
+_LEAST, _GREATEST = 1e-30, 1e30
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,11 @@ class Record:
             of the receivers' spacing over the spacing, where rounding leaves them open, –.
         broken: receivers for whose gaps frames are missing, shape (nx,).
         whole: the values with those receivers' gaps and all else in its place; None where none are.
+        clipped: receivers with flat tops, shape (nx,).
+        begun: receivers at which the signal is there already when the record begins, shape (nx,).
+        source_seen: where a source that nobody named stands among the receivers, by the earliest
+            arrivals, m; None where none does.
+        driven: whether it is not known from when on no source acts.
         findings: what was wrong, and what was done.
     """
 
@@ -79,6 +88,10 @@ class Record:
     spacing_error: float = 0.0
     broken: Mask = field(default_factory=lambda: np.zeros(0, bool))
     whole: Float | None = None
+    clipped: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    source_seen: float | None = None
+    driven: bool = False
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -125,6 +138,8 @@ class Record:
             labels=tuple(self.labels[j] for j in kept) if self.labels else (),
             quantum=self.quantum[kept] if len(self.quantum) else self.quantum,
             broken=self.broken[kept] if len(self.broken) else self.broken,
+            clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
+            begun=self.begun[kept] if len(self.begun) else self.begun,
             whole=None if self.whole is None else self.whole[..., kept],
         )
 
@@ -173,7 +188,7 @@ def record(
     x: ArrayLike,
     names: Sequence[str] = (),
     ring: bool = False,
-    quiet_from: float = 0.0,
+    quiet_from: float | None = None,
     sources: Sequence[float] = (),
     answer: dict[str, Any] | None = None,
     lattice: bool = False,
@@ -192,7 +207,7 @@ def record(
         x: receiver positions, shape (nx,), in any order, m.
         names: of the components.
         ring: whether the receivers go evenly round a periodic bar.
-        quiet_from: time from which on no source acts, s.
+        quiet_from: time from which on no source acts, s; not known where None.
         sources: positions of sources, m.
         answer: the truth, where it is known.
         lattice: whether the receivers are all the sites there are.
@@ -225,22 +240,59 @@ def record(
         names_of = tuple(names_of[j] for j in order)
         _check_places(x)
     x, spacing_error = _snapped(x, storage[1], found) if placed else (x, 0.0)
+    signal = None if input is None else np.array(input, float)
+    if signal is not None and len(signal) != len(t):
+        raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
+    frames = len(t)
     values, t = whole_frames(values, t, found)
-    values, x, names_of = _living(values, x, names_of, ring, found)
+    if signal is not None and len(t) != frames:
+        raise RecordError("frames are missing, so that the input is not whole: give all frames")
+    raw = None
+    first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
+    if not trusted:
+        values = within_range(values, found)
+        alive = _living(values, x, names_of, ring, still=False)
+        first_dead = x[~alive], tuple(np.array(names_of, object)[~alive])
+        values, x = values[..., alive], x[alive]
+        names_of = tuple(name for name, a in zip(names_of, alive, strict=True) if a)
+        raw = samples(values, t, x, names_of, found)
+        if signal is not None and raw.held > 1:
+            signal = signal[:: raw.held][: len(raw.t)]
+        values, t = raw.values, raw.t
+    channels = _Channels.of(x, names_of, raw)
+    if raw is not None and raw.spare.any():
+        values, x = values[..., ~raw.spare], x[~raw.spare]
+        channels = channels.take(~raw.spare)
+    alive = _living(values, x, channels.labels, ring)
+    _tell_dead(x, alive, channels.labels, first_dead, found)
+    values, x, channels = values[..., alive], x[alive], channels.take(alive)
     quiet = np.zeros(values.shape[1:], bool)
-    values, missing, broken = bridged(values, t, x, names_of, quiet, found)
+    if not trusted:
+        values, resting = levels(values, t, x, channels.labels, channels.quantum, found)
+        quiet = np.logical_and.reduce([one.mask for one in resting])
+    values, missing, broken = bridged(values, t, x, channels.labels, quiet, found)
     whole = values.copy() if broken.any() else None
     values[:, missing] = 0.0
-    length = len(t)
     values, t, missing, interval_error = even_times(values, t, missing, storage[0], found)
+    if any(finding.what == "times uneven" for finding in found):
+        whole = None
     if ring and not _is_even(x):
         raise RecordError(
             "ring: the receivers round a periodic bar must be evenly spaced; treat the record as "
             "a stretch instead, or give --spacing where they are"
         )
-    signal = None if input is None else np.asarray(input, float)
-    if signal is not None and len(signal) != length:
-        raise RecordError(f"input: {len(signal)} samples for {length} frames; give one each")
+    within, place = np.zeros(len(x), bool), None
+    if not trusted:
+        mended, within, place = together(
+            values if whole is None else whole, missing, t, x, channels.labels, channels.quantum,
+            channels.flat | broken, ring, found,
+        )  # fmt: skip
+        if mended.any:
+            kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
+            values = (values[..., mended.order] * mended.factor)[..., kept]
+            if whole is not None:
+                whole = (whole[..., mended.order] * mended.factor)[..., kept]
+            x, channels, within, broken = x[kept], channels.take(kept), within[kept], broken[kept]
     components = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
     return Record(
         t,
@@ -248,19 +300,23 @@ def record(
         values,
         components,
         ring=ring,
-        quiet_from=float(quiet_from),
+        quiet_from=float(t[0]) if quiet_from is None else float(quiet_from),
         missing=missing,
         sources=tuple(float(s) for s in sources),
         notes=(*notes, *(f.said for f in found)),
         lattice=lattice,
         answer=answer,
-        labels=names_of,
+        labels=channels.labels,
         input=signal,
-        quantum=np.zeros(len(x)),
+        quantum=channels.quantum,
         interval_error=interval_error,
         spacing_error=spacing_error,
         broken=broken,
         whole=whole,
+        clipped=channels.flat,
+        begun=within,
+        source_seen=place if not sources else None,
+        driven=quiet_from is None,
         findings=tuple(found),
     )
 
@@ -280,8 +336,9 @@ def _real(values: Float) -> Float:
 
 
 def _is_even(x: Float) -> bool:
-    gaps = np.diff(x)
-    return bool(np.ptp(gaps) <= _EVEN_RECEIVERS * gaps.mean())
+    i = np.arange(len(x))
+    off = x - x.mean() - np.polyfit(i, x, 1)[0] * (i - i.mean())
+    return bool(np.abs(off).max() <= _EVEN_RECEIVERS * (x[-1] - x[0]) / (len(x) - 1))
 
 
 def _snapped(x: Float, storage: float, found: list[Finding]) -> tuple[Float, float]:
@@ -323,6 +380,12 @@ def _check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
         )
     if not (np.isfinite(t).all() and (not placed or np.isfinite(x).all())):
         raise RecordError("t or x: holds values that are not finite; give every time and position")
+    span, reach = np.ptp(t), np.ptp(x) if placed else 1.0
+    if not (_LEAST < span < _GREATEST and (reach == 0 or _LEAST < reach < _GREATEST)):
+        raise RecordError(
+            f"t or x: times span {span:g} s, positions {reach:g} m; give them between {_LEAST:g} "
+            f"and {_GREATEST:g}"
+        )
 
 
 def _check_places(x: Float) -> None:
@@ -332,9 +395,13 @@ def _check_places(x: Float) -> None:
 
 
 def _living(
-    values: Float, x: Float, labels: tuple[str, ...], ring: bool, found: list[Finding]
-) -> tuple[Float, Float, tuple[str, ...]]:
-    """Without the receivers that say nothing."""
+    values: Float,
+    x: Float,
+    labels: tuple[str, ...],
+    ring: bool,
+    still: bool = True,
+) -> Mask:
+    """Which receivers say something, shape (nx,); those that stand still are dead if so wished."""
     finite = np.isfinite(values)
     size = np.nanmax(np.where(finite, np.abs(values), 0), axis=(0, 1))
     seen = ~(~finite).all(axis=(0, 2))
@@ -344,11 +411,13 @@ def _living(
     varies = np.nanmax(np.where(finite, values, -np.inf), axis=1) - np.nanmin(
         np.where(finite, values, np.inf), axis=1
     )
-    still = np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= _DEAD * max(size.max(), 1e-300)
+    least = _DEAD * max(size.max(), 1e-300)
     # On a ring a wave that does not travel leaves receivers rightly at rest.
-    dead = gone if ring else gone | still
+    dead: Mask = np.asarray(gone)
+    if still and not ring:
+        dead = gone | (np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= least)
     if not dead.any():
-        return values, x, labels
+        return ~dead
     where = places(x, dead, labels)
     if len(x) - dead.sum() < min(2, len(x)):
         raise RecordError(
@@ -360,12 +429,50 @@ def _living(
             f"receivers at {where} are dead, so that the ring is not whole: treat the record "
             "as a stretch instead"
         )
+    return ~dead
+
+
+def _tell_dead(
+    x: Float,
+    alive: Mask,
+    labels: tuple[str, ...],
+    before: tuple[Float, tuple[str, ...]],
+    found: list[Finding],
+) -> None:
+    """One finding for all that are dead, with those left out before."""
+    gone = np.r_[before[0], x[~alive]]
+    if not len(gone):
+        return
+    names = (*before[1], *(label for label, a in zip(labels, alive, strict=True) if not a))
+    order = np.argsort(gone, kind="stable")
+    listed = tuple(str(names[j]) for j in order)
+    # One more that is not meant: else it would read "all".
+    where = places(np.r_[gone[order], np.inf], np.arange(len(gone)), listed)
     found.append(
-        Finding("dead", where, f"{dead.sum()} of {len(x)}", TAKEN_OUT,
-                f"{dead.sum()} dead receivers left out ({where})")
+        Finding("dead", where, f"{len(gone)} of {len(x) + len(before[0])}", TAKEN_OUT,
+                f"{len(gone)} dead receivers left out ({where})")
     )  # fmt: skip
-    kept = tuple(label for label, d in zip(labels, dead, strict=True) if not d)
-    return values[..., ~dead], x[~dead], kept
+
+
+@dataclass(frozen=True)
+class _Channels:
+    """What is known of each receiver, left out and kept with it."""
+
+    labels: tuple[str, ...]
+    quantum: Float
+    flat: Mask
+
+    @staticmethod
+    def of(x: Float, labels: tuple[str, ...], raw: Raw | None) -> _Channels:
+        """Of a record as it was looked at; nothing is known of a trusted one."""
+        if raw is None:
+            return _Channels(labels, np.zeros(len(x)), np.zeros(len(x), bool))
+        return _Channels(labels, raw.quantum, raw.flat)
+
+    def take(self, kept: Mask) -> _Channels:
+        """Of those that stay."""
+        labels = tuple(label for label, k in zip(self.labels, kept, strict=True) if k)
+        return _Channels(labels, self.quantum[kept], self.flat[kept])
 
 
 __all__ = ["FEWEST_FRAMES", "Record", "RecordError", "record"]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_weights
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block
 from wavesim.planewave.dispersion_relation import block_frequencies, wavenumber
 from wavesim.planewave.eigenproblem import solve, spectral_form
 
@@ -78,7 +78,7 @@ class OfMedium:
 
     Args:
         medium: the medium.
-        block: one of ``wavesim.material.sectors.BLOCKS``.
+        block: one of its family's blocks.
         bar: with a bar, its exact semi-discrete relation: the medium's at k̃(k) of the bar's
             stencil, k̃ = (2/h) Σ c_j sin((j−½)kh).
     """

@@ -107,9 +107,10 @@ def is_time(heading: str) -> bool:
     return bool(
         re.match(
             r"(t|time|times|zeit|temps|tiempo|tempo|tijd|seconds?|secs?|elapsed|timestamps?|"
-            r"datetime|x-axis|x_value|x value|x-achse|t_s|s)(?![^\W\d_])",
+            r"datetime|x-axis|x_value|x value|x-achse)(?![^\W\d_]|[- ]?\d+\s*\()",
             text,
         )
+        or text.strip("()[] ") == "s"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +21,8 @@ KINDS: dict[str, tuple[float, str, int]] = {
 }
 _WAVES = {
     "longitudinal": "longitudinal",
-    "transverse2": "transverse φ₂",
-    "transverse3": "transverse φ₃",
+    "transverse2": "transverse x₂",
+    "transverse3": "transverse x₃",
     "inplane": "in-plane",
 }
 
@@ -159,18 +160,26 @@ def shown(value: Any, kind: str) -> str:
     return _WAVES.get(value, str(value))
 
 
+def number(value: float | None) -> str:
+    """A number of a check, six digits of it; none where it is no number."""
+    if value is None or not math.isfinite(value):
+        return "none"
+    if value == int(value) and abs(value) < 1e5:
+        return f"{value:.0f}"
+    return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
+
+
 def verdict(summary: Summary) -> str:
-    """The verdict of a run in a sentence; where a check fell short, its name and what to change."""
+    """The verdict of a run in a sentence; where checks fell short, the name of the first."""
     checks = summary["checks"]
     short = [check for check in checks if not check["passed"]]
     if not checks:
         return "Nothing was checked: the notes say why."
+    passed = f"{len(checks) - len(short)} of {len(checks)} checks passed"
     if not short:
-        return f"All {len(checks)} checks passed: the simulation agrees with the exact solution."
-    told = f"{len(short)} of {len(checks)} checks fell short: {short_name(short[0]['name'])}"
-    told += f" and {len(short) - 1} more" if len(short) > 1 else ""
-    remedy = short[0].get("remedy")
-    return f"{told}. To mend it, {remedy}." if remedy else f"{told}."
+        return f"{passed}: the simulation agrees with the exact solution."
+    more = f" and {len(short) - 1} more" if len(short) > 1 else ""
+    return f"{passed}; {short_name(short[0]['name'])}{more} fell short: see what to change."
 
 
 def short_name(name: str) -> str:

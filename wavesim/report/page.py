@@ -9,13 +9,12 @@ from __future__ import annotations
 import functools
 import importlib.util
 import json
-import math
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesim.report.answers import KINDS, Answer, answers, shown, verdict
+from wavesim.report.answers import KINDS, Answer, answers, number, shown, verdict
 
 _ASSETS = Path(__file__).parent / "assets"
 _KIBI = 1024.0
@@ -58,6 +57,7 @@ def page(
         case=case,
         summary_json=_script(summary),
         data_json=_script(data),
+        time_unit=data["time_unit"],
         style=_asset("page.css"),
         script=_asset("page.js"),
         plotly=_plotly(),
@@ -141,15 +141,6 @@ def _fell_short(check: Mapping[str, Any]) -> dict[str, str]:
         "tolerance": f"{allowed}{number(check['tolerance'])}{unit}",
         "remedy": f"{remedy[:1].upper()}{remedy[1:]}." if remedy else "",
     }
-
-
-def number(value: float | None) -> str:
-    """A number of a check, six digits of it; none where it is no number."""
-    if value is None or not math.isfinite(value):
-        return "none"
-    if value == int(value) and abs(value) < 1e5:
-        return f"{value:.0f}"
-    return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
 
 
 def _closer(summary: Mapping[str, Any], folder: Path, rerun: str) -> list[dict[str, str]]:

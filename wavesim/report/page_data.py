@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.sectors import SECTORS
-from wavesim.material.wave_equations import ROTATIONS
+from wavesim.material.family import is_macro, known_field
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
 from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.readings.bar.reading import Reading
@@ -45,9 +44,11 @@ def of_field(field: Field) -> Data:
         field: read where it is looked at.
     """
     bar, medium = field.bar, field.medium
-    sectors = [s for s in SECTORS if any(b.sector == s for b in field.blocks)]
+    sectors = list(dict.fromkeys(block.sector for block in field.blocks))
     return {
         "units": {"length": float(medium.length_scale), "time": float(medium.time_scale)},
+        "time_unit": medium.family.time,
+        "symbols": {name: known_field(name).symbol for name in field.names},
         "length": bar.length,
         "duration": float(field.t[-1]),
         "periodic": bar.periodic,
@@ -96,7 +97,7 @@ def _spacetime(field: Field, sector: str) -> Data:
 def _snapshots(field: Field) -> Data:
     frames = _some(len(field.t), _FRAMES)
     found: Data = {"t": field.t[frames].tolist(), "fields": {}}
-    names = sorted(field.names, key=lambda name: (name not in ROTATIONS, name))
+    names = sorted(field.names, key=lambda name: (not is_macro(name), name))
     for name in names:
         x = field.positions(name)
         places = _some(len(x), _PLACES)

@@ -16,11 +16,22 @@ from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
+from wavesim.report.answers import KINDS, answers, number, short_name, shown
+from wavesim.report.answers import verdict as sentence
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
+_SECTORS = {
+    "longitudinal": "longitudinal",
+    "transverse2, transverse3": "transverse",
+    "inplane": "in-plane",
+}
+# Checks that fell short, of which the terminal tells.
+_MOST_SHORT = 12
+# Columns that fit into 80 characters only side by side.
+_MANY = 8
 
 
 def _table(*headings: str, title: str = "") -> Table:
@@ -35,47 +46,64 @@ def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
     table = _table("check", "measured", "reference", "tolerance", "unit", "")
     for check in checks:
         mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
-        numbers = [_number(check[key]) for key in ("measured", "reference", "tolerance")]
+        numbers = [number(check[key]) for key in ("measured", "reference", "tolerance")]
         table.add_row(check["name"], *numbers, check["unit"], mark)
     console.print(table)
     for check in checks:
         if check.get("remedy"):
-            console.print(Text("FAIL", "bold red"), f"{_short(check['name'])}: {check['remedy']}.")
+            console.print(
+                Text("FAIL", "bold red"), f"{short_name(check['name'])}: {check['remedy']}."
+            )
 
 
-def _short(name: str) -> str:
-    """A check's name without what was compared."""
-    for mark in (": |", ": difference", " over "):
-        name = name.split(mark)[0]
-    return name
-
-
-def verdict(console: Console, summary: dict[str, Any]) -> None:
-    """Print the checks of a run, one line each, and how many passed.
+def found(console: Console, summary: dict[str, Any]) -> None:
+    """Print what a run found: gaps, velocities, T, Q, each beside the exact value.
 
     Args:
         console: where to.
         summary: contents of summary.json.
     """
-    checks = summary["checks"]
-    show_checks(console, checks)
-    passed = sum(check["passed"] for check in checks)
-    timing = summary["timing"]
-    console.print(
-        f"{passed} of {len(checks)} checks passed.  "
-        f"{summary['stepper']}, {summary['steps']} steps, "
-        f"{summary['operator_products']} products; seconds: "
-        + ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in timing.items())
-        + f"; peak memory {summary['peak_memory_bytes'] / 2**20:.0f} MiB"
+    for answer in answers(summary):
+        columns = [column for column in answer.columns if not column.wide]
+        table = _table(*(column.name for column in columns), title=answer.title)
+        table.padding = (0, 1 if len(columns) < _MANY else 0, 0, 0)
+        for one in table.columns:
+            one.no_wrap = True
+        units = [KINDS[column.kind][1] if column.kind else "" for column in columns]
+        if any(units):
+            table.add_row(*units, style="dim")
+        for row in answer.rows:
+            table.add_row(*(shown(row.get(column.key), column.kind) for column in columns))
+        console.print(table)
+
+
+def verdict(console: Console, summary: dict[str, Any]) -> None:
+    """Print the verdict of a run in a line, then what fell short, and once what to change.
+
+    Args:
+        console: where to.
+        summary: contents of summary.json.
+    """
+    short = [check for check in summary["checks"] if not check["passed"]]
+    console.print(sentence(summary), soft_wrap=True)
+    for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
+        alike = [check for check in short if check.get("remedy", "") == remedy]
+        for check in alike[:_MOST_SHORT]:
+            console.print(Text("FAIL", "bold red"), _short_line(check), soft_wrap=True)
+        if len(alike) > _MOST_SHORT:
+            console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
+        if remedy:
+            console.print(f"     To mend it: {remedy}.", soft_wrap=True)
+
+
+def _short_line(check: dict[str, Any]) -> str:
+    """What was measured where a check fell short, and what was allowed."""
+    reference = f"{number(check['reference'])} ± " if check["reference"] else ""
+    unit = "" if check["unit"] == "–" else f" {check['unit']}"
+    return (
+        f"{short_name(check['name'])}: {number(check['measured'])}{unit}, allowed "
+        f"{reference}{number(check['tolerance'])}{unit}"
     )
-
-
-def _number(value: float) -> str:
-    if not math.isfinite(value):
-        return "none"
-    if value == int(value) and abs(value) < 1e5:
-        return f"{value:.0f}"
-    return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
 
 
 def survey(console: Console, case: Case, steps: TimeStep) -> None:
@@ -94,8 +122,8 @@ def survey(console: Console, case: Case, steps: TimeStep) -> None:
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"closure {medium.closure}, a = {medium.anisotropy:g}, η = "
-                   f"{medium.stiffness_ratio:g}; ω̄ = 1 is {kHz / medium.time_scale:.5g} kHz"),
+        ("medium", f"{medium.family.name}, {medium.in_words}; ω̄ = 1 is "
+                   f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
@@ -168,34 +196,33 @@ def _source(source: Source) -> str:
     return f"{kind}{source.field} at {source.position:g} m{at}"
 
 
-def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[Any]) -> None:
+def bands(
+    console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[Any], bar_hz: float
+) -> None:
     """Print the branches and gaps of a medium.
 
     Args:
         console: where to.
         rows: of ``wavesim.planewave.bands.table``.
         full_gaps: [(lower, upper)] in Hz and ω̄: (low, high, low_bar, high_bar).
+        bar_hz: frequency of ω̄ = 1, Hz.
     """
-    table = _table("sector", "branch", "cutoff", "", "asymptote", "", "gap above", "", "")
+    table = _table("sector", "branch", "cutoff", "asymptote", "gap", "", "")
+    table.padding, table.show_edge = (0, 0), False
     table.columns[1].justify = "left"
     for column in table.columns:
         column.no_wrap = True
-    table.add_row("", "", "kHz", "ω̄", "kHz", "ω̄", "", "kHz", "ω̄", style="dim")
+    table.add_row("", "", "kHz", "kHz", "", "kHz", "ω̄", style="dim")
     for row in rows:
+        gap = row["gap"]
         table.add_row(
-            row["sector"].replace(", transverse", ", "),
+            _SECTORS[row["sector"]],
             row["branch"],
-            *_pair(row["cutoff_hz"], row["cutoff_bar"]),
-            *_pair(row["asymptote_hz"], row["asymptote_bar"]),
-            row["gap"] or "",
-            *(
-                (
-                    f"{row['gap_lower_hz'] / 1e3:.2f} – {row['gap_upper_hz'] / 1e3:.2f}",
-                    f"{row['gap_lower_bar']:.4f} – {row['gap_upper_bar']:.4f}",
-                )
-                if row["gap"]
-                else ("", "")
-            ),
+            _kHz(row["cutoff_hz"]),
+            _kHz(row["asymptote_hz"]),
+            gap or "",
+            f"{_kHz(row['gap_lower_hz'])} – {_kHz(row['gap_upper_hz'])}" if gap else "",
+            f"{row['gap_lower_bar']:.3f} – {row['gap_upper_bar']:.3f}" if gap else "",
         )
     console.print(table)
     if not full_gaps:
@@ -205,9 +232,8 @@ def bands(console: Console, rows: Sequence[dict[str, Any]], full_gaps: Sequence[
             f"No wave propagates between {low / 1e3:.2f} and {high / 1e3:.2f} kHz "
             f"(ω̄ {low_bar:.4f} – {high_bar:.4f})."
         )
+    console.print(f"ω̄ = 1 is {bar_hz / 1e3:.5g} kHz.")
 
 
-def _pair(hertz: float | None, bar: float | None) -> tuple[str, str]:
-    if hertz is None or bar is None:
-        return ("rises", "")
-    return f"{hertz / 1e3:.2f}", f"{bar:.4f}"
+def _kHz(hertz: float | None) -> str:
+    return "rises" if hertz is None else f"{hertz / 1e3:.2f}"

@@ -2,24 +2,61 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import traceback
 from typing import Any, NoReturn
 
 import click
 
-FELL_SHORT, BAD_INPUT = 1, 2
+# Exit codes: a check of the run fell short; bad input; the integration or the writing of its
+# results failed; interrupted.
+FELL_SHORT, BAD_INPUT, FAILED, INTERRUPTED = 1, 2, 3, 130
+_LONGEST = 2000
+
+
+def told(message: str, kind: str = "") -> None:
+    """One line on standard error, in which nothing is left that a terminal would obey."""
+    from wavesim.material.shown import printable  # loads numpy, which --help does without
+
+    text = printable(message, _LONGEST)
+    click.echo(f"wavesim: {kind}: {text}" if kind else f"wavesim: {text}", err=True)
 
 
 def stop(message: str, code: int) -> NoReturn:
     """End with one line on standard error and an exit code."""
-    click.echo(f"wavesim: {message}", err=True)
+    told(message)
     sys.exit(code)
 
 
+def failed(error: BaseException) -> int:
+    """What is said of an error that no command foresaw, in one line, and the exit code.
+
+    With WAVESIM_TRACEBACK=1 in the environment its traceback is printed too.
+    """
+    if isinstance(error, KeyboardInterrupt):
+        told("interrupted")
+        return INTERRUPTED
+    if os.environ.get("WAVESIM_TRACEBACK"):
+        traceback.print_exception(error)
+    name, why = type(error).__name__, str(error).partition("\n")[0]
+    if isinstance(error, MemoryError):
+        told(f"it does not fit into memory ({why or name}); take fewer cells, or fewer frames")
+    elif isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        told(f"{where}can't be read or written: {error.strerror or why}")
+    else:
+        told(
+            f"it failed in a way that was not foreseen ({name}: {why}); "
+            "WAVESIM_TRACEBACK=1 in the environment shows where"
+        )
+    return FAILED
+
+
 def console(quiet: bool = False) -> Any:
-    """A console as wide as the terminal, or 120 columns where there is none."""
+    """A console as wide as the terminal, or 80 columns where there is none."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else 120
+    width = None if sys.stdout.isatty() else 80
     # Without markup: [time] in a message is a table of the case file.
     return Console(quiet=quiet, highlight=False, markup=False, width=width)

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.material.family import Block, is_macro, known_field
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import Block
 from wavesim.material.shown import Shown, quantity
-from wavesim.material.wave_equations import ROTATIONS, UNITS
 from wavesim.simulation.bandlimited import between
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
@@ -36,7 +35,7 @@ class Energy:
     """Energy per area of the section at each frame, J/m²; arrays of shape (nt,).
 
     Attributes:
-        kinetic: ½∫ ρβφ̇² + ργḂ² dx.
+        kinetic: ½∫ m_φ φ̇² + m_B Ḃ² dx.
         potential: deformation energy, where the closure is symmetric.
         work: done by the sources since the start.
     """
@@ -63,7 +62,7 @@ class Field(Shown):
     Attributes:
         simulation: what made it.
         t: times, even, shape (nt,), s.
-        values: {field name: array-like (nt, nx)}, rad for rotations and 1/m for curvatures;
+        values: {field name: array-like (nt, nx)}, SI;
             arrays, or data sets that are read when indexed.
         energy: energy at each frame.
         stepper, step: name and time step (s) of the stepper that made it.
@@ -101,7 +100,7 @@ class Field(Shown):
         }
         data: dict[str, Any] = {
             name: (
-                ("t", "x" if name in ROTATIONS else "x_half"),
+                ("t", "x" if is_macro(name) else "x_half"),
                 self[name],
                 {"units": self.unit(name)},
             )
@@ -173,7 +172,7 @@ class Field(Shown):
 
     def positions(self, name: str) -> Float:
         """Grid positions of one field, shape (nx,), m."""
-        return self.bar.nodes if name in ROTATIONS else self.bar.half_nodes
+        return self.bar.nodes if is_macro(name) else self.bar.half_nodes
 
     def components(
         self, block: Block, frames: slice = WHOLE, points: slice = WHOLE
@@ -189,12 +188,12 @@ class Field(Shown):
         """
         units = scales(self.medium)
         found = []
-        for component in block.rotations + block.curvatures:
+        for component in block.macro + block.micro:
             (first, weight), *others = component.items()
             total = weight / units.unit(first) * self.part(first, frames, points)
             for name, weight in others:
                 total += weight / units.unit(name) * self.part(name, frames, points)
-            found.append((total, first not in ROTATIONS))
+            found.append((total, not is_macro(first)))
         return found
 
     def at(self, position: float, name: str, t: ArrayLike | None = None) -> Float:
@@ -213,7 +212,7 @@ class Field(Shown):
         Raises:
             ValueError: the position is outside the bar.
         """
-        weights, indices = self.bar.sampling(position, staggered=name not in ROTATIONS)
+        weights, indices = self.bar.sampling(position, staggered=not is_macro(name))
         # On a ring the points may be at both its ends.
         runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
         near = [self.part(name, points=slice(int(r[0]), int(r[-1]) + 1)) for r in runs]
@@ -224,5 +223,5 @@ class Field(Shown):
 
     @staticmethod
     def unit(name: str) -> str:
-        """Unit of a field, rad or 1/m."""
-        return UNITS[name]
+        """Unit of a field."""
+        return known_field(name).unit

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.material.family import Block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block, excited_blocks
 from wavesim.material.shown import Shown, quantity
 from wavesim.planewave import block_frequencies, check_hyperbolic
 from wavesim.planewave.band_edges import keeps_gradient
@@ -119,7 +119,7 @@ class Simulation(Shown):
     @functools.cached_property
     def blocks(self) -> tuple[Block, ...]:
         """The blocks that the sources set in motion; no others are integrated."""
-        return excited_blocks([source.field for source in self.sources])
+        return self.medium.family.excited([source.field for source in self.sources])
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ def at_double_moment(simulated: Simulation, position: float) -> bool:
     """Whether a place is that of a point source on a micro-curvature, which is infinite there."""
     return any(
         source.staggered
-        and source.drive == "body"
+        and source.acts == "body"
         and source.width == 0
         and abs(source.position - position) <= 1e-9 * simulated.bar.length
         for source in simulated.sources
@@ -188,7 +188,7 @@ def highest_band(sources: Sequence[Source], medium: Medium) -> float:
     return max(
         max(
             float(block_frequencies(medium, block, [source.highest_wavenumber]).max())
-            for block in excited_blocks([source.field])
+            for block in medium.family.excited([source.field])
         )
         if isinstance(source, InitialField)
         else source.band

@@ -8,7 +8,6 @@ from wavesim.sources.ricker import Ricker
 from wavesim.sources.signal_file import read_csv
 from wavesim.sources.source import (
     EXCITED,
-    Drive,
     Source,
     excitation,
     excited_band,
@@ -19,7 +18,6 @@ from wavesim.sources.tone_burst import ToneBurst
 __all__ = [
     "EXCITED",
     "Chirp",
-    "Drive",
     "GaussianDerivative",
     "InitialField",
     "Recorded",

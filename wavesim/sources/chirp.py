@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from wavesim.sources.source import (
-    Drive,
     Extent,
     Source,
     check_place,
@@ -36,15 +35,15 @@ class Chirp(Source):
     continuous derivatives, and falls so over the last.
 
     Args:
-        field: the field it drives, phi1 … B33.
+        field: the field it drives, such as phi1 or u1.
         position: x_s, m.
         low, high: f₁ and f₂, first and last frequency, Hz, 0 < f₁ < f₂.
         duration: T, s, at least one period of the lowest frequency.
         taper: part of the duration over which it rises, and falls, –, 0.01 to 0.5.
-        amplitude: of the drive: N·m/m² on a rotation, N on a micro-curvature, rad for "rotation".
+        amplitude: of the drive, in its unit; see :class:`Source`.
         width: standard deviation of a Gaussian in x, m; 0 is a point.
         start: when it begins, s, ≥ 0.
-        drive: "body", "moment" or "rotation"; see :class:`Source`.
+        drive: "body", or a word of the field's family; see :class:`Source`.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
@@ -61,7 +60,7 @@ class Chirp(Source):
     amplitude: float = 1.0
     width: float = 0.0
     start: float = 0.0
-    drive: Drive = "body"
+    drive: str = "body"
 
     def __post_init__(self) -> None:
         check_place(self)

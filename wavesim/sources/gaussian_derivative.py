@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from wavesim.sources.source import EXCITED, Drive, Extent, Source, check_place, namespace
+from wavesim.sources.source import EXCITED, Extent, Source, check_place, namespace
 
 
 @functools.cache
@@ -30,13 +30,13 @@ class DerivativeOfGaussian(Source):
     """The n-th derivative of a Gaussian: |s(ω)| ∝ (x² exp(1 − x²))^(n/2), x = ω/2πf_p.
 
     Args:
-        field: the field it drives, phi1 … B33.
+        field: the field it drives, such as phi1 or u1.
         position: x_s, m.
         peak_frequency: f_p, at which its spectrum peaks, Hz.
-        amplitude: of the drive: N·m/m² on a rotation, N on a micro-curvature, rad for "rotation".
+        amplitude: of the drive, in its unit; see :class:`Source`.
         width: standard deviation of a Gaussian in x, m; 0 is a point.
         delay: t₀, s, about which it is even or odd; None: it begins at t = 0, below 1e-15.
-        drive: "body", "moment" or "rotation"; see :class:`Source`.
+        drive: "body", or a word of the field's family; see :class:`Source`.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
@@ -48,7 +48,7 @@ class DerivativeOfGaussian(Source):
     amplitude: float = 1.0
     width: float = 0.0
     delay: float | None = None
-    drive: Drive = "body"
+    drive: str = "body"
 
     order: ClassVar[int]
     """n."""

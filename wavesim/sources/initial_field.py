@@ -10,7 +10,6 @@ import numpy as np
 
 from wavesim.sources.source import (
     IN_BAND,
-    Drive,
     Extent,
     Source,
     check_place,
@@ -23,15 +22,15 @@ from wavesim.sources.source import (
 class InitialField(Source):
     """A field at rest at t = 0: amplitude · exp(−(x − x_s)²/2w²).
 
-    It is what a body moment of the inertia times amplitude · δ′(t) leaves behind, so that its
+    It is what a body force of the inertia times amplitude · δ′(t) leaves behind, so that its
     spectrum is amplitude · (−iω). All frequencies are excited alike; what it excites is limited in
     wavenumber, by exp(−k²w²/2), and its band is therefore infinite.
 
     Args:
-        field: the field, phi1 … B33.
+        field: the field, such as phi1 or u1.
         position: x_s, m.
         width: w, standard deviation, m, > 0.
-        amplitude: rad for a rotation, 1/m for a micro-curvature.
+        amplitude: in the field's unit.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
@@ -43,7 +42,7 @@ class InitialField(Source):
     position: float
     width: float
     amplitude: float = 1.0
-    drive: Drive = "initial"
+    drive: str = "initial"
 
     def __post_init__(self) -> None:
         check_place(self, ("initial",))

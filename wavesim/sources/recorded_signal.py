@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from wavesim.sources.signal_file import check_samples
 from wavesim.sources.source import (
-    Drive,
     Extent,
     Source,
     check_place,
@@ -34,15 +33,15 @@ class Recorded(Source):
     step, is off by about 1e-9 of the field (measured, four samples to a step and more).
 
     Args:
-        field: the field it drives, phi1 … B33.
+        field: the field it drives, such as phi1 or u1.
         position: x_s, m.
         times: t_j, s: even (to 1e-6 of the record and a hundredth of a sample), at least 8.
         values: v_j, as many; the first and the last are at most 1e-2 of the largest.
-        amplitude: by which the values are multiplied; with it N·m/m² on a rotation, N on a
-            micro-curvature, rad for "rotation".
+        amplitude: by which the values are multiplied; with it in the drive's unit, see
+            :class:`Source`.
         width: standard deviation of a Gaussian in x, m; 0 is a point.
         start: time of the first sample, s; None stands for that in times.
-        drive: "body", "moment" or "rotation"; see :class:`Source`.
+        drive: "body", or a word of the field's family; see :class:`Source`.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
@@ -57,7 +56,7 @@ class Recorded(Source):
     amplitude: float = 1.0
     width: float = 0.0
     start: float | None = None
-    drive: Drive = "body"
+    drive: str = "body"
 
     def __post_init__(self) -> None:
         check_place(self)

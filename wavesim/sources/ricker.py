@@ -17,14 +17,14 @@ class Ricker(DerivativeOfGaussian):
     """A Ricker pulse s(t) = (1 − 2u²) exp(−u²), u = π f_p (t − t₀).
 
     Args:
-        field: the field it drives, phi1 … B33.
+        field: the field it drives, such as phi1 or u1.
         position: x_s, m.
         peak_frequency: f_p, at which its spectrum peaks, Hz.
-        amplitude: of the drive: N·m/m² on a rotation, N on a micro-curvature, rad for "rotation".
+        amplitude: of the drive, in its unit; see :class:`Source`.
         width: standard deviation of a Gaussian in x, m; 0 is a point.
         delay: t₀, time of the peak, s; None stands for 2/f_p, by when the pulse has risen from
             below 1e-15.
-        drive: "body", "moment" or "rotation"; see :class:`Source`.
+        drive: "body", or a word of the field's family; see :class:`Source`.
 
     Raises:
         ValueError: a value is not admissible; the message names it.

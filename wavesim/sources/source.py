@@ -7,17 +7,16 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.wave_equations import FIELDS, ROTATIONS
+from wavesim.material.family import Acts, is_macro, known_field
 
-Drive = Literal["body", "moment", "rotation", "initial"]
-
-SIGNAL_DRIVES: tuple[str, ...] = ("body", "moment", "rotation")
-END_DRIVES: tuple[str, ...] = ("moment", "rotation")
+# What acts by a signal, and what of that acts at an end.
+SIGNAL_ACTS: tuple[str, ...] = ("body", "surface", "prescribed")
+END_ACTS: tuple[str, ...] = ("surface", "prescribed")
 
 # A frequency counts as excited where the spectrum is above this part of its peak.
 EXCITED = 1e-3
@@ -53,13 +52,16 @@ class Extent:
 class Source(abc.ABC):
     """A source: amplitude · s(t) on one field at one place.
 
-    By its ``drive`` the signal is
+    By its ``drive``, a word of its field's family, the signal is what ``acts`` says:
 
-    - "body": a body moment (on a rotation φ_i) or a body double moment (on a micro-curvature
-      B_ij), amplitude · s(t) · δ(x − position), or a Gaussian of standard deviation width in place
-      of δ; N·m/m² on a rotation, N on a micro-curvature;
-    - "moment": the surface moment on a free end, N·m/m²; position is that of the end;
-    - "rotation": the rotation φ_i of a fixed end, rad; position is that of the end;
+    - "body", in all families: a body force on a macro-field (a body moment on a rotation) or a
+      body double force on a micro-field, amplitude · s(t) · δ(x − position), or a Gaussian of
+      standard deviation width in place of δ; N/m² on a displacement and N/m on a micro-strain,
+      N·m/m² on a rotation and N on a micro-curvature;
+    - "surface", of rotation "moment", of translation "traction": what loads a free end, per area;
+      position is that of the end;
+    - "prescribed", of rotation "rotation", of translation "displacement": the macro-field of a
+      fixed end; position is that of the end;
     - "initial": none; the field itself at t = 0, see ``InitialField``.
 
     Every kind is a frozen dataclass and hashable, so that jax takes it as static. It gives its
@@ -73,7 +75,7 @@ class Source(abc.ABC):
 
         @property
         def field(self) -> str:
-            """The field it drives, phi1 … B33."""
+            """The field it drives, such as phi1, B11, u1, A11."""
 
         @property
         def position(self) -> float:
@@ -88,8 +90,8 @@ class Source(abc.ABC):
             """Standard deviation of a Gaussian in x, m; 0 is a point."""
 
         @property
-        def drive(self) -> Drive:
-            """How it drives."""
+        def drive(self) -> str:
+            """How it drives, in a word of its field's family."""
 
         @property
         def peak_frequency(self) -> float:
@@ -163,32 +165,38 @@ class Source(abc.ABC):
         return self.extent.strongest
 
     @property
+    def acts(self) -> Acts:
+        """What its drive does: "body", "surface", "prescribed" or "initial"."""
+        return known_field(self.field).family.acts(self.drive)
+
+    @property
     def staggered(self) -> bool:
         """Whether the field it drives lives on the half-nodes."""
-        return self.field not in ROTATIONS
+        return not is_macro(self.field)
 
 
-def check_place(source: Source, drives: tuple[str, ...] = SIGNAL_DRIVES) -> None:
+def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
     """Hold what all kinds have in common to what is admissible.
 
     Args:
         source: of any kind.
-        drives: those that its kind offers.
+        acts: what its kind may do.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
     """
-    if source.field not in FIELDS:
-        raise ValueError(f"field = {source.field!r}: must be one of {', '.join(FIELDS)}")
+    family = known_field(source.field).family
     if source.width < 0:
         raise ValueError(f"width = {source.width:g} m: must be 0 (a point) or greater")
-    if source.drive not in drives:
-        raise ValueError(f"drive = {source.drive!r}: must be one of {', '.join(drives)}")
-    if source.drive in END_DRIVES:
+    if source.drive not in (allowed := family.words_for(acts)):
+        raise ValueError(
+            f"drive = {source.drive!r}: must be one of {', '.join(allowed)} on {source.field}"
+        )
+    if source.acts in END_ACTS:
         if source.staggered:
             raise ValueError(
-                f"field = {source.field!r}: a drive {source.drive!r} acts on a rotation at an "
-                f"end; take one of {', '.join(ROTATIONS)}"
+                f"field = {source.field!r}: a drive {source.drive!r} acts on a {family.words[0]} "
+                f"at an end; take one of {', '.join(family.macro)}"
             )
         if source.width != 0:
             raise ValueError(
@@ -302,7 +310,7 @@ def excitation(sources: Sequence[Source], omega: Any, k: Any = 0.0) -> Any:
     omega = np.asarray(omega)
     parts = [
         np.exp(-((np.asarray(k) * source.width) ** 2) / 2) * np.ones(omega.shape)
-        if source.drive == "initial"
+        if source.acts == "initial"
         else np.abs(source.spectrum(omega)) / source.strongest
         for source in sources
     ]

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from wavesim.sources.source import (
-    Drive,
     Extent,
     Source,
     check_place,
@@ -38,15 +37,15 @@ class ToneBurst(Source):
     their ends.
 
     Args:
-        field: the field it drives, phi1 … B33.
+        field: the field it drives, such as phi1 or u1.
         position: x_s, m.
         frequency: f, Hz.
         cycles: n, –, at least 1, not necessarily whole.
         window: "hann", "cos4" or "cos6".
-        amplitude: of the drive: N·m/m² on a rotation, N on a micro-curvature, rad for "rotation".
+        amplitude: of the drive, in its unit; see :class:`Source`.
         width: standard deviation of a Gaussian in x, m; 0 is a point.
         start: when it begins, s, ≥ 0.
-        drive: "body", "moment" or "rotation"; see :class:`Source`.
+        drive: "body", or a word of the field's family; see :class:`Source`.
 
     Raises:
         ValueError: a value is not admissible; the message names it.
@@ -62,7 +61,7 @@ class ToneBurst(Source):
     amplitude: float = 1.0
     width: float = 0.0
     start: float = 0.0
-    drive: Drive = "body"
+    drive: str = "body"
 
     def __post_init__(self) -> None:
         check_place(self)

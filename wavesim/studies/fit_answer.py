@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from wavesim.case.load import Case
-from wavesim.material.sectors import blocks_of
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.studies import medium_fit
 from wavesim.studies.comparison import Comparison, compare
@@ -198,7 +197,7 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str) -> FitAn
             "parameters, such as medium.anisotropy, or give the waveforms"
         )
     points = _points(path)
-    (block, *_) = blocks_of(sector)
+    (block, *_) = case.medium.family.blocks_of(sector)
     found = medium_fit.fit(
         [medium_fit.Observed(block, points)], case.medium, [one.name for one in varied]
     )

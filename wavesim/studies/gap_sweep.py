@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from wavesim.case.layered_case import bar_layers
 from wavesim.case.schema import CaseFile
-from wavesim.material.medium import PARAMETERS, Medium, check_parameter
-from wavesim.planewave.gap_map import GAPS, family_gaps, widest_full_gap
+from wavesim.material.medium import Medium, check_parameter
+from wavesim.planewave.gap_map import family_gaps, widest_full_gap
 from wavesim.planewave.many_media import growing
 from wavesim.studies.sweep_case import SweptCase, check_matters
 from wavesim.studies.sweep_store import Layout, Variable
 
 _BLOCK = 5000
-# Values that stand for those of members that are left out.
-_STAND_IN = {name: getattr(Medium(), name) for name in PARAMETERS}
 _LOOKED_AT = "the parameters of the case's media"
 
 
@@ -44,7 +42,7 @@ class GapMeasure:
         own = ("medium", "gap") if len(self.names) > 1 else ("gap",)
         about = "edge of a gap; lower = upper where it is closed"
         variables = {name: Variable(own, "rad/s", f"{name} {about}") for name in ("lower", "upper")}
-        coordinates: dict[str, Any] = {"gap": ([*GAPS, "full"], "1")}
+        coordinates: dict[str, Any] = {"gap": ([*self.media[0].family.all_gaps, "full"], "1")}
         if len(self.names) > 1:
             coordinates["medium"] = (list(self.names), "1")
         return Layout(variables, coordinates, _BLOCK)
@@ -82,7 +80,7 @@ def _edges(
     """Lower and upper edges of a family, (members, gaps) each; messages are filled in."""
     own = dict(own)
     for parameter, values in own.items():
-        known = PARAMETERS[parameter]
+        known = medium.known()[parameter]
         bad = ~((values > known.low) & (values <= known.high))
         if not known.open:
             bad &= values != known.low
@@ -91,7 +89,7 @@ def _edges(
                 check_parameter(parameter, float(values[member]))
             except ValueError as error:
                 messages[member] = messages[member] or f"{where}{error}"
-        stand_in = float(values[~bad][0]) if not bad.all() else _STAND_IN[parameter]
+        stand_in = float(values[~bad][0]) if not bad.all() else getattr(type(medium)(), parameter)
         own[parameter] = np.where(bad, stand_in, values)
     if not own:
         own = {"density": np.full(count, float(medium.density))}
@@ -104,12 +102,12 @@ def _edges(
     ]
     unstable = np.isnan(edges[0] + edges[1]).any(axis=1) | growing(family, count)
     for member in np.flatnonzero(unstable):
-        a, eta = (
-            float(np.broadcast_to(getattr(family, name), count)[member])
-            for name in ("anisotropy", "stiffness_ratio")
-        )
+        one: dict[str, Any] = {
+            name: float(values[member]) for name, values in own.items() if np.ndim(values)
+        }
+        told = dataclasses.replace(medium, **one).settings
         messages[member] = messages[member] or (
-            f"{where}anisotropy = {a:g} with stiffness_ratio = {eta:g}: waves of closure "
+            f"{where}{told}: waves of closure "
             f"{medium.closure!r} are unstable, they grow without bound; bring anisotropy nearer to "
             "0, where no closure is, or take closure 'consistent'"
         )
@@ -134,7 +132,7 @@ def gap_measure(swept: SweptCase) -> GapMeasure:
         own = {
             (m, p): number
             for m, (one, two) in enumerate(zip(first, media, strict=True))
-            for p in PARAMETERS
+            for p in one[1].known()
             if getattr(two[1], p) != getattr(one[1], p) and getattr(two[1], p) == value
         }
         check_matters(axis.key, bool(own), "gaps", _LOOKED_AT)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.sectors import excited_blocks
 from wavesim.records.of_pulse_test import PulseTestRecord
 from wavesim.simulation.bandlimited import taps
 from wavesim.simulation.simulation import Simulation
@@ -62,7 +61,7 @@ def matched(record: PulseTestRecord, planned: Simulation, field: str | None) -> 
     Args:
         record: what was measured.
         planned: what is simulated; with receivers.
-        field: phi1 … B33; the rotation that the first source drives where None.
+        field: such as phi1; the macro-field that the first source drives where None.
 
     Raises:
         MatchError: no receiver is found in the record, or the field is not simulated.
@@ -100,11 +99,11 @@ def matched(record: PulseTestRecord, planned: Simulation, field: str | None) -> 
 
 
 def _driven(planned: Simulation) -> str:
-    """The rotation of the first source's block."""
-    (block, *_) = excited_blocks([planned.sources[0].field])
-    if not block.rotations:
+    """The macro-field of the first source's block."""
+    (block, *_) = planned.medium.family.excited([planned.sources[0].field])
+    if not block.macro:
         return str(planned.sources[0].field)
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     return str(name)
 
 

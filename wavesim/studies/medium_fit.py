@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.family import Block
+from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, block_coefficients, scales
-from wavesim.material.sectors import BLOCKS, Block
 from wavesim.planewave.eigenproblem import stiffness, stiffness_slope
 from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.records.relations import OfMedium
@@ -102,12 +102,12 @@ def fit(
     Raises:
         FitError: a parameter is unknown, or the points can't tell the parameters apart.
     """
-    unknown = [name for name in parameters if name not in PARAMETERS]
+    unknown = [name for name in parameters if name not in start.known()]
     if unknown or not parameters:
         raise FitError(
-            f"parameters = {', '.join(unknown) or 'none'}: must be of {', '.join(PARAMETERS)}"
+            f"parameters = {', '.join(unknown) or 'none'}: must be of {', '.join(start.known())}"
         )
-    limits = {name: (known.low, known.high) for name, known in PARAMETERS.items()}
+    limits = {name: (known.low, known.high) for name, known in start.known().items()}
     limits |= dict(bounds or {})
     low, high = np.array([limits[name] for name in parameters]).T
     first = np.array([float(getattr(start, name)) for name in parameters])
@@ -268,7 +268,7 @@ def _differentiated(start: Medium, name: str, parameters: tuple[str, ...]) -> An
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    (block,) = (b for b in BLOCKS if b.name == name)
+    (block,) = (b for b in start.family.blocks if b.name == name)
     parts = tuple(BlockCoefficients.__dataclass_fields__)
 
     def coefficients(values: Any) -> Any:

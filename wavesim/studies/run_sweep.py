@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wavesim.case.load import Case, build
 from wavesim.case.schema import CaseError, CaseFile
-from wavesim.material.wave_equations import UNITS
+from wavesim.material.family import known_field
 from wavesim.studies.sweep_case import SweptCase
 from wavesim.studies.sweep_store import Layout, Variable
 from wavesim.studies.variation import SweepError
@@ -43,7 +43,7 @@ class RunMeasure:
     @property
     def layout(self) -> Layout:
         """What is stored."""
-        units = {UNITS[name] for name in self.fields}
+        units = {known_field(name).unit for name in self.fields}
         unit = units.pop() if len(units) == 1 else "rad for phi, 1/m for B"
         seen = ("receiver", "field")
         variables = {

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from wavesim.case.load import Case
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 from wavesim.simulation.simulation import Simulation
 from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
 from wavesim.studies.measured import Measured, resampling
@@ -59,7 +59,7 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
     Raises:
         FitError: a key names no parameter of a medium.
     """
-    allowed = (*PARAMETERS, QUALITY)
+    allowed = (*case.medium.known(), QUALITY)
     layers = case.simulation.layers.layers
     found: list[Target] = []
     for key in keys:
@@ -154,7 +154,7 @@ class Waveforms:
                     "[medium] to begin with"
                 )
             return Parameter(one.key, made[0], 2.0, 1e5, made[0])
-        known = PARAMETERS[one.name]
+        known = medium.known()[one.name]
         start = float(getattr(medium, one.name) or 0.0)
         tiny = 1e-6 * abs(start) if start else 0.0
         low = known.low + tiny if known.open else known.low
@@ -349,7 +349,8 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
     planned = replace(simulated, layers=layers, solver="chebyshev")
 
     def faster(medium: Medium) -> Medium:
-        return replace(medium, density=medium.density / _ROOM)
+        changed: dict[str, Any] = {"density": medium.density / _ROOM}
+        return replace(medium, **changed)
 
     fastest = Layers(tuple(
         replace(one, medium=faster(one.medium), last=None if one.last is None else faster(one.last))

@@ -18,7 +18,7 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.medium import fastest_speed
 
 # Of the fastest wave. Slower waves, and those near a cutoff, whose phase velocity c is high, are
 # reflected more or less: R to the power c_∞/c.

@@ -22,24 +22,30 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.summation_by_parts import chain
+from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium, with_each_class
 from wavesim.material.scaling import Scales, block_coefficients, scales
-from wavesim.material.sectors import Block
 from wavesim.timedomain.absorber import absorption
 
 # The scheme needs double precision.
 jax.config.update("jax_enable_x64", True)
-# A medium is a pytree: jax.grad and jax.vmap go through its parameters.
-jax.tree_util.register_dataclass(
-    Medium, data_fields=tuple(PARAMETERS), meta_fields=("closure", "damping")
-)
+
+
+def _as_pytree(kind: type[Medium]) -> None:
+    """A medium is a pytree: jax.grad and jax.vmap go through its parameters."""
+    known = tuple(kind.known())
+    others = tuple(f.name for f in dataclasses.fields(kind) if f.name not in known)
+    jax.tree_util.register_dataclass(kind, data_fields=known, meta_fields=others)
+
+
+with_each_class(_as_pytree)
 
 _SAMPLES = 12
 
 
 class Coefficients(eqx.Module):
-    """Stiffnesses and inertias of blocks of one shape, of p rotations and b micro-curvatures each.
+    """Stiffnesses and inertias of blocks of one shape, of p macro- and b micro-fields each.
 
     Attributes:
         stiffness: C of (σ, τ) = C (κ, B), the unrelaxed modulus in it, at half-nodes, shape
@@ -48,14 +54,14 @@ class Coefficients(eqx.Module):
             natural condition), shape (b, b, blocks, points); None where it is left out.
         node_mass: inertia times length of each node, shape (blocks, points).
         inertia: of B at half-nodes, shape (blocks, points).
-        rotations: p.
+        macro: p.
     """
 
     stiffness: Any
     gradient: Any
     node_mass: Any
     inertia: Any
-    rotations: int = eqx.field(static=True)
+    macro: int = eqx.field(static=True)
 
 
 class Losses(eqx.Module):
@@ -98,7 +104,7 @@ def coefficients(
     Args:
         layers: what the bar is made of; parameters may be traced by jax.
         bar: its grid, with a stretch for each layer.
-        blocks: as many rotations each.
+        blocks: as many macro- and micro-fields each.
         reference: the medium whose units to scale by, of plain numbers.
         with_gradient: whether Γ is wanted.
     """
@@ -109,8 +115,7 @@ def coefficients(
         for parts in zip(*made, strict=True)
     ]
     stiffness, gradient, node_mass, inertia = stacked
-    rotations = len(blocks[0].rotations)
-    return Coefficients(stiffness, gradient, node_mass, inertia, rotations)
+    return Coefficients(stiffness, gradient, node_mass, inertia, len(blocks[0].macro))
 
 
 def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None) -> Losses:
@@ -137,7 +142,7 @@ def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = N
             rates[number, cells], strengths[number, cells] = rate * time, strength
         # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
         ends = [layer.at(position) for position in x[[0, -1]]]
-        of_ends = [end.density * end.beta for end in ends]
+        of_ends = [end.inertias[0] for end in ends]
         at = np.append(np.zeros(len(x) - 1, int), 1)
         xp = module(*of_ends)
         own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)

@@ -16,15 +16,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
 from wavesim.timedomain.operator import Operator, operator
-from wavesim.timedomain.scaled_fields import is_rotation, to_fields
+from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
 
@@ -33,7 +34,7 @@ class _Recorded(Equation):
     """A bar's equation without work and energy, seen as a whole or at receivers.
 
     Attributes:
-        nodes, halves: (weights, indices) that interpolate rotations and micro-curvatures at the
+        nodes, halves: (weights, indices) that interpolate macro- and micro-fields at the
             receivers, shape (receivers, points) each; None for the whole field.
     """
 
@@ -71,7 +72,7 @@ def traced_fields(
     with closure "printed" only).
 
     Losses, absorbers, sources and units are those of the plan, but for what ``law`` says. A
-    gradient term that the plan leaves out as negligible is kept where a G_n_g is a jax array.
+    gradient term that the plan leaves out as negligible is kept where it has a jax array in it.
     Derivatives are of reverse mode (diffrax's RecursiveCheckpointAdjoint): ``jax.grad``,
     ``jax.vjp``, ``jax.jacrev``; the checkpoints in memory grow as the root of the number of steps.
     For few parameters and many values ``forward`` gives ``jax.jvp`` and ``jax.jacfwd`` instead.
@@ -99,7 +100,10 @@ def traced_fields(
     step = _in_units_of(planned, quickest, time_step(_by_series(quickest)))
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
     traced_gradient = any(
-        isinstance(one.G_n_g, jax.Array) for layer in given.layers for one in _ends(layer)
+        isinstance(value, jax.Array)
+        for layer in given.layers
+        for one in _ends(layer)
+        for value in one.of_gradient
     )
     with_gradient = planned.with_gradient or traced_gradient
     A = operator(given, bar, blocks, medium, with_gradient, plain=planned.layers)
@@ -123,7 +127,7 @@ def traced_fields(
     whole = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
     fields = to_fields(whole, blocks, medium)
     if receivers is None:
-        fields = {n: f if is_rotation(n) else f[:, : bar.cells] for n, f in fields.items()}
+        fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
     return fields
 
 
@@ -195,7 +199,7 @@ def _plain(layer: Layer) -> Layer | None:
     """A layer with its parameters as floats; None where one of them is traced."""
     made = []
     for medium in _ends(layer):
-        values = {name: getattr(medium, name) for name in PARAMETERS}
+        values = {name: getattr(medium, name) for name in medium.known()}
         if any(isinstance(value, jax.core.Tracer) for value in values.values()):
             return None
         plain: dict[str, Any] = {name: v if v is None else float(v) for name, v in values.items()}

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
@@ -25,7 +26,7 @@ from wavesim.timedomain.compiled import compiled
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.lossless_propagator import Propagator, propagator
 from wavesim.timedomain.operator import operator
-from wavesim.timedomain.scaled_fields import is_rotation, to_fields
+from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
 from wavesim.timedomain.within_step import driven
@@ -254,7 +255,7 @@ def _chunk(simulated: Simulation, first: int, seen: Any, wanted: int, carried: A
         energy = Energy(*(unit * part for part in energies))
         values = to_fields(pairs, simulated.blocks, simulated.medium)
     halves = simulated.bar.cells
-    kept = {n: values[n] if is_rotation(n) else values[n][:, :halves] for n in simulated.fields}
+    kept = {n: values[n] if is_macro(n) else values[n][:, :halves] for n in simulated.fields}
     state = [np.asarray(leaf) for leaf in jax.tree.leaves(carried)]
     return Chunk(first, kept, energy, state)
 

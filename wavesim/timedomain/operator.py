@@ -26,10 +26,10 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_weights
+from wavesim.material.family import Block, grouped
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import Block, grouped
 from wavesim.timedomain.coefficients import (
     Coefficients,
     Losses,
@@ -130,7 +130,7 @@ class Group(eqx.Module):
     @property
     def rest(self) -> State:
         """The state of rest, of zeros."""
-        p, b = self.c.rotations, self.c.stiffness.shape[0] - self.c.rotations
+        p, b = self.c.macro, self.c.stiffness.shape[0] - self.c.macro
         mechanisms, size = len(self.losses.rates), self.free.shape
         sizes = [(p,), (b,), (p,), (b,), (p,), (mechanisms, p), (mechanisms, b)]
         return State(*(np.zeros((*n, *size)) for n in sizes))
@@ -146,7 +146,7 @@ class Group(eqx.Module):
         kappa, B = y.kappa, y.B
         if law.viscous:
             B = B + law.stiffness * y.B_rate
-            if self.c.rotations:
+            if self.c.macro:
                 kappa = kappa + law.stiffness * self.strain_rate(y)
         for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
             kappa, B = kappa - strength * of_kappa, B - strength * of_B
@@ -159,7 +159,7 @@ class Group(eqx.Module):
 
     def stress(self, kappa: Any, B: Any) -> tuple[Any, Any]:
         """(σ, τ) = C (κ, B), the gradient term apart."""
-        C, p = self.c.stiffness, self.c.rotations
+        C, p = self.c.stiffness, self.c.macro
         strains = [*kappa, *B]
         total = C[:, 0] * strains[0]
         for j in range(1, len(strains)):
@@ -186,7 +186,7 @@ class Group(eqx.Module):
         if law.lossy:
             B_rate = B_rate - law.drag_half * y.B_rate
         phi_rate, kappa_rate = y.phi, y.kappa
-        if self.c.rotations:
+        if self.c.macro:
             phi_rate, kappa_rate = -self.free * self.QT(sigma), self.strain_rate(y)
             if law.lossy:
                 # A held node is moved by its source alone.

@@ -5,8 +5,8 @@ the window about it, a Chebyshev series in the sparse L of that window,
 
     C = Σ_k a_k T_k(1 + 2L/R²),
 
-and equal windows hold one. Rows whose sum over a uniform rotation is 1 but for rounding, as nothing
-holds it back, are set so: rounding of it would grow with the number of steps squared.
+and equal windows hold one. Rows whose sum over a uniform macro-field is 1 but for rounding, as
+nothing holds it back, are set so: rounding of it would grow with the number of steps squared.
 """
 
 from __future__ import annotations
@@ -84,15 +84,13 @@ def _one(group: Group, block: int) -> Group:
         return None if array is None else np.asarray(array)[..., block : block + 1, :]
 
     c = group.c
-    alone = type(c)(
-        of(c.stiffness), of(c.gradient), of(c.node_mass), of(c.inertia), rotations=c.rotations
-    )
+    alone = type(c)(of(c.stiffness), of(c.gradient), of(c.node_mass), of(c.inertia), macro=c.macro)
     return eqx.tree_at(lambda g: (g.c, g.free), group, (alone, of(group.free)))
 
 
 def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> Rows:
     n, ring = group.free.shape[-1], bar.periodic
-    reach = step.reach if group.c.rotations or group.c.gradient is not None else 0
+    reach = step.reach if group.c.macro or group.c.gradient is not None else 0
     width = min(n, RUN + 2 * reach)
     starts, order = _runs(bar, n)
     kinds: dict[bytes, int] = {}
@@ -198,7 +196,7 @@ def _run_rows(cut: Group, inside: int, step: TimeStep, uniform: bool) -> np.ndar
     if uniform:
         rows = np.concatenate([np.roll(rows, j, axis=-1) for j in range(RUN)], axis=1)
         points = inside + np.arange(RUN)
-    _let_uniform_rotations_be(rows, points, len(rest.phi))
+    _let_uniform_fields_be(rows, points, len(rest.phi))
     return rows.reshape(fields * RUN, unknowns)
 
 
@@ -213,11 +211,11 @@ def _cosine_series(phase: float, count: int) -> np.ndarray:
     return np.asarray(a[: max(2, int(kept[-1]) + 1)])
 
 
-def _let_uniform_rotations_be(rows: np.ndarray, points: np.ndarray, rotations: int) -> None:
-    """Set the sum of each row over a uniform rotation to 0, where it is 0 but for rounding."""
+def _let_uniform_fields_be(rows: np.ndarray, points: np.ndarray, macro: int) -> None:
+    """Set the sum of each row over a uniform macro-field to 0, where it is 0 but for rounding."""
     run = np.arange(RUN)
-    for rotation in range(rotations):
-        sums = rows[:, :, rotation].sum(axis=-1)
+    for component in range(macro):
+        sums = rows[:, :, component].sum(axis=-1)
         rounding = np.abs(sums) < 1e-11
         for field in range(len(rows)):
-            rows[field, run, rotation, points] -= np.where(rounding[field], sums[field], 0.0)
+            rows[field, run, component, points] -= np.where(rounding[field], sums[field], 0.0)

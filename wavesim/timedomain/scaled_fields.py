@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.material.family import Block, grouped
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import Block, grouped
-from wavesim.material.wave_equations import ROTATIONS
 
 
 def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium) -> list[Any]:
     """Fields in SI as components (φ, B) of each group; fields not named are 0.
 
     Args:
-        fields: {field: shape (…, points)}, rad or 1/m.
+        fields: {field: shape (…, points)}.
         blocks: those of the operator.
         medium: whose units it is scaled by.
 
@@ -29,7 +28,7 @@ def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium
     found: list[Any] = []
     for stacked in grouped(blocks):
         pair = []
-        for kind in ("rotations", "curvatures"):
+        for kind in ("macro", "micro"):
             rows = [
                 [
                     sum(
@@ -54,21 +53,16 @@ def to_fields(pairs: Sequence[Any], blocks: Sequence[Block], medium: Medium) -> 
         medium: whose units it is scaled by.
 
     Returns:
-        {field: shape (…, points)}, rad or 1/m, of every field that the blocks combine.
+        {field: shape (…, points)}, of every field that the blocks combine.
     """
     units = scales(medium)
     fields: dict[str, Any] = {}
     for (phi, B), stacked in zip(pairs, grouped(blocks), strict=True):
         for s, block in enumerate(stacked):
-            for values, parts in ((phi, block.rotations), (B, block.curvatures)):
+            for values, parts in ((phi, block.macro), (B, block.micro)):
                 for i, part in enumerate(parts):
                     for name, weight in part.items():
                         term = weight * units.unit(name) * values[..., i, s, :]
                         fields[name] = fields[name] + term if name in fields else term
     ordered = [name for block in blocks for name in block.fields]
     return {name: fields[name] for name in dict.fromkeys(ordered)}
-
-
-def is_rotation(field: str) -> bool:
-    """Whether a field lives on the nodes."""
-    return field in ROTATIONS

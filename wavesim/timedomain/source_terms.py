@@ -1,8 +1,8 @@
 """Sources on the grid of a bar: G_j and s_j(t) of ẏ = A y + Σ_j G_j s_j(t), and initial fields.
 
-A body moment k on a rotation adds k/m_φ to φ̈ at its points, a double moment Π on B likewise; a
-surface moment is a body moment on the end node, to which the end terms of the difference reduce; a
-prescribed rotation g moves the end node, held otherwise, by g̈.
+A body force k on φ adds k/m_φ to φ̈ at its points, a double force Π on B likewise; what loads a free
+end is a body force on the end node, to which the end terms of the difference reduce; a prescribed φ
+of g moves the end node, held otherwise, by g̈.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.material.sectors import Block, grouped
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.coefficients import module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
@@ -27,7 +27,7 @@ from wavesim.timedomain.scaled_fields import to_scaled
 from wavesim.timedomain.sparse_matrix import difference_matrix
 
 # What a signal does not depend on, set alike for all, and its amplitude.
-_ALONE: dict[str, Any] = {"field": "phi1", "position": 0.0, "width": 0.0, "amplitude": 1.0}
+_ALONE: dict[str, Any] = {"position": 0.0, "width": 0.0, "amplitude": 1.0}
 
 
 class Points(eqx.Module):
@@ -101,7 +101,7 @@ class SourceTerms(eqx.Module):
         made = []
         for source in self.signals:
             own = self._driving(source)(t + nodes)
-            if source.drive == "rotation":
+            if source.acts == "prescribed":
                 signal = self._signal(source)
                 ends = jnp.stack([t, t + h])
                 g, rate = signal(ends), derivative(signal)(ends)
@@ -122,7 +122,7 @@ class SourceTerms(eqx.Module):
     def _driving(self, source: Source) -> Callable[[Any], Any]:
         """What drives: a signal, or the second derivative of a rotation."""
         signal = self._signal(source)
-        return derivative(derivative(signal)) if source.drive == "rotation" else signal
+        return derivative(derivative(signal)) if source.acts == "prescribed" else signal
 
     def _signal(self, source: Source) -> Callable[[Any], Any]:
         return lambda t: jnp.asarray(source.signal(t * self.time))
@@ -162,22 +162,27 @@ def source_terms(
         blocks: those of the operator.
         A: for the shape and the inertias of its states.
     """
-    kept = [source for source in sources if source.drive != "initial"]
+    kept = [source for source in sources if source.acts != "initial"]
     lines = [_line(source, medium, bar) for source in kept]
     points = tuple(
         (
-            _points(kept, lines, [block.rotations for block in stacked], group, 0),
-            _points(kept, lines, [block.curvatures for block in stacked], group, 1),
+            _points(kept, lines, [block.macro for block in stacked], group, 0),
+            _points(kept, lines, [block.micro for block in stacked], group, 1),
         )
         for group, stacked in zip(A.groups, grouped(blocks), strict=True)
     )
-    alone = [dataclasses.replace(cast(Any, source), **_ALONE) for source in kept]
+    alone = [
+        dataclasses.replace(
+            cast(Any, source), field=known_field(source.field).family.macro[0], **_ALONE
+        )
+        for source in kept
+    ]
     signals = list(dict.fromkeys(alone))
     which = tuple(signals.index(one) for one in alone)
     amplitude = np.array([source.amplitude for source in kept])
     turned: dict[tuple[str, float], int] = {}
     for j, source in enumerate(kept):
-        if source.drive == "rotation":
+        if source.acts == "prescribed":
             turned.setdefault((source.field, source.position), j)
     time = np.asarray(float(scales(medium).time))
     return SourceTerms(points, amplitude, time, tuple(signals), which, tuple(turned.values()))
@@ -185,9 +190,10 @@ def source_terms(
 
 def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
     """Nodes or half-nodes that a source acts on, and its scaled force there."""
-    if source.drive == "rotation":
-        return np.array([0 if source.position < bar.length / 2 else bar.cells]), np.ones(1)
     units = scales(medium)
+    if source.acts == "prescribed":
+        node = 0 if source.position < bar.length / 2 else bar.cells
+        return np.array([node]), np.full(1, 1 / float(units.macro))
     density, indices = bar.spread(source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
@@ -211,7 +217,7 @@ def _points(
                 if weight:
                     zero = 0 * nodes
                     where.append(np.stack([zero + number, zero + i, zero + b, nodes]))
-                    turning = source.drive == "rotation"
+                    turning = source.acts == "prescribed"
                     inertia = 1.0 if turning else group.mass[kind][b, nodes]
                     weights.append(weight * force / inertia)
     source, component, block, point = np.concatenate(where, axis=1)

@@ -43,7 +43,7 @@ def unflat(values: np.ndarray, like: States) -> States:
 
 
 def _of_group(group: Group) -> Any:
-    law, c, p = group.losses, group.c, group.c.rotations
+    law, c, p = group.losses, group.c, group.c.macro
     rest = group.rest
     blocks, n = rest.B.shape[1:]
     starts = np.cumsum([0, *(array.size for array in rest)])

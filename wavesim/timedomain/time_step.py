@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from wavesim.grid.stencils import difference_norm
 from wavesim.material.layers import Layers
+from wavesim.material.medium import fastest_speed
 from wavesim.material.scaling import block_coefficients, scales
-from wavesim.material.wave_equations import fastest_speed
 from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import strongest_absorption
@@ -218,7 +218,7 @@ def _rows_held(simulation: Simulation) -> float:
         8.0
         * graded
         * window
-        * sum(len(block.rotations + block.curvatures) ** 2 for block in simulation.blocks)
+        * sum(len(block.macro + block.micro) ** 2 for block in simulation.blocks)
     )
 
 

@@ -72,7 +72,7 @@ class Driven(NamedTuple):
         matrix: A of the window.
         sources: their numbers.
         pushed: G_j of each of them, flat, shape (sources, unknowns).
-        felt: O_e: of each of them, and then of each that turns an end for the moment that holds
+        felt: O_e: of each of them, and then of each that moves an end for the force that holds
             it; flat, shape (e, unknowns).
     """
 

@@ -6,8 +6,8 @@ of ŝ too, by the same nodes, which integrate it exactly:
     W = Σ_j Σ_n w_n ŝ_jn r_jn,
     r_jn = O_j exp(τ_n A) y + Σ_i ∫₀^{τ_n} O_j exp((τ_n−τ)A) G_i ŝ_i dτ,
 
-O_j y = ⟨G_j, v⟩ in the norm of kinetic energy; and for each rotation that is prescribed its rate
-times the moment that holds it. No energy enters: the energy balance is a true check.
+O_j y = ⟨G_j, v⟩ in the norm of kinetic energy; and for each macro-field that is prescribed its rate
+times the force that holds it. No energy enters: the energy balance is a true check.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Work(eqx.Module):
         felt: of all sources.
         risen: ∫₀^{τ_n} of the polynomial through values at the nodes, shape (nodes, nodes).
         weights: w_n.
-        turning: sources whose prescribed rotation does work.
+        turning: sources whose prescribed macro-field does work.
     """
 
     felt: tuple[Felt, ...]

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import SECTORS, blocks_of
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -54,9 +53,10 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
         smallest wavenumber judged.
     """
     rows: list[Row] = []
-    for sector in SECTORS:
+    family = field.medium.family
+    for sector in family.sectors:
         own = [h for h in held if h.measured.block.sector == sector]
-        if own or sector != "transverse3":
+        if own or sector in family.unlike:
             rows += [_gap(field, gap, own, sector) for gap in _open(field.medium, sector)]
     return {"gaps": rows, "velocities": [row for h in held for row in _velocity(h)]}
 
@@ -100,7 +100,7 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
 
 def _closer(field: Field, sector: str, gap: Gap) -> str:
     """What to change in the case to put a gap in the middle of what is driven."""
-    fields = [name for block in blocks_of(sector) for name in block.fields]
+    fields = [name for block in field.medium.family.blocks_of(sector) for name in block.fields]
     pitch = float(f"{(gap.lower + gap.upper) / 2 * _HERTZ:.3g}")
     sets = [
         f"--set sources.{number}.{_PITCH[source.kind]}={pitch:.4g}"
@@ -113,7 +113,7 @@ def _closer(field: Field, sector: str, gap: Gap) -> str:
 
 
 def _velocity(h: Held) -> list[Row]:
-    if not h.measured.block.rotations:
+    if not h.measured.block.macro:
         return []
     branch = h.branches[0]
     judged = np.flatnonzero(branch.judged)

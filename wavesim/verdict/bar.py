@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.medium import fastest_speed
 from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
@@ -241,7 +241,7 @@ def _too_short(reading: Reading, field: Field) -> list[str]:
     """Bars that ring, of which the record is too short to tell one eigenfrequency."""
     if field.simulation.lossy or not field.receivers or reading.ringing:
         return []
-    if not any(block.rotations for block in field.blocks):
+    if not any(block.macro for block in field.blocks):
         return []
     last = float(field.t[-1])
     return [
@@ -260,7 +260,7 @@ def _near_cutoffs(field: Field) -> list[str]:
     ends = (bar.left, layers.at(0.0)), (bar.right, layers.at(layers.length))
     media = {medium for end, medium in ends if end == "absorbing"}
     told = []
-    for block in (block for block in field.blocks if block.rotations):
+    for block in (block for block in field.blocks if block.macro):
         driven = pulses(field, block)
         for medium in media:
             for cutoff in cutoffs(medium, block.sector):

@@ -10,7 +10,8 @@ import numpy as np
 
 from wavesim.case.load import Case, largest_phase
 from wavesim.material.damping import quality
-from wavesim.material.wave_equations import ROTATIONS, fastest_speed
+from wavesim.material.family import is_macro, known_field
+from wavesim.material.medium import fastest_speed
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
@@ -29,7 +30,7 @@ _OFF_QUALITY = 0.2
 _RANGE = 65
 
 
-def warnings(case: Case, steps: TimeStep) -> list[str]:
+def foreseen(case: Case, steps: TimeStep) -> list[str]:
     """What will make a run less than it could be.
 
     Args:
@@ -51,7 +52,7 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
             f"[time] samples = {simulated.frames}: the frames alias the sources' band "
             f"(to {band / 2e3 / math.pi:.4g} kHz); take at least {needed}"
         )
-    after = [s for s in simulated.sources if s.drive != "initial" and s.onset >= duration]
+    after = [s for s in simulated.sources if s.acts != "initial" and s.onset >= duration]
     if after:
         yield (
             f"[time] duration = {duration:g}: the {after[0].field} source begins only at "
@@ -69,11 +70,12 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
 
 
 def _at_ends(simulated: Simulation) -> Iterator[str]:
-    """Rotations driven where a fixed end holds them."""
+    """Macro-fields driven where a fixed end holds them."""
     bar = simulated.bar
     for source in simulated.sources:
-        if source.drive not in ("body", "initial") or source.staggered:
+        if source.acts not in ("body", "initial") or source.staggered:
             continue
+        (word,) = known_field(source.field).family.words_for(("prescribed",))[:1]
         for side, end, at in (("left", bar.left, 0.0), ("right", bar.right, bar.length)):
             distance = abs(source.position - at)
             cell = float(bar.cell_sizes[0 if side == "left" else -1])
@@ -81,29 +83,30 @@ def _at_ends(simulated: Simulation) -> Iterator[str]:
                 yield (
                     f"[[sources]] position = {source.position:g}: the source on {source.field} "
                     f"acts within half a cell of the fixed end at {at:g} m, which holds it, and "
-                    f'next to nothing moves; move it inward, or take drive = "rotation"'
+                    f'next to nothing moves; move it inward, or take drive = "{word}"'
                 )
 
 
 def _receivers(simulated: Simulation) -> Iterator[str]:
     """Receivers where nothing moves, where fields jump, and that nothing reaches in time."""
     bar, layers = simulated.bar, simulated.layers
-    turned = {s.position for s in simulated.sources if s.drive == "rotation"}
-    rotations = [name for name in simulated.fields if name in ROTATIONS]
+    macro, micro = simulated.medium.family.words
+    turned = {s.position for s in simulated.sources if s.acts == "prescribed"}
+    moving = [name for name in simulated.fields if is_macro(name)]
     for name, position in simulated.receivers.items():
         where = f'[[receivers]] "{name}" position = {position:g}:'
         for end, at in ((bar.left, 0.0), (bar.right, bar.length)):
             held = end == "fixed" and not any(abs(at - x) < bar.spacing for x in turned)
-            if held and abs(position - at) <= 1e-9 * bar.length and rotations:
+            if held and abs(position - at) <= 1e-9 * bar.length and moving:
                 yield (
-                    f"{where} stands on the fixed end, where no rotation moves; move it inward, or "
-                    "look at micro-curvatures alone"
+                    f"{where} stands on the fixed end, where no {macro} moves; move it inward, "
+                    f"or look at {micro} alone"
                 )
         for face in layers.interfaces:
             if abs(position - face) <= _ON_INTERFACE * bar.spacing:
                 yield (
-                    f"{where} stands on the interface at {face:g} m, where micro-curvatures jump: "
-                    "they are those to its right; move it into a layer"
+                    f"{where} stands on the interface at {face:g} m, where {micro} jumps: "
+                    "it is that to its right; move it into a layer"
                 )
         reached = min((_reached(simulated, s, position) for s in simulated.sources), default=0.0)
         if reached > simulated.duration:
@@ -116,8 +119,8 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
 def _reached(simulated: Simulation, source: Source, position: float) -> float:
     """When the fastest wave brings a thousandth of a source's peak to a position, s."""
     bar = simulated.bar
-    begun = 0.0 if source.drive == "initial" else source.onset + 1 / source.peak_frequency
-    begun = min(begun, source.peak_time) if source.drive != "initial" else begun
+    begun = 0.0 if source.acts == "initial" else source.onset + 1 / source.peak_frequency
+    begun = min(begun, source.peak_time) if source.acts != "initial" else begun
     reach = 3.0 * source.width
     low, high = sorted((position, source.position))
     low, high = min(low + reach, high), max(high - reach, low)
@@ -142,11 +145,11 @@ def _on_the_grid(simulated: Simulation) -> Iterator[str]:
     limit = largest_phase(bar)
     sizes = [size for _, size in bar.all_stretches]
     for layer, size in zip(simulated.layers.layers, sizes, strict=True):
-        for source in (s for s in simulated.sources if s.drive != "initial"):
+        for source in (s for s in simulated.sources if s.acts != "initial"):
             omega = np.array([2 * math.pi * source.peak_frequency])
             for block in simulated.blocks:
                 key = layer.medium, size, block.sector, source.peak_frequency
-                if source.field not in block.fields or not block.rotations or key in told:
+                if source.field not in block.fields or not block.macro or key in told:
                     continue
                 told.add(key)
                 with np.errstate(all="ignore"):
@@ -255,7 +258,7 @@ def _absorbed(simulated: Simulation) -> list[str]:
             f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
             "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
         )
-    least = 4 * max(float(medium.branch_length) for medium in layers.media)
+    least = 4 * max(float(medium.length_scale) for medium in layers.media)
     if 0 < bar.absorber < least:
         found.append(
             f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "

@@ -12,19 +12,23 @@ from typing import Any
 import numpy as np
 
 from wavesim.readings.dispersion.decaying_waves import ABOVE_WEAKEST, weakest, while_waves_last
-from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method, in_time
 from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.spreading import KINDS
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.of_medium import RecordOfMedium
-from wavesim.records.record import RecordError
+from wavesim.records.record import Record, RecordError
 from wavesim.verdict.endless import Check
 from wavesim.verdict.recovered_points import (
     PRESENT,
     Matched,
     MatchedInSpace,
     match,
+    match_along_line,
     match_in_space,
 )
+from wavesim.verdict.score import Score, score
 
 # A simulated field must be recovered this well against its grid and against the continuum.
 GRID_TOLERANCE = 1e-8
@@ -49,16 +53,18 @@ class Recovered:
         origin: the record that they were recovered from.
         points: the points.
         matched: beside the theory, where there is one.
+        score: beside the truth, where the record carries it.
     """
 
     origin: RecordOfMedium
     points: BranchPoints
     matched: Matched | MatchedInSpace | None
+    score: Score | None = None
 
 
 def dispersion(
     found: Sequence[RecordOfMedium],
-    method: str = "harmonic",
+    method: str = "auto",
     k_max: float | None = None,
     **options: Any,
 ) -> list[Recovered]:
@@ -66,7 +72,7 @@ def dispersion(
 
     Args:
         found: the records.
-        method: "harmonic" or "fft".
+        method: "auto", "harmonic" or "fft".
         k_max: highest wavenumber, rad/m; k̄ = 1 where a medium is known, else Nyquist.
         options: of ``wavesim.readings.dispersion.frequency_at_wavenumber.in_time``.
     """
@@ -81,17 +87,29 @@ def dispersion(
             k_end = highest or np.pi / origin.record.spacing
             record = while_waves_last(origin.record, origin.law, origin.theory[0], k_end)
             origin, least = replace(origin, record=record), ABOVE_WEAKEST * weakest(origin.law)
-            if method == "harmonic":
+            if method != "fft":
                 own = {"dynamic_range": weakest(origin.law)} | options
+        quiet = origin.record.since(origin.record.quiet_from)
+        sure = method == "harmonic" or (method == "auto" and chosen_method(quiet) == "harmonic")
+        origin = replace(origin, record=for_frequency_at_k(origin.record, sure))
         points = in_time(origin.record, highest, method, **own)
         matched = None
         if origin.theory is not None and unit is not None and origin.block is not None:
             exact, grid = origin.theory
             low, high = JUDGED[0] * unit, min(highest or np.inf, JUDGED[1] * unit)
             names, judged = origin.block.branches, (low, high)
-            matched = match(points, origin.record, names, exact, grid, judged, least)
-        results.append(Recovered(origin, points, matched))
+            if points.method == "beam":
+                matched = match_along_line(points, names, exact)
+            else:
+                matched = match(points, origin.record, names, exact, grid, judged, least)
+        results.append(Recovered(origin, points, matched, _scored(origin.record, points, highest)))
     return results
+
+
+def _scored(record: Record, points: BranchPoints, k_max: float | None = None) -> Score | None:
+    if not record.answer or "k" not in record.answer or "omega" not in record.answer:
+        return None
+    return score(record, points, k_max)
 
 
 def attenuation(
@@ -101,6 +119,7 @@ def attenuation(
     damping: float | None = None,
     pairs: int = 1,
     clear: float | None = None,
+    spreading: str = "plane",
 ) -> list[Recovered]:
     """Complex k at given frequencies of each record in which a wave travels, beside the theory.
 
@@ -112,14 +131,16 @@ def attenuation(
         damping: σT of the exponential window, –; by the record's noise where None.
         pairs: most pairs ±k at one frequency, –.
         clear: distance to keep from sources, m; one particle distance where a medium is known.
+        spreading: of the waves, one of ``wavesim.readings.dispersion.spreading.KINDS``.
 
     Raises:
         RecordError: no wave travels in any record, or one can't be used.
     """
     results = []
     for origin in found:
-        if origin.block is not None and not origin.block.rotations:
+        if origin.block is not None and not origin.block.macro:
             continue
+        origin = replace(origin, record=for_k_at_frequency(origin.record))
         record, medium = origin.record, origin.medium
         if band is not None:
             low, high = (2 * np.pi * f for f in band)
@@ -133,11 +154,13 @@ def attenuation(
             keep = float(medium.length_scale) if medium is not None and origin.bar else 0.0
         component = 0 if origin.bar is not None else None
         omega = np.linspace(low, high, frequencies)
-        points = in_space(record, omega, damping, pairs, component, keep)
+        points = in_space(
+            record, omega, damping, pairs, component, keep, spreading=KINDS[spreading]
+        )
         matched = None
         if origin.theory is not None:
             matched = match_in_space(points, *origin.theory)
-        results.append(Recovered(origin, points, matched))
+        results.append(Recovered(origin, points, matched, _scored(origin.record, points)))
     if not results:
         raise RecordError("no wave travels in any of its sectors: there is no k to measure")
     return results
@@ -168,7 +191,7 @@ def _checks_in_time(one: Recovered, matched: Matched) -> list[Check]:
     if one.origin.bar is None or medium is None:
         inside = float(np.mean(np.abs(matched.omega - matched.grid)[matched.found]
                                <= matched.bar[matched.found]))  # fmt: skip
-        if harmonic:
+        if one.points.method != "fft":
             label = f"{name}: points whose 95 % bar holds the theory, at least"
             found.append(Check(label, inside, 1, 1 - COVERAGE, "–"))
         return found

@@ -218,6 +218,32 @@ def match(
     )
 
 
+def match_along_line(points: BranchPoints, names: tuple[str, ...], exact: Relation) -> Matched:
+    """Hold the waves along a line against a reference, each at its own k.
+
+    A point is a wave's within its bar, or half the resolution of its own error; which waves are in
+    the record and were not found is not asked.
+
+    Args:
+        points: of ``wavesim.readings.dispersion.waves_along_line``.
+        names: of the waves, in the order of the relation's branches.
+        exact: the continuum's relation.
+    """
+    valid = points.take(points.valid)
+    waves = np.asarray(exact.omega(valid.k))
+    every, decay = waves.real.reshape(len(valid), -1), -waves.imag.reshape(len(valid), -1)
+    distance = np.abs(every - valid.omega[:, None])
+    nearest, row = distance.argmin(axis=1), np.arange(len(valid))
+    near = distance[row, nearest] <= _REACH_BARS * BAR * valid.error + decay[row, nearest]
+    found, bar = np.full(every.shape, np.nan), np.full(every.shape, np.nan)
+    found[row[near], nearest[near]] = valid.omega[near]
+    bar[row[near], nearest[near]] = BAR * valid.error[near]
+    return Matched(
+        names, valid.k, every, every, np.isfinite(found), found, bar, valid.k[~near],
+        valid.omega[~near], decay + valid.error[:, None],
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class MatchedInSpace:
     """Complex k at given ω beside the references.

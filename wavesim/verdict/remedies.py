@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.stencils import ORDERS
-from wavesim.material.sectors import Block, blocks_of
+from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.transmission import Scattered
@@ -118,7 +118,7 @@ def absorber(field: Field) -> str | None:
     bar, layers = field.bar, field.layers
     if not bar.absorber:
         return None
-    least = _ABSORBER * max(float(medium.branch_length) for medium in layers.media)
+    least = _ABSORBER * max(float(medium.length_scale) for medium in layers.media)
     if bar.absorber >= least * (1 - 1e-9):
         return None
     return (
@@ -139,7 +139,7 @@ def _gentler(field: Field) -> str:
     if getattr(source, "window", None) == "hann":
         return 'a smoother burst: [[sources]] window = "cos4"'
     text = f"fewer short waves: {lower(field)}"
-    if source.drive == "body" and not source.width:
+    if source.acts == "body" and not source.width:
         text += f" or [[sources]] width = {_WIDE * field.bar.spacing:.2g} or more"
     return text
 
@@ -193,7 +193,7 @@ def of_scattering(field: Field, found: Scattered, error: Any) -> str:
                 return (
                     f"{at}, close below an asymptote of a buffer ({edge / 2e3 / math.pi:.4g} "
                     f"kHz), where waves are short: take {lower(field)}, or stiffer buffers "
-                    "([[layers]] G_n_a and G_n_r)"
+                    "([[layers]])"
                 )
     return f"{at}: {of_grid(field)}"
 
@@ -225,7 +225,7 @@ def of_one_wave(field: Field, test: PulseTest, omega: Any = None, error: Any = N
     told = absorber(field)
     if told:
         return told
-    (block,) = blocks_of(test.sector)
+    (block,) = field.medium.family.blocks_of(test.sector)
     if error is not None and len(field.bar.stretches) <= 1:
         one = wavenumber_grid_error(field, block, omega, error)
         if one >= _EXPLAINS:

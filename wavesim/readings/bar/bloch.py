@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.bloch import bloch
+from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.sectors import Block
 from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
 from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.damped_transform import damped_transform
@@ -164,7 +164,7 @@ def cells(field: Field, block: Block, known: Repeated, loud: Loudness | None = N
     """
     loud = loud or Loudness(field)
     period, step = known.period, known.step
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     record = field.part(name, points=known.nodes)
     U = damped_transform(record, field.t, known.omega, known.sigma)
     middle, sides = U[:, step:-step], U[:, 2 * step :] + U[:, : -2 * step]

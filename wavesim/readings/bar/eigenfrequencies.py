@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.eigenfrequencies import resonances
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, WINDOW, Spectrum, analysed_from, peaks
 from wavesim.simulation.field import Field
@@ -90,7 +90,7 @@ def ringing(
             those are looked for that can be heard there, as a mode is silent at its nodes; all
             where None.
     """
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     first = analysed_from(field)
     width = _resolution(field)
     heard = [field.at(position, name)[first:] for position in field.receivers.values()]

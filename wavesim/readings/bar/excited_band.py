@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.simulation.field import Field
 from wavesim.sources import Source, excitation, excited_band
 
@@ -23,7 +23,7 @@ _MOST = 4000
 
 def pulses(field: Field, block: Block) -> list[Source]:
     """Sources with a signal that drive a block; an initial field has no spectrum to judge by."""
-    return [s for s in field.sources if s.field in block.fields and s.drive != "initial"]
+    return [s for s in field.sources if s.field in block.fields and s.acts != "initial"]
 
 
 def contour(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.wave_equations import fastest_speed
+from wavesim.material.medium import fastest_speed
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -109,7 +109,7 @@ def blurred(field: Field, position: float) -> str:
     if not bar.periodic and min(position, bar.length - position) <= _ON_END * bar.spacing:
         return "on an end"
     reach = bar.order * bar.spacing * (1 - 1e-9)
-    points = [s.position for s in field.sources if s.drive == "body" and s.width == 0]
+    points = [s.position for s in field.sources if s.acts == "body" and s.width == 0]
     if any(abs(position - x) < reach for x in points):
         return f"within {bar.order} cells of a point source"
     return ""

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.material.sectors import Block
 from wavesim.planewave.dispersion_relation import Gap, gaps, long_wave_speed, wavenumber
 from wavesim.readings.bar.excited_band import JUDGED, pulses
 from wavesim.readings.pulse.measurement import PulseResult, measure
@@ -75,7 +75,7 @@ def pulse_test(
         What was read; None where fewer than two receivers to the right of the sources hear
         anything, or the record is too short.
     """
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     own = pulses(field, block)
     layers, bar = field.layers, field.bar
     if not own or len(field.t) < FEWEST_SAMPLES:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.signals import signals
-from wavesim.material.wave_equations import UNITS
+from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
 from wavesim.readings.bar.loudness import Loudness, blurred
@@ -51,7 +51,7 @@ class Reading:
         found: dict[str, tuple[Any, str]] = {}
         for receiver, own in self.exact.items():
             for name, values in own.items():
-                found[f"exact/{receiver}/{name}"] = values, UNITS[name]
+                found[f"exact/{receiver}/{name}"] = values, known_field(name).unit
         parts: tuple[tuple[str, Sequence[Any]], ...] = (
             ("transmission", self.scattered),
             ("bloch", self.cells),
@@ -114,7 +114,7 @@ def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Exp
     if seen:
         exact = signals(layers, bar.left, bar.right, field.sources, seen, field.t)
     found = Expected(exact, {}, {}, {})
-    for block in (block for block in field.blocks if block.rotations):
+    for block in (block for block in field.blocks if block.macro):
         if (between := specimen(field, block, frequencies, damping)) is not None:
             found.specimens[block.sector] = between
         if (stretch := repeated_stretch(field, block, frequencies, damping)) is not None:
@@ -155,7 +155,7 @@ def read_bar(
             if scale is not None and clear:
                 off = float(np.abs(field.at(position, name) - value).max()) / scale
                 error.setdefault(receiver, {})[name] = off
-    of = {block.sector: block for block in field.blocks if block.rotations}
+    of = {block.sector: block for block in field.blocks if block.macro}
     pulses = [pulse_test(field, block, exact, damping, heard) for block in of.values() if exact]
     return Reading(
         exact,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.layered.transmission import transmission
+from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.sectors import Block
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
 from wavesim.readings.bar.loudness import Loudness
@@ -169,7 +169,7 @@ def scattered(
     """
     loud = loud or Loudness(field)
     omega, sigma = known.omega, known.sigma
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     ends, hidden = [], 0.0
     for nodes, face, wave in zip((known.before, known.behind), known.faces, known.k, strict=True):
         record = field.part(name, points=nodes)

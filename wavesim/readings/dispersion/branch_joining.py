@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.special import comb
 
 Float = NDArray[Any]
 
@@ -23,7 +24,14 @@ SHORTEST_BRANCH = 5
 _CELLS = 2.0
 _OF_CHANGE = (0.0, 1.0, 0.5)
 # How much a change of amplitude by a factor of ten weighs, in distances allowed.
-_AMPLITUDE = 0.2
+_AMPLITUDE = 0.5
+# Points scatter beyond their errors where by this factor, over so many differences.
+_SCATTER = 1.6
+_FEWEST_DIFFERENCES = 6
+# Quantiles of the modulus of a normal variable of variance 1.
+_PARTS, _NORMAL = (0.5, 0.8), (0.6745, 1.2816)
+# The sixth of six even points, on the parabola that is nearest to the first five.
+_NEXT = np.array([0.6, -0.6, -0.8, 0.0, 1.8])
 # A branch of one point reaches this part of the way to its nearest neighbour.
 _OF_GAP = 0.6
 
@@ -52,20 +60,26 @@ def join(
     for at in np.unique(step):
         here = order[np.searchsorted(step[order], at) : np.searchsorted(step[order], at + 1)]
         live = [track for track in tracks if at - step[track[-1]] <= LONGEST_BREAK + 1]
+        room = _room(live, step, value) if live else np.zeros(0)
         taken: set[int] = set()
-        if live:
-            guess = np.array([_continued(track, step, value, at) for track in live])
+        # Branches that have a slope and a bend choose before those that have just begun.
+        for begun in (False, True):
+            rows = [i for i, track in enumerate(live) if (len(track) < 3) == begun]
+            free = np.array([point for point in here if int(point) not in taken], int)
+            if not rows or not len(free):
+                continue
+            guess = np.array([_continued(live[i], step, value, at) for i in rows])
             reach = cell * _CELLS + guess[:, 1:]
-            single = np.array([len(track) == 1 for track in live])
-            reach[single] += _OF_GAP * _room(live, step, value)[single, None]
-            distance = np.abs(guess[:, :1] - value[here]) / reach
-            last = amplitude[[track[-1] for track in live]][:, None]
-            change = np.abs(np.log10(amplitude[here] / last))
+            single = np.array([len(live[i]) == 1 for i in rows])
+            reach[single] += _OF_GAP * room[rows][single, None]
+            distance = np.abs(guess[:, :1] - value[free]) / reach
+            last = amplitude[[live[i][-1] for i in rows]][:, None]
+            change = np.abs(np.log10(amplitude[free] / last))
             cost = np.where(distance <= 1, distance + _AMPLITUDE * change, 1e6)
             for row, column in zip(*linear_sum_assignment(cost), strict=True):
                 if cost[row, column] < 1e6:
-                    live[row].append(int(here[column]))
-                    taken.add(int(here[column]))
+                    live[rows[row]].append(int(free[column]))
+                    taken.add(int(free[column]))
         tracks += [[int(point)] for point in here if int(point) not in taken]
     kept = [track for track in tracks if len(track) >= shortest]
     kept.sort(key=lambda track: float(np.median(value[track])))
@@ -73,6 +87,39 @@ def join(
     for number, track in enumerate(kept):
         branch[track] = number
     return branch
+
+
+def scatter(step: NDArray[np.int64], value: Float, error: Float) -> float:
+    """What a branch's points scatter about it beyond their errors, a standard deviation.
+
+    Differences of order m of a smooth branch vanish as m grows, while those of errors that know
+    nothing of each other keep their variance, (2m choose m) times the errors': the least of the
+    orders 2 to 5 is the scatter.
+
+    Args:
+        step: of the points of one branch, shape (m,).
+        value: theirs, shape (m,).
+        error: standard errors, shape (m,), unit of value.
+
+    Returns:
+        0 where their errors explain it, or where there are too few points.
+    """
+    order = np.argsort(step)
+    step, value, error = step[order], value[order], error[order]
+    whole = np.diff(step) == 1
+    ratios, excess = [], []
+    for m in range(2, 6):
+        even = np.array([whole[i : i + m].all() for i in range(len(step) - m)], bool)
+        if even.sum() < _FEWEST_DIFFERENCES:
+            return 0.0
+        size = np.diff(value, m)[even] / np.sqrt(comb(2 * m, m))
+        weight = np.array([comb(m, j) ** 2 for j in range(m + 1)]) / comb(2 * m, m)
+        known = np.sqrt(np.convolve(error**2, weight, "valid"))[even]
+        # Quantiles: a few points that are off do not make all the others unsure.
+        spread = float(np.max(np.quantile(np.abs(size), _PARTS) / _NORMAL))
+        ratios.append(spread / float(np.median(known)))
+        excess.append(max(spread**2 - float(np.median(known)) ** 2, 0.0))
+    return float(np.sqrt(min(excess))) if min(ratios) > _SCATTER else 0.0
 
 
 def _continued(track: list[int], step: Any, value: Float, at: int) -> tuple[float, float]:
@@ -88,6 +135,9 @@ def _continued(track: list[int], step: Any, value: Float, at: int) -> tuple[floa
         earlier = (v[-2] - v[-3]) / (s[-2] - s[-3])
         bend = (slope - earlier) / (s[-1] - s[-3])
         guess += bend * ahead * (at - s[-2])
+    five = track[-5:]
+    if len(five) == 5 and at - step[five[0]] == 5:
+        guess = float(_NEXT @ value[five])  # the same of more points, which scatter less
     return float(guess), _OF_CHANGE[len(last) - 1] * abs(float(slope * ahead))
 
 

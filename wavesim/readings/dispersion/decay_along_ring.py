@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
@@ -91,9 +91,9 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
     Raises:
         ValueError: the block has no rotation, so nothing travels in it.
     """
-    if not block.rotations:
+    if not block.macro:
         raise ValueError(f"block {block.name!r} has no rotation: no wave travels in it")
-    (name,) = block.rotations[0]
+    (name,) = block.macro[0]
     start, stretch = free_stretch(field, block)
     first, last = _FROM * field.medium.length_scale, _PART * stretch
     spacing = field.bar.spacing

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.material.shown import Shown
 from wavesim.readings.dispersion.decay_along_ring import FEWEST_POINTS, Attenuation, attenuation
 from wavesim.readings.dispersion.spectrum import Ridge, Spectrum, ridges, spectrum
@@ -72,7 +72,7 @@ def extract(
         high = min(high, 0.95 * nyquist)
         shown = spectrum(field, block, _MARGIN * k_max, high)
         travelling = None
-        if block.rotations:
+        if block.macro:
             peak = 2 * np.pi * max(s.peak_frequency for s in field.sources)
             # From the first bin on, where a signal has a mean value.
             lowest = low or 2 * np.pi / (field.t[-1] - field.t[0])

@@ -1,8 +1,8 @@
-"""ω at each wavenumber of a record: by harmonic inversion in time, or by the peaks of the FFT.
+"""ω(k) of a record: by harmonic inversion in time, or by Fourier transforms.
 
 Receivers round a periodic bar hold its wavenumbers exactly. On a stretch the transform in space
-is exact at every wavenumber while the waves have not come to its ends; where they have, a point
-is good only to the resolution of the aperture, and harmonic inversion is refused.
+is exact at every wavenumber while the waves have not come to its ends; where they have, harmonic
+inversion is refused, and waves are told apart along the line instead (``waves_along_line.py``).
 """
 
 from __future__ import annotations
@@ -15,31 +15,44 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.signal import get_window
 
-from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.background import continuum, leakage
+from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
-from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.points import ALONE, BranchPoints
+from wavesim.readings.dispersion.waves_along_line import along_line
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
 
-METHODS = ("harmonic", "fft")
+METHODS = ("harmonic", "fft", "auto")
 # Part of the Nyquist frequency or wavenumber up to which a point counts.
 _NYQUIST = 0.97
 # Part of the record's largest value at the ends of a stretch above which waves have left it.
 _AT_ENDS = 3e-3
+# … looked for in so many stretches of time, above the noise's power and this part more.
+_WINDOWS, _NOISE_ROOM = 16, 1.2
 _WORKERS = 2
-# Peaks of the FFT count above this part of the highest at their wavenumber (power), and above
-# this many times the median.
+# Peaks of the FFT count above this part of the highest at their wavenumber (power), this many
+# times the median of all frequencies, and of those close by.
 _PEAK_FLOOR = 1e-8
 _ABOVE_MEDIAN = 40.0
+_ABOVE_CONTINUUM = 20.0
 _PADDING = 2
 # A wave weaker than this part of the record's strongest is rounding.
 ROUNDING = 1e-12
 _CYCLES = 1.0
 # Half-width of the Blackman–Harris main lobe.
 LOBE_BINS = 4
-# A wave's k is known to this part of the aperture's resolution 2π/X.
-_OF_LOBE = 0.1
+BROAD = (
+    "no line stands out of what surrounds it: waves that are broad or random, or that other "
+    "wavenumbers leak into"
+)
+RANDOM = (
+    "its line is broad and random, as of thermal motion, and no sum of sinusoids: take --method fft"
+)
+# Part of the wavenumbers at which lines are random, of which on the whole record is.
+_RANDOM = 0.2
+MORE = "more waves than sought at this k"
 
 
 def wavenumbers(record: Record) -> Float:
@@ -48,7 +61,7 @@ def wavenumbers(record: Record) -> Float:
     return np.asarray(2 * np.pi * np.arange(1, count // 2 + 1) / (count * record.spacing))
 
 
-def series(record: Record, k_max: float | None = None, taper: bool = False) -> tuple[Float, Float]:
+def series(record: Record, k_max: float | None = None) -> tuple[Float, Float]:
     """Transform in space: k (n,) and real and imaginary parts as channels, (n, 2C, nt).
 
         û(k, t) = Σ_x u(x, t) e^{−ikx}
@@ -56,7 +69,6 @@ def series(record: Record, k_max: float | None = None, taper: bool = False) -> t
     Args:
         record: with evenly spaced receivers.
         k_max: highest wavenumber wanted, rad/m.
-        taper: weigh the receivers by a Hann window, for a stretch that waves leave.
 
     Raises:
         RecordError: the receivers are uneven, or hold fewer than three wavenumbers up to k_max.
@@ -76,9 +88,8 @@ def series(record: Record, k_max: float | None = None, taper: bool = False) -> t
             "use more receivers, or measure k at given ω instead (wavesim attenuation)"
         )
     parts = []
-    window = get_window("hann", len(record.x)) if taper else np.ones(len(record.x))
     for values in record.values:
-        hat = rfft(values * window, axis=1, workers=_WORKERS)[:, 1 : kept + 1]
+        hat = rfft(values, axis=1, workers=_WORKERS)[:, 1 : kept + 1]
         parts += [hat.real.T, hat.imag.T]
     return k[:kept], np.stack(parts, axis=1) / len(record.x)
 
@@ -97,8 +108,9 @@ def in_time(
     Args:
         record: with evenly spaced receivers; only frames without a source are used.
         k_max: highest wavenumber wanted, rad/m; Nyquist where None.
-        method: "harmonic", exact without noise and at the Cramér–Rao bound with it, or "fft", the
-            peaks of a windowed transform between its bins.
+        method: "harmonic", exact without noise and at the Cramér–Rao bound with it; "fft", the
+            peaks of a windowed transform between its bins on a ring, and beams on a stretch; or
+            "auto", harmonic where that is exact, and beams where waves leave the stretch.
         omega_max: highest frequency wanted, rad/s.
         most: most waves at one wavenumber, –.
         dynamic_range: weakest wave sought, over the strongest at its wavenumber, –; harmonic.
@@ -114,33 +126,45 @@ def in_time(
     if method not in METHODS:
         raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
     quiet = record.since(record.quiet_from)
-    k, channels = series(quiet, k_max, taper=method == "fft" and not record.ring)
+    if method == "auto":
+        method = chosen_method(quiet)
+    if method == "fft" and not record.ring:
+        return along_line(record if record.sources else quiet, k_max, omega_max)
+    k, channels = series(quiet, k_max)
     cell = 2 * np.pi / (len(quiet.t) * quiet.interval)
     missing = quiet.missing if len(quiet.missing) and quiet.missing.any() else None
     if method == "harmonic":
         if not record.ring:
             _check_ends(quiet)
-        found = invert(channels, quiet.interval, most, dynamic_range, damped, missing)
+        leaks = None
+        if record.ring and missing is None:
+            heights, per_bin = power(channels)
+            leaks = leakage(heights, 2 * np.pi / per_bin / len(quiet.t))
+        found = invert(channels, quiet.interval, most, dynamic_range, damped, missing, leaks)
         points = _from_sinusoids(found, k)
     else:
         points = _from_peaks(channels, k, quiet.interval)
     points = _judged(points, quiet, cell)
     if omega_max is not None:
         points = points.take(points.omega <= omega_max)
-    points = with_branches(points, k, cell)
-    if method == "fft" and not record.ring:
-        points = _with_aperture(points, record.aperture)
-    return points
+    points = widened(with_branches(points, k, cell), k)
+    if method == "fft":
+        points = points.refused(points.branch < 0, ALONE)
+    return _with_rounding(points, quiet)
 
 
-def _with_aperture(points: BranchPoints, aperture: float) -> BranchPoints:
-    """Errors with what the width of the aperture's main lobe leaves open in k."""
-    error = points.error.copy()
-    for branch in points.branches:
-        own = np.flatnonzero(points.branch == branch)
-        slope = np.gradient(points.omega[own], points.k[own])
-        error[own] = np.hypot(error[own], np.abs(slope) * _OF_LOBE * 2 * np.pi / aperture)
-    return replace(points, error=error)
+def chosen_method(record: Record) -> str:
+    """What "auto" comes to: "harmonic" where that is exact, else "fft"."""
+    whole = record.ring or (record.even and not _at_ends(record)[1])
+    return "harmonic" if whole else "fft"
+
+
+def _with_rounding(points: BranchPoints, record: Record) -> BranchPoints:
+    """Errors with what rounded times and positions leave open of their intervals."""
+    if not (record.interval_error or record.spacing_error):
+        return points
+    part = points.omega * np.hypot(record.interval_error, record.spacing_error)
+    return replace(points, error=np.hypot(points.error, part))
 
 
 def with_branches(points: BranchPoints, k: Float, cell: float) -> BranchPoints:
@@ -152,10 +176,24 @@ def with_branches(points: BranchPoints, k: Float, cell: float) -> BranchPoints:
     return replace(points, branch=branch)
 
 
+def widened(points: BranchPoints, k: Float) -> BranchPoints:
+    """Errors no smaller than points scatter about their own branch."""
+    error = points.error.copy()
+    for branch in points.branches:
+        own = np.flatnonzero(points.branch == branch)
+        step = np.searchsorted(k, points.k[own] * (1 - 1e-12))
+        more = scatter(step, points.omega[own], error[own])
+        error[own] = np.hypot(error[own], more)
+    return replace(points, error=error)
+
+
 def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
     reason = np.where(found.resolved, "", "not told apart from a neighbour or from noise")
     settled = found.settled[found.series]
-    reason = np.where(found.resolved & ~settled, "more waves than sought at this k", reason)
+    # Where the lines of many wavenumbers are random, those that look alike are too.
+    broad = found.broad[found.series] | (found.broad.mean() > _RANDOM)
+    reason = np.where(found.resolved & ~settled, MORE, reason)
+    reason = np.where(broad, RANDOM, reason)
     return BranchPoints(
         "harmonic",
         k[found.series],
@@ -164,7 +202,7 @@ def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
         found.amplitude,
         found.omega_error,
         found.residual[found.series],
-        found.resolved & settled,
+        reason == "",
         reason.astype(object),
         np.full(len(found.omega), -1),
     )
@@ -190,20 +228,34 @@ def _judged(points: BranchPoints, record: Record, cell: float) -> BranchPoints:
         points.k > nyquist * np.pi / record.spacing,
         "at the Nyquist wavenumber: space receivers closer",
     )
-    if not record.ring and points.method == "fft":
-        points = points.refused(points.k < 2 * np.pi / record.aperture, "longer than the aperture")
     return points
+
+
+def _at_ends(record: Record) -> tuple[float, bool]:
+    """What of the peak is at the ends of a stretch, and whether it is waves that leave it."""
+    moving = record.values - record.values.mean(axis=1, keepdims=True)  # k = 0 is not used
+    ends = moving[..., [0, -1]]
+    peak = float(np.abs(moving).max())
+    parts = np.array_split(ends**2, max(1, min(_WINDOWS, ends.shape[1] // 8)), axis=1)
+    noise = record.noise**2
+    # Of noise alone, the mean square of m samples scatters by √(2/m).
+    loud = [
+        float(part.mean()) > noise * (_NOISE_ROOM + 6 * np.sqrt(2 / part.size))
+        + (_AT_ENDS * peak) ** 2
+        for part in parts
+    ]  # fmt: skip
+    strongest = max(float(part.mean()) for part in parts)
+    return float(np.sqrt(strongest)) / max(peak, 1e-290), any(loud)
 
 
 def _check_ends(record: Record) -> None:
     """Refuse a stretch that waves have left."""
-    ends = float(np.sqrt(np.mean(record.values[..., [0, -1]] ** 2)))
-    peak = float(np.abs(record.values).max())
-    if ends > 2 * record.noise + _AT_ENDS * peak:
+    part, left = _at_ends(record)
+    if left:
         raise RecordError(
-            f"waves reach the ends of the receivers ({100 * ends / max(peak, 1e-290):.2g} % of the "
-            "peak there): ω at given k can't be had exactly; measure k at given ω (wavesim "
-            "attenuation), or take --method fft, which is good to the aperture's resolution"
+            f"waves reach the ends of the receivers ({100 * part:.2g} % of the peak there): ω at "
+            "given k can't be had exactly; measure k at given ω (wavesim attenuation), or take "
+            "--method fft, which is good to a part of the aperture's resolution"
         )
 
 
@@ -237,11 +289,21 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
     peak = (middle > logarithm[:, 1:-3]) & (middle >= logarithm[:, 3:-1])
     floor = np.log(_PEAK_FLOOR) + logarithm.max(axis=1, keepdims=True)
     noise = np.log(_ABOVE_MEDIAN) + np.median(logarithm, axis=1, keepdims=True)
-    row, at = np.nonzero(peak & (middle > np.maximum(floor, noise)))
+    density = 2 * np.pi / per_bin / channels.shape[-1]
+    local = continuum(heights, density, channels.shape[1])
+    stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leakage(heights, density))
+    loud = peak & (middle > np.maximum(floor, noise))
+    line = loud & stands[:, 2:-2]
+    # Where no line stands out, the loudest of what there is, to say so of.
+    hump = np.where(loud & ~line.any(axis=1, keepdims=True), middle, -np.inf)
+    only = np.zeros_like(line)
+    only[np.arange(len(hump)), hump.argmax(axis=1)] = np.isfinite(hump.max(axis=1))
+    row, at = np.nonzero(line | only)
+    broad = only[row, at]
     at = at + 2
     near, top = _vertex(*(logarithm[row, at + d] for d in (-1, 0, 1)))
     far, _ = _vertex(*(logarithm[row, at + d] for d in (-2, 0, 2)))
-    snr = np.exp(np.median(logarithm, axis=1))[row] / np.exp(top)
+    snr = local[row, at] / np.exp(top)
     error = np.sqrt((near - 2 * far) ** 2 / 4 + _SHAPE**2 + 4 * snr) * per_bin / interval
     total = heights.sum(axis=1)[row]
     lobe = sum(heights[row, np.clip(at + d, 0, heights.shape[1] - 1)] for d in range(-8, 9))
@@ -254,8 +316,8 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
         np.exp(top / 2),
         error,
         np.clip(1 - explained, 0, 1)[row],
-        np.ones(len(row), bool),
-        np.full(len(row), "", object),
+        ~broad,
+        np.where(broad, BROAD, "").astype(object),
         np.full(len(row), -1),
     )
 

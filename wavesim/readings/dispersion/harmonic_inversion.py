@@ -5,9 +5,10 @@ fitted anew, and so on until no peak stands above the noise (RELAX: Li & Stoica,
 Process. 44, 281 (1996)). The fit is not limited to bins of the transform: without noise it is
 exact to rounding, and in white noise it attains the Cramér–Rao bound.
 
-A peak counts where white noise of the residual's level, per channel, would show one as high in
-one series of a million, and where its amplitude is above a given part of the strongest. Errors
-take the noise from the residual close to each frequency, so that noise need not be white.
+A peak counts where noise of the residual's level, per channel, over all frequencies and close to
+this one, would show one as high in one series of a million, and where its amplitude is above a
+given part of the strongest. Errors take the noise from the residual close to each frequency, so
+that noise need not be white.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from scipy.fft import next_fast_len, rfft
 from scipy.signal import get_window
 from scipy.stats import gamma as gamma_distribution
 
+from wavesim.readings.dispersion.background import continuum
 from wavesim.readings.dispersion.sinusoids import Fit, Float, fit, transposed
 
 FALSE_ALARM = 1e-6
@@ -38,6 +40,9 @@ _NEAR = (2.0, 12.0)
 # Sinusoids closer than this part of a bin, or less sure than this, are not told apart.
 _CLOSEST_BINS = 0.05
 _FEWEST_SAMPLES = 16
+# So many sinusoids within so many bins of the strongest, above this part of it, are no waves: no
+# number of them ends a line that is broad and random.
+_CROWD, _CROWD_BINS, _CROWD_PART = 5, 10.0, 0.01
 _FIRST_STEPS = 6
 # Phase error over the record, rad, that the sums of a simulated field leave on its strongest wave.
 _ROUNDING = 1e-11
@@ -57,6 +62,8 @@ class Sinusoids:
         resolved: whether the fit holds it apart from its neighbours.
         residual: part of each series' power that no sinusoid explains, shape (n,).
         settled: whether no further peak was left in the series, shape (n,).
+        broad: whether many sinusoids crowd about its strongest, as under a line that is broad and
+            random, shape (n,).
     """
 
     series: np.ndarray
@@ -70,6 +77,7 @@ class Sinusoids:
     resolved: np.ndarray
     residual: Float
     settled: np.ndarray
+    broad: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,12 @@ class _Search:
     damped: bool
     scale: Float
     least: float
+    leakage: Float
+
+
+def padded_length(count: int) -> int:
+    """Length of the transform, padded twice, that peaks are looked for in."""
+    return int(next_fast_len(_PADDING * count, real=True))
 
 
 def invert(
@@ -93,6 +107,7 @@ def invert(
     dynamic_range: float = DYNAMIC_RANGE,
     damped: bool = True,
     missing: np.ndarray | None = None,
+    leakage: Float | None = None,
 ) -> Sinusoids:
     """Find the sinusoids in each of n series.
 
@@ -103,6 +118,8 @@ def invert(
         dynamic_range: weakest amplitude sought, over the strongest of its series, –.
         damped: False holds every decay to 0.
         missing: which of the N samples are missing, shape (N,), bool.
+        leakage: square of the amplitude below which a peak may be another series', at the
+            frequencies of a transform padded twice (:func:`padded_length`).
 
     Returns:
         What was found.
@@ -121,11 +138,12 @@ def invert(
         raise ValueError("series: holds values that are not finite; name them as missing")
     window = get_window("hann", count, fftbins=False) * present
     weight = None if present.all() else present.astype(float)
-    padded = next_fast_len(_PADDING * count, real=True)
+    padded = padded_length(count)
     scale = _levels(series, present)
     size_of = np.sqrt(np.sum(np.mean(series[..., present] ** 2, axis=-1), axis=-1))
     least = _OF_STRONGEST * float(size_of.max(initial=0.0))
-    search = _Search(window, weight, padded, most, dynamic_range, damped, scale, least)
+    leaks = np.zeros(padded // 2 + 1) if leakage is None else leakage
+    search = _Search(window, weight, padded, most, dynamic_range, damped, scale, least, leaks)
     size = max(1, _BATCH // (count * max(channels, 4)))
     parts = [slice(start, min(start + size, n)) for start in range(0, n, size)]
 
@@ -167,6 +185,7 @@ class _Found:
     resolved: np.ndarray
     residual: Float
     settled: np.ndarray
+    broad: np.ndarray
 
 
 def _search(series: Float, search: _Search) -> Iterator[tuple[np.ndarray, _Found]]:
@@ -184,11 +203,13 @@ def _search(series: Float, search: _Search) -> Iterator[tuple[np.ndarray, _Found
         peak, size, height = _highest_peak(residual, search)
         weakest = np.maximum(search.dynamic_range * strongest, search.least)
         goes_on = (size > height) & (size > weakest)
-        stops = ~goes_on | (p == search.most)
+        broad = goes_on & _crowded(last, search) if last is not None else np.zeros_like(goes_on)
+        stops = ~goes_on | broad | (p == search.most)
         if stops.any():
             if last is not None:
                 ended = _report(_take(last, stops), series[rows[stops]], search)
-                yield rows[stops], replace(ended, settled=~goes_on[stops])
+                ended = replace(ended, settled=~goes_on[stops], broad=broad[stops])
+                yield rows[stops], ended
             rows, peak, size = rows[~stops], peak[~stops], size[~stops]
             omega, decay, strongest = omega[~stops], decay[~stops], strongest[~stops]
         if not len(rows):
@@ -200,6 +221,15 @@ def _search(series: Float, search: _Search) -> Iterator[tuple[np.ndarray, _Found
         last = fit(series[rows], near.omega, decay, search.weight, search.damped)
         omega, decay, residual = last.omega, last.decay, last.residual
         strongest = _norm(last.amplitude, search).max(axis=1)
+
+
+def _crowded(found: Fit, search: _Search) -> np.ndarray:
+    """Whether several sinusoids of like strength stand within a few bins of the strongest."""
+    norm = _norm(found.amplitude, search)
+    row, first = np.arange(len(norm)), norm.argmax(axis=1)
+    bins = np.abs(found.omega - found.omega[row, first][:, None]) * len(search.window) / (2 * np.pi)
+    near = (bins < _CROWD_BINS) & (norm > _CROWD_PART * norm[row, first][:, None])
+    return np.asarray(near.sum(axis=1) >= _CROWD)
 
 
 def _norm(amplitude: np.ndarray, search: _Search) -> Float:
@@ -219,16 +249,25 @@ def _highest_peak(residual: Float, search: _Search) -> tuple[Float, Float, Float
     floor = np.maximum(floor, 1e-30 * power.max(axis=(1, 2))[:, None] + 1e-290)
     white = np.sum(power / floor[..., None], axis=1)
     white[:, : max(1, search.padded // count // 2)] = 0
+    total = search.window.sum()
+    threshold = gamma_distribution.isf(FALSE_ALARM / count, channels)
+    about = continuum(white, search.padded / count, channels)
+    usual = np.maximum(np.median(white, axis=1, keepdims=True), 1e-290)
+    stands = white * usual > threshold * about
+    if search.leakage.any():
+        square = np.einsum("ncf,c->nf", power, search.scale**2) * (2 / total) ** 2
+        stands &= square > search.leakage
+    white = np.where(stands, white, 0.0)
     at = np.argmax(white, axis=1)
     row = np.arange(len(white))
     inner = np.clip(at, 1, white.shape[1] - 2)
-    left, middle, right = (np.log(white[row, inner + d] + 1e-290) for d in (-1, 0, 1))
+    left, middle, right = (
+        np.log(np.sum(power[row, :, inner + d] / floor, axis=1) + 1e-290) for d in (-1, 0, 1)
+    )
     bend = left - 2 * middle + right
     shift = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1), 0.0)
     omega = 2 * np.pi * (inner + np.clip(shift, -0.5, 0.5)) / search.padded
-    total = search.window.sum()
     size = 2 / total * np.sqrt(np.sum(power[row, :, at] * search.scale**2, axis=1))
-    threshold = gamma_distribution.isf(FALSE_ALARM / count, channels)
     height = size * np.sqrt(threshold / np.maximum(white[row, at], 1e-290))
     return omega, size, height
 
@@ -277,13 +316,14 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
         resolved & (norm > 4 * amplitude_error),
         np.mean(found.residual**2, axis=(1, 2)) / np.mean(series**2, axis=(1, 2)),
         np.ones(n, bool),
+        np.zeros(n, bool),
     )
 
 
 def _gather(
     groups: list[tuple[np.ndarray, _Found]], n: int, channels: int, interval: float
 ) -> Sinusoids:
-    residual, settled = np.ones(n), np.ones(n, bool)
+    residual, settled, broad = np.ones(n), np.ones(n, bool), np.zeros(n, bool)
     columns: dict[str, list[Any]] = {
         "series": [np.zeros(0, int)],
         "shape": [np.zeros((0, channels), complex)],
@@ -291,6 +331,7 @@ def _gather(
     }
     for rows, found in groups:
         residual[rows], settled[rows] = found.residual, found.settled
+        broad[rows] = found.broad
         p = found.omega.shape[1]
         flat = {
             "series": np.repeat(rows, p),
@@ -311,4 +352,4 @@ def _gather(
     whole = {name: np.concatenate(parts) for name, parts in columns.items()}
     order = np.lexsort((whole["omega"], whole["series"]))
     ordered = {name: values[order] for name, values in whole.items()}
-    return Sinusoids(**ordered, residual=residual, settled=settled)
+    return Sinusoids(**ordered, residual=residual, settled=settled, broad=broad)

@@ -76,7 +76,8 @@ def _evaluate(U: Complex, x: Float, used: Any, k: Complex, both: bool) -> _State
     q, r = np.linalg.qr(basis)
     qh = np.conj(np.swapaxes(q, -1, -2))
     size = np.abs(np.diagonal(r, axis1=-2, axis2=-1)).max(axis=-1)
-    r = r + (1e-14 * size)[:, None, None] * np.eye(r.shape[-1])
+    # Where no receiver counts there is nothing to solve, and nothing is found.
+    r = r + np.where(size > 0, 1e-14 * size, 1.0)[:, None, None] * np.eye(r.shape[-1])
     coefficients = np.linalg.solve(r, qh @ U[..., None])[..., 0]
     residual = U - (basis @ coefficients[..., None])[..., 0]
     p = k.shape[1]

@@ -20,6 +20,7 @@ Float = NDArray[Any]
 BAR = 1.959963984540054
 # … and for the modulus of a complex number with that much in both parts together, √ln 20.
 COMPLEX_BAR = 1.7308183826022854
+ALONE = "stands alone: no branch goes on from it"
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,7 +28,8 @@ class BranchPoints(Shown):
     """Points (k, ω) of dispersion branches, in arrays of shape (m,).
 
     Attributes:
-        method: "harmonic" (ω at given k), "fft" (ω at given k) or "space" (k at given ω).
+        method: "harmonic" or "fft" (ω at given k), "beam" (waves along a line, at given ω), or
+            "space" (complex k at given ω).
         k: wavenumber, rad/m; complex for "space": Re k along x, Im k > 0 decay.
         omega: angular frequency, rad/s; for "space" complex, ω + iσ, the frequency at which k was
             measured.
@@ -38,6 +40,7 @@ class BranchPoints(Shown):
         valid: whether the point counts.
         reason: why not, "" where it does.
         branch: number of its branch, joined by continuity; −1 for none.
+        k_error: for "beam", standard error of k at given ω, rad/m; None else.
     """
 
     method: str
@@ -50,6 +53,7 @@ class BranchPoints(Shown):
     valid: NDArray[np.bool_]
     reason: NDArray[Any]
     branch: NDArray[np.int64]
+    k_error: Float | None = None
 
     def __len__(self) -> int:
         return len(self.k)
@@ -63,6 +67,19 @@ class BranchPoints(Shown):
     def bar(self) -> Float:
         """Half-width of the 95 % error bar, unit of the error."""
         return (COMPLEX_BAR if self.in_space else BAR) * self.error
+
+    @property
+    def phase_velocity(self) -> Float:
+        """c = ω/|Re k|, m/s."""
+        return np.asarray(np.real(self.omega) / np.maximum(np.abs(np.real(self.k)), 1e-290))
+
+    @property
+    def phase_velocity_error(self) -> Float:
+        """Standard error of c at given k or, for "beam" and "space", at given ω, m/s."""
+        error = self.error if self.in_space else self.k_error
+        if error is None:
+            return np.asarray(self.error / np.maximum(self.k, 1e-290))
+        return self.phase_velocity * error / np.maximum(np.abs(np.real(self.k)), 1e-290)
 
     @property
     def branches(self) -> tuple[int, ...]:
@@ -94,8 +111,9 @@ class BranchPoints(Shown):
 
     def take(self, which: Any) -> BranchPoints:
         """The points at an index or mask."""
-        names = [n for n in self.__dataclass_fields__ if n != "method"]
-        return replace(self, **{name: getattr(self, name)[which] for name in names})
+        kept = {n: getattr(self, n)[which] for n in _COLUMNS}
+        k_error = None if self.k_error is None else self.k_error[which]
+        return replace(self, **kept, k_error=k_error)
 
     def refused(self, where: Any, reason: str) -> BranchPoints:
         """The points with those at a mask no longer valid; an earlier reason stays."""
@@ -123,6 +141,8 @@ class BranchPoints(Shown):
                 "omega_rad_per_s": self.omega,
                 "omega_error_rad_per_s": self.error,
                 "decay_per_s": self.decay,
+                "phase_velocity_m_per_s": self.phase_velocity,
+                "phase_velocity_error_m_per_s": self.phase_velocity_error,
             }
         return table | {
             "amplitude": self.amplitude,
@@ -132,6 +152,9 @@ class BranchPoints(Shown):
         }
 
 
+_COLUMNS = tuple(n for n in BranchPoints.__dataclass_fields__ if n not in ("method", "k_error"))
+
+
 def joined(parts: list[BranchPoints]) -> BranchPoints:
     """Points of several records in one; their branches are numbered on."""
     offset, shifted = 0, []
@@ -139,9 +162,10 @@ def joined(parts: list[BranchPoints]) -> BranchPoints:
         moved = np.where(part.branch >= 0, part.branch + offset, -1)
         shifted.append(replace(part, branch=moved))
         offset += int(part.branch.max(initial=-1)) + 1
-    names = [n for n in BranchPoints.__dataclass_fields__ if n != "method"]
-    whole: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in shifted]) for n in names}
-    return replace(shifted[0], **whole)
+    whole: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in shifted]) for n in _COLUMNS}
+    errors = [p.k_error for p in shifted if p.k_error is not None]
+    k_error = np.concatenate(errors) if len(errors) == len(shifted) else None
+    return replace(shifted[0], **whole, k_error=k_error)
 
 
 def plain(column: Any) -> list[Any]:

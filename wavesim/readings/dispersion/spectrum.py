@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.sectors import Block
+from wavesim.material.family import Block
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
 
 Float = NDArray[Any]
@@ -130,7 +130,7 @@ def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[n
         taken: which of the bar's wavenumbers.
     """
     count, frames = len(field.bar.wavenumbers[taken]), len(field.t)
-    components = len(block.rotations + block.curvatures)
+    components = len(block.macro + block.micro)
     found = np.empty((components, count, frames - first), complex)
     rows = max(1, int(_AT_ONCE / (16 * components * field.bar.cells)))
     for low in range(first, frames, rows):

@@ -17,9 +17,13 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from wavesim.readings.damped_transform import damped_transform
+from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.folding import FOLDED, folded_in_pieces
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
+from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.spreading import spreads
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -44,9 +48,19 @@ _BY_CHANCE = 1e-6
 _WITHOUT_SPARE = 25.0
 # Left over above this many times the noise's and truncation's power, it is not theirs.
 _EXCESS = 9.0
+# A signal that so many times the noise's power is left over of is no noise.
+_LOUD = 9.0
+UNLIKE = (
+    "receivers are loud, but not as few waves make them: modes that interfere, or receivers unlike "
+    "each other; wavesim dispersion reads phases alone"
+)
 _NYQUIST = 0.97
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
+# Part of the frames at rest that is worth leaving out.
+_WORTH_CUTTING = 0.1
+# A signal is seen from these parts of its peak on; noise is within so many of its deviations.
+_FEET, _OF_NOISE = (0.5, 0.1), 5.5
 # Part of a ring, from its source on, in which receivers are used.
 _PART_OF_RING = 0.125
 
@@ -59,6 +73,7 @@ def in_space(
     component: int | None = None,
     clear: float = 0.0,
     k_max: float | None = None,
+    spreading: float = 0.0,
 ) -> BranchPoints:
     """Complex k at given frequencies; branches joined by continuity of |k|.
 
@@ -71,12 +86,15 @@ def in_space(
         component: which of the record's; the strongest where None.
         clear: distance to keep from sources, m.
         k_max: largest |k| believed, rad/m; larger ones are refused.
+        spreading: p of amplitudes that fall as r^−p with the distance r from the source besides
+            their loss: 0 for plane waves, ½ for cylindrical, 1 for spherical ones, –.
 
     Returns:
         The points, n for each pair; those that can't be measured are there with the reason.
 
     Raises:
-        RecordError: frames are missing, or fewer than two receivers stand clear of the sources.
+        RecordError: frames are missing, fewer than two receivers stand clear of the sources, or
+            waves spread from no source that is named.
     """
     if len(record.missing) and record.missing.any():
         raise RecordError(
@@ -88,6 +106,9 @@ def in_space(
         component = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
     receivers, x = _line(record, clear)
     values = record.values[component][:, receivers]
+    # The window begins where something moves, so that it weighs no more noise than it must.
+    record = record.since(record.t[_rest(values)])
+    values = record.values[component][:, receivers]
     t = record.t - record.t[0]
     deviation = replace(record, values=values[None], x=x).noise
     if damping is None:
@@ -97,8 +118,13 @@ def in_space(
     U = damped_transform(values, t, omega, sigma)
     everywhere = np.abs(damped_transform(record.values[component], t, omega, sigma)).max(axis=1)
     truncation = everywhere * np.exp(-damping)
-    noise = _noise(deviation, record.interval, sigma, len(t))
+    noise = _noise(record, values, receivers, omega, sigma)
+    if spreading:
+        along = np.abs(x - _nearest(record, x)) ** spreading
+        U, middle = U * along, float(np.sqrt(np.mean(along**2)))
+        truncation, noise = truncation * middle, noise * middle
     used = np.abs(U) > np.maximum(_ABOVE_TRUNCATION * truncation, _ABOVE_NOISE * noise)[:, None]
+    spread = "" if spreading or record.ring else spreads(U, x, used, _nearest(record, x, None))
     if not record.ring:
         used |= (used.sum(axis=1) < len(x))[:, None] & (
             np.abs(U) > _ABOVE_TRUNCATION * truncation[:, None]
@@ -107,11 +133,58 @@ def in_space(
     fits = _fits(U, x, used, pairs)
     points = _chosen(fits, used, omega + 1j * sigma, level)
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
-    points = points.refused(
-        points.omega.real > _BAND * np.pi / record.interval,
-        "near the Nyquist frequency: sample more often",
+    high = points.omega.real > _BAND * np.pi / record.interval
+    reason = np.where(high, "near the Nyquist frequency: sample more often", points.reason)
+    points = replace(points, valid=points.valid & ~high, reason=reason)
+    if spread:
+        points = points.refused(points.valid, spread)
+    part = np.hypot(record.spacing_error, record.interval_error)
+    points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
+    points = _with_branches(points, omega)
+    return points if record.lattice else _unfolded(points, x, omega)
+
+
+def _rest(values: Float) -> int:
+    """How many frames there are before anything stands out of the noise, less a margin."""
+    count = len(values)
+    peaks = np.abs(values).max(axis=0)
+    for part in (*_FEET, 1e-12):
+        first = int((np.abs(values) > part * peaks).any(axis=1).argmax())
+        cut = first - max(8, first // 8)
+        if not _WORTH_CUTTING * count < cut < count // 2:
+            continue
+        before = values[:cut]
+        size = np.abs(before - before.mean(axis=0)).max(axis=0)
+        # A signal's foot is no noise: it is all at the end.
+        if (size <= _OF_NOISE * before.std(axis=0) + 1e-12 * peaks).all():
+            return cut
+    return 0
+
+
+def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:
+    """The source that is nearest to a line, m."""
+    sources = np.array(record.sources, float)
+    if len(sources):
+        away = np.abs(sources[:, None] - x[[0, -1]]).min(axis=1)
+        return float(sources[int(away.argmin())])
+    if default is None:
+        return None
+    raise RecordError(
+        "waves that spread do so from a source, and none is named: give --source, its position in m"
     )
-    return _with_branches(points, omega)
+
+
+def _unfolded(points: BranchPoints, x: Float, omega: Float) -> BranchPoints:
+    """Without the points of branches whose Re k has run through ±π/d."""
+    folded = np.zeros(len(points), bool)
+    gap = np.pi / highest_wavenumber(x)
+    for number in points.branches:
+        own = np.flatnonzero(points.branch == number)
+        own = own[np.argsort(points.omega[own].real)]
+        folded[own] = folded_in_pieces(points.k[own].real, points.omega[own].real, gap)
+    if not folded.any():
+        return points
+    return _with_branches(points.refused(folded, FOLDED), omega)
 
 
 def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
@@ -142,10 +215,13 @@ def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
     return chosen, at
 
 
-def _noise(deviation: float, interval: float, sigma: float, count: int) -> float:
-    """Standard deviation in U of white noise: √(Σ e^{−2σt}) Δt times its own."""
-    weights = (1 - np.exp(-2 * sigma * interval * count)) / (1 - np.exp(-2 * sigma * interval))
-    return float(deviation * np.sqrt(weights)) * interval
+def _noise(record: Record, values: Float, receivers: Any, omega: Float, sigma: float) -> Float:
+    """Standard deviation of the noise in U, √(Σ e^{−2σt}) Δt times its own, shape (nω,)."""
+    quantum = record.quantum[receivers] if len(record.quantum) else 0.0
+    variance = noise_variance(values, record.interval, omega, quantum)
+    turn = 2 * sigma * record.interval
+    weights = (1 - np.exp(-turn * len(values))) / (1 - np.exp(-turn))
+    return np.asarray(np.sqrt(np.median(variance, axis=1) * weights) * record.interval)
 
 
 def _fits(U: Any, x: Float, used: Any, pairs: int) -> list[tuple[int, bool, LineFit]]:
@@ -174,7 +250,17 @@ def _chosen(
         best = np.where(better, one.residual, best)
     columns: dict[str, list[Any]] = {
         name: []
-        for name in ("omega", "k", "amplitude", "error", "residual", "reason", "excess", "weak")
+        for name in (
+            "omega",
+            "k",
+            "amplitude",
+            "error",
+            "residual",
+            "reason",
+            "excess",
+            "weak",
+            "loud",
+        )
     }
     for i in range(n):
         pairs, both, one = fits[chosen[i]]
@@ -187,6 +273,7 @@ def _chosen(
             columns["error"].append(np.nan if few else noise * one.unit[i, p])
             columns["residual"].append(one.unexplained[i])
             columns["weak"].append(_weak(one, i, count[i], unknowns(pairs, both), level[i]))
+            columns["loud"].append(one.residual[i] > _LOUD * level[i] ** 2)
             columns["excess"].append(one.residual[i] > _EXCESS * level[i] ** 2)
             columns["reason"].append(
                 "too few receivers above the record's truncation and noise: place some nearer to "
@@ -196,7 +283,9 @@ def _chosen(
     unexplained = np.array(columns["residual"]) > _UNEXPLAINED
     more = unexplained & np.array(columns["excess"], bool) & (reason == "")
     weak = np.array(columns["weak"], bool) & (reason == "")
-    reason[weak] = "no wave stands above the noise: drive more of it, or listen nearer"
+    loud = np.array(columns["loud"], bool)
+    reason[weak & ~loud] = "no wave stands above the noise: drive more of it, or listen nearer"
+    reason[weak & loud] = UNLIKE
     more &= ~weak
     reason[more] = "unexplained power: more waves than sought, or uneven noise"
     return BranchPoints(

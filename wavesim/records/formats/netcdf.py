@@ -18,12 +18,18 @@ def from_netcdf(path: Path) -> Content:
     """Variables of a netCDF file, times first; by xarray, with h5netcdf or scipy."""
     import xarray
 
+    from wavesim.io.hdf5_arrays import is_hdf5
+
     with path.open("rb") as file:
-        engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+        classic = file.read(3) == b"CDF"
+    if not classic and not is_hdf5(path):
+        raise RecordError("can't be read as netCDF: it is neither of version 3 nor of version 4")
+    options: dict[str, Any] = {"engine": "scipy", "mmap": False} if classic else {}
+    options = options or {"engine": "h5netcdf"}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with xarray.open_dataset(path, engine=engine, decode_timedelta=False) as found:
+            with xarray.open_dataset(path, decode_timedelta=False, **options) as found:
                 return of_dataset(found)
     except RecordError:
         raise

@@ -54,7 +54,9 @@ def _shape(file: Any) -> tuple[int, ...]:
     return tuple(read(file)[0])
 
 
-def _take(content: Content, name: str, array: np.ndarray) -> None:
+def _take(content: Content, name: str, array: Any) -> None:
+    if not isinstance(array, np.ndarray):
+        raise RecordError(f"can't be read as NumPy's: {name!r} in it is no array")
     if array.dtype.names:
         for column in array.dtype.names:
             _take(content, column if name == "values" else f"{name}/{column}", array[column])

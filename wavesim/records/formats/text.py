@@ -104,8 +104,10 @@ def read_table(path: Path) -> Table:
     before = [(n, cells(_uncommented(line))) for n, line in comments if n < body[0][0]]
     if not any(len(row) == width for _, row in above[-1:]):
         above = sorted(above + before)
-    _check_heading(above, width, body[0][0])
+    _check_heading(above, width, body[0][0], decimal, separator)
     headings, units = _headings([row for _, row in above[-_LONGEST_HEAD:]], width)
+    if decimal == ",":
+        headings = [re.sub(r"(?<=\d),(?=\d)", ".", heading) for heading in headings]
     # The last row of a file cut short.
     if len(body) > 2 and not _whole(body[-1][1], cells, decimal, width):
         body = body[:-1]
@@ -260,8 +262,18 @@ def _headings(above: list[list[str]], width: int) -> tuple[list[str], list[str]]
     return heading or blank, [u.strip("()[]{} ") for u in units]
 
 
-def _check_heading(above: list[tuple[int, list[str]]], width: int, line: int) -> None:
-    """Refuse rows that have fewer cells than the heading above them names."""
+def _check_heading(
+    above: list[tuple[int, list[str]]],
+    width: int,
+    line: int,
+    decimal: str,
+    separator: str | None,
+) -> None:
+    """Refuse rows that have fewer cells than the heading above them names, or one that has more."""
+    if len(above) > 1 and len(above[-2][1]) == width and is_time(above[-2][1][0]):
+        number, row = above[-1]
+        if len(row) != width and _is_row(row, decimal):
+            raise RecordError(_uneven(number, len(row), width, separator))
     if not above or not is_time(above[-1][1][0]):
         return
     row = list(above[-1][1])
@@ -380,14 +392,17 @@ def _check_widths(
         found = len(cells(line))
         if found == width:
             continue
-        hint = ""
-        if separator == ",":
-            hint = ("; if commas are decimal marks, part the columns by semicolons or tabs, and "
-                    "let nothing else be a comma")  # fmt: skip
-        raise RecordError(
-            f"row {number} has {found} cells; the heading has {width}: give each row one cell for "
-            f"each column{hint}"
-        )
+        raise RecordError(_uneven(number, found, width, separator))
+
+
+def _uneven(number: int, found: int, width: int, separator: str | None) -> str:
+    hint = ""
+    if separator == ",":
+        hint = "; if commas are decimal marks, part the columns by semicolons or tabs"
+    return (
+        f"row {number} has {found} cells; the heading has {width}: give each row one cell for "
+        f"each column{hint}"
+    )
 
 
 def _column(c: int, headings: list[str]) -> str:

@@ -4,9 +4,9 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const RED = "#c8102e", INK = "#16202a", BLUE = "#2f6f9f", GREY = "#8a97a3", GAP = "rgba(120,135,150,0.22)";
   const COLOURS = ["#0b3954", "#c8102e", "#2e7d32", "#7b4fa3", "#b26a00", "#00798c"];
-  const SECTORS = { longitudinal: "longitudinal", transverse2: "transverse, φ₂", transverse3: "transverse, φ₃",
+  const SECTORS = { longitudinal: "longitudinal", transverse2: "transverse x₂", transverse3: "transverse x₃",
     inplane: "in-plane shear" };
-  const symbol = name => name.replace("phi", "φ").replace(/[123]/g, d => "₁₂₃"["123".indexOf(d)]);
+  const symbol = name => data.symbols[name] || name;
 
   // A packed array as rows of numbers; what is at the low end of a level is nothing to be seen.
   function unpacked(packed, empty) {
@@ -30,7 +30,7 @@
   const { length: l, time: T } = data.units;
   const UNITS = {
     frequency: { by: "frequency", si: [1e-3, "kHz"], bar: [2 * Math.PI * T, "ω̄"] },
-    time: { by: "frequency", si: [1e6, "µs"], bar: [1 / T, "t/√(4πρR⁵/3G)"] },
+    time: { by: "frequency", si: [1e6, "µs"], bar: [1 / T, `t/${data.time_unit}`] },
     length: { by: "length", si: [1e3, "mm"], bar: [1 / l, "l"] },
     wavenumber: { by: "length", si: [1e-3, "rad/mm"], bar: [l / 2 / Math.PI, "k̄ = k l/2π"] },
     decay: { by: "length", si: [1e-3, "dB/mm"], bar: [l, "dB per l"] },
@@ -43,7 +43,7 @@
     if (name === "ω̄" || name.startsWith("k̄") || name.startsWith("t/")) return name;
     return `${TITLES[kind]} (${name})`;
   };
-  const short = kind => unit(kind)[1].split(" =")[0].replace("t/√(4πρR⁵/3G)", "units of time");
+  const short = kind => unit(kind)[1].split(" =")[0].replace(/^t\/.*/, "units of time");
 
   const axis = (kind, more) => ({ title: { text: title(kind), standoff: 8 }, zeroline: false, ...more });
   const plain = (text, more) => ({ title: { text, standoff: 8 }, zeroline: false, ...more });

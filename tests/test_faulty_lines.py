@@ -1,0 +1,79 @@
+"""Lines of a few receivers that are folded, or that waves spread along: told, or read rightly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_waves_along_line import passing
+
+from wavesim.readings.dispersion.line_fit import fit_line
+from wavesim.readings.dispersion.spreading import exponent
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.record import RecordError, record
+
+T = np.arange(1000) * 5e-7
+SPEED = 3000.0
+
+
+def plain(omega):
+    return omega / SPEED
+
+
+def read(x, amplitude, band, **more):
+    rng = np.random.default_rng(1)
+    u = passing(x, [(plain, amplitude)], 5e4, T)
+    u += 1e-4 * rng.normal(size=u.shape)
+    sources = (0.0,) if more.pop("named", False) else ()
+    omega = 2 * np.pi * np.linspace(*band, 30)
+    return in_space(record(u, T, x, sources=sources), omega, **more)
+
+
+@pytest.mark.parametrize("band", [(2.5e4, 7e4), (4e4, 7e4), (7.8e4, 1.1e5)])
+def test_folded_wavenumbers_are_refused(band):
+    """Receivers 40 mm apart: k is known between ±78.5 rad/m, 37.5 kHz, and folded beyond."""
+    points = read(0.02 + 0.04 * np.arange(8), lambda x: 1 + 0 * x, band)
+    own = points.take(points.valid)
+    assert np.abs(own.k - own.omega / SPEED).max(initial=0.0) < 1e-2 * 78
+    beyond = points.omega.real / (2 * np.pi) > 3.8e4
+    assert not points.valid[beyond].any()
+    assert any(reason.startswith("folded") for reason in points.reason[beyond])
+
+
+def test_spreading_is_no_loss():
+    """r^−½ from a source 50 mm before the line: refused as plane, α of 0 to 0.02/m once named."""
+    x = 0.05 + 0.005 * np.arange(24)
+    band = (2e4, 1e5)
+    for named in (False, True):
+        told = read(x, lambda r: r**-0.5, band, named=named)
+        assert not told.valid.any()
+        assert all("--spreading" in reason for reason in told.reason)
+    points = read(x, lambda r: r**-0.5, band, named=True, spreading=0.5)
+    own = points.take(points.valid)
+    assert len(own) == 30
+    off = np.abs(own.k - own.omega / SPEED)
+    assert np.median(off) < 0.02
+    assert np.mean(off <= own.bar) >= 0.85
+    with pytest.raises(RecordError, match="none is named: give --source"):
+        read(x, lambda r: r**-0.5, band, spreading=0.5)
+
+
+def test_losses_and_unequal_receivers_are_no_spreading(rng):
+    """p of plane waves with any loss is 0 within its error; gains of 10 % make that error."""
+    x = 0.05 + 0.005 * np.arange(24)
+    U = np.exp(np.outer(np.linspace(-40, -1, 20), x))
+    power, _ = exponent(U, x, np.ones(U.shape, bool), 0.0)
+    assert abs(power) < 1e-9
+    gains = np.exp(0.1 * rng.normal(size=24))
+    power, error = exponent(U * gains, x, np.ones(U.shape, bool), 0.0)
+    assert abs(power) < 4 * error
+
+
+def test_line_fits_survive_any_weights():
+    """No receiver, one, or all: the fit ends, with NaN where there is nothing to fit."""
+    x = np.linspace(0, 1, 6)
+    U = np.exp(3j * x) * np.ones((4, 6))
+    used = np.zeros((4, 6), bool)
+    used[1, 2] = used[2, 1:5] = used[3] = True
+    found = fit_line(U, x, used, 1, True).k[:, 0]
+    assert np.isnan(found[:2]).all()
+    assert np.abs(found[2:] - 3).max() < 1e-9

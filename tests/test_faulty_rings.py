@@ -1,0 +1,79 @@
+"""Rings with the faults of instruments and of matter: no leakage, and no random line, is a wave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.records.record import record
+
+X, T = np.arange(64) * 1e-3, np.arange(600) * 2e-7
+BRANCHES = (lambda k: 2000.0 * k, lambda k: np.sqrt(2e6**2 + (1500 * k) ** 2))
+
+
+def ringing(seed=0):
+    """Two branches, both ways round a ring, at random phases."""
+    rng = np.random.default_rng(seed)
+    k = 2 * np.pi * np.arange(1, 28) / 0.064
+    u = np.zeros((len(T), len(X)))
+    for omega, amplitude in zip(BRANCHES, (1.0, 0.7), strict=True):
+        for sign in (1, -1):
+            phase = rng.uniform(0, 2 * np.pi, len(k))
+            wave = np.exp(1j * (sign * np.outer(k, X) + phase[:, None]))
+            u += amplitude * (np.exp(-1j * np.outer(T, omega(k))) @ wave).real
+    return u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape), rng
+
+
+@pytest.mark.parametrize("method", ["harmonic", "fft"])
+@pytest.mark.parametrize("gain", [0.003, 0.01, 0.03])
+def test_unequal_gains_make_no_waves(method, gain):
+    """Gains of 0.3 to 3 % leak every wavenumber into every other, at 1e-3 of its amplitude."""
+    u, rng = ringing()
+    found = in_time(record(u * (1 + gain * rng.normal(size=64)), T, X, ring=True), method=method)
+    own = found.take(found.valid)
+    exact = np.stack([omega(own.k) for omega in BRANCHES])
+    off = np.abs(exact - own.omega)
+    assert len(found.branches) == 2
+    assert len(own) >= 40
+    assert (off.min(axis=0) / own.omega).max() < 0.01
+    assert np.mean(off.min(axis=0) <= own.bar) >= 0.88
+
+
+@pytest.fixture(scope="module")
+def thermal():
+    """A chain, ω = 10⁶ |sin(ka/2)|, that is driven and damped at random: lines of 1/T and more."""
+    rng, count, a, frames, dt = np.random.default_rng(2), 64, 1e-3, 2000, 5e-7
+    x, t = np.arange(count) * a, np.arange(frames) * dt
+    fall = np.exp(-2000.0 * dt)
+    u = np.zeros((frames, count), complex)
+    for m in range(-count // 2, count // 2):
+        if not m:
+            continue
+        k = 2 * np.pi * m / (count * a)
+        kicks = (rng.normal(size=frames) + 1j * rng.normal(size=frames)) / np.sqrt(2)
+        kicks[1:] *= np.sqrt(1 - fall**2)
+        amplitude = np.empty(frames, complex)
+        amplitude[0] = kicks[0]
+        for i in range(1, frames):
+            amplitude[i] = fall * amplitude[i - 1] + kicks[i]
+        omega = 1e6 * abs(np.sin(k * a / 2))
+        u += np.outer(amplitude * np.exp(-1j * omega * t), np.exp(1j * k * x))
+    return record(u.real, t, x, ring=True, lattice=True)
+
+
+def test_a_thermal_chain_has_one_branch(thermal):
+    """Its bars are those of a random line, √(2γ/T) = 2,000 rad/s and more, not of white noise."""
+    found = in_time(thermal, method="fft")
+    own = found.take(found.valid)
+    off = np.abs(own.omega - 1e6 * np.abs(np.sin(own.k * 5e-4)))
+    assert len(found.branches) == 1
+    assert len(own) >= 25
+    assert np.mean(off <= own.bar) >= 0.8
+    assert 1000 < np.median(own.error) < 8000
+
+
+def test_harmonic_inversion_says_that_lines_are_random(thermal):
+    found = in_time(thermal, method="harmonic")
+    assert not found.valid.any()
+    assert any("broad and random" in reason for reason in found.reason)

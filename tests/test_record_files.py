@@ -1,0 +1,235 @@
+"""Files of instruments and other programs: the same numbers, in SI, from every format.
+
+The law: reading is exact. What was written is known to the last digit, by the arrays it was written
+from; times in s and positions in m whatever unit the file has them in.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from wavesim.records.files import Layout, from_xarray, read
+from wavesim.records.record import RecordError
+
+N, M = 64, 4
+T = np.arange(N) * 5e-7
+X = 0.02 + 0.005 * np.arange(M)
+U = np.round(np.random.default_rng(4).standard_normal((N, M)), 6)
+
+
+def same(found, t=T, x=X, u=U):
+    assert found.t == pytest.approx(t, abs=1e-15 + 1e-9 * t[-1])
+    assert found.x == pytest.approx(x, rel=1e-12)
+    assert np.abs(found.values[0] - u).max() <= 1e-12
+
+
+def rows(t=T, u=U, comma=",", decimal=".", form="%.12g"):
+    lines = [comma.join(form % v for v in (a, *row)).replace(".", decimal)
+             for a, row in zip(t, u, strict=True)]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+PLACES = [f"x={v:g} m" for v in X]
+HEAD = ",".join(["t_s", *PLACES]) + "\n"
+GERMAN = ";".join(["Zeit (s)", *(f"x={v:g} m".replace(".", ",") for v in X)]) + "\n"
+NUMBERED = "".join(f"{i},{line}\n" for i, line in enumerate(rows().splitlines()))
+QUOTED = "".join(
+    ",".join(f'"{cell}"' for cell in line.split(";")) + "\n"
+    for line in rows(comma=";", decimal=",").splitlines()
+)
+CLOCKS = ",".join(f"Time {i},{p}" for i, p in enumerate(PLACES)) + "\n"
+CLOCKS += "".join(
+    ",".join(f"{a:.9g},{b:.9g}" for b in row) + "\n" for a, row in zip(T, U, strict=True)
+)
+PLACED = ",".join(PLACES)
+TEXTS = {
+    "plain": HEAD + rows(),
+    "a row of units": f"x-axis,{PLACED}\nsecond,Volt,Volt,Volt,Volt\n" + rows(),
+    "us in the row of units": f"Time,{PLACED}\n(us),(V),(V),(V),(V)\n" + rows(T * 1e6),
+    "us in the heading": HEAD.replace("t_s", "Time (us)") + rows(T * 1e6),
+    "ms": HEAD.replace("t_s", "t_ms") + rows(T * 1e3),
+    "metadata above": "".join(f"Key {i},Value\n" for i in range(20)) + HEAD + rows(),
+    "comments above": "% Model, bar\n% Version, 6\n" + HEAD + rows(),
+    "heading in a comment": "# written by hand\n# " + HEAD + rows(),
+    "semicolons, decimal commas": GERMAN + rows(comma=";", decimal=","),
+    "quoted decimal commas": HEAD + QUOTED,
+    "tabs": HEAD.replace(",", "\t") + rows(comma="\t"),
+    "white space": HEAD.replace(" m", "m").replace(",", " ") + rows(comma="  "),
+    "positions in mm": "time," + ",".join(f"{v * 1e3:g} mm" for v in X) + "\n" + rows(),
+    "places behind @": "time (s)," + ",".join(f"ch{v:g} @ {v:g} m" for v in X) + "\n" + rows(),
+    "a row of positions": "x (mm)," + ",".join(f"{v * 1e3:g}" for v in X) + "\nTime,a,b,c,d\n"
+    + rows(),
+    "rows numbered": "Sample," + HEAD + NUMBERED,
+    "a clock for each": CLOCKS,
+    "carriage returns": (HEAD + rows()).replace("\n", "\r\n"),
+    "ends in separators": (HEAD + rows()).replace("\n", ",\n"),
+    "a remark's column": HEAD.replace("\n", ",Comment\n") + rows().replace("\n", ",\n"),
+    "cut within its last row": HEAD + rows() + "3.2e-05,0.1,0.",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_table_of_text_whoever_wrote_it(tmp_path, name):
+    path = tmp_path / "a.csv"
+    path.write_text(TEXTS[name], encoding="utf-8")
+    same(read(path))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_a_table_in_another_encoding(tmp_path, encoding):
+    path = tmp_path / "a.txt"
+    path.write_text(HEAD.replace("t_s", "Zeit/µs") + rows(T * 1e6), encoding=encoding)
+    same(read(path))
+
+
+def test_dates_and_times_of_day(tmp_path):
+    dates = np.datetime64("2024-03-01T12:00:00", "ns") + (np.arange(N) * 500).astype("m8[ns]")
+    lines = [
+        ",".join([str(d), *(f"{v:.9g}" for v in row)]) for d, row in zip(dates, U, strict=True)
+    ]
+    (tmp_path / "a.csv").write_text(HEAD.replace("t_s", "Timestamp") + "\n".join(lines) + "\n")
+    same(read(tmp_path / "a.csv"))
+    np.savez(tmp_path / "a.npz", t=dates, x=X, values=U)
+    same(read(tmp_path / "a.npz"))
+    np.savez(tmp_path / "b.npz", time=dates - dates[0], x_mm=X * 1e3, values=U)
+    same(read(tmp_path / "b.npz"))
+
+
+def test_marks_of_overload_are_missing_samples(tmp_path):
+    lines = (HEAD + rows()).splitlines()
+    cells = lines[30].split(",")
+    cells[2] = "OL"
+    lines[30] = ",".join(cells)
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    found = read(tmp_path / "a.csv")
+    assert any("missing" in f.what for f in found.findings)
+    others = np.arange(N) != 29
+    assert np.abs(found.values[0] - U)[others].max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "Time (s),Channel 1 (V),Channel 2 (V)\n" + rows(u=U[:, :2]),
+            r"Channel 1 \(V\).*--spacing",
+        ),
+        ("Time (s),1,2\n" + rows(u=U[:, :2]), r"headings '1', '2' say none.*--spacing"),
+        ("Time (s),S-1,S-2\n" + rows(u=U[:, :2]), r"'S-1', 'S-2' say none"),
+        (rows(), "no heading; give --spacing"),
+        (
+            HEAD + rows().replace(f"{U[3, 1]:g}", "bad7", 1),
+            r"row 5, column 3 .*'bad7' is no number",
+        ),
+        (
+            HEAD + rows().replace("\n", ",7\n", 1),
+            r"row 2 has 6 cells; the heading has 5.*semicolons",
+        ),
+    ],
+    ids=["channels", "numbers", "sensors", "no heading", "a word", "decimal commas"],
+)
+def test_a_message_names_row_column_and_option(tmp_path, text, message):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(RecordError, match=message):
+        read(tmp_path / "a.csv")
+
+
+def test_options_say_what_a_file_does_not(tmp_path):
+    (tmp_path / "a.csv").write_text("Time,1,2,3,4\n" + rows(T * 1e6))
+    placed = Layout(spacing=5e-3, first=0.02, time_unit="us")
+    same(read(tmp_path / "a.csv", placed))
+    same(read(tmp_path / "a.csv", Layout(positions=tuple(X), time_unit="us")))
+    same(read(tmp_path / "a.csv", Layout(positions=tuple(X), interval=5e-7)))
+    with pytest.raises(RecordError, match="--time-unit parsec: must be one of s, ms"):
+        Layout(time_unit="parsec")
+
+
+def test_hdf5_with_units_and_groups_with_places(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("scan/time", data=T * 1e6).attrs["units"] = "us"
+        file.create_dataset("scan/x", data=X * 1e3).attrs["units"] = "mm"
+        file["scan/u"] = U
+    same(read(tmp_path / "a.h5"))
+    with h5py.File(tmp_path / "b.out", "w") as file:
+        file.attrs["dt"] = 5e-7
+        for j in range(M):
+            group = file.create_group(f"rxs/rx{j + 1}")
+            group.attrs["Position"] = [X[j], 0.0, 0.0]
+            group["Ez"] = U[:, j]
+            group["Ex"] = 0 * U[:, j]
+    same(read(tmp_path / "b.out"))
+
+
+def test_matlab_both_ways(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"t": T, "x": X, "u": U})
+    same(read(tmp_path / "a.mat"))
+    scipy.io.savemat(tmp_path / "b.mat", {"scan": {"time": T, "pos": X, "u": U.T}})
+    same(read(tmp_path / "b.mat"))
+    # Version 7.3 is HDF5, with axes the other way round and a block before it.
+    with h5py.File(tmp_path / "c.mat", "w", userblock_size=512) as file:
+        for name, array in {"t": T[None], "x": X[:, None], "u": U.T}.items():
+            file.create_dataset(name, data=array).attrs["MATLAB_class"] = np.bytes_("double")
+    raw = bytearray((tmp_path / "c.mat").read_bytes())
+    raw[:19] = b"MATLAB 7.3 MAT-file"
+    (tmp_path / "c.mat").write_bytes(raw)
+    same(read(tmp_path / "c.mat"))
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_netcdf_and_xarray(tmp_path, engine):
+    import xarray
+
+    array = xarray.DataArray(
+        U.T, dims=("distance", "time"), name="u",
+        coords={"distance": ("distance", X * 1e3, {"units": "mm"}),
+                "time": ("time", T * 1e3, {"units": "ms"})},
+    )  # fmt: skip
+    array.to_netcdf(tmp_path / "a.nc", engine=engine)
+    same(read(tmp_path / "a.nc"))
+    same(from_xarray(array))
+
+
+def test_seismic_formats(tmp_path):
+    obspy = pytest.importorskip("obspy")
+    from obspy.io.segy.segy import SEGYTraceHeader
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # obspy's own
+        traces = [obspy.Trace(U[:, j].astype("f4"), {"delta": 1e-3, "station": f"R{j}"})
+                  for j in range(M)]  # fmt: skip
+        for j, trace in enumerate(traces):
+            trace.stats.segy = obspy.core.AttribDict(trace_header=SEGYTraceHeader())
+            header = trace.stats.segy.trace_header
+            name = "distance_from_center_of_the_source_point_to_the_center_of_the_receiver_group"
+            setattr(header, name, 10 + 2 * j)
+        stream = obspy.Stream(traces)
+        stream.write(str(tmp_path / "a.segy"), format="SEGY", data_encoding=5)
+        stream.write(str(tmp_path / "a.mseed"), format="MSEED")
+        obspy.Stream([obspy.Trace(U[:, 0].astype("f4"), {"delta": 1e-3})]).write(
+            str(tmp_path / "a.sac"), format="SAC"
+        )
+    t, u = np.arange(N) * 1e-3, U.astype("f4").astype(float)
+    same(read(tmp_path / "a.segy"), t, 10 + 2.0 * np.arange(M), u)
+    same(read(tmp_path / "a.mseed", Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)
+    with pytest.raises(RecordError, match="4 receivers: the file says none; give --spacing"):
+        read(tmp_path / "a.mseed")
+    one = read(tmp_path / "a.sac", Layout(placed=False))
+    assert one.values.shape == (1, N, 1)
+    assert np.abs(one.values[0, :, 0] - u[:, 0]).max() < 1e-12
+
+
+def test_the_sources_signal_is_no_receiver(tmp_path):
+    (tmp_path / "a.csv").write_text("time (s),sent,got\n" + rows(u=U[:, :2]))
+    for column in ("2", "sent"):
+        found = read(tmp_path / "a.csv", Layout(input=column, placed=False))
+        assert found.labels == ("got",)
+        assert np.array_equal(found.input, U[:, 0])
+    with pytest.raises(
+        RecordError, match=r"--input 9: no such column; there are 2 'sent', 3 'got'"
+    ):
+        read(tmp_path / "a.csv", Layout(input="9", placed=False))

@@ -1,0 +1,136 @@
+"""Points of any program against the truth of a synthetic record."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from runs import call
+
+import wavesim as ws
+from wavesim.records.files import write
+from wavesim.records.record import RecordError
+from wavesim.records.synthetic import Pulse, Spoil, positions
+from wavesim.verdict.score import points_of
+from wavesim.verdict.truth import Truth
+
+CUTOFF = 3e3
+
+
+def waves(k):
+    """An acoustic branch and one with a cutoff, ω² = ω₀² + (200 k)²."""
+    return np.stack([150 * k, np.sqrt(CUTOFF**2 + (200 * k) ** 2)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    return ws.synthesize(
+        waves, np.linspace(0, 0.05, 1500), positions(64, 0.02), Pulse(900.0, 0.64), 1.28,
+        ring=True, spoil=Spoil(noise=0.01, seed=2),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def exact():
+    k = 2 * np.pi * np.arange(1, 25) / 1.28
+    return np.repeat(k, 2), waves(k).ravel()
+
+
+def test_what_was_read_holds(ring):
+    found = ws.score(ring, ws.in_time(ring, 120))
+    assert found.false == 0
+    assert found.within_bars >= 0.88
+
+
+def test_exact_points_are_found_without_error(ring, exact):
+    k, omega = exact
+    found = ws.score(ring, points_of(k, omega, np.full(48, 1.0)), k_max=118)
+    assert found.missed == found.false == 0
+    assert found.found == found.present >= 30
+    assert found.largest_error < 1e-12
+    assert found.within_bars == 1.0
+
+
+def test_a_branch_left_out_is_missed_and_one_put_in_is_false(ring, exact):
+    k, omega = exact
+    whole = ws.score(ring, points_of(k, omega), k_max=118)
+    without = ws.score(ring, points_of(k[::2], omega[::2]), k_max=118)
+    assert without.missed + without.found == whole.present
+    assert without.missed >= 12
+    fake = ws.score(
+        ring, points_of(np.append(k, k[:5]), np.append(omega, 1.13 * omega[:5])), k_max=118
+    )
+    assert fake.false == 5
+    twice = ws.score(ring, points_of(np.append(k, k[:3]), np.append(omega, omega[:3])), k_max=118)
+    assert twice.false == 3
+
+
+def test_bars_that_are_too_small_show(ring, exact):
+    k, omega = exact
+    off = omega + 10.0 * np.tile([1, -1], 24)
+    assert ws.score(ring, points_of(k, off, np.full(48, 1.0))).within_bars == 0
+    assert ws.score(ring, points_of(k, off, np.full(48, 6.0))).within_bars == 1
+    assert ws.score(ring, points_of(k, off)).within_bars is None
+
+
+def test_complex_k_of_the_truth_is_the_closed_forms():
+    """k(ω + iσ) of ω² = ω₀² + c²k² by continuation from real k; measured 1e-9."""
+    k = np.linspace(0, 300, 801)
+    truth = Truth(k, waves(k)[:, 1:])
+    omega = np.linspace(4e3, 3e4, 14) + 400j
+    exact = np.sqrt(omega**2 - CUTOFF**2) / 200
+    assert np.abs(truth.wavenumber(omega) / exact - 1).max() < 1e-6
+    assert np.isnan(truth.wavenumber(np.array([1e3 + 400j]))).all()
+    assert np.abs(truth.omega(np.array([17.3]))[0, 0] / waves(np.array([17.3]))[0, 1] - 1) < 1e-10
+
+
+def test_the_command_scores_what_it_wrote_and_what_others_did(tmp_path):
+    made = tmp_path / "made.npz"
+    line = ws.synthesize(
+        lambda k: 150 * k, np.linspace(0, 0.02, 1000), positions(32, 0.02, 0.1), Pulse(900.0),
+        20.0, k_max=150.0, spoil=Spoil(noise=0.01),
+    )  # fmt: skip
+    write(made, line)
+    for command in ("dispersion", "attenuation"):
+        done = call(command, made, "--out", tmp_path, "--json")
+        own = json.loads(done.output)["records"][0]["score"]
+        assert own["false"] == 0
+        assert own["found"] > 0
+        assert own["within_bars"] >= 0.8
+        again = call("score", made, tmp_path / f"{command}_made.csv", "--json")
+        assert again.exit_code == 0, again.output
+        assert json.loads(again.output) == own
+    (tmp_path / "other.csv").write_text("f;k\n238.7324;10\n500;20\n")
+    found = json.loads(call("score", made, tmp_path / "other.csv", "--json").output)
+    assert (found["points"], found["false"]) == (2, 0)
+    (tmp_path / "bare.txt").write_text("10 1500 2\n20 6000 2\n")
+    found = json.loads(call("score", made, tmp_path / "bare.txt", "--json").output)
+    assert (found["points"], found["false"], found["within_bars"]) == (2, 1, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("a,b\n1,2\n", "has no column of k"),
+        ("k,omega\n1,xx\n", "column omega, row 1: 'xx' is no number"),
+        ("k,omega,valid\n1,2,perhaps\n", "must be True or False"),
+        ("k,omega\n", "holds no points"),
+        ("", "can't be read as a table"),
+    ],
+)
+def test_a_table_that_is_none_is_one_line(tmp_path, ring, content, message):
+    write(tmp_path / "ring.npz", ring)
+    (tmp_path / "points.csv").write_text(content)
+    done = call("score", tmp_path / "ring.npz", tmp_path / "points.csv")
+    assert done.exit_code == 2
+    assert message in done.output
+    assert done.output.count("\n") == 1
+
+
+def test_a_record_without_truth_is_refused(ring):
+    bare = ws.record(ring.values, ring.t, ring.x, ring=True)
+    with pytest.raises(RecordError, match="carries no truth"):
+        ws.score(bare, points_of([1.0], [1.0]))
+    with pytest.raises(RecordError, match="must be as many"):
+        points_of([1.0, 2.0], [1.0])

@@ -1,0 +1,36 @@
+"""The cases that come with wavesim, by name, wherever it is installed."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def folder() -> Path:
+    """Where they are: in an installed package, or beside it in a clone."""
+    installed = _PACKAGE / "cases"
+    return installed if installed.is_dir() else _PACKAGE.parent / "cases"
+
+
+def shipped() -> dict[str, Path]:
+    """Their files, by name."""
+    return {path.stem: path for path in sorted(folder().glob("*.toml"))}
+
+
+def found(case: str | Path) -> Path:
+    """The file of a case: that of the path, or where there is none the shipped one of that name.
+
+    Args:
+        case: a path, or a name such as "slab".
+    """
+    path = Path(case)
+    if str(case) == path.name and not path.suffix and not path.exists():
+        return shipped().get(str(case), path)
+    return path
+
+
+def title(path: Path) -> str:
+    """What a case file says that it is."""
+    return str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""))

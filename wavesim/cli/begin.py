@@ -1,0 +1,86 @@
+"""wavesim init, cases and schema: where a first case comes from, and what helps to write one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from wavesim.report.terminal import BAD_INPUT, console, stop
+
+_SCHEMA = "wavesim.schema.json"
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        stop(f"{path}: is there already; name another file, or take it away", BAD_INPUT)
+    except OSError as error:
+        stop(f"{path}: can't be written: {error.strerror}; name another file", BAD_INPUT)
+
+
+@click.command()
+@click.argument("file", type=click.Path(), default="case.toml")
+@click.option("--schema", is_flag=True, help=f"Write {_SCHEMA} beside it, for editors.")
+def init(file: str, schema: bool) -> None:
+    """Write a commented case to begin with: FILE, case.toml by default."""
+    path = Path(file)
+    template = Path(__file__).parents[1] / "case" / "first_case.toml"
+    text = template.read_text(encoding="utf-8").replace("{name}", str(path))
+    beside = path.with_name(_SCHEMA)
+    _write(path, (f"#:schema ./{_SCHEMA}\n" if schema else "") + text)
+    if schema and not beside.exists():
+        _write(beside, _schema_text())
+    click.echo(f"{path}: a case to change as you like. Run it: wavesim run {path}")
+
+
+def _schema_text() -> str:
+    from wavesim.case.json_schema import json_schema
+
+    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+@click.command()
+def schema() -> None:
+    """Print the JSON schema of a case file, from which editors complete and check.
+
+    Even Better TOML and other editors on taplo take it by a first line in the case such as
+    "#:schema ./wavesim.schema.json"; wavesim init --schema writes both.
+    """
+    click.echo(_schema_text(), nl=False)
+
+
+@click.command(
+    context_settings={"ignore_unknown_options": True}, options_metavar="[--show | OPTIONS OF RUN]"
+)
+@click.argument("name", required=False)
+@click.option("--show", is_flag=True, help="Print the case file in place of running it.")
+@click.argument("options", nargs=-1, type=click.UNPROCESSED)
+@click.pass_context
+def cases(context: click.Context, name: str | None, show: bool, options: tuple[str, ...]) -> None:
+    """List the cases that come with wavesim, or run the one of that NAME.
+
+    Every command that takes a case takes such a name too, in place of a file.
+    """
+    from wavesim.case.shipped import shipped, title
+
+    known = shipped()
+    if name is None:
+        for one, path in known.items():
+            console().print(f"{one:<18} {title(path)}")
+        click.echo("\nRun one by its name: wavesim run slab. Print one: wavesim cases slab --show")
+        return
+    if name not in known:
+        stop(f"{name}: is no shipped case; name one of {', '.join(known)}", BAD_INPUT)
+    if show:
+        click.echo(known[name].read_text(encoding="utf-8"), nl=False)
+        return
+    assert context.parent is not None
+    group = context.parent.command
+    assert isinstance(group, click.Group)
+    run = group.commands["run"]
+    with run.make_context("run", [name, *options], parent=context.parent) as inner:
+        run.invoke(inner)

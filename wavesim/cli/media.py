@@ -1,0 +1,174 @@
+"""wavesim bands and wavesim gaps: what the plane-wave solver says of the media of a case.
+
+A case needs no more than its [medium] for that, or its [[layers]].
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesim.cli.arguments import CASE, SET
+from wavesim.report.terminal import BAD_INPUT, console, stop
+
+_POINTS = 101
+
+
+def _layers(case: str, overrides: tuple[str, ...]) -> Any:
+    """The material of a case that need not be one of a simulation."""
+    from wavesim.case.layered_case import load_layers
+    from wavesim.case.schema import CaseError
+
+    try:
+        return load_layers(case, overrides)
+    except CaseError as error:
+        stop(str(error), BAD_INPUT)
+
+
+def distinct(known: Any) -> list[tuple[str, float | None, Any]]:
+    """Each medium of a case once: where it is first, in words and in m, and the medium.
+
+    Args:
+        known: what has a medium and, or None, layers: the material of a case, a simulation.
+    """
+    layers = known.layers.layers if known.layers is not None else ()
+    if len(layers) < 2 and not any(layer.last for layer in layers):
+        return [("", None, known.medium)]
+    found: list[tuple[str, float | None, Any]] = []
+    for number, layer in enumerate(layers, start=1):
+        for medium, at, word in (
+            (layer.medium, layer.start, "from"),
+            (layer.last, layer.end, "to"),
+        ):
+            if medium is not None and all(medium != other for _, _, other in found):
+                place = f"Layer {number}, {word} {at * 1e3:.6g} mm"
+                found.append((place, at, medium))
+    return found
+
+
+def print_bands(medium: Any) -> None:
+    """Branches and gaps of a medium, as a table."""
+    from wavesim.planewave import bands as content
+    from wavesim.planewave.dispersion_relation import full_gaps
+    from wavesim.report import tables
+
+    to_hertz, to_bar = 1 / (2 * math.pi), float(medium.time_scale)
+    free = [
+        (low * to_hertz, high * to_hertz, low * to_bar, high * to_bar)
+        for low, high in full_gaps(medium)
+    ]
+    tables.bands(console(), content.table(medium), free, to_hertz / to_bar)
+
+
+def print_all_bands(known: Any) -> None:
+    """Those of each medium of a case, under the layer it is first in."""
+    for place, _, medium in distinct(known):
+        if place:
+            click.echo(f"\n{place}:")
+        print_bands(medium)
+
+
+@click.command()
+@CASE
+@click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
+@SET
+def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
+    """Branches and gaps of CASE's medium, or of each layer's, by the plane-wave solver alone.
+
+    CASE needs no more than [medium]. The JSON object is of [medium]; where there are layers it has
+    one more of each under "layers".
+    """
+    known = _layers(case, overrides)
+    from wavesim.planewave import bands as content
+
+    media = distinct(known)
+    content_of = content.summary(known.medium)
+    if len(media) > 1:
+        content_of["layers"] = [
+            {"place": place, "position": at} | content.summary(medium)
+            for place, at, medium in media
+        ]
+    answer = json.dumps(content_of)
+    if as_json:
+        click.echo(answer)
+    else:
+        print_all_bands(known)
+    if out:
+        from wavesim.figures.bands import band_figure
+
+        folder = Path(out)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "bands.json").write_text(answer + "\n", encoding="utf-8")
+            for number, (_, _, medium) in enumerate(media, start=1):
+                name = "bands.png" if len(media) == 1 else f"bands_{number}.png"
+                band_figure(medium).savefig(folder / name, dpi=160)
+        except OSError as error:
+            stop(f"--out {out}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
+
+
+_AXIS = (str, float, float)
+
+
+@click.command()
+@CASE
+@click.option(
+    "--x", type=_AXIS, default=("anisotropy", 0.0, 1.0), metavar="KEY FROM TO", help="Abscissa."
+)
+@click.option(
+    "--y",
+    type=_AXIS,
+    default=("stiffness_ratio", 0.0, 1.0),
+    metavar="KEY FROM TO",
+    help="Ordinate.",
+)
+@click.option("--points", type=click.IntRange(2, 2000), default=_POINTS, show_default=True)
+@click.option("--out", type=click.Path(), help="Folder; outputs/<case> by default.")
+@SET
+def gaps(
+    case: str,
+    x: tuple[str, float, float],
+    y: tuple[str, float, float],
+    points: int,
+    out: str | None,
+    overrides: tuple[str, ...],
+) -> None:
+    """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png.
+
+    CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
+    own: gap_map_1, gap_map_2, …
+    """
+    media = distinct(_layers(case, overrides))
+    import numpy as np
+
+    from wavesim.figures.gap_map import gap_map_figure
+    from wavesim.planewave.gap_map import gap_map, table
+
+    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    for number, (place, _, medium) in enumerate(media, start=1):
+        try:
+            found = gap_map(
+                medium,
+                (x[0], np.linspace(x[1], x[2], points)),
+                (y[0], np.linspace(y[1], y[2], points)),
+            )
+        except ValueError as error:
+            stop(str(error), BAD_INPUT)
+        header, rows = table(found)
+        name = "gap_map" if len(media) == 1 else f"gap_map_{number}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            np.savetxt(
+                folder / f"{name}.csv", rows, fmt="%.6g", delimiter=",",
+                header=",".join(header), comments="",
+            )  # fmt: skip
+            gap_map_figure(found).savefig(folder / f"{name}.png", dpi=160)
+        except OSError as error:
+            stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
+        told = f"{place}: " if place else ""
+        click.echo(f"{told}{name}.csv and {name}.png in {folder}")

@@ -1,0 +1,1 @@
+"""Exact transmission of stacks as pure jax functions: batches, gradients, accelerators."""

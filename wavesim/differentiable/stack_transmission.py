@@ -1,0 +1,133 @@
+"""T(ω) and R(ω) of a stack of layers as a pure jax function of media, thicknesses and losses.
+
+With v = −iωφ and f = −σ = i g (``layered.section``) a layer of thickness h takes (v, g) from its
+right end to its left one,
+
+    v → c v + (s/Z) g,    g → c g − Z s v,    c = cos kh,  s = sin kh,
+
+each multiplied by e^{−Im kh}, so that nothing overflows. From the right, where one wave goes out
+(v = 1, f = Z), to the left the wanted solution is the one that grows in a gap, and keeps its
+precision; on the left it is a wave that comes in, a = (v + f/Z)/2, and one that goes back,
+b = (v − f/Z)/2: T = e^{−Σ Im kh}/a, R = b/a. Without losses all is real but the start.
+
+It is the physics of ``layered``, by another route: one vector in place of scattering matrices.
+"""
+
+from __future__ import annotations
+
+import itertools
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.differentiable.coefficients import across, half_space, loss_law, units_of, waves
+from wavesim.differentiable.graded_slices import graded_slices
+from wavesim.differentiable.traced_layers import TracedLayers
+from wavesim.material.family import Block
+
+STEPS = 16
+
+
+class Scattered(NamedTuple):
+    """What a stack lets through and sends back, at each ω.
+
+    Attributes:
+        T, R: amplitudes of φ over the incident one, from the left; planes x = 0 and x = L, (N,).
+        level: 20 log₁₀|T|, dB, finite where T underflows, (N,).
+        power_T, power_R: energy over the incident one; NaN where the incident wave carries none.
+    """
+
+    T: Any
+    R: Any
+    level: Any
+    power_T: Any
+    power_R: Any
+
+
+def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEPS) -> Scattered:
+    """T and R of a stack between half-spaces of its first and its last medium, as Γ → 0.
+
+    A pure function of the stack's arrays and of ω: ``jax.jit`` (sector and steps static),
+    ``jax.grad`` and ``jax.vmap`` go through. 64-bit floats (jax_enable_x64) for full precision.
+
+    Args:
+        stack: of :func:`~wavesim.differentiable.traced_layers.traced_layers`.
+        sector: one with a macro-field, such as longitudinal or transverse2.
+        omega: real ω, (N,), not 0, rad/s.
+        steps: of a graded layer, each of order 16; those of ``layered`` refine by themselves.
+
+    Returns:
+        T, R, level and power coefficients.
+
+    Raises:
+        ValueError: the sector has no macro-field, or is unknown.
+    """
+    block = _block(stack, sector)
+    with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
+        return _transmission(stack, block, jnp.asarray(omega), steps)
+
+
+def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> Scattered:
+    units = units_of(stack)
+    scaled = omega * units.time
+    first = waves(stack.kinds, stack.first, block, units)
+    last = first if stack.last is None else waves(stack.kinds, stack.last, block, units)
+    left = half_space(first.of(0), loss_law(stack.losses, 0), scaled, units.time)
+    right = half_space(last.of(-1), loss_law(stack.losses, -1), scaled, units.time)
+    v, g = jnp.ones_like(right.Z), -1j * right.Z
+    if stack.losses is None:  # real and imaginary part apart, as all that acts on them is real
+        v, g = (jnp.stack([z.real, z.imag]) for z in (v, g))
+    state = v, g, jnp.zeros_like(scaled)
+    thickness = stack.thickness / units.length
+    backwards = range(len(stack.gradings) - 1, -1, -1)
+    for graded, members in itertools.groupby(backwards, lambda n: stack.gradings[n] is not None):
+        own = list(members)
+        if graded:
+            for n in own:
+                slices = graded_slices(stack, n, block, units, scaled, thickness[n] / steps, steps)
+                state, _ = jax.lax.scan(_through_slice, state, slices)
+        else:
+            at = np.array(own)
+            pieces = first.of(at), thickness[at], loss_law(stack.losses, at)
+            step = jax.checkpoint(partial(_through_layer, scaled, units.time), prevent_cse=False)
+            state, _ = jax.lax.scan(step, state, pieces)
+    v, g, lost = state
+    if stack.losses is None:
+        v, g = (jax.lax.complex(z[0], z[1]) for z in (v, g))
+    f = 1j * g
+    a, b = (v + f / left.Z) / 2, (v - f / left.Z) / 2
+    T, R = jnp.exp(-lost) / a, b / a
+    level = -20 / np.log(10) * (lost + jnp.log(jnp.abs(a)))
+    incident = jnp.where(left.carries, left.Z.real, jnp.nan)
+    through = jnp.where(right.carries, right.Z.real, 0.0) / incident
+    return Scattered(T, R, level, jnp.abs(T) ** 2 * through, jnp.abs(R) ** 2 * incident / incident)
+
+
+def _through_layer(omega: Any, time: Any, state: Any, piece: Any) -> Any:
+    """(v, g) at the left end of a layer from those at its right end."""
+    wave, h, losses = piece
+    v, g, lost = state
+    c, s_over_Z, Z_s, decay = across(wave, losses, omega, time, h)
+    return (c * v + s_over_Z * g, c * g - Z_s * v, lost + decay), None
+
+
+def _through_slice(state: Any, piece: Any) -> Any:
+    """The same of a slice of a graded layer."""
+    v, g, lost = state
+    (vv, vg, gv, gg), decay = piece
+    return (vv * v + vg * g, gv * v + gg * g, lost + decay), None
+
+
+def _block(stack: TracedLayers, sector: str) -> Block:
+    """The block of a sector with a macro-field."""
+    family = stack.kinds[0].family
+    for block in family.blocks:
+        if block.sector == sector and block.macro:
+            return block
+    raise ValueError(
+        f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
+        f"{', '.join(family.travelling)}"
+    )

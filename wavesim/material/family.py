@@ -1,0 +1,272 @@
+"""A family of waves as data: what its fields are called and measured in, and how they are coupled.
+
+A family has macro-fields φ, which live on nodes, and micro-fields B, which follow them with an
+inertia of their own and live on half-nodes:
+
+    m_φ φ̈ = ∂ₓσ + k,             σ = C_φφ φ′ − C_φB B
+    m_B B̈ = C_Bφ φ′ − C_BB B + Γ ∂ₓ²B + Π
+
+Everything past this room knows φ, B and their blocks alone; names, units and symbols come from
+here, and the coefficients from the family's medium (``medium``).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+_LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+Part = dict[str, float]
+"""A component: {field: weight}, an orthonormal combination of fields."""
+Acts = Literal["body", "surface", "prescribed", "initial"]
+"""What a source does: it acts inside, loads a free end, moves a fixed one, or is there at t = 0."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Fields that are coupled with each other and with no others.
+
+    Attributes:
+        name: unique in its family.
+        sector: of the waves, such as longitudinal.
+        macro: components of macro-fields.
+        micro: likewise of micro-fields.
+        branches: names of its branches, ascending in frequency; one for each component.
+    """
+
+    name: str
+    sector: str
+    macro: tuple[Part, ...]
+    micro: tuple[Part, ...]
+    branches: tuple[str, ...]
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that this block's components combine."""
+        return tuple(dict.fromkeys(name for part in self.macro + self.micro for name in part))
+
+
+def weights(parts: Sequence[Part], names: Sequence[str]) -> np.ndarray:
+    """Matrix from the named fields to components, shape (components, names)."""
+    rows = [[part.get(name, 0.0) for name in names] for part in parts]
+    return np.array(rows).reshape(len(parts), len(names))
+
+
+def grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
+    """Blocks that lie side by side and have as many macro- and micro-fields, together."""
+    groups = itertools.groupby(blocks, key=lambda block: (len(block.macro), len(block.micro)))
+    return [tuple(members) for _, members in groups]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One field, or what acts on it.
+
+    Attributes:
+        name: such as phi1.
+        macro: whether it is a macro-field, on nodes.
+        symbol: such as φ₁.
+        unit: SI.
+        force_unit: of what acts on it, per area of the section.
+        family: that it belongs to.
+    """
+
+    name: str
+    macro: bool
+    symbol: str
+    unit: str
+    force_unit: str
+    family: Family
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A family of waves.
+
+    Attributes:
+        name: as a case file has it.
+        macro, micro: names of its fields; each is a letter or word and its indices.
+        blocks: how they are coupled, those of one shape side by side.
+        gaps: names of each sector's band gaps, ascending; a sector with a macro-field has one for
+            each micro-field, another has one, between its lowest and highest frequency.
+        units: of a macro-field and of a micro-field, SI.
+        symbols: their letters.
+        words: what they are called.
+        force_units: of what acts on the one and on the other, per area of the section.
+        drives: its words for what drives an end, {word: "surface" or "prescribed"}: what loads a
+            free end, and what moves a fixed one.
+        time: the unit of time as a formula.
+        axial: whether a macro-field with one index is an axial vector, as a rotation is.
+    """
+
+    name: str
+    macro: tuple[str, ...]
+    micro: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    gaps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    units: tuple[str, str] = ("", "")
+    symbols: tuple[str, str] = ("φ", "B")
+    words: tuple[str, str] = ("macro-field", "micro-field")
+    force_units: tuple[str, str] = ("", "")
+    drives: Mapping[str, Acts] = field(
+        default_factory=lambda: {"surface": "surface", "prescribed": "prescribed"}
+    )
+    time: str = "τ"
+    axial: bool = False
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of all its fields."""
+        return self.macro + self.micro
+
+    @property
+    def sectors(self) -> tuple[str, ...]:
+        """Names of its sectors, each once."""
+        return tuple(dict.fromkeys(block.sector for block in self.blocks))
+
+    @property
+    def travelling(self) -> tuple[str, ...]:
+        """Sectors with a macro-field, in which waves travel."""
+        return tuple(dict.fromkeys(block.sector for block in self.blocks if block.macro))
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Its fields by name."""
+        return {
+            name: Quantity(
+                name,
+                number == 0,
+                self.symbols[number] + name.lstrip(_WORD).translate(_LOWERED),
+                self.units[number],
+                self.force_units[number],
+                self,
+            )
+            for number, names in enumerate((self.macro, self.micro))
+            for name in names
+        }
+
+    def blocks_of(self, sector: str) -> tuple[Block, ...]:
+        """Blocks of a sector.
+
+        Raises:
+            ValueError: no sector has that name.
+        """
+        found = tuple(block for block in self.blocks if block.sector == sector)
+        if not found:
+            raise ValueError(f"sector {sector!r}: must be one of {', '.join(self.sectors)}")
+        return found
+
+    def excited(self, fields: Sequence[str]) -> tuple[Block, ...]:
+        """Blocks that sources on these fields set in motion."""
+        return tuple(block for block in self.blocks if set(block.fields) & set(fields))
+
+    def gap_names(self, sector: str) -> tuple[str, ...]:
+        """Names of a sector's gaps; numbered where the family gives them none."""
+        blocks = self.blocks_of(sector)
+        count = sum(len(block.micro) for block in blocks) if blocks[0].macro else 1
+        return self.gaps.get(sector) or tuple(f"{sector} {n + 1}" for n in range(count))
+
+    @property
+    def all_gaps(self) -> tuple[str, ...]:
+        """Names of all its gaps, each once."""
+        return tuple(dict.fromkeys(name for s in self.sectors for name in self.gap_names(s)))
+
+    @property
+    def unlike(self) -> tuple[str, ...]:
+        """Sectors whose waves differ: of those whose gaps share their names, the first."""
+        return tuple({self.gap_names(s): s for s in reversed(self.sectors)}.values())[::-1]
+
+    def acts(self, drive: str) -> Acts:
+        """What a drive does, in whatever words: the family's, or "body", "surface", ….
+
+        Raises:
+            ValueError: it is no drive of this family.
+        """
+        known = self._drives
+        if drive not in known:
+            raise ValueError(
+                f"drive = {drive!r}: must be one of {', '.join(known)} (family {self.name})"
+            )
+        return known[drive]
+
+    def words_for(self, acts: Sequence[str]) -> tuple[str, ...]:
+        """Its words for drives that do one of these."""
+        return tuple(word for word, done in self._drives.items() if done in acts)
+
+    @property
+    def _drives(self) -> dict[str, Acts]:
+        return {"body": "body", **self.drives, "initial": "initial"}
+
+
+_WORD = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_"
+_HALF = 0.5**0.5
+
+
+def granular_blocks(macro: str, micro: str) -> tuple[Block, ...]:
+    """Blocks of three macro- and nine micro-fields about the axis of symmetry x₁.
+
+    Three hold one macro-field and two micro-fields and have three branches each; three hold one
+    micro-field alone and have one branch each: twelve waves.
+
+    Args:
+        macro, micro: the names of fields without their indices.
+    """
+
+    def coupled(sector: str, i: str, micro_parts: tuple[Part, ...], letter: str) -> Block:
+        branches = (f"{letter}A", f"{letter}O1", f"{letter}O2")
+        return Block(sector, sector, ({f"{macro}{i}": 1.0},), micro_parts, branches)
+
+    def alone(which: str, one: str, other: str, sign: float) -> Block:
+        part = {f"{micro}{one}": _HALF, f"{micro}{other}": sign * _HALF}
+        return Block(f"inplane{which}", "inplane", (), (part,), (f"TSO{which}",))
+
+    along = ({f"{micro}11": 1.0}, {f"{micro}22": _HALF, f"{micro}33": _HALF})
+    return (
+        coupled("longitudinal", "1", along, "L"),
+        coupled("transverse2", "2", ({f"{micro}21": 1.0}, {f"{micro}12": 1.0}), "T"),
+        coupled("transverse3", "3", ({f"{micro}31": 1.0}, {f"{micro}13": 1.0}), "T"),
+        alone("[23]", "23", "32", -1),
+        alone("(23)", "23", "32", 1),
+        alone("(22-33)", "22", "33", -1),
+    )
+
+
+_QUANTITIES: dict[str, Quantity] = {}
+
+
+def register(family: Family) -> None:
+    """Make a family's fields known by name.
+
+    Raises:
+        ValueError: another family has a field of that name.
+    """
+    for name, one in family.quantities.items():
+        known = _QUANTITIES.get(name)
+        if known is not None and known.family.name != family.name:
+            raise ValueError(f"field {name!r}: is one of family {known.family.name!r} already")
+        _QUANTITIES[name] = one
+
+
+def known_field(name: str) -> Quantity:
+    """What is known of a field by its name.
+
+    Raises:
+        ValueError: no family has such a field.
+    """
+    if name not in _QUANTITIES:
+        raise ValueError(f"field = {name!r}: must be one of {', '.join(_QUANTITIES)}")
+    return _QUANTITIES[name]
+
+
+def is_macro(name: str) -> bool:
+    """Whether a field is a macro-field, and lives on the nodes."""
+    return known_field(name).macro
+
+
+def known_fields() -> tuple[str, ...]:
+    """Names of the fields of all families."""
+    return tuple(_QUANTITIES)

@@ -1,0 +1,98 @@
+"""What a peak of a spectrum has to stand out of: noise, leakage between wavenumbers, broad lines.
+
+Noise that is not white, the waves of other wavenumbers that receivers of unequal gain let through,
+and lines that are broad and random (thermal motion) all leave a continuum about a frequency. A wave
+is a line that stands out of the continuum close to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.special import gammaincinv
+
+Float = NDArray[Any]
+
+# The continuum close to a frequency is looked for within so many bins 2π/T.
+_BLOCK_BINS = 32
+# Side lobes in time, over their wave's own power, that are no leakage: of Blackman–Harris.
+_SIDE_LOBES = 1e-8
+# A wavenumber is looked at for leakage where its waves are above this part of the strongest.
+_STRONG = 1e-4
+# Leakage above this part is none that can be told from waves that hardly depend on k.
+_MOST_LEAKAGE = 3e-3
+# Leakage is above this many times its own median at one of hundreds of wavenumbers.
+_ABOVE_MEDIAN = 20.0
+# Leakage of lines that stand close peaks between them too: half a main lobe.
+_LOBE_BINS = 3.0
+
+
+def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
+    """Median of the noise about each frequency, as the lower quartile within 32 bins tells it.
+
+    Lines may take up to three quarters of those bins.
+
+    Args:
+        power: periodograms, shape (n, nω).
+        per_bin: points of them per bin 2π/T, –.
+        channels: of how many series each is the sum, –.
+
+    Returns:
+        Shape (n, nω), unit of the power; no lower than the median of all frequencies.
+    """
+    n, count = power.shape
+    size = max(8, round(_BLOCK_BINS * per_bin))
+    blocks = max(1, count // size)
+    size = count // blocks
+    inner = power[:, : blocks * size].reshape(n, blocks, size)
+    # |noise|² of each channel is distributed exponentially, and so their sum as Γ(channels).
+    to_median = float(gammaincinv(channels, 0.5) / gammaincinv(channels, 0.25))
+    quartile = np.partition(inner, size // 4, axis=2)[:, :, size // 4] * to_median
+    middle = (np.arange(blocks) + 0.5) * size
+    at = np.arange(count)
+    low = np.clip(np.searchsorted(middle, at, side="right") - 1, 0, blocks - 1)
+    high = np.minimum(low + 1, blocks - 1)
+    gap = np.maximum(middle[high] - middle[low], 1)
+    part = np.clip((at - middle[low]) / gap, 0, 1)
+    local = quartile[:, low] * (1 - part) + quartile[:, high] * part
+    return np.maximum(local, np.median(power, axis=1, keepdims=True))
+
+
+def leakage(power: Float, per_bin: float) -> Float:
+    """Power at each frequency that the waves of one wavenumber leave at all others, shape (nω,).
+
+    Receivers of unequal gain, or a dead one among them, multiply the field by g(x), so that a wave
+    at k′ shows at every k with |ĝ(k − k′)|² of its power. How much that is, is told where one
+    wavenumber is far above all others: the median over k of what those have there.
+
+    Args:
+        power: of all wavenumbers of a ring, windowed in time, shape (n, nω).
+        per_bin: points of it per bin 2π/T, –.
+
+    Returns:
+        The power below which a peak may be another wavenumber's; 0 where nothing leaks.
+    """
+    n = len(power)
+    top = power.max(axis=0)
+    if n < 8 or not top.max() > 0:
+        return np.zeros(power.shape[1])
+    owner = power.argmax(axis=0)
+    inner = np.zeros(power.shape[1], bool)
+    inner[1:-1] = (top[1:-1] >= top[:-2]) & (top[1:-1] >= top[2:])
+    lines = np.flatnonzero(inner & (top > _STRONG * top.max()))
+    noise = np.median(power, axis=1) + _SIDE_LOBES * power.max(axis=1)
+    ratios = []
+    for line in lines:
+        others = np.abs(np.arange(n) - owner[line]) > 2
+        above = power[others, line] - 2 * noise[others]
+        ratios.append(max(float(np.median(above)), 0.0) / top[line])
+    if not ratios:
+        return np.zeros(power.shape[1])
+    part = float(np.quantile(ratios, 0.25))
+    if part >= _MOST_LEAKAGE:
+        return np.zeros(power.shape[1])
+    near = maximum_filter1d(top, 2 * round(_LOBE_BINS * per_bin) + 1)
+    return np.asarray(_ABOVE_MEDIAN * part * near)

@@ -1,0 +1,298 @@
+"""k at each frequency of a line of many receivers, by the phases along it: a beam.
+
+    B(k, ω) = |Σ_n w_n e^{−ikx_n} U_n(ω)/|U_n(ω)|| / Σ_n w_n
+
+The phase-shift method of surface-wave surveys (Park, Miller & Xia, SEG Expanded Abstracts 17, 1377
+(1998)): each receiver's amplitude is divided out, so that neither losses, spreading nor how a
+receiver is coupled counts. The highest B at a frequency is a wave where phases at random would
+hardly ever be as much in line. Where amplitudes are tame as well, further waves are fitted along
+with it, amplitude and phase, as long as they explain by far the most of what is left.
+
+What no wave explains, 1 − B² and the scatter of amplitudes, may be a wave not told apart, so that
+the error of k is a part of the aperture's resolution: about √(unexplained)/X.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from wavesim.readings.dispersion.line_fit import fit_line
+from wavesim.readings.dispersion.noise_level import noise_of_transform
+
+Float = NDArray[Any]
+Complex = NDArray[np.complex128]
+
+# Receivers count where they stand so many deviations above the noise, and so many at least.
+_ABOVE_NOISE = 1.0
+# … and the middle one of so many about each so many.
+_NEIGHBOURS, _ABOUT = 5, 1.5
+FEWEST = 5
+# Points of the search over k in each 2π/X.
+_PER_CELL = 8
+_STEPS = 12
+# Chance that phases at random pass for a wave at one frequency.
+_BY_CHANCE = 1e-3
+# Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
+_OF_RESOLUTION = 2.0
+# Unexplained up to so many times the noise's own is noise.
+_NOISE_SPREAD = 1.5
+# Amplitudes are tame where so many receivers for each wave hold the power …
+_TAME = 4.0
+# Further waves are fitted there where they lower what is left over, per free parameter, so much …
+_BETTER = 6.0
+# … and leave nothing but noise, or this part of the power; each this strong, over the strongest.
+_LEFT = 1e-6
+# Waves closer than half of 2π/X are believed only where nothing at all is left.
+_EXACT = 1e-13
+_WEAKEST = 0.02
+MOST_WAVES = 3
+# A line's beam that comes back to this height is an alias.
+_ALIAS = 0.7
+# The record's last part is let down to 0.
+_TAPER = 0.05
+# Below this part of the strongest frequency's amplitude nothing is looked at.
+_FAINT = 1e-4
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Waves found along a line; flat arrays (m,).
+
+    Attributes:
+        step: index of the frequency.
+        k: along x, signed, rad/m.
+        error: standard error of k, rad/m.
+        amplitude: root mean square over the line, unit of the record times s.
+        unexplained: part of the power, or of the phases, that no wave explains.
+        clear: whether chance explains it no better.
+    """
+
+    step: NDArray[np.int64]
+    k: Float
+    error: Float
+    amplitude: Float
+    unexplained: Float
+    clear: NDArray[np.bool_]
+
+
+def transform(values: Float, interval: float) -> tuple[Float, Complex]:
+    """ω (n,) and U(ω, x) = ∫ u e^{iωt} dt, shape (n, nx), of a record whose end is let down.
+
+    Args:
+        values: u, shape (nt, nx).
+        interval: Δt, s.
+    """
+    count = len(values)
+    window = np.ones(count)
+    fall = max(2, int(_TAPER * count))
+    window[-fall:] = 0.5 * (1 + np.cos(np.pi * np.arange(fall) / fall))
+    U = np.conj(np.fft.rfft(values * window[:, None], axis=0)) * interval
+    omega = 2 * np.pi * np.fft.rfftfreq(count, interval)
+    return omega[1:], np.asarray(U[1:], complex)
+
+
+def highest_wavenumber(x: Float) -> float:
+    """Largest |k| that a line tells from its aliases, rad/m: π/d where receivers are d apart.
+
+    Half the least k at which the line's own beam, |Σ e^{ikx}|/N, comes back to 0.7.
+
+    Args:
+        x: positions, ascending, shape (nx,), m.
+    """
+    least = float(np.diff(x).min())
+    k = np.arange(0, 2.02 * np.pi / least, np.pi / (4 * float(np.ptp(x))))
+    own = np.concatenate(
+        [np.abs(np.exp(1j * np.multiply.outer(part, x)).mean(axis=1))
+         for part in np.array_split(k, max(1, len(k) * len(x) // 2_000_000))]
+    )  # fmt: skip
+    lobe = int(np.argmax(own < 0.5))
+    again = np.flatnonzero(own[lobe:] > _ALIAS)
+    if not len(again):
+        return float(np.pi / least)
+    low = lobe + int(again[0])
+    top = low + int(np.argmax(own[low : low + 16]))
+    return min(float(k[top]) / 2, float(np.pi / least))
+
+
+def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
+    """B(k, ω), shape (nω, nk).
+
+    Args:
+        U: shape (nω, nx).
+        x: positions, shape (nx,), m.
+        weight: w, shape (nω, nx), –.
+        k: wavenumbers, shape (nk,), or (nω, nk) for those of each frequency, rad/m.
+    """
+    unit = weight * U / np.maximum(np.abs(U), 1e-290)
+    unit[(weight > 0).sum(axis=1) < FEWEST] = 0.0
+    total = np.maximum(weight.sum(axis=1), 1e-290)[:, None]
+    if k.ndim == 1:
+        return np.asarray(np.abs(unit @ np.exp(-1j * np.multiply.outer(x, k))) / total)
+    steer = np.exp(-1j * k[:, None, :] * x[:, None])
+    return np.asarray(np.abs(np.einsum("fx,fxk->fk", unit, steer)) / total)
+
+
+def weights(U: Complex, noise: Float) -> Float:
+    """What each receiver's phase tells, shape of U: 1 far above the noise, 0 within it."""
+    strength = np.abs(U) / np.maximum(noise, 1e-290)
+    # Noise alone is above its own deviation at one of three receivers, but not all about it.
+    about = median_filter(strength, size=(1, _NEIGHBOURS), mode="nearest")
+    heard = (strength > _ABOVE_NOISE) & (about > _ABOUT)
+    return np.where(heard, strength**2 / (strength**2 + 1), 0.0)
+
+
+def beams(
+    values: Float, x: Float, interval: float, omega_max: float, quantum: Float | float = 0.0
+) -> tuple[Float, Beams]:
+    """The waves along a line, at each frequency of its transform.
+
+    Args:
+        values: u, shape (nt, nx).
+        x: positions, ascending, shape (nx,), m.
+        interval: Δt, s.
+        omega_max: highest frequency wanted, rad/s.
+        quantum: least step between samples, shape (nx,) or (), unit of the values.
+
+    Returns:
+        Frequencies (n,), rad/s, and what was found at them.
+    """
+    omega, U = transform(values, interval)
+    kept = omega <= omega_max
+    omega, U = omega[kept], U[kept]
+    noise = noise_of_transform(values, interval, omega, quantum)
+    weight = weights(U, noise)
+    weight[np.abs(U).max(axis=1) < _FAINT * np.abs(U).max()] = 0.0
+    rows = np.flatnonzero((weight > 0).sum(axis=1) >= min(FEWEST, len(x)))
+    U, noise, weight = U[rows], noise[rows], weight[rows]
+    k, length = _highest(U, x, weight)
+    one = _by_phase(U, x, noise, weight, k, length)
+    fits = _fitted(U, x, weight > 0, k, noise)
+    parts = [[np.zeros(0)] * 6]
+    for i, row in enumerate(rows):
+        if i not in fits:
+            parts.append([np.array([v]) for v in (row, *(column[i] for column in one))])
+            continue
+        ks, errors, sizes, left = fits[i]
+        m = len(ks)
+        error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(left) / length[i])
+        parts.append([np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m)])
+    step, k, error, size, left, clear = (np.concatenate(c) for c in zip(*parts, strict=True))
+    return omega, Beams(step.astype(int), k, error, size, left, clear > 0)
+
+
+def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
+    """k of the highest beam at each frequency, and √12 times the spread of its receivers, m."""
+    gap = np.pi / highest_wavenumber(x)
+    cells = max(4, int(np.ceil(float(np.ptp(x)) / gap)) + 1)
+    grid = np.linspace(-np.pi, np.pi, 2 * (cells * _PER_CELL // 2) + 1) / gap
+    k = np.zeros(len(U))
+    for some in np.array_split(np.arange(len(U)), max(1, len(U) * len(grid) // 2_000_000)):
+        k[some] = grid[phase_beam(U[some], x, weight[some], grid).argmax(axis=1)]
+    total = np.maximum(weight.sum(axis=1), 1e-290)
+    middle = (weight @ x) / total
+    away = x - middle[:, None]
+    spread = np.sqrt(np.sum(weight * away**2, axis=1) / total)
+    # Newton's steps up |S|², S = Σ w e^{−ikx} U/|U|, no further than an eighth of a cell.
+    unit = weight * U / np.maximum(np.abs(U), 1e-290)
+    limit = np.pi / (2 * _PER_CELL * np.maximum(spread, 1e-290))
+    for _ in range(_STEPS):
+        turned = unit * np.exp(-1j * k[:, None] * away)
+        S, first = turned.sum(axis=1), np.sum(-1j * away * turned, axis=1)
+        second = np.sum(-(away**2) * turned, axis=1)
+        slope = np.real(np.conj(S) * first)
+        bend = np.abs(first) ** 2 + np.real(np.conj(S) * second)
+        step = np.where(bend < 0, -slope / np.where(bend < 0, bend, 1), 0.0)
+        k = k + np.clip(step, -limit, limit)
+    return k, np.sqrt(12) * spread
+
+
+def _by_phase(
+    U: Complex, x: Float, noise: Float, weight: Float, k: Float, length: Float
+) -> tuple[Float, Float, Float, Float, Float]:
+    """k, its error, amplitude, unexplained and whether clear, of one wave at each frequency."""
+    B = phase_beam(U, x, weight, k[:, None])[:, 0]
+    total = np.maximum(weight.sum(axis=1), 1e-290)
+    telling = total**2 / np.maximum(np.sum(weight**2, axis=1), 1e-290)
+    ratio = noise / np.maximum(np.abs(U), 1e-290)
+    variance = ratio**2 / 2 + ratio**4  # of a phase in noise, and within it
+    own = np.sum(weight * variance, axis=1) / total
+    left = np.clip(1 - B**2, 0, 1)
+    excess = np.maximum(left - _NOISE_SPREAD * own, 0) + _uneven(U, x, weight, ratio)
+    away = x - (weight @ x / total)[:, None]
+    lever = np.maximum(np.sum(weight * away**2, axis=1), 1e-290)
+    noisy = np.sqrt(np.sum((weight * away) ** 2 * variance, axis=1)) / lever
+    # Noise that is known too low shows in what is left over.
+    more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
+    noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
+    error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
+    chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
+    size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))
+    return k, error, size, left, (chance < _BY_CHANCE).astype(float)
+
+
+def _uneven(U: Complex, x: Float, weight: Float, ratio: Float) -> Float:
+    """Variance of ln|U| about a straight line, beyond the noise's: what losses do not explain."""
+    level = np.log(np.maximum(np.abs(U), 1e-290))
+    total = np.maximum(weight.sum(axis=1), 1e-290)[:, None]
+    away = x - np.sum(weight * x, axis=1, keepdims=True) / total
+    level = level - np.sum(weight * level, axis=1, keepdims=True) / total
+    slope = np.sum(weight * away * level, axis=1) / np.sum(weight * away**2, axis=1)
+    left = level - slope[:, None] * away
+    own = _NOISE_SPREAD * np.sum(weight * ratio**2 / 2, axis=1)
+    return np.asarray(np.maximum(np.sum(weight * left**2, axis=1) - own, 0) / total[:, 0])
+
+
+def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int, Any]:
+    """Further waves, amplitude and phase together, where they explain nearly all of the power."""
+    level = np.sqrt(np.sum(noise**2 * used, axis=1) / np.maximum(used.sum(axis=1), 1))
+    before = fit_line(U, x, used, 1, False, k[:, None].astype(complex))
+    best: dict[int, Any] = {}
+    chosen = before.residual
+    start = before.k
+    power = np.abs(U) ** 2 * used
+    tame = np.sum(power, axis=1) ** 2 / np.maximum(np.sum(power**2, axis=1), 1e-290)
+    settled = (chosen <= 4 * level**2) | (before.unexplained > 0.9)
+    for waves in range(2, MOST_WAVES + 1):
+        tried = np.flatnonzero(~settled & (tame >= _TAME * waves) & np.isfinite(start).all(axis=1))
+        if not len(tried):
+            break
+        left = _left_over(U[tried], x, used[tried], start[tried])
+        weight = np.abs(left) * used[tried]
+        extra, _ = _highest(left, x, weight)
+        guess = np.concatenate([start[tried], extra[:, None]], axis=1)
+        now = fit_line(U[tried], x, used[tried], waves, False, guess)
+        start = np.full((len(U), waves), np.nan, complex)
+        start[tried] = now.k
+        for j, i in enumerate(tried):
+            size = now.forward[j]
+            apart = np.abs(np.subtract.outer(now.k[j].real, now.k[j].real)) + np.diag(
+                [np.inf] * waves
+            )
+            good = (
+                now.residual[j] * _BETTER < chosen[i]
+                and (now.unexplained[j] < _LEFT or now.residual[j] < _NOISE_SPREAD * level[i] ** 2)
+                and size.min() > _WEAKEST * size.max()
+                and size.max() < 4 * np.sqrt(np.mean(np.abs(U[i][used[i]]) ** 2))
+                and (apart.min() * float(np.ptp(x)) > np.pi or now.unexplained[j] < _EXACT)
+            )
+            if good:
+                chosen[i] = now.residual[j]
+                deviation = np.sqrt(max(now.residual[j], level[i] ** 2))
+                errors = deviation * now.unit[j]
+                best[int(i)] = (now.k[j].real, errors, size, float(now.unexplained[j]))
+        settled |= chosen <= 4 * level**2
+    return best
+
+
+def _left_over(U: Complex, x: Float, used: Any, k: Complex) -> Complex:
+    """U less its best sum of waves."""
+    away = x - x.mean()
+    basis = np.exp(1j * k[:, None, :] * away[:, None]) * used[..., None]
+    basis = basis / np.maximum(np.linalg.norm(basis, axis=1, keepdims=True), 1e-290)
+    seen = np.where(used, U, 0)[..., None]
+    return np.asarray((seen - basis @ (np.linalg.pinv(basis) @ seen))[..., 0])

@@ -1,0 +1,93 @@
+"""Whether a mode's wavenumber, known up to 2π/d from receivers d apart, is where it seems."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+
+FOLDED = (
+    "folded: phases run on by more than half a turn between receivers, so that k is ambiguous; "
+    "space receivers closer"
+)
+# A mode points to k = 0 within this part of 2π/d.
+_TO_ZERO = 0.3
+# A slope is told where Re k changes by this part of π/d, and is so many errors.
+_LEAST_CHANGE = 0.02
+_ERRORS = 4.0
+# A straight mode points to a multiple of 2π/d to this part of it.
+_NEAR = 0.08
+_FEWEST = 3
+
+
+def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
+    """Slope dk/dω of a mode, its error; k of that straight line at ω = 0, its error."""
+    away = omega - omega.mean()
+    size = float(np.sum(away**2))
+    slope = float(np.sum(away * (k - k.mean())) / size)
+    left = k - k.mean() - slope * away
+    unsure = float(np.sqrt(np.sum(left**2) / (len(k) - 2) / size))
+    middle = float(omega.mean())
+    return slope, unsure, float(k.mean()) - slope * middle, unsure * middle
+
+
+def is_folded(k: Float, omega: Float, gap: float) -> bool:
+    """Whether a mode is seen at k − 2πn/d, n ≠ 0.
+
+    Energy goes the way of dω/dk, and with it phases, unless a wave runs backward. So k has the sign
+    of dω/dk; and a straight mode, ω = c(k + 2πn/d), must point to k = 0, not to another multiple of
+    2π/d.
+
+    Args:
+        k: signed, along a mode, shape (m,), rad/m.
+        omega: shape (m,), ascending, rad/s.
+        gap: d, the distance of receivers on an even line that folds at the same k, m.
+    """
+    if len(k) < _FEWEST:
+        return False
+    slope, unsure, offset, blur = _straight(k, omega)
+    if abs(slope) * np.ptp(omega) < _LEAST_CHANGE * np.pi / gap or abs(slope) < _ERRORS * unsure:
+        return False
+    if float(np.median(k)) * slope < 0:
+        return True
+    turns = offset * gap / (2 * np.pi)
+    near = abs(turns - round(turns)) < _NEAR and blur * gap / (2 * np.pi) < _NEAR
+    return bool(abs(round(turns)) >= 1 and near)
+
+
+def points_to_zero(k: Float, omega: Float, gap: float) -> bool:
+    """Whether a mode as a straight line meets ω = 0 nearer to k = 0 than to ±2π/d, surely.
+
+    Args:
+        k, omega, gap: as of :func:`is_folded`.
+    """
+    if len(k) < _FEWEST:
+        return False
+    _, _, offset, blur = _straight(k, omega)
+    return bool(abs(offset) + blur < _TO_ZERO * 2 * np.pi / gap)
+
+
+def folded_in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
+    """Where a branch joined by |k| is folded: each run of one sign is looked at by itself.
+
+    Args:
+        k: signed, along the branch, shape (m,), rad/m.
+        omega: ascending, shape (m,), rad/s.
+        gap: as of :func:`is_folded`.
+    """
+    edges = np.flatnonzero(np.diff(np.sign(k)) != 0) + 1
+    result = np.zeros(len(k), bool)
+    beyond = False
+    for piece in np.split(np.arange(len(k)), edges):
+        # From one edge ±π/d to the other, from one frequency to the next.
+        if piece[0] and abs(k[piece[0]]) + abs(k[piece[0] - 1]) > _EDGE * 2 * np.pi / gap:
+            beyond = True
+        result[piece] = beyond or is_folded(k[piece], omega[piece], gap)
+    return result
+
+
+# A step from near π/d to near −π/d passes through it.
+_EDGE = 0.7

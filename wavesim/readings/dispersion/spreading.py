@@ -1,0 +1,80 @@
+"""Waves that spread: amplitudes along a line that fall as a power of the distance.
+
+A plane wave's amplitude falls as e^{−αx}, that of a cylindrical one as r^{−½} besides, of a
+spherical one as 1/r. Taken for plane, such waves seem to lose p/r nepers a metre that they keep.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+
+# Exponents p of r^{−p}.
+KINDS = {"plane": 0.0, "cylindrical": 0.5, "spherical": 1.0}
+# Spreading is told where p is above this and so many of its errors.
+_LEAST = 0.25
+_ERRORS = 8.0
+_FEWEST = 6
+# Distances of a source that is not named from the first receiver, over the line's length.
+_DISTANCES = np.geomspace(0.02, 3.0, 40)
+
+
+def exponent(U: Any, x: Float, used: Any, source: float | None) -> tuple[float, float]:
+    """p of amplitudes r^{−p} e^{−αx}, α different at each frequency, and its standard error.
+
+    What each receiver's level is off the straight line, in the mean over frequencies, is fitted by
+    −p ln r; how the receivers scatter about that is its error.
+
+    Args:
+        U: amplitudes, shape (nω, nx).
+        x: positions, ascending, shape (nx,), m.
+        used: which count, shape (nω, nx).
+        source: where the waves come from, m; where None, the place that fits best.
+
+    Returns:
+        p and its error, –; (0, ∞) where too few receivers tell.
+    """
+    rows = used.all(axis=1)
+    if len(x) < _FEWEST or rows.sum() < 2:
+        return 0.0, np.inf
+    level = np.log(np.abs(U[rows])).mean(axis=0)
+    straight = np.stack([np.ones_like(x), x], axis=1)
+    projected = np.linalg.pinv(straight)
+    left = level - straight @ (projected @ level)
+    length = float(np.ptp(x))
+    places = [source] if source is not None else list(x[0] - _DISTANCES * length)
+    best = (np.inf, 0.0, np.inf)
+    for place in places:
+        shape = -np.log(np.abs(x - place))
+        shape = shape - straight @ (projected @ shape)
+        power = float(shape @ left / (shape @ shape))
+        rest = left - power * shape
+        spread = float(rest @ rest) / (len(x) - 3 - (source is None))
+        if spread < best[0]:
+            best = (spread, power, float(np.sqrt(spread / (shape @ shape))))
+    return best[1], best[2]
+
+
+def spreads(U: Any, x: Float, used: Any, source: float | None) -> str:
+    """Why amplitudes are no plane waves', "" where nothing tells.
+
+    Args:
+        U, x, used, source: as of :func:`exponent`.
+    """
+    power, error = exponent(U, x, used, source)
+    if not (power > _LEAST and power > _ERRORS * error):
+        return ""
+    if source is None:
+        return (
+            "amplitudes fall as those of waves that spread, not of plane ones: name --source, and "
+            "--spreading cylindrical or spherical"
+        )
+    kind = "cylindrical" if power < 0.75 else "spherical"
+    return (
+        f"amplitudes fall as r^-{power:.2g} besides a loss, as of waves that spread, not of plane "
+        f"ones: take --spreading {kind}"
+    )

@@ -1,0 +1,401 @@
+"""Channels that do not fit the others: duplicate, dead, reversed, swapped, delayed, mis-scaled.
+
+At each frequency one travelling wave U_j = A e^{ikx_j} is laid through some neighbours: k by the
+phases alone (the beam |Σ e^{−ikx_j} U_j/|U_j||, which one bad channel does not turn), the decay by
+the median of slopes of ln|U_j|. What a channel is off by at all frequencies alike is its own: a
+phase π, a phase ωτ, a factor. Where the others do not agree on a wave, nothing is said of any.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.quiet import Rest
+
+Float = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+FEWEST = 5
+_TOGETHER = 24
+_FREQUENCIES = 24
+_DAMPING = 8.0
+# Beam of the phases from which on there is one wave to hold channels against.
+_COHERENT = 0.62
+# Off by this many deviations of the others, and by so much: ln of a factor, rad.
+_DEVIATIONS = 8.0
+_FACTOR, _PHASE = 0.04, 0.06
+_STANDS_OUT = 5.0
+_MOST = 0.3
+# A factor between these is divided out; beyond, too little is left of the channel.
+_SCALED = (0.2, 5.0)
+_DEAD = 0.05
+
+
+def clocks(values: Float) -> Mask:
+    """Channels that hold nothing but the times, in whatever unit, shape (nx,)."""
+    component = values[0]
+    s = np.linspace(-1, 1, len(component))
+    with np.errstate(invalid="ignore"):
+        rising = (np.diff(component, axis=0) > 0).all(axis=0)
+    found = np.zeros(component.shape[1], bool)
+    for j in np.flatnonzero(rising):
+        v = component[:, j]
+        slope = float(np.sum(s * v) / np.sum(s * s))
+        found[j] = np.abs(v - v.mean() - slope * s).max() < 1e-3 * np.ptp(v)
+    return found if len(values) == 1 and not found.all() else np.zeros_like(found)
+
+
+def duplicates(
+    values: Float, x: Float, noisy: bool, found: list[Finding], labels: tuple[str, ...]
+) -> Mask:
+    """Channels to leave out because they hold the samples of another.
+
+    Args:
+        values: shape (C, nt, nx), as recorded.
+        x: positions, m.
+        noisy: whether the channels hold noise, so that no two are alike by right.
+        found: findings, added to.
+        labels: names of the receivers.
+    """
+    nx = values.shape[2]
+    out = np.zeros(nx, bool)
+    if nx < 3:
+        return out
+    flat = np.moveaxis(values, 2, 0).reshape(nx, -1)
+    alive = np.nanmax(flat, axis=1) > np.nanmin(flat, axis=1)
+    seen: dict[bytes, int] = {}
+    pairs = []
+    for j in np.flatnonzero(alive):
+        key = flat[j].tobytes()
+        if key in seen:
+            pairs.append((seen[key], int(j)))
+        seen[key] = int(j)
+    if not pairs:
+        return out
+    # A symmetric field repeats itself about its middle.
+    pairs = [(i, j) for i, j in pairs if not _alike(flat[(i + 1) % nx], flat[j - 1])
+             or not _alike(flat[i - 1], flat[(j + 1) % nx])]  # fmt: skip
+    if pairs == [(0, nx - 1)] and nx > 4:
+        gaps = np.diff(x)
+        if np.ptp(gaps) <= 1e-3 * gaps.mean():
+            out[-1] = True
+            where = places(x, [nx - 1], labels)
+            found.append(
+                Finding("end point twice", where, "1 receiver", TAKEN_OUT,
+                        "the first and the last receiver are identical, a ring's end point counted "
+                        f"twice: the last left out ({where})")
+            )  # fmt: skip
+            return out
+    if not noisy:
+        pairs = [p for p in pairs if p[1] == p[0] + 1]
+    if not pairs or len(pairs) > nx / 3:
+        return out
+    for pair in pairs:
+        out[list(pair)] = True
+    where = places(x, out, labels)
+    if (~out).sum() < 2:
+        out[:] = False
+    found.append(
+        Finding("duplicate", where, f"{len(pairs)} pairs", TAKEN_OUT if out.any() else "told",
+                f"receivers hold the same samples, so that which of them is right is not known: "
+                f"{'left out' if out.any() else 'too few others to leave them out'} ({where})")
+    )  # fmt: skip
+    return out
+
+
+def _alike(a: Float, b: Float) -> bool:
+    return bool(np.nanmax(np.abs(a - b)) <= 1e-6 * np.nanmax(np.abs(a)))
+
+
+@dataclass
+class _Off:
+    """How far each of some channels is off.
+
+    Attributes:
+        turned, odd: of opposite phase throughout; of phases that do not fit.
+        unfit: mean of |phase|, rad.
+        delay, factor: τ, s, and ln of a factor, with the deviations that the others have.
+        coherent: beam of the phases.
+        omega: median frequency, rad/s.
+    """
+
+    turned: Mask
+    odd: Mask
+    unfit: Float
+    delay: Float
+    factor: Float
+    coherent: float
+    spread_delay: float
+    spread_factor: float
+    omega: float
+
+
+@dataclass
+class Mended:
+    """What is done to channels: values[:, order] * factor, without those out.
+
+    Attributes:
+        order: which channel's samples stand at each place, shape (nx,).
+        factor: what each is multiplied by, shape (nx,).
+        out: which are left out, shape (nx,).
+    """
+
+    order: NDArray[np.int64]
+    factor: Float
+    out: Mask
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is done."""
+        moved = bool((self.order != np.arange(len(self.order))).any())
+        return moved or bool((self.factor != 1).any()) or bool(self.out.any())
+
+
+def misfits(
+    component: Float,
+    t: Float,
+    x: Float,
+    labels: tuple[str, ...],
+    rest: Rest,
+    unsure: Mask,
+    found: list[Finding],
+) -> Mended:
+    """Channels to turn, exchange or rescale, and those to leave out.
+
+    Args:
+        component: shape (nt, nx), finite, without offset.
+        t, x, labels: times, positions and names of the receivers.
+        rest: of the channels.
+        unsure: which have a size that says nothing: flat tops, gaps.
+        found: findings, added to.
+    """
+    nx = component.shape[1]
+    mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
+    if nx < FEWEST or not np.isfinite(x).all() or (rest.onset > 0).sum() < 0.6 * nx:
+        return mended
+    starts = list(range(0, max(nx - _TOGETHER, 0) + 1, _TOGETHER // 2))
+    if starts[-1] + _TOGETHER < nx:
+        starts.append(nx - _TOGETHER)
+    verdicts: dict[int, list[tuple[str, float]]] = {}
+    judged = np.zeros(nx, int)
+    for start in starts:
+        part = np.arange(start, min(start + _TOGETHER, nx))
+        for number, verdict in _judge(component[:, part], t, x[part], rest, part).items():
+            verdicts.setdefault(int(part[number]), []).append(verdict)
+        judged[part] += 1
+    agreed = {
+        j: v[0]
+        for j, v in verdicts.items()
+        if len(v) == judged[j]
+        and len({kind for kind, _ in v}) == 1
+        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed"))
+    }
+    for kind in ("reversed", "swapped", "mis-scaled", "delayed", "dead"):
+        those = {j: size for j, (k, size) in sorted(agreed.items()) if k == kind}
+        if those:
+            found.append(_mend(mended, kind, those, x, labels))
+    return mended
+
+
+def _mend(
+    mended: Mended, kind: str, those: dict[int, float], x: Float, labels: tuple[str, ...]
+) -> Finding:
+    which = list(those)
+    where = places(x, which, labels)
+    listed = ", ".join(f"{size:.3g}" for size in list(those.values())[:6])
+    if kind == "reversed":
+        mended.factor[which] = -1
+        said = f"of reversed polarity, as neighbours say: turned round ({where})"
+        return Finding(kind, where, "polarity", CURED, said)
+    if kind == "swapped":
+        mended.order[which] = which[::-1]
+        said = f"exchanged with each other, as neighbours say: put back ({where})"
+        return Finding(kind, where, f"{len(which)} channels", CURED, said)
+    if kind == "mis-scaled":
+        far = [j for j in which if not _SCALED[0] <= those[j] <= _SCALED[1]]
+        for j in which:
+            mended.factor[j] = 1 / those[j]
+        mended.out[far] = True
+        said = (f"larger by a factor {listed} than neighbours say: "
+                f"{'left out' if far else 'divided by it'} ({where})")  # fmt: skip
+        return Finding(kind, where, f"by a factor {listed}", TAKEN_OUT if far else CURED, said)
+    mended.out[which] = True
+    if kind == "delayed":
+        said = f"later by {listed} s than neighbours say: left out ({where})"
+        return Finding(kind, where, f"by {listed} s", TAKEN_OUT, said)
+    said = f"{len(which)} dead receivers left out ({where})"
+    return Finding(kind, where, f"{len(which)} of {len(x)}", TAKEN_OUT, said)
+
+
+def _judge(
+    values: Float, t: Float, x: Float, rest: Rest, part: NDArray[np.int64]
+) -> dict[int, tuple[str, float]]:
+    """Verdicts on the channels of one group: {number: (kind, size)}."""
+    transform = _transform(values, t, rest.noise[part])
+    if transform is None:
+        return {}
+    U, omega, floor = transform
+    off = _off(U, omega, x, floor)
+    if off is None:
+        return {}
+    nx = values.shape[1]
+    most = max(1, int(_MOST * nx))
+    found: dict[int, tuple[str, float]] = {}
+    if 0 < off.turned.sum() <= most:
+        found |= {int(j): ("reversed", np.pi) for j in np.flatnonzero(off.turned)}
+    late = ~off.turned & (
+        np.abs(off.delay) > np.maximum(_DEVIATIONS * off.spread_delay, _PHASE / off.omega)
+    )
+    late &= _alone(np.abs(off.delay), late)
+    late |= off.odd & _alone(off.unfit, off.odd)
+    wrong = ~off.turned & (
+        np.abs(off.factor) > np.maximum(_DEVIATIONS * off.spread_factor, _FACTOR)
+    )
+    wrong &= _alone(np.abs(off.factor), wrong)
+    dead = wrong & (off.factor < np.log(_DEAD))
+    if late.sum() == 2 and not dead.any():
+        a, b = np.flatnonzero(late)
+        exchanged = U.copy()
+        exchanged[:, [a, b]] = exchanged[:, [b, a]]
+        again = _off(exchanged, omega, x, floor)
+        if (
+            again is not None
+            and again.coherent > off.coherent
+            and (
+                np.abs(again.delay[[a, b]])
+                < np.maximum(_DEVIATIONS * again.spread_delay, _PHASE / off.omega)
+            ).all()
+        ):
+            return found | {int(a): ("swapped", 0.0), int(b): ("swapped", 0.0)}
+    if 0 < dead.sum() <= most:
+        found |= {int(j): ("dead", 0.0) for j in np.flatnonzero(dead)}
+    late &= ~dead
+    if 0 < late.sum() <= most:
+        found |= {int(j): ("delayed", float(off.delay[j])) for j in np.flatnonzero(late)}
+    wrong &= ~dead & ~late
+    if 0 < wrong.sum() <= most:
+        found |= {
+            int(j): ("mis-scaled", float(np.exp(off.factor[j]))) for j in np.flatnonzero(wrong)
+        }
+    return found
+
+
+def _alone(size: Float, candidate: Mask) -> Mask:
+    """Which candidates stand out from their neighbours: what waves do goes on from one to the next.
+
+    Args:
+        size: how far each is off, shape (n,).
+        candidate: which are meant.
+    """
+    others = np.flatnonzero(~candidate)
+    result = np.zeros(len(size), bool)
+    for j in np.flatnonzero(candidate):
+        near = others[np.argsort(np.abs(others - j), kind="stable")[:3]]
+        result[j] = len(near) > 0 and size[j] > _STANDS_OUT * size[near].max()
+    return result
+
+
+def _transform(values: Float, t: Float, noise: Float) -> tuple[Any, Float, Float] | None:
+    """U at the frequencies that are strong, and the noise's standard deviation in it."""
+    n = len(t)
+    step = (t[-1] - t[0]) / (n - 1)
+    window = np.exp(-_DAMPING * np.arange(n) / n)
+    hat = np.conj(np.fft.rfft(values * window[:, None], axis=0))
+    power = np.median(np.abs(hat) ** 2, axis=1)
+    power[0] = 0
+    strong = np.flatnonzero(power > 0.05 * power.max(initial=0))
+    if len(strong) < 3 or not power.max(initial=0) > 0:
+        return None
+    chosen = strong[np.unique(np.linspace(0, len(strong) - 1, _FREQUENCIES).astype(int))]
+    omega = 2 * np.pi * chosen / (n * step)
+    floor = np.nan_to_num(noise) * np.sqrt(np.sum(window**2))
+    return hat[chosen], omega, floor
+
+
+def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
+    count, nx = U.shape
+    size = np.maximum(np.abs(U), 1e-300)
+    unit = U / size
+    spacing = float(np.median(np.diff(x)))
+    k = np.linspace(-np.pi / spacing, np.pi / spacing, 16 * nx + 1)
+    steer = np.exp(-1j * np.outer(k, x - x.mean()))
+    # Of squared phasors, which polarity does not turn; by it alone k is open to π/spacing, and
+    # taken so that most phasors agree, and small.
+    beam = np.abs(unit**2 @ (steer**2).T) / nx
+    best = np.argmax(beam + 0.2 * np.abs(unit @ steer.T) / nx - 0.01 * np.abs(k) / k[-1], axis=1)
+    coherent = float(np.median(beam[np.arange(count), best]))
+    if coherent < _COHERENT * (1 - 2 / nx):
+        return None
+    phase = np.empty((count, nx))
+    factor = np.empty((count, nx))
+    for i in range(count):
+        phase[i] = _phases(unit[i], x, k[best[i]])
+        factor[i] = _line_left(x, np.log(size[i]))
+    heard = size > 10 * floor
+    # Where half the frequencies of a channel are noise its phase says nothing, its size still does.
+    clear = heard.mean(axis=0) > 0.5
+    turned = clear & (np.mean(np.cos(phase) < -0.6, axis=0) > 0.8)
+    fitting = np.mean(np.cos(phase) > 0.7, axis=0) > 0.6
+    if (fitting | turned).sum() < 0.6 * nx:
+        return None
+    good = fitting & ~turned
+    delay = np.where(clear, _delays(phase, omega), 0.0)
+    middle = np.median(factor, axis=0)
+
+    def spread(values: Float) -> float:
+        return float(1.4826 * np.median(np.abs(values[good] - np.median(values[good]))))
+
+    return _Off(
+        turned,
+        clear & ~fitting & ~turned,
+        np.abs(phase).mean(axis=0),
+        delay - np.median(delay[good]),
+        middle - np.median(middle[good]),
+        coherent,
+        spread(delay),
+        spread(middle),
+        float(np.median(omega)),
+    )
+
+
+def _delays(phase: Float, omega: Float) -> Float:
+    """τ of each channel whose ωτ fits its phases best, whole turns left open; shape (nx,), s."""
+    step = 0.25 / omega.max()
+    reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
+    tau = np.arange(-min(200.0, np.floor(reach / step)), min(200.0, np.floor(reach / step)) + 1)
+    tau = tau * step
+    match = np.abs(np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau)))
+    near = np.real(np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau)))
+    found = tau[np.argmax(near + 1e-3 * match - 1e-3 * len(omega) * np.abs(tau) / tau[-1], axis=1)]
+    left = np.angle(np.exp(1j * (phase - omega[:, None] * found)))
+    return np.asarray(found + (omega[:, None] * left).sum(axis=0) / np.sum(omega**2))
+
+
+def _phases(unit: Any, x: Float, k: float) -> Float:
+    """Phases left by the wave that most channels agree on, k refined by those within a radian."""
+    at = x - x.mean()
+    mean = 0.0
+    for _ in range(4):
+        left = np.angle(unit * np.exp(-1j * (k * at + mean)))
+        if mean == 0.0:
+            mean = float(np.angle(np.sum(np.exp(1j * left))))
+            left = np.angle(unit * np.exp(-1j * (k * at + mean)))
+        near = np.abs(left) < 1.0
+        if near.sum() < 3:
+            break
+        slope, level = np.polyfit(at[near], left[near], 1)
+        k, mean = k + float(slope), mean + float(level)
+    return np.asarray(np.angle(unit * np.exp(-1j * (k * at + mean))))
+
+
+def _line_left(x: Float, y: Float) -> Float:
+    """What the line through the median of slopes leaves over."""
+    i, j = np.triu_indices(len(x), 1)
+    slope = float(np.median((y[j] - y[i]) / (x[j] - x[i])))
+    left = y - slope * x
+    return np.asarray(left - np.median(left))

@@ -1,0 +1,175 @@
+"""All that is looked for in a record before anything is read off it, in the order it must be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import RecordError
+from wavesim.records.faults import quantisation
+from wavesim.records.faults.baseline import without_baseline
+from wavesim.records.faults.channels import Mended, clocks, duplicates, misfits
+from wavesim.records.faults.clipping import clipped, once_each, without_stuck
+from wavesim.records.faults.fill_values import without_fill, without_spikes
+from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
+from wavesim.records.faults.moveout import FASTEST, arrivals, begun, source_within, speed
+from wavesim.records.faults.quiet import FEWEST, Rest, rest
+
+Float = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+
+@dataclass
+class Raw:
+    """Samples with what is found in them before their times are settled.
+
+    Attributes:
+        values, t: shape (C, nt, nx), NaN where a sample is missing, and (nt,).
+        held: for how many frames each sample was held; all but one of them are left out.
+        quantum: least step, shape (nx,).
+        flat: receivers with flat tops, shape (nx,).
+        flat_part: part of their samples, shape (nx,).
+        spare: receivers that hold the samples of another, or the times, shape (nx,).
+    """
+
+    values: Float
+    t: Float
+    held: int
+    quantum: Float
+    flat: Mask
+    flat_part: Float
+    spare: Mask
+
+
+def samples(
+    values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
+) -> Raw:
+    """Look at samples as they were recorded: codes, spikes, repeats, flat tops, the least step."""
+    values, t, held = once_each(values, t, np.zeros(0), found)
+    values = without_fill(values, t, x, labels, found)
+    quantum = quantisation.quanta(values)
+    flat, part = clipped(values, quantum)
+    if flat.any():
+        where = places(x, flat, labels)
+        found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
+                             f"flat tops at {where}"))  # fmt: skip
+    values = without_stuck(values, t, x, labels, quantum, found)
+    values = without_spikes(values, t, x, labels, flat, found)
+    quantisation.tell(quantum, values, x, labels, found)
+    hands = clocks(values)
+    if hands.any():
+        where = places(x, hands, labels)
+        found.append(Finding("clock", where, f"{int(hands.sum())} channels", TAKEN_OUT,
+                             f"clocks, not receivers: left out ({where})"))  # fmt: skip
+    spare = hands | duplicates(values, x, _noisy(values), found, labels)
+    return Raw(values, t, held, quantum, flat, part, spare)
+
+
+def _noisy(values: Float) -> bool:
+    """Whether channels hold noise: more than rounding at the highest frequencies."""
+    some = np.nan_to_num(values[0, :, :: max(1, values.shape[2] // 16)])
+    hat = np.abs(np.fft.rfft(some * np.hanning(len(some))[:, None], axis=0))
+    top = np.median(hat[-max(4, len(hat) // 10) : -1], axis=0)
+    return bool(np.median(top / np.maximum(hat.max(axis=0), 1e-300)) > 1e-7)
+
+
+def levels(
+    values: Float,
+    t: Float,
+    x: Float,
+    labels: tuple[str, ...],
+    quantum: Float,
+    found: list[Finding],
+) -> tuple[Float, list[Rest]]:
+    """Offset, drift and hum taken out; where each channel is at rest."""
+    resting = []
+    for c in range(len(values)):
+        own = rest(values[c], quantum)
+        before = len(found)
+        values[c] = without_baseline(values[c], t, x, labels, quantum, own, found)
+        if len(found) > before:
+            own = rest(values[c], quantum)
+        resting.append(own)
+    return values, resting
+
+
+def together(
+    values: Float,
+    missing: Mask,
+    t: Float,
+    x: Float,
+    labels: tuple[str, ...],
+    quantum: Float,
+    unsure: Mask,
+    ring: bool,
+    found: list[Finding],
+) -> tuple[Mended, Mask, float | None]:
+    """Channels beside each other: which do not fit, which have begun, where a source stands.
+
+    Args:
+        values: shape (C, nt, nx), without offset; not finite where a sample is missing.
+        missing: frames that are, shape (nt,).
+        t, x, labels: times, positions and names of the receivers.
+        quantum: least step of each, shape (nx,).
+        unsure: receivers whose size says nothing.
+        ring: whether they go round a ring.
+        found: findings, added to.
+
+    Returns:
+        What to do to the channels; receivers at which the record begins inside the signal; the
+        place of a source among them, m.
+    """
+    nx = values.shape[2]
+    values = _filled(values, missing)
+    strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
+    own = rest(values[strongest], quantum)
+    mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
+    if len(values) == 1 and not ring:
+        mended = misfits(values[0], t, x, labels, own, unsure, found)
+    if nx == values.shape[1] and np.isfinite(x).all():
+        found.append(
+            Finding("square", "whole array", f"{nx} by {nx}", TOLD,
+                    "as many times as receivers: taken as times down, receivers across; transpose "
+                    "the array if it is the other way round")
+        )  # fmt: skip
+    within = begun(values[strongest], own)
+    place = None
+    if not ring and np.isfinite(x).all() and nx > 2:
+        arrival = arrivals(values[strongest], t, own)
+        place = source_within(x, arrival)
+        v = speed(x, arrival)
+        if v > FASTEST and place is None:
+            raise RecordError(
+                f"by its times and positions the signal goes at {v:.3g} m/s, faster than light: "
+                "one of them is in another unit; say which with --time-unit or --position-unit"
+            )
+    if within.any() and not ring:
+        found.append(
+            Finding("begins inside", places(x, within, labels),
+                    f"{int(within.sum())} of {nx} receivers", TOLD,
+                    "the record begins inside the signal at "
+                    f"{int(within.sum())} of {nx} receivers ({places(x, within, labels)})")
+        )  # fmt: skip
+    return mended, within, place
+
+
+def _filled(values: Float, missing: Mask) -> Float:
+    """Values with straight lines over what is missing, to look at."""
+    gone = ~np.isfinite(values) | missing[:, None]
+    if not gone.any():
+        return values
+    filled = values.copy()
+    frames = np.arange(values.shape[1])
+    for c, j in zip(*np.nonzero(gone.any(axis=1)), strict=True):
+        there = ~gone[c, :, j]
+        if there.any():
+            filled[c, :, j] = np.interp(frames, frames[there], values[c, there, j])
+        else:
+            filled[c, :, j] = 0.0
+    return filled
+
+
+__all__ = ["FEWEST", "Raw", "levels", "samples", "together"]

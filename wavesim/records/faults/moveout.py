@@ -1,0 +1,90 @@
+"""When the signal comes to each receiver: begun before the record, a source within, impossible."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.faults.quiet import Rest, fine_noise
+
+Float = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+# A record begins inside its signal where its first samples are this many times the noise, and this
+# part of the peak.
+_ABOVE, _PART = 4.0, 2e-3
+_FIRST = 3
+_BLOCKS = 8
+_STEADY = 3.0
+# Faster than this nothing is: light's phase alone, and not by three times.
+FASTEST = 1e9
+_ARRIVED = 0.2
+# A source is within where two arms leave less than this part of what one line leaves (squares).
+_BETTER = 0.05
+
+
+def begun(component: Float, rest: Rest) -> Mask:
+    """Receivers at which the signal is there already when the record begins, shape (nx,)."""
+    nx = component.shape[1]
+    within = np.zeros(nx, bool)
+    steady = np.zeros(nx, bool)
+    for j in range(nx):
+        v = component[:, j]
+        blocks = np.array([np.sqrt(np.mean(b**2)) for b in np.array_split(v, _BLOCKS)])
+        steady[j] = blocks.max() < _STEADY * max(blocks.min(), 1e-300)
+        noise = fine_noise(v)
+        head = float(np.sqrt(np.mean(v[:_FIRST] ** 2)))
+        within[j] = head > max(_ABOVE * noise, _PART * float(np.abs(v).max()))
+    # Alike from beginning to end beside channels that are not, it is nothing but noise.
+    if not steady.all():
+        within &= ~steady
+    return within
+
+
+def arrivals(component: Float, t: Float, rest: Rest) -> Float:
+    """Time at which a fifth of a channel's energy has come, s; NaN where none stands out."""
+    result = np.full(component.shape[1], np.nan)
+    for j in np.flatnonzero(rest.onset > 0):
+        power = (component[:, j]) ** 2 - rest.noise[j] ** 2
+        power[: rest.onset[j]] = 0
+        energy = np.cumsum(power)
+        if energy[-1] > 0:
+            result[j] = t[int(np.argmax(energy >= _ARRIVED * energy[-1]))]
+    return result
+
+
+def source_within(x: Float, arrival: Float) -> float | None:
+    """Where a source stands among the receivers, by the earliest arrivals, m; None if nowhere."""
+    seen = np.isfinite(arrival)
+    x, arrival = x[seen], arrival[seen]
+    if len(x) < 5:
+        return None
+    one = np.polyfit(x, arrival, 1, full=True)[1]
+    line = float(one[0]) if len(one) else 0.0
+    best: tuple[float, float] | None = None
+    for place in np.linspace(x[1], x[-2], 8 * len(x)):
+        if (x < place).sum() < 2 or (x > place).sum() < 2:
+            continue
+        away = np.abs(x - place)
+        slope, level = np.polyfit(away, arrival, 1)
+        left = float(np.sum((arrival - level - slope * away) ** 2))
+        if slope > 0 and (best is None or left < best[0]):
+            best = left, float(place)
+    if best is None or best[0] > _BETTER * line or line <= 0:
+        return None
+    # To a tenth of the spacing.
+    grain = float(np.median(np.diff(x))) / 10
+    return round(best[1] / grain) * grain
+
+
+def speed(x: Float, arrival: Float) -> float:
+    """Speed at which the signal goes along the receivers, m/s; NaN where it can't be told."""
+    seen = np.isfinite(arrival)
+    if seen.sum() < 3:
+        return float("nan")
+    slope, level = np.polyfit(x[seen], arrival[seen], 1)
+    left = arrival[seen] - level - slope * x[seen]
+    error = np.std(left) / np.sqrt(seen.sum()) / np.std(x[seen])
+    return float(1 / abs(slope)) if abs(slope) > 5 * error else float("nan")

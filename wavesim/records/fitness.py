@@ -1,0 +1,128 @@
+"""What a method needs of a record: channels that it can't use left out, or the record refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wavesim.records.content import RecordError
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.record import Record
+
+# A record that is at rest at its beginning, and not later, was driven within.
+_AT_REST = 0.03
+_BEGINNING = 3
+# Missing frames are bridged if so few, or if all about them is below this many times the noise, or
+# this part of the peak.
+_BRIDGED = 2
+_QUIET, _QUIET_PART = 6.0, 1e-4
+
+
+def for_k_at_frequency(record: Record) -> Record:
+    """The receivers that are whole, linear and at rest at the beginning.
+
+    Raises:
+        RecordError: fewer than two are, or a source stands among them that is not named.
+    """
+    record = _filled(record.without_gaps())
+    if record.source_seen is not None:
+        raise RecordError(
+            f"the signal comes first to receivers near x = {record.source_seen:.3g} m and later to "
+            "those on either side: a source stands among them; name it with --source "
+            f"{record.source_seen:.3g}"
+        )
+    if len(record.begun) and record.begun.any() and not record.ring:
+        record = _without(
+            record, record.begun, "begins inside",
+            "the record begins inside the signal",
+            "begin it before the source does (a pre-trigger), or give receivers farther away",
+        )  # fmt: skip
+    if len(record.clipped) and record.clipped.any():
+        record = _without(
+            record, record.clipped, "clipped", "flat tops", "turn the gain down and record again"
+        )
+    return record
+
+
+def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
+    """The record, if it can be used for ω at given k.
+
+    Args:
+        record: the record.
+        harmonic: whether every frame must be free of sources.
+
+    Raises:
+        RecordError: it holds a source's time, or flat tops.
+    """
+    if len(record.clipped) and record.clipped.any():
+        where = places(record.x, record.clipped, record.labels)
+        raise RecordError(
+            f"flat tops at {where}: the samples are cut off at the digitiser's range, which makes "
+            "waves that are none; turn the gain down and record again"
+        )
+    still = record.driven and at_rest_first(record)
+    # What enters a stretch at its ends is refused for that, or taken by the FFT.
+    if still and (record.ring or (harmonic and not _entered(record))):
+        raise RecordError(
+            "all receivers are at rest at the record's beginning and move later, so that a source "
+            "acts within it: name the time from which on none does with --quiet-from (s)"
+        )
+    return record
+
+
+def at_rest_first(record: Record) -> bool:
+    """Whether nothing moves at the beginning, at any receiver, beside what does later."""
+    size = np.sqrt(np.mean(record.values**2, axis=2)).max(axis=0)
+    if len(record.missing):
+        size = size[~record.missing]
+    return bool(size[:_BEGINNING].max() < _AT_REST * size.max())
+
+
+def _filled(record: Record) -> Record:
+    """Frames that are missing at all receivers filled: one or two, or where nothing moves."""
+    if not len(record.missing) or not record.missing.any():
+        return record
+    gone = record.missing
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]]))).reshape(-1, 2)
+    size = np.abs(record.values).max()
+    values, there = record.values.copy(), ~gone
+    spline = CubicSpline(record.t[there], values[:, there], axis=1)
+    for start, stop in edges:
+        inside = start >= 2 and stop <= len(gone) - 2
+        about = values[:, max(0, 2 * start - stop - 2) : 2 * stop - start + 2]
+        if inside and stop - start <= _BRIDGED:
+            values[:, start:stop] = spline(record.t[start:stop])
+        elif np.abs(about).max() > max(_QUIET * record.noise, _QUIET_PART * size):
+            raise RecordError(
+                f"{stop - start} frames are missing from t = {record.t[start]:.6g} s on, while the "
+                "signal goes on: the exponential window needs them all; fill them, leave out the "
+                "receivers that lack them, or use the part before"
+            )
+    finding = Finding(
+        "frames missing", f"from t = {record.t[edges[0, 0]]:.6g} s", f"{int(gone.sum())} frames",
+        CURED, f"{int(gone.sum())} missing frames filled",
+    )  # fmt: skip
+    return replace(record, values=values, missing=np.zeros_like(gone)).with_finding(finding)
+
+
+def _entered(record: Record) -> bool:
+    """Whether waves are seen at the ends of a stretch."""
+    ends = float(np.sqrt(np.mean(record.values[..., [0, -1]] ** 2)))
+    return ends > 2 * record.noise + 3e-3 * float(np.abs(record.values).max())
+
+
+def _without(record: Record, which: np.ndarray, what: str, why: str, remedy: str) -> Record:
+    where = places(record.x, which, record.labels)
+    kept = int((~which).sum())
+    if kept < 2:
+        raise RecordError(f"{why} at {where}: {remedy}")
+    finding = Finding(
+        what, where, f"{int(which.sum())} of {len(which)}", TAKEN_OUT,
+        f"{why} at {where}: left out; {kept} receivers remain",
+    )  # fmt: skip
+    others = tuple(f for f in record.findings if f.what != what)
+    notes = tuple(n for n in record.notes if n not in {f.said for f in record.findings} - {
+        f.said for f in others})  # fmt: skip
+    return replace(record, findings=others, notes=notes).receivers(~which).with_finding(finding)

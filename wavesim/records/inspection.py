@@ -1,0 +1,128 @@
+"""What is wrong with a record, and what can be read off it as it is: all before anything is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesim.records.arrays import Layout
+from wavesim.records.content import RecordError
+from wavesim.records.faults.finding import Finding
+from wavesim.records.faults.quiet import fine_noise
+from wavesim.records.files import read
+from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
+from wavesim.records.record import Record
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """A record looked over.
+
+    Attributes:
+        record: the record, cured where that can be done.
+        assumed: what the file does not say and was assumed, a sentence each.
+        findings: what is wrong with it, and what was done.
+        usable: by command what it would refuse the record for; "" where it takes it.
+    """
+
+    record: Record
+    assumed: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    usable: dict[str, str]
+
+    def summary(self) -> dict[str, Any]:
+        """Plain, for JSON, SI units; NaN as None."""
+        record = self.record
+        strongest = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
+        own = record.values[strongest]
+
+        def number(value: Any) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        channels = [
+            {
+                "name": label,
+                "position_m": number(record.x[j]),
+                "peak": float(np.abs(own[:, j]).max()),
+                "noise": max(fine_noise(own[:, j]), float(_quantum(record, j)) / np.sqrt(12)),
+                "quantum": float(_quantum(record, j)),
+                "clipped": bool(len(record.clipped) and record.clipped[j]),
+                "begun": bool(len(record.begun) and record.begun[j]),
+            }
+            for j, label in enumerate(record.labels)
+        ]
+        return {
+            "frames": len(record.t),
+            "start_s": float(record.t[0]),
+            "interval_s": record.interval,
+            "missing_frames": int(record.missing.sum()) if len(record.missing) else 0,
+            "components": len(record.values),
+            "receivers": channels,
+            "assumed": list(self.assumed),
+            "findings": [finding.row() for finding in self.findings],
+            "usable": self.usable,
+        }
+
+
+def _quantum(record: Record, j: int) -> Any:
+    return record.quantum[j] if len(record.quantum) else 0.0
+
+
+def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspection:
+    """Look a record over, before anything is read off it.
+
+    Args:
+        source: a file, or a record that has been read.
+        layout: what the file does not say for itself; positions need not be known.
+
+    Returns:
+        The findings, and which commands can use the record.
+
+    Raises:
+        RecordError: the file can't be read, or nothing can be made of it.
+    """
+    if isinstance(source, Record):
+        record = source
+    else:
+        record = read(source, replace(layout or Layout(), placed=False))
+    said = {finding.said for finding in record.findings}
+    assumed = tuple(note for note in record.notes if note not in said)
+    return Inspection(record, assumed, record.findings, _usable(record))
+
+
+def _usable(record: Record) -> dict[str, str]:
+    placed = bool(np.isfinite(record.x).all())
+    reasons = {}
+    for command, needs in (
+        ("attenuation", lambda: for_k_at_frequency(record)),
+        ("dispersion", lambda: for_frequency_at_k(record, harmonic=False)),
+    ):
+        try:
+            if not placed:
+                raise RecordError("positions are not known: give --spacing, or --positions X1,X2,…")
+            if len(record.x) < 2:
+                raise RecordError("1 receiver: at least 2 are needed")
+            if command == "dispersion" and not record.even:
+                raise RecordError("receivers are not evenly spaced")
+            needs()
+            reasons[command] = ""
+        except RecordError as error:
+            reasons[command] = str(error)
+    reasons["pulse"] = (
+        ""
+        if placed and len(record.x) > 1
+        else (
+            "positions are not known: give --distance (tip to tip) and --input"
+            if not placed
+            else "1 receiver: give --input and --distance"
+        )
+    )
+    if record.ring:
+        reasons["pulse"] = "a ring has no first arrival"
+    return reasons
+
+
+__all__ = ["Inspection", "inspect"]

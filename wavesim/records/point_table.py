@@ -1,0 +1,112 @@
+"""Tables of points (k, ω) that this program or another wrote, as columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import RecordError
+
+Float = NDArray[Any]
+
+# Names of columns, in lower case, and what a number in them is in rad/m, rad/s.
+_NAMES: dict[str, dict[str, float]] = {
+    "k": {"k": 1, "k_rad_per_m": 1, "wavenumber": 1, "k_real_rad_per_m": 1, "k_real": 1},
+    "k_imag": {"k_imag": 1, "k_imag_rad_per_m": 1, "alpha": 1, "attenuation": 1},
+    "omega": {
+        "omega": 1, "omega_rad_per_s": 1, "w": 1, "ω": 1,
+        "f": 2 * np.pi, "f_hz": 2 * np.pi, "frequency": 2 * np.pi, "frequency_hz": 2 * np.pi,
+    },
+    "sigma": {"sigma": 1, "sigma_rad_per_s": 1},
+    "error": {
+        "error": 1, "omega_error": 1, "omega_error_rad_per_s": 1, "k_error_rad_per_m": 1,
+        "f_error": 2 * np.pi, "frequency_error": 2 * np.pi,
+    },
+    "valid": {"valid": 1},
+}  # fmt: skip
+_TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
+
+
+def read_points(path: str | Path) -> dict[str, Any]:
+    """Columns of a table of points.
+
+    Args:
+        path: a text file, parted by commas, semicolons, tabs or spaces. Headed as ``--out`` of
+            dispersion and attenuation writes it, or k, omega (or frequency, in Hz), error, and for
+            attenuation k_imag and sigma; without a heading k, omega and perhaps error.
+
+    Returns:
+        k (complex for attenuation), omega, and where they are there error and valid.
+
+    Raises:
+        RecordError: it can't be read so; one line that names file, column and what is expected.
+    """
+    import pandas as pd  # slow to import, and only a table needs it
+
+    path = Path(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        first = next((line for line in text.splitlines() if line.strip()), "")
+        headed = any(c.isalpha() for c in first.replace("e", "").replace("E", ""))
+        table = pd.read_csv(
+            path, sep=r"[,;\t]|\s+" if "," not in first else ",", engine="python", comment="#",
+            header=0 if headed else None, encoding="utf-8-sig", skipinitialspace=True,
+        )  # fmt: skip
+    except (OSError, ValueError) as error:  # UnicodeDecodeError and pandas' own are ValueErrors
+        line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise RecordError(f"{path}: can't be read as a table of points: {line}") from None
+    if not headed:
+        usual = ["k", "omega", "error"][: table.shape[1]]
+        table = table.iloc[:, : len(usual)].set_axis(usual, axis=1)
+    columns = {str(name).strip().lower(): name for name in table.columns}
+    found: dict[str, Any] = {}
+    for what, names in _NAMES.items():
+        for name, factor in names.items():
+            if name in columns:
+                column = table[columns[name]]
+                found[what] = _flags(path, column) if what == "valid" else _numbers(
+                    path, columns[name], column) * factor  # fmt: skip
+                break
+    for what, example in (("k", "k_rad_per_m"), ("omega", "omega_rad_per_s")):
+        if what not in found:
+            raise RecordError(
+                f"{path}: has no column of {what} (such as {what} or {example}); its columns are "
+                f"{', '.join(str(name) for name in table.columns)}"
+            )
+    if not len(table):
+        raise RecordError(f"{path}: holds no points")
+    if "k_imag" in found:
+        found["k"] = found["k"] + 1j * found.pop("k_imag")
+        found["omega"] = found["omega"] + 1j * found.pop("sigma", 0.0)
+    found.pop("sigma", None)
+    return found
+
+
+def _numbers(path: Path, name: Any, column: Any) -> Float:
+    import pandas as pd
+
+    numbers = pd.to_numeric(column, errors="coerce")
+    bad = numbers.isna() & column.notna() & (column.astype(str).str.strip().str.lower() != "nan")
+    if bad.any():
+        at = int(np.flatnonzero(bad)[0])
+        raise RecordError(
+            f"{path}: column {name}, row {at + 1}: {str(column.iloc[at])[:40]!r} is no number"
+        )
+    return np.asarray(numbers, float)
+
+
+def _flags(path: Path, column: Any) -> NDArray[np.bool_]:
+    words = column.astype(str).str.strip().str.lower()
+    odd = ~words.isin(_TRUE | _FALSE)
+    if odd.any():
+        at = int(np.flatnonzero(odd)[0])
+        raise RecordError(
+            f"{path}: column valid, row {at + 1}: {str(column.iloc[at])[:40]!r}; must be True or "
+            "False"
+        )
+    return np.asarray(words.isin(_TRUE), bool)
