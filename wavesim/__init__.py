@@ -45,6 +45,7 @@ _HOMES = {
     "judge_bar": "wavesim.verdict.bar",
     "measure_pulses": "wavesim.readings.pulse.measurement",
     "load": "wavesim.case.load",
+    "progress": "wavesim.report.progress",
     "open": "wavesim.records.run_folder",
     "record": "wavesim.records.record",
     "read_record": "wavesim.records.files",
@@ -61,6 +62,7 @@ _HOMES = {
 _NAMES = {
     "measure_pulses": "measure",
     "open": "open_run",
+    "progress": "part_done",
     "read_record": "read",
     "traced_transmission": "transmission",
 }

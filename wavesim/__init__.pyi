@@ -20,6 +20,7 @@ from wavesim.records.inspection import inspect
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
+from wavesim.report.progress import part_done as progress
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
@@ -62,6 +63,7 @@ __all__ = [
     "measure_pulses",
     "open",
     "planewave",
+    "progress",
     "read_bar",
     "read_record",
     "record",

@@ -31,6 +31,7 @@ from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
 from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
+from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -251,6 +252,7 @@ _COMMANDS = (
     schema,
     score,
     sweep,
+    transmission,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

@@ -33,9 +33,9 @@ def shade_gaps(axes: Axes, medium: Medium, sector: str, label: bool = True) -> N
     shade(axes, edges, upright=False, named=label)
 
 
-def hatch_full_gaps(axes: Axes, medium: Medium) -> None:
-    """Hatch the frequencies at which no wave of any sector propagates, ω̄ upwards."""
-    scale = float(medium.time_scale)
+def hatch_full_gaps(axes: Axes, medium: Medium, unit: float | None = None) -> None:
+    """Hatch the frequencies at which no wave of any sector propagates: ω times unit, ω̄ if None."""
+    scale = float(medium.time_scale) if unit is None else unit
     for low, high in full_gaps(medium):
         axes.axhspan(
             low * scale,

@@ -97,7 +97,11 @@ def gap_edges(medium: Medium, sector: str, unit: float = KHZ) -> list[tuple[str,
 
 
 def shade(
-    axes: Axes, edges: Iterable[tuple[str, float, float]], upright: bool = True, named: bool = True
+    axes: Axes,
+    edges: Iterable[tuple[str, float, float]],
+    upright: bool = True,
+    named: bool = True,
+    at: float = 0.985,
 ) -> None:
     """Shade gaps, each with its name.
 
@@ -106,6 +110,7 @@ def shade(
         edges: of :func:`gap_edges`, in the axes' unit.
         upright: whether frequency runs along x.
         named: whether names are written.
+        at: where along the other axis, as part of it, if frequency does not run along x.
     """
     for name, low, high in edges:
         (axes.axvspan if upright else axes.axhspan)(low, high, **GAP)
@@ -116,8 +121,8 @@ def shade(
             own, place = axes.get_xaxis_transform(), (middle, 0.97)
             turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top"}
         else:
-            own, place = axes.get_yaxis_transform(), (0.985, middle)
-            turned = {"ha": "right", "va": "center"}
+            own, place = axes.get_yaxis_transform(), (at, middle)
+            turned = {"ha": "right" if at > 0.5 else "left", "va": "center"}
         axes.text(*place, name, fontsize=7, bbox=LABEL, transform=own, clip_on=True, **turned)
 
 

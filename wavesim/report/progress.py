@@ -1,4 +1,4 @@
-"""Progress on a terminal: stage, part done, frames a second, time gone, time left."""
+"""Progress on a terminal and in a notebook: stage, part done, frames a second, times."""
 
 from __future__ import annotations
 
@@ -62,6 +62,30 @@ def progress(frames: int, quiet: bool) -> Iterator[Callable[[str, float], None]]
                 bar.update(shown[stage], completed=part * frames)
 
         yield tell
+
+
+@contextmanager
+def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
+    """A progress bar while something lasts, in a notebook or on a terminal.
+
+        with ws.progress() as tell:
+            field = ws.integrate(simulation, tell)
+
+    Args:
+        what: is going on.
+
+    Yields:
+        What to call with the part done, 0 to 1.
+    """
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    ) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda part: bar.update(task, completed=part)
 
 
 @contextmanager

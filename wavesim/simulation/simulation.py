@@ -129,7 +129,12 @@ class Simulation(Shown):
     @functools.cached_property
     def with_gradient(self) -> bool:
         """Whether the gradient term is kept: where it is felt, or costs nothing to keep."""
-        return not self.lossy or keeps_gradient(self.layers)
+        return not self.lossy or self.gradient_felt
+
+    @functools.cached_property
+    def gradient_felt(self) -> bool:
+        """Whether the gradient term counts in some medium of the bar."""
+        return keeps_gradient(self.layers)
 
     @functools.cached_property
     def frames(self) -> int:
