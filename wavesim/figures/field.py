@@ -16,6 +16,7 @@ from wavesim.figures.style import (
     MAP,
     THEORY,
     Drawings,
+    as_written,
     decibels,
     gap_edges,
     second_axes,
@@ -186,7 +187,7 @@ def receivers(field: Field) -> Figure:
         for number, (label, x) in enumerate(order):
             spectrum.plot(
                 f, power[number], color=shades[number], ls=_STYLES[number % 4], lw=0.9,
-                label=f"{label}, {x * 1e3:g} mm",
+                label=f"{as_written(label)}, {x * 1e3:g} mm",
             )  # fmt: skip
         largest = float(power.max()) or 1.0
         spectrum.set(xlim=(0, field.band / (2e3 * np.pi)), ylim=(1e-5 * largest, 2 * largest))

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, shade, title
+from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, as_written, shade, title
 from wavesim.material.family import is_macro
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.simulation.field import Field
@@ -52,7 +52,9 @@ def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
         left=0.065, right=0.955, bottom=0.55 / height, top=1 - (_HEAD + 0.3) / height,
         wspace=0.24, hspace=0.4,
     )  # fmt: skip
-    figure.text(0.012, 1 - 0.16 / height, title, va="top", fontsize=12, fontweight="bold")
+    figure.text(
+        0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
+    )
     told = textwrap.shorten(verdict, 165, placeholder=" …")
     figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
     for number, panel in enumerate(panels, start=1):

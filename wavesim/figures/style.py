@@ -54,6 +54,12 @@ def symbol(name: str) -> str:
     return known_field(name).symbol
 
 
+def as_written(name: str) -> str:
+    """A name as it is: $ begins no formula, and _ does not keep it from the legend."""
+    plain = name.replace("$", r"\$")
+    return f"\N{THIN SPACE}{plain}" if plain.startswith("_") else plain
+
+
 def title(blocks: Sequence[Block]) -> str:
     """The sector of some blocks in words, with the fields that are coupled in it."""
     sector = blocks[0].sector

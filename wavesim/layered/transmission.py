@@ -98,12 +98,18 @@ def transmission(
         Amplitude ratios and power coefficients, which sum to 1 without loss.
 
     Raises:
-        ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
+        ValueError: the sector has no rotation, ω is 0 or has Im ω < 0, or Γ is singular where it is
+            kept.
     """
+    frequencies = np.atleast_1d(np.asarray(omega))
+    growing = np.flatnonzero(frequencies.imag < 0)
+    if len(growing):
+        raise ValueError(
+            f"omega = {frequencies[growing[0]]:g} rad/s: Im ω must not be below 0, as fields go as "
+            "exp(−iωt) here; where yours go as exp(+jωt), give conj(ω) and take conj(T)"
+        )
     kept = keeps_gradient(layers, gradient)
-    stack = Stack(
-        layers, block_of(layers.first.family, sector), np.atleast_1d(np.asarray(omega)), kept
-    )
+    stack = Stack(layers, block_of(layers.first.family, sector), frequencies, kept)
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)
     n, rows = len(stack.impedance), np.arange(len(stack.scaled))

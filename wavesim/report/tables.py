@@ -20,6 +20,7 @@ from wavesim.report.answers import KINDS, answers, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
+from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
@@ -106,18 +107,18 @@ def _short_line(check: dict[str, Any]) -> str:
     )
 
 
-def survey(console: Console, case: Case, steps: TimeStep) -> None:
+def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
     """Print what can be said of a case before integrating.
 
     Args:
         console: where to.
         case: the case.
         steps: how it would be stepped.
+        taken: what that takes.
     """
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
-    size = 8 * frames * len(simulated.fields) * bar.cells
     seconds = steps.step * float(scales(medium).time)
     kHz = 1e-3 / (2 * math.pi)
     rows = [
@@ -139,7 +140,7 @@ def survey(console: Console, case: Case, steps: TimeStep) -> None:
         ("judged", f"k = {case.k_range[0]:.5g} to {case.k_range[1]:.5g} rad/m, every "
                    f"{2 * math.pi / bar.length:.4g} rad/m" if simulated.endless
                    else "receivers, against the exact solution in the frequency domain"),
-        ("result file", f"at most {size / 1e6:.4g} MB"),
+        ("takes", taken.in_words),
     ]  # fmt: skip
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, text in rows:
