@@ -87,7 +87,7 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
 
 
 def _of_run(path: Path) -> list[PulseTestRecord]:
-    """Macro-fields at the receivers of a run, on that side of its sources where most stand."""
+    """Rotations at the receivers of a run, on that side of its sources where most stand."""
     from wavesim.case.schema import CaseError
     from wavesim.io.result_reader import StorageError
     from wavesim.records.run_folder import open_run
@@ -113,15 +113,15 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         own = [s for s in field.sources if s.field in block.fields]
         if not (block.macro and own and field.receivers):
             continue
-        (driven,) = block.macro[0]
+        (macro,) = block.macro[0]
         places = _beside(field.receivers, own)
         if not places:
             continue
         (source, *others) = own
         t = np.asarray(field.t)
         sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
-        signals = {key: np.asarray(field.at(field.receivers[key], driven)) for key in places}
-        found.append(PulseTestRecord(f"{name}: {driven}", t, signals, places, sent))
+        signals = {key: np.asarray(field.at(field.receivers[key], macro)) for key in places}
+        found.append(PulseTestRecord(f"{name}: {macro}", t, signals, places, sent))
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"

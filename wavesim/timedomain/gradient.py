@@ -292,11 +292,9 @@ def _plain(layer: Layer) -> Layer | None:
     """A layer with its parameters as floats; None where one of them is traced."""
     made = []
     for medium in _ends(layer):
-        values = {name: getattr(medium, name) for name in medium.known()}
-        if any(isinstance(value, jax.core.Tracer) for value in values.values()):
+        if any(isinstance(value, jax.core.Tracer) for value in jax.tree.leaves(medium)):
             return None
-        plain: dict[str, Any] = {name: v if v is None else float(v) for name, v in values.items()}
-        made.append(dataclasses.replace(medium, **plain))
+        made.append(jax.tree.map(float, medium))
     return dataclasses.replace(layer, medium=made[0], last=made[1] if made[1:] else None)
 
 
