@@ -22,9 +22,9 @@ def laid_beside(record: str, case: str, field: str | None, overrides: Any, layou
     """A case and a record matched to its receivers; what is wrong ends the command with a line."""
     from wavesim.case.load import load
     from wavesim.case.schema import CaseError
+    from wavesim.readings.measured import MatchError, matched
     from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
-    from wavesim.studies.measured import MatchError, matched
 
     try:
         loaded = load(case, overrides)

@@ -9,7 +9,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from wavesim.figures.style import FOUND, STYLE, THEORY
-from wavesim.studies.comparison import Comparison
+from wavesim.readings.misfit import Comparison
 
 _MOST = 10
 _GREY = "#8a949e"

@@ -9,8 +9,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from wavesim.readings.misfit import Comparison
 from wavesim.report.pulse_tables import in_time, number
-from wavesim.studies.comparison import Comparison
 
 
 def show_comparison(console: Console, found: Comparison) -> None:

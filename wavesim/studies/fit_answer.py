@@ -12,10 +12,10 @@ import numpy as np
 
 from wavesim.case.load import Case
 from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.measured import Measured
 from wavesim.studies import medium_fit
 from wavesim.studies.comparison import Comparison, compare
 from wavesim.studies.least_squares import FitError, Solution
-from wavesim.studies.measured import Measured
 from wavesim.studies.waveform_fit import (
     GAIN,
     LAG,
