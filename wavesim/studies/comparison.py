@@ -1,4 +1,4 @@
-"""A measured record beside a case's own signals: lag and scale, overlay, and the misfit in parts."""
+"""A measured record beside a case's signals: lag and scale, overlay, and the misfit in parts."""
 
 from __future__ import annotations
 
