@@ -132,6 +132,7 @@ def build(file: CaseFile, name: str) -> Case:
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
         source = make(where, entry.build, bar.length)
+        make(where, medium.family.excited, [source.field])
         source, taken = _on_grid(source, number, file, bar)
         notes += taken
         if source.acts in _DRIVEN_END:
@@ -232,7 +233,7 @@ def _resolved(
     tables = file.model_dump(by_alias=True)
     own = file.medium.build()
     own = known.medium
-    tables["medium"] |= {"closure": own.closure} | own.parameters
+    tables["medium"] |= own.keys | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}
     if not _own_cells(file.bar, known):
         tables["bar"].pop("length", None)

@@ -14,6 +14,7 @@ from rich.text import Text
 from wavesim.case.load import Case, highest_frequency
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
+from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
@@ -24,11 +25,6 @@ from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
-_SECTORS = {
-    "longitudinal": "longitudinal",
-    "transverse2, transverse3": "transverse",
-    "inplane": "in-plane",
-}
 # Checks that fell short, of which the terminal tells.
 _MOST_SHORT = 12
 # Columns that fit into 80 characters only side by side.
@@ -123,7 +119,7 @@ def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"{medium.family.name}, {medium.in_words}; ω̄ = 1 is "
+        ("medium", f"{medium.in_words}; ω̄ = 1 is "
                    f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
@@ -217,7 +213,7 @@ def bands(
     for row in rows:
         gap = row["gap"]
         table.add_row(
-            _SECTORS[row["sector"]],
+            sector_words(*row["sector"].split(", ")),
             row["branch"],
             _kHz(row["cutoff_hz"]),
             _kHz(row["asymptote_hz"]),

@@ -90,7 +90,7 @@ class Expected:
 
     Attributes:
         signals: {receiver: {field: signal (nt,)}}, rad and 1/m; none inside an absorber, which is
-            no part of the bar that it ends, and none on a point source of a micro-curvature.
+            no part of the bar that it ends, and none on a point source of a micro-field.
         specimens, repeated, eigenfrequencies: by sector, of those that have them.
         refused: why the exact solvers do not have some of it.
     """

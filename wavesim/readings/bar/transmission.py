@@ -113,7 +113,7 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
     Args:
         field: of a bar with two absorbing ends and two layers or more, its sources in the first;
             no value of it is looked at.
-        block: one with a rotation.
+        block: one with a macro-field.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
 
@@ -163,7 +163,7 @@ def scattered(
 
     Args:
         field: of a bar with a specimen.
-        block: one with a rotation.
+        block: one with a macro-field.
         known: of :func:`specimen`.
         loud: of the same field; made where None.
     """
