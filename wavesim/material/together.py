@@ -37,6 +37,7 @@ def _joined(families: tuple[Family, ...]) -> Family:
             " or ".join(one.words[0] for one in families),
             " or ".join(one.words[1] for one in families),
         ),
+        waves={f"{one.name}-{s}": wave for one in families for s, wave in one.waves.items()},
         time=families[0].time,
     )
 
