@@ -31,7 +31,7 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 @click.option(
     "--field",
     metavar="NAME",
-    help="What the record is of, phi1 … B33; the driven rotation where not given.",
+    help="What the record is of, such as phi1 or u1; what is driven where not given.",
 )
 @click.option(
     "--sector",
