@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Transmission(Shown):
-    """Amplitude ratios of rotation φ and power coefficients at each ω.
+    """Amplitude ratios of macro-field φ and power coefficients at each ω.
 
     Reference planes are x = 0 (incident and reflected from the left, transmitted to the left) and
     x = L (the other three). Index 0 of the modes is the wave of the closed form k(ω).
@@ -98,8 +98,8 @@ def transmission(
         Amplitude ratios and power coefficients, which sum to 1 without loss.
 
     Raises:
-        ValueError: the sector has no rotation, ω is 0 or has Im ω < 0, or Γ is singular where it is
-            kept.
+        ValueError: the sector has no macro-field, ω is 0 or has Im ω < 0, or Γ is singular where it
+            is kept.
     """
     frequencies = np.atleast_1d(np.asarray(omega))
     growing = np.flatnonzero(frequencies.imag < 0)

@@ -35,7 +35,7 @@ jax.config.update("jax_enable_x64", True)
 
 def _as_pytree(kind: type[Medium]) -> None:
     """A medium is a pytree: jax.grad and jax.vmap go through its parameters."""
-    known = tuple(kind.known())
+    known = (*kind.known(), *kind.nested)
     others = tuple(f.name for f in dataclasses.fields(kind) if f.name not in known)
     jax.tree_util.register_dataclass(kind, data_fields=known, meta_fields=others)
 
@@ -126,13 +126,19 @@ def coefficients(
 
 
 def losses(
-    layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None, sizes: Any = None
+    layers: Layers,
+    bar: Bar,
+    block: Block,
+    reference: Medium,
+    plain: Layers | None = None,
+    sizes: Any = None,
 ) -> Losses:
     """Loss laws and absorbers over a bar.
 
     Args:
         layers: what the bar is made of; parameters may be traced by jax.
         bar: its grid.
+        block: one of those that it is for, whose inertias weigh the laws of layers that meet.
         reference: the medium whose units to scale by.
         plain: layers of plain numbers, for the absorbers, where the others are traced.
         sizes: as of :func:`coefficients`; absorbers stay as they are.
@@ -152,7 +158,7 @@ def losses(
             rates[number, cells], strengths[number, cells] = rate * time, strength
         # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
         ends = [layer.at(position) for position in x[[0, -1]]]
-        of_ends = [end.inertias[0] for end in ends]
+        of_ends = [end.part(block).inertias[0] for end in ends]
         at = np.append(np.zeros(len(x) - 1, int), 1)
         xp = module(*of_ends)
         own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
