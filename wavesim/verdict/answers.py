@@ -31,8 +31,6 @@ _DECIBELS = 20 / math.log(10)
 _MOST_MODES = 5
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
 _STOPPED, _FLOOR = -20.0, -120.0
-# A source this many times as high gets a finer grid.
-_HIGHER = 1.2
 # The key that says how high a source goes, by its kind.
 _PITCH = {
     "ricker": "peak_frequency",
@@ -110,10 +108,6 @@ def _closer(field: Field, sector: str, gap: Gap) -> str:
         if source.field in fields and source.kind in _PITCH
     ]
     if any(source.field in fields for source in field.sources):
-        now = max(source.peak_frequency for source in field.sources if source.field in fields)
-        if sets and not field.simulation.endless and pitch > _HIGHER * now:
-            # Signals are held to more than waves on a ring, and shorter waves need finer cells.
-            sets.append(f"--set bar.spacing={field.bar.spacing / math.ceil(pitch / now):.6g}")
         return " ".join(sets)
     return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {pitch:.4g}'
 
