@@ -19,6 +19,11 @@ from typing import Any
 
 _HOMES = {
     "Medium": "wavesim.material.medium",
+    "Family": "wavesim.material.family",
+    "Block": "wavesim.material.family",
+    "FluxForm": "wavesim.material.medium",
+    "Parameter": "wavesim.material.medium",
+    "together": "wavesim.material.together",
     "Bar": "wavesim.grid.bar",
     "layered_bar": "wavesim.grid.bar",
     "Layer": "wavesim.material.layers",

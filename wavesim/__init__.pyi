@@ -7,8 +7,10 @@ from wavesim.differentiable.stack_transmission import transmission as traced_tra
 from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.family import Block, Family
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import Medium
+from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.together import together
 from wavesim.readings.bar.reading import read_bar
 from wavesim.readings.dispersion.extract import extract
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
@@ -34,15 +36,19 @@ from wavesim.verdict.score import score as score
 
 __all__ = [
     "Bar",
+    "Block",
     "Chirp",
     "Damping",
+    "Family",
     "Field",
+    "FluxForm",
     "GaussianDerivative",
     "InitialField",
     "Layer",
     "Layers",
     "Layout",
     "Medium",
+    "Parameter",
     "Recorded",
     "Ricker",
     "Simulation",
@@ -70,6 +76,7 @@ __all__ = [
     "simulate",
     "sweep",
     "synthesize",
+    "together",
     "traced_fields",
     "traced_layers",
     "traced_transmission",

@@ -20,9 +20,12 @@ import click
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.arguments import CASE, SET
 from wavesim.cli.begin import cases, init, schema
+from wavesim.cli.compare import compare
 from wavesim.cli.completion import completion
+from wavesim.cli.design import design
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
+from wavesim.cli.fit import fit
 from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
@@ -227,9 +230,11 @@ def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
     from wavesim.paper.claims import CLOSURES
     from wavesim.paper.reproduction import reproduce
+    from wavesim.report.progress import parts
 
     try:
-        result = reproduce(Path(out))
+        with parts("figures") as tell:
+            result = reproduce(Path(out), tell=tell)
     except OSError as error:
         _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
     click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
@@ -265,8 +270,10 @@ _COMMANDS = (
     animate,
     bands,
     cases,
+    compare,
     completion,
     figures_of,
+    fit,
     gaps,
     init,
     inspect,
@@ -275,6 +282,7 @@ _COMMANDS = (
     score,
     sweep,
     transmission,
+    design,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

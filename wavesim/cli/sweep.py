@@ -11,7 +11,7 @@ import click
 from wavesim.cli.interrupts import farewell
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-_LOST = 3
+_STOPPED = 3
 
 
 @click.command()
@@ -26,7 +26,14 @@ _LOST = 3
 @click.option("--sample", type=int, metavar="N", help="Draw N members, in place of the grid.")
 @click.option("--sampler", type=click.Choice(["sobol", "lhs"]), default="sobol", show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the sample.")
-@click.option("--measure", type=click.Choice(["gaps", "run"]), default="gaps", show_default=True)
+@click.option(
+    "--measure",
+    type=click.Choice(["gaps", "transmission", "run"]),
+    default="gaps",
+    show_default=True,
+)
+@click.option("--band", type=(float, float), metavar="F1 F2", help="Of transmission, Hz.")
+@click.option("--points", type=int, default=200, show_default=True, help="Of transmission.")
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
@@ -42,21 +49,23 @@ _LOST = 3
 def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     """Measure CASE over ranges of its keys: sweep.zarr, and maps of it.
 
-    Gaps are computed at once. Runs go to worker processes, as many as there are cores unless
-    --workers says otherwise. Exit code 1 if a member failed, or a run fell short of a check.
+    Gaps and transmission are computed at once. Runs go to worker processes, as many as there are
+    cores unless --workers says otherwise. Exit code 1 if a member failed, or a run fell short of a
+    check.
     """
     from wavesim.case.schema import CaseError
+    from wavesim.io.result_reader import StorageError
     from wavesim.studies.sweep import sweep as described
     from wavesim.studies.variation import SweepError
 
     if options["workers"] and options["scheduler"]:
         stop("--workers, --scheduler: give one of the two", BAD_INPUT)
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    named = ("vary", "measure", "sample", "sampler", "seed", "overrides")
+    named = ("vary", "measure", "sample", "sampler", "seed", "overrides", "band", "points")
     try:
         asked = described(case, folder=folder, judge=_judge, **{n: options[n] for n in named})
         data = _measured(asked, options, quiet, folder)
-    except (CaseError, SweepError) as error:
+    except (CaseError, SweepError, StorageError) as error:
         stop(str(error), BAD_INPUT)
     except OSError as error:
         where = error.filename or folder
@@ -72,7 +81,7 @@ def _judge(case: Any, field: Any) -> Any:
 
 def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) -> Any:
     from wavesim.report.progress import members
-    from wavesim.studies.sweep_workers import LostSchedulerError
+    from wavesim.studies.sweep_workers import SweepStoppedError
 
     workers, address = options["workers"], options["scheduler"]
     if workers is None and address is None and options["measure"] == "run":
@@ -81,12 +90,9 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
     try:
         with members(asked.count, quiet) as tell, farewell(lambda: carried_on):
             return asked.go(options["resume"], workers, address, tell)
-    except LostSchedulerError:
-        stop(
-            f"--scheduler {address or 'on this machine'}: it is gone; what was done is in "
-            f"{folder}, --resume carries on",
-            _LOST,
-        )
+    except SweepStoppedError as error:
+        where = f"--scheduler {address}: " if address else ""
+        stop(f"{where}{error}; {carried_on}", _STOPPED)
 
 
 def _cores() -> int:

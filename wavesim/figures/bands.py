@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.band_axes import LINE_STYLES, TITLES, colour_of, hatch_full_gaps
+from wavesim.figures.band_axes import LINE_STYLES, colour_of, hatch_full_gaps, heading
 from wavesim.figures.style import KHZ, gap_edges, second_axes, shade
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import block_frequencies, gaps, wavenumber
@@ -39,7 +40,7 @@ def _real_panel(axes: Axes, medium: Medium, sector: str, k: np.ndarray) -> None:
 def band_figure(
     medium: Medium, k_bar_max: float = 0.5, omega_bar_max: float | None = None
 ) -> Figure:
-    """Real bands ω(k) and complex bands k(ω) of every sector, side by side.
+    """Real bands ω(k) and complex bands k(ω) of every sector, side by side; a row for each family.
 
     Where waves travel the left panel is Im k of the one root that decays, the right panel the real
     branches; a sector of micro-fields alone has no propagating root.
@@ -52,6 +53,24 @@ def band_figure(
     Returns:
         The figure, not yet saved.
     """
+    widths = [_widths(part) for part in medium.parts]
+    size = (1.6 * max(map(sum, widths)) + 0.2, 5.2 * len(widths))
+    figure = Figure(figsize=size, layout="constrained")
+    rows = figure.subfigures(len(widths), 1, squeeze=False)[:, 0]
+    for row, part, own in zip(rows, medium.parts, widths, strict=True):
+        _of_family(row, part, own, k_bar_max, omega_bar_max)
+    return figure
+
+
+def _widths(medium: Medium) -> list[float]:
+    """Of panels: wide ones for real branches, a narrow one of complex k before what travels."""
+    family = medium.family
+    return [w for s in family.unlike for w in ((1, 1.7) if s in family.travelling else (1.7,))]
+
+
+def _of_family(
+    figure: Any, medium: Medium, widths: list[float], k_bar_max: float, omega_bar_max: float | None
+) -> None:
     sectors, travelling = medium.family.unlike, medium.family.travelling
     edges = [gap.upper for sector in sectors for gap in gaps(medium, sector)]
     scale = float(medium.time_scale)
@@ -59,9 +78,6 @@ def band_figure(
     end = k_bar_max * 2 * math.pi / float(medium.length_scale)
     k, omega = np.linspace(0.0, end, 601), np.linspace(1e-3 * top, top, 4001)
 
-    # Wide panels are real branches; a narrow one of complex k stands before each that travels.
-    widths = [w for s in sectors for w in ((1, 1.7) if s in travelling else (1.7,))]
-    figure = Figure(figsize=(1.6 * sum(widths) + 0.2, 5.2), layout="constrained")
     panels = figure.subplots(
         1, len(widths), sharey=True, squeeze=False, gridspec_kw={"width_ratios": widths}
     )[0]
@@ -75,7 +91,7 @@ def band_figure(
             shade(left, gap_edges(medium, sector), upright=False, named=False)
         right = next(left_over)
         _real_panel(right, medium, sector, k)
-        right.set_title(TITLES.get(sector, sector), fontsize=10)
+        right.set_title(heading(medium.family, sector), fontsize=10)
         shade(right, gap_edges(medium, sector), upright=False)
         right.set_xlim(0.0, end * 1e-3)
         right.legend(loc="lower right", fontsize=8, framealpha=0.95)
@@ -86,7 +102,6 @@ def band_figure(
     panels[0].set_ylabel("ω/2π (kHz)")
     second_axes(panels[-1], None, (scale / KHZ, "ω̄"))
     figure.suptitle(
-        f"{medium.family.name}, {medium.in_words};  grey: gap, hatched: no wave of any kind",
+        f"{medium.in_words};  grey: gap, hatched: no wave of any kind",
         fontsize=10,
     )
-    return figure

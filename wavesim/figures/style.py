@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wavesim.material.family import Block, known_field
+from wavesim.material.family import Block, known_field, sector_words
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import gaps
 
@@ -45,8 +45,6 @@ LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "p
 KHZ = 1 / (2e3 * np.pi)
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
-# Words for what a sector is called in code.
-SECTORS = {"transverse2": "transverse", "transverse3": "transverse", "inplane": "in-plane shear"}
 
 
 def symbol(name: str) -> str:
@@ -71,7 +69,7 @@ def title(blocks: Sequence[Block]) -> str:
             continue
         terms = [("+ " if w > 0 else "− ") + symbol(name) for name, w in part.items()]
         held[" ".join(terms).removeprefix("+ ")] = None
-    return f"{SECTORS.get(sector, sector)}: {', '.join(held)}"
+    return f"{sector_words(sector)}: {', '.join(held)}"
 
 
 def decibels(amplitude: Any, reference: float) -> np.ndarray:

@@ -230,6 +230,11 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             }
             for name, curve in (("T", line[1]), ("R", line[2]))
         }
+        own = found["transmission"][one.sector]
+        for name, real in (("T", one.T_real), ("R", one.R_real)):
+            if real is not None:
+                own["real_frequency"] = (one.omega * _HERTZ).tolist()
+                own[name]["real"] = _levels(real)
     for two in reading.cells:
         fine, q = two.line or (two.omega, two.q_exact)
         some = _some(len(fine), _FINE)

@@ -116,3 +116,29 @@ def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]
             bar.update(task, completed=done, failed=f", {failed} failed" if failed else "")
 
         yield tell
+
+
+@contextmanager
+def parts(what: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """Show how many of some parts are done while it lasts, and how long the rest takes.
+
+    Args:
+        what: they are, such as "figures".
+        quiet: show nothing; nothing is shown where there is no terminal either.
+
+    Yields:
+        What to call with the parts done and all there are.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, of: None
+        return
+    with Progress(
+        TextColumn(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}"),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+        task = bar.add_task(what, total=1)
+        yield lambda done, of: bar.update(task, completed=done, total=of)

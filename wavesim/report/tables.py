@@ -14,6 +14,7 @@ from rich.text import Text
 from wavesim.case.load import Case
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
+from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
@@ -25,11 +26,6 @@ from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
-_SECTORS = {
-    "longitudinal": "longitudinal",
-    "transverse2, transverse3": "transverse",
-    "inplane": "in-plane",
-}
 # Checks that fell short, of which the terminal tells.
 _MOST_SHORT = 12
 # Columns that fit into 80 characters only side by side.
@@ -90,22 +86,21 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
     console.print(sentence(summary), soft_wrap=True)
     for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
         alike = [check for check in short if check.get("remedy", "") == remedy]
-        for check in alike[:_MOST_SHORT]:
-            console.print(Text("FAIL", "bold red"), _short_line(check), soft_wrap=True)
+        names = [short_name(check["name"]) for check in alike[:_MOST_SHORT]]
+        told = ", ".join(dict.fromkeys(names)) + (f": {remedy}." if remedy else "")
+        console.print(Text("FAIL", "bold red"), told, soft_wrap=True)
+        for check, name in zip(alike, names, strict=False):
+            console.print(f"     {name} is {_off(check)}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
-        if remedy:
-            console.print(f"     To mend it: {remedy}.", soft_wrap=True)
 
 
-def _short_line(check: dict[str, Any]) -> str:
+def _off(check: dict[str, Any]) -> str:
     """What was measured where a check fell short, and what was allowed."""
     reference = f"{number(check['reference'])} ± " if check["reference"] else ""
     unit = "" if check["unit"] == "–" else f" {check['unit']}"
-    return (
-        f"{short_name(check['name'])}: {number(check['measured'])}{unit}, allowed "
-        f"{reference}{number(check['tolerance'])}{unit}"
-    )
+    measured, allowed = number(check["measured"]), number(check["tolerance"])
+    return f"{measured}{unit}, allowed {reference}{allowed}{unit}"
 
 
 def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
@@ -124,7 +119,7 @@ def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"{medium.family.name}, {medium.in_words}; ω̄ = 1 is "
+        ("medium", f"{medium.in_words}; ω̄ = 1 is "
                    f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
@@ -218,7 +213,7 @@ def bands(
     for row in rows:
         gap = row["gap"]
         table.add_row(
-            _SECTORS[row["sector"]],
+            sector_words(*row["sector"].split(", ")),
             row["branch"],
             _kHz(row["cutoff_hz"]),
             _kHz(row["asymptote_hz"]),

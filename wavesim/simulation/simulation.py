@@ -98,7 +98,10 @@ class Simulation(Shown):
             except ValueError as error:
                 raise ValueError(f"receivers, {name!r}: {error}") from None
         for medium in self.layers.media:
+            if medium.family is not self.medium.family:
+                raise ValueError("layers: the media of a bar must be of one family")
             check_hyperbolic(medium)
+        self.blocks  # noqa: B018  (says which source drives none)
         if self.samples is None and self.frames < _FEWEST_FRAMES:
             raise ValueError(
                 f"duration = {self.duration:g}: holds only {self.frames} frames of signals so "
@@ -192,7 +195,7 @@ def simulation(
 
 
 def at_double_moment(simulated: Simulation, position: float) -> bool:
-    """Whether a place is that of a point source on a micro-curvature, which is infinite there."""
+    """Whether a place is that of a point source on a micro-field, which is infinite there."""
     return any(
         source.staggered
         and source.acts == "body"

@@ -10,14 +10,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from wavesim.io.folder_lock import locked
 from wavesim.studies.gap_sweep import gap_measure
 from wavesim.studies.run_sweep import Judge, run_measure
 from wavesim.studies.sweep_case import SweptCase, swept_case
 from wavesim.studies.sweep_store import Store
-from wavesim.studies.sweep_workers import here, pool
+from wavesim.studies.sweep_workers import SweepStoppedError, here, pool
 from wavesim.studies.variation import Axis, Region, SweepError, variation
 
-MEASURES = ("gaps", "run")
+MEASURES = ("gaps", "transmission", "run")
 DATASET = "sweep.zarr"
 # Called with the members done, failed, and all there are.
 Progress = Callable[[int, int, int], None]
@@ -62,8 +63,9 @@ class Sweep:
 
         Raises:
             SweepError: there is nothing to carry on, or no workers.
-            LostSchedulerError: the scheduler is gone; what was written stays.
-            OSError: the dataset can't be written.
+            SweepStoppedError: the scheduler is gone, or nothing more can be written.
+            StorageError: another run or sweep writes there.
+            OSError: the dataset can't be begun.
         """
         store, tell = self.store, progress or (lambda done, failed, of: None)
         with ExitStack() as until_the_end:
@@ -71,10 +73,11 @@ class Sweep:
             if scheduler is not None or workers is not None:
                 work = until_the_end.enter_context(pool(workers, scheduler))
             done = 0
+            store.path.parent.mkdir(parents=True, exist_ok=True)
+            until_the_end.enter_context(locked(store.path.parent))
             if resume:
                 done = store.carry_on()
             else:
-                store.path.parent.mkdir(parents=True, exist_ok=True)
                 store.create()
             tell(done, store.failed, self.count)
             jobs = ((region, self._prepared(region)) for region in store.pending)
@@ -86,7 +89,11 @@ class Sweep:
                     (found, messages), seconds = result
                 if members == len(messages) and any(messages) and members == 1:
                     found = {}
-                store.write(region, found, messages, seconds / members, time.time())
+                try:
+                    store.write(region, found, messages, seconds / members, time.time())
+                except OSError as error:
+                    told = f"{store.path}: can't be written: {error.strerror}"
+                    raise SweepStoppedError(told) from error
                 done += members
                 tell(done, store.failed, self.count)
         return store.open()
@@ -117,19 +124,24 @@ def sweep(
     folder: str | Path = "outputs",
     overrides: Sequence[str] = (),
     judge: Judge | None = None,
+    band: tuple[float, float] | None = None,
+    points: int = 200,
 ) -> Sweep:
     """Describe a sweep; its ``go`` measures it.
 
     Args:
         case: path of the case file.
         vary: keys and their ranges, KEY=FROM:TO:N each, KEY as of ``--set``.
-        measure: "gaps" (edges of all gaps, rad/s), or "run" (signals at the receivers, SI).
+        measure: "gaps" (edges of all gaps, rad/s), "transmission" (T and R at real frequencies), or
+            "run" (signals at the receivers, SI).
         sample: number of members drawn from the box of the ranges; None takes the grid.
         sampler: "sobol" or "lhs".
         seed: of the sample.
         folder: where the dataset, sweep.zarr, goes.
         overrides: "table.key=value", laid over every member.
         judge: of runs, such as :func:`wavesim.runner.measure`; None stores signals alone.
+        band: of transmission, Hz; by default what the half-spaces' first band holds.
+        points: of transmission, number of frequencies.
 
     Raises:
         CaseError: the case can't be used.
@@ -139,7 +151,15 @@ def sweep(
         raise SweepError(f"--measure {measure}: must be one of {', '.join(MEASURES)}")
     varied = variation(vary, sample, sampler, seed)
     swept = swept_case(case, varied, overrides)
-    made: Any = gap_measure(swept) if measure == "gaps" else run_measure(swept, judge)
+    made: Any
+    if measure == "gaps":
+        made = gap_measure(swept)
+    elif measure == "transmission":
+        from wavesim.studies.transmission_sweep import transmission_measure
+
+        made = transmission_measure(swept, band, points)
+    else:
+        made = run_measure(swept, judge)
     told = {
         "measure": measure,
         "case": swept.text,
@@ -148,6 +168,8 @@ def sweep(
         "sampler": varied.sampler,
         "members": varied.count,
         "seed": varied.seed,
+        "band": None if band is None else list(band),
+        "points": points,
         "wavesim_version": version("wavesim"),
     }
     return Sweep(swept, made, Store(Path(folder) / DATASET, varied, made.layout, told))

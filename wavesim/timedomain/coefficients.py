@@ -35,7 +35,7 @@ jax.config.update("jax_enable_x64", True)
 
 def _as_pytree(kind: type[Medium]) -> None:
     """A medium is a pytree: jax.grad and jax.vmap go through its parameters."""
-    known = tuple(kind.known())
+    known = (*kind.known(), *kind.nested)
     others = tuple(f.name for f in dataclasses.fields(kind) if f.name not in known)
     jax.tree_util.register_dataclass(kind, data_fields=known, meta_fields=others)
 
@@ -126,18 +126,27 @@ def coefficients(
 
 
 def losses(
-    layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None, sizes: Any = None
+    layers: Layers,
+    bar: Bar,
+    block: Block,
+    reference: Medium,
+    plain: Layers | None = None,
+    sizes: Any = None,
 ) -> Losses:
     """Loss laws and absorbers over a bar.
 
     Args:
         layers: what the bar is made of; parameters may be traced by jax.
         bar: its grid.
+        block: one of those that it is for: absorbers and what layers that meet are to it differ by
+            family.
         reference: the medium whose units to scale by.
         plain: layers of plain numbers, for the absorbers, where the others are traced.
         sizes: as of :func:`coefficients`; absorbers stay as they are.
     """
     time = float(scales(reference).time)
+    layers = layers.mapped(lambda medium: medium.part(block))
+    plain = layers if plain is None else plain.mapped(lambda medium: medium.part(block))
     laws = [layer.medium.damping for layer in layers.layers]
     count, points = max(len(law.rates) for law in laws), len(bar.nodes)
     mass_half, stiffness = np.zeros(points), np.zeros(points)
@@ -157,8 +166,8 @@ def losses(
         xp = module(*of_ends)
         own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
         drag, inertia = drag + law.mass * time * own, inertia + own
-    at_node, _ = absorption(plain or layers, bar, bar.nodes)
-    inner, calm = absorption(plain or layers, bar, bar.half_nodes)
+    at_node, _ = absorption(plain, bar, bar.nodes)
+    inner, calm = absorption(plain, bar, bar.half_nodes)
     mass_node = _joined(bar, drag) / _joined(bar, inertia)
     return Losses(
         mass_node=mass_node,

@@ -26,7 +26,7 @@ from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
 from wavesim.timedomain.moments_in_time import signals
-from wavesim.timedomain.operator import operator
+from wavesim.timedomain.operator import Operator, operator
 from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
@@ -61,6 +61,10 @@ def traced_fields(
     planned: Simulation,
     receivers: Sequence[float] | None = None,
     thicknesses: Any = None,
+    *,
+    law: tuple[Any, Any] | None = None,
+    fastest: Layers | None = None,
+    forward: bool = False,
 ) -> dict[str, jax.Array]:
     """The fields of a run as jax arrays, a pure function of its media and its layers' thicknesses.
 
@@ -88,6 +92,11 @@ def traced_fields(
         receivers: positions, m; None for the whole grid.
         thicknesses: of the layers, shape (layers,), m, in place of those that they have; may be
             traced.
+        law: unrelaxed modulus m_U over the medium's own, –, and strengths Y_l, shape (mechanisms,),
+            in place of those of the plan's law, which must be one for all layers; may be traced.
+        fastest: layers for which the step is chosen, in place of the plan's.
+        forward: whether derivatives are of forward mode, ``jax.jvp`` and ``jax.jacfwd``: for few
+            parameters and many values.
 
     Returns:
         {field: shape (frames, receivers) or (frames, points)}, rad or 1/m, at ``planned.times``.
@@ -100,10 +109,11 @@ def traced_fields(
     if sizes is not None:
         layers = _placed(layers, planned)
     given = as_layers(layers, planned.bar.length)
-    step = time_step(dataclasses.replace(planned, solver="chebyshev"))
-    _check(given, planned)
+    quickest = planned if fastest is None else dataclasses.replace(planned, layers=fastest)
+    step = _in_units_of(planned, quickest, time_step(_by_series(quickest)))
+    _check(given, planned, quickest)
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
-    by_moments = receivers is not None and not planned.lossy
+    by_moments = receivers is not None and not planned.lossy and not forward
     kept = planned.with_gradient
     if by_moments:
         kept = planned.gradient_felt
@@ -114,6 +124,8 @@ def traced_fields(
         for value in one.of_gradient
     )
     A = operator(given, bar, blocks, medium, kept, planned.layers, sizes)
+    if law is not None:
+        A = _under_law(A, planned, *law)
     grid = None if sizes is None else TracedGrid(bar, sizes)
     terms = source_terms(planned.sources, medium, bar, blocks, A, grid)
     start = initial_state(planned.sources, medium, bar, blocks, A)
@@ -122,15 +134,15 @@ def traced_fields(
         initial = any(source.acts == "initial" for source in planned.sources)
         pairs = signals(A, terms, start if initial else None, places, bar, step)
     else:
-        pairs = _integrated(_Recorded(A, terms, *places), start, step)
+        pairs = _integrated(_Recorded(A, terms, *places), start, step, forward)
     fields = to_fields(pairs, blocks, medium)
     if receivers is None:
         fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
-    fits = _fits(given, planned, sizes)
+    fits = _fits(given, quickest, sizes)
     return {name: jnp.where(fits, values, jnp.nan) for name, values in fields.items()}
 
 
-def _integrated(equation: _Recorded, start: Any, step: TimeStep) -> Any:
+def _integrated(equation: _Recorded, start: Any, step: TimeStep, forward: bool) -> Any:
     """(φ, B) of each group as the series steps them, with a first axis of frames."""
     begun = jax.tree.map(jnp.asarray, Motion(start, 0.0))
     seen, _ = advance(
@@ -141,10 +153,41 @@ def _integrated(equation: _Recorded, start: Any, step: TimeStep) -> Any:
         step.step,
         step.frames - 1,
         step.per_frame,
-        diffrax.RecursiveCheckpointAdjoint(),
+        diffrax.ForwardMode() if forward else diffrax.RecursiveCheckpointAdjoint(),
     )
     first = equation.observe(begun)
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
+
+
+def _by_series(planned: Simulation) -> Simulation:
+    return dataclasses.replace(planned, solver="chebyshev")
+
+
+def _in_units_of(planned: Simulation, other: Simulation, step: TimeStep) -> TimeStep:
+    """A time step in the scaled time of one simulation, from that of another."""
+    ratio = float(scales(other.medium).time) / float(scales(planned.medium).time)
+    return dataclasses.replace(
+        step, step=step.step * ratio, radius=step.radius / ratio, shift=step.shift / ratio
+    )
+
+
+def _under_law(A: Operator, planned: Simulation, unrelaxed: Any, strengths: Any) -> Operator:
+    """The operator with another unrelaxed modulus and other strengths of relaxation."""
+    (own, *others) = [layer.medium.damping for layer in planned.layers.layers]
+    if any(other != own for other in others) or own.mass or own.stiffness:
+        raise ValueError("law: the plan's layers must have one law of relaxations for all")
+    factor = unrelaxed / own.unrelaxed
+    groups = []
+    for group in A.groups:
+        c = dataclasses.replace(
+            group.c,
+            stiffness=group.c.stiffness * factor,
+            gradient=None if group.c.gradient is None else group.c.gradient * factor,
+        )
+        placed = jnp.where(group.losses.strengths > 0, strengths[:, None], 0.0)
+        losses = dataclasses.replace(group.losses, strengths=placed)
+        groups.append(dataclasses.replace(group, c=c, losses=losses))
+    return Operator(tuple(groups))
 
 
 def _sizes(thicknesses: Any, planned: Simulation) -> Any:
@@ -212,7 +255,7 @@ def _largest(matrix: Any) -> Any:
     return jnp.exp(log + jnp.log(jnp.sqrt(jnp.sum(power**2))) / 2**7)
 
 
-def _check(given: Layers, planned: Simulation) -> None:
+def _check(given: Layers, planned: Simulation, quickest: Simulation) -> None:
     """Hold layers to those of the plan, as far as their numbers are known."""
     of_plan = planned.layers.layers
     if len(given.layers) != len(of_plan):
@@ -229,7 +272,9 @@ def _check(given: Layers, planned: Simulation) -> None:
             if getattr(layer.medium, name) != getattr(plain.medium, name):
                 raise ValueError(f"{name} (layer {number}): must be that of the plan's layer")
         known.append(_plain(layer) or plain)
-    most = highest_frequency(planned)
+    # Both in the plan's units: each has those of its own medium.
+    unit = float(scales(planned.medium).time) / float(scales(quickest.medium).time)
+    most = highest_frequency(quickest) * unit
     here = highest_frequency(planned, Layers(tuple(known)))
     if here > most * (1 + 1e-9):
         raise ValueError(
@@ -247,11 +292,9 @@ def _plain(layer: Layer) -> Layer | None:
     """A layer with its parameters as floats; None where one of them is traced."""
     made = []
     for medium in _ends(layer):
-        values = {name: getattr(medium, name) for name in medium.known()}
-        if any(isinstance(value, jax.core.Tracer) for value in values.values()):
+        if any(isinstance(value, jax.core.Tracer) for value in jax.tree.leaves(medium)):
             return None
-        plain: dict[str, Any] = {name: v if v is None else float(v) for name, v in values.items()}
-        made.append(dataclasses.replace(medium, **plain))
+        made.append(jax.tree.map(float, medium))
     return dataclasses.replace(layer, medium=made[0], last=made[1] if made[1:] else None)
 
 

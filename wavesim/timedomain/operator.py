@@ -172,10 +172,10 @@ class Group(eqx.Module):
     def bending(self, B: Any) -> tuple[Any, Any]:
         """Slope g(B) at nodes, and Γ g over the length of each."""
         slope = -self.QT(B) / self.node_norm
-        moment = self.c.gradient[:, 0] * slope[0]
+        force = self.c.gradient[:, 0] * slope[0]
         for j in range(1, len(slope)):
-            moment = moment + self.c.gradient[:, j] * slope[j]
-        return slope, moment
+            force = force + self.c.gradient[:, j] * slope[j]
+        return slope, force
 
     def rate(self, y: State) -> State:
         """A y."""
@@ -253,10 +253,10 @@ def operator(
             D, scale=D.scale / ratio, factors=D.factors / ratio[D.rows][:, None]
         )
         known = D, QT, half_norm * ratio, node_norm(layers, bar, sizes) / length
-    law = losses(layers, bar, reference, plain, sizes)
     held = held_nodes(bar)
     groups = []
     for stacked in grouped(blocks):
+        law = losses(layers, bar, stacked[0], reference, plain, sizes)
         c = coefficients(layers, bar, stacked, reference, with_gradient, sizes)
         free = np.where(held, 0.0, 1.0) / c.node_mass
         groups.append(Group(*known, c, free, law))

@@ -68,7 +68,7 @@ class SourceTerms(eqx.Module):
         amplitude: of each source that has a signal, an initial field has none; shape (sources,).
         time: s in one scaled unit of time.
         signals: their signals at amplitude 1, each once; which: of them is each source's.
-        turning: sources that prescribe the rotation of an end and do work by it: of two that turn
+        turning: sources that prescribe φ at an end and do work by it: of two that turn
             one end, one.
     """
 
@@ -90,13 +90,13 @@ class SourceTerms(eqx.Module):
         return max((signal.end for signal in self.signals), default=0.0) / self.time
 
     def at(self, t: Any) -> Any:
-        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
+        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a prescribed g."""
         return self._of_each([self._driving(source)(t) for source in self.signals], t)
 
     def sampled(self, t: Any, nodes: Any, weights: Any, h: Any) -> Any:
         """ŝ_j of the step from t, at its nodes, shape (sources, nodes).
 
-        That of a rotation is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
+        That of a prescribed g is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
         the changes of ġ and g: an end follows g where g̈ has kinks or jumps too, and does not drift.
         """
         made = []
@@ -121,7 +121,7 @@ class SourceTerms(eqx.Module):
         return amplitude * jnp.stack(made)[np.array(self.which)]
 
     def _driving(self, source: Source) -> Callable[[Any], Any]:
-        """What drives: a signal, or the second derivative of a rotation."""
+        """What drives: a signal, or the second derivative of a prescribed φ."""
         signal = self._signal(source)
         return derivative(derivative(signal)) if source.acts == "prescribed" else signal
 
@@ -202,7 +202,7 @@ def _line(
     units = scales(medium)
     end = np.array([0 if source.position < bar.length / 2 else bar.cells])
     if source.acts == "prescribed":
-        return end, np.full(1, 1 / float(units.macro))
+        return end, np.full(1, 1 / float(units.unit(source.field)))
     if grid is not None:
         known = group.half_norm if source.staggered else group.node_norm
         own: Any = end
@@ -227,7 +227,7 @@ def _line(
 def _points(
     sources: Sequence[Source], lines: Sequence[Any], parts: Sequence[Any], group: Group, kind: int
 ) -> Points:
-    """G of all sources on the rotations (kind 0) or micro-curvatures (1) of a group."""
+    """G of all sources on the macro-fields (kind 0) or micro-fields (1) of a group."""
     where: list[Any] = [np.zeros((3, 0), int)]
     points: list[Any] = [np.zeros(0, int)]
     weights: list[Any] = [np.zeros(0)]

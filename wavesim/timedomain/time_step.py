@@ -212,8 +212,8 @@ def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> f
     """R ≥ every frequency of a bar, scaled.
 
     By Rayleigh's quotient: at each point the strains (κ, B) are at most (‖D‖ φ, B) in size, so no
-    ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each rotation, against
-    the inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
+    ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each φ, against the
+    inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
     the fastest of its parts.
 
     Args:

@@ -62,7 +62,7 @@ class Reading:
         for group, members in parts:
             for member in members:
                 for name, value in vars(member).items():
-                    if name not in ("sector", "line"):
+                    if name not in ("sector", "line") and value is not None:
                         path = f"{group}/{member.sector}/{name}"
                         found[path] = np.asarray(value), _UNITS.get(name, "–")
         for test in self.pulses:
@@ -90,7 +90,7 @@ class Expected:
 
     Attributes:
         signals: {receiver: {field: signal (nt,)}}, rad and 1/m; none inside an absorber, which is
-            no part of the bar that it ends, and none on a point source of a micro-curvature.
+            no part of the bar that it ends, and none on a point source of a micro-field.
         specimens, repeated, eigenfrequencies: by sector, of those that have them.
         refused: why the exact solvers do not have some of it.
     """
