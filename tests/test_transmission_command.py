@@ -32,9 +32,9 @@ def transfer(layers, sector, omega):
         state = np.array([[c, s / (D * k)], [-D * k * s, c]]).transpose(2, 0, 1) @ state
     one, two = 1j * wave[0] * stiff[0], 1j * wave[-1] * stiff[-1]
     (a, b), (c, d) = state[:, 0].T, state[:, 1].T
-    # σ = two φ behind; 1 + R and one (1 − R) before.
-    R = (c + d * one - two * (a + b * one)) / (two * (a - b * one) - (c - d * one))
-    return (a + b * one) + R * (a - b * one), R
+    # 1 + R = (d − b two) T and one (1 − R) = (a two − c) T, as det = 1.
+    T = 2 / (d - b * two + (a * two - c) / one)
+    return T, (d - b * two) * T - 1
 
 
 @pytest.fixture

@@ -230,7 +230,7 @@ def _resolved(
     file: CaseFile, known: BarLayers, bar: Bar, absorber: float, sources: Sequence[Source]
 ) -> dict[str, Any]:
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
-    tables = file.model_dump(by_alias=True)
+    tables = file.model_dump(by_alias=True, exclude={"design"})
     own = file.medium.build()
     own = known.medium
     tables["medium"] |= own.keys | own.parameters

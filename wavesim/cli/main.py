@@ -22,6 +22,7 @@ from wavesim.cli.arguments import CASE, SET
 from wavesim.cli.begin import cases, init, schema
 from wavesim.cli.compare import compare
 from wavesim.cli.completion import completion
+from wavesim.cli.design import design
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.fit import fit
@@ -279,6 +280,7 @@ _COMMANDS = (
     score,
     sweep,
     transmission,
+    design,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

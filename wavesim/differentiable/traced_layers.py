@@ -14,6 +14,8 @@ from wavesim.material.layers import Grading, Layers
 from wavesim.material.medium import Medium
 from wavesim.planewave.band_edges import keeps_gradient
 
+jax.config.update("jax_enable_x64", True)
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)

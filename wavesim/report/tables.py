@@ -85,22 +85,21 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
     console.print(sentence(summary), soft_wrap=True)
     for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
         alike = [check for check in short if check.get("remedy", "") == remedy]
-        for check in alike[:_MOST_SHORT]:
-            console.print(Text("FAIL", "bold red"), _short_line(check), soft_wrap=True)
+        names = [short_name(check["name"]) for check in alike[:_MOST_SHORT]]
+        told = ", ".join(dict.fromkeys(names)) + (f": {remedy}." if remedy else "")
+        console.print(Text("FAIL", "bold red"), told, soft_wrap=True)
+        for check, name in zip(alike, names, strict=False):
+            console.print(f"     {name} is {_off(check)}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
-        if remedy:
-            console.print(f"     To mend it: {remedy}.", soft_wrap=True)
 
 
-def _short_line(check: dict[str, Any]) -> str:
+def _off(check: dict[str, Any]) -> str:
     """What was measured where a check fell short, and what was allowed."""
     reference = f"{number(check['reference'])} ± " if check["reference"] else ""
     unit = "" if check["unit"] == "–" else f" {check['unit']}"
-    return (
-        f"{short_name(check['name'])}: {number(check['measured'])}{unit}, allowed "
-        f"{reference}{number(check['tolerance'])}{unit}"
-    )
+    measured, allowed = number(check["measured"]), number(check["tolerance"])
+    return f"{measured}{unit}, allowed {reference}{allowed}{unit}"
 
 
 def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
