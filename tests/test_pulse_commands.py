@@ -56,8 +56,8 @@ def test_a_series_may_be_columns_of_one_file(tmp_path):
     table = np.column_stack([1e3 * t, sent, *(got for _, _, got in made)])
     heading = "Time (ms);Input (V);" + ";".join(f"{s:g} kPa (mV)" for s in STRESS)
     np.savetxt(file, table, "%.7g", ";", header=heading, comments="")
-    answer = pulse(file, "--input", "Input (V)", "--distance", 0.12,
-                   "--against", "stress=5,10,20,40,80", "--json", "--out", tmp_path / "out")  # fmt: skip
+    given = ["--input", "Input (V)", "--distance", 0.12, "--against", "stress=5,10,20,40,80"]
+    answer = pulse(file, *given, "--json", "--out", tmp_path / "out")
     assert answer.exit_code == 0, answer.output
     found = json.loads(answer.output)
     speed = np.array([one["best"]["velocity"] for one in found["records"]])
