@@ -97,6 +97,23 @@ def test_a_fault_costs_nothing_and_is_said(name):
     assert one.origin.record.notes
 
 
+@pytest.mark.parametrize("size", [0.1, 1.0])
+def test_hum_of_many_periods_is_taken_out(size):
+    t, x = np.arange(4000) * 1e-4, 2 + 0.25 * np.arange(N)
+    clean = ricker(t[:, None] - 0.15 - x / 300, 200.0)
+    clean = clean + 1e-3 * np.random.default_rng(3).standard_normal(clean.shape)
+    hum = size * np.sin(2 * np.pi * 49.97 * t + 0.3)[:, None]
+    errors = []
+    for values in (clean, clean + hum):
+        found = from_arrays({"t": t, "x": x, "values": values})
+        (one,) = attenuation([RecordOfMedium("a", found)], (60.0, 400.0), 24)
+        points = one.points.take(one.points.valid)
+        assert len(points) >= 22
+        errors.append(np.median(np.abs(points.k * 300 / points.omega - 1)))
+    assert errors[1] < 2 * errors[0]
+    assert [f.what for f in found.findings][0] == "hum"
+
+
 def test_no_fault_is_found_where_there_is_none():
     assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()
 
