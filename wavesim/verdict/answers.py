@@ -141,12 +141,15 @@ def of_bar(field: Field, reading: Reading) -> Answers:
     Returns:
         "transmission": each band where T is below −20 dB, its ends measured and exact (Hz) and the
         level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes;
-        "eigenfrequencies": the lowest (Hz); "velocities": of a pulse by each convention (m/s);
-        "quality": median Q between receivers, and that of the loss law.
+        "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
+        receiver by their first breaks (s), what comes before another as its precursor;
+        "velocities": of a pulse by each convention (m/s); "quality": median Q between
+        receivers, and that of the loss law.
     """
     found: Answers = {
         "transmission": [row for one in reading.scattered for row in _levels(field, one)],
         "eigenfrequencies": [row for one in reading.ringing for row in _modes(one)],
+        "arrivals": _arrivals(field, reading),
         "velocities": [row for one in reading.pulses for row in _speeds(one)],
         "quality": [row for one in reading.pulses for row in _quality(one)],
     }
@@ -250,6 +253,32 @@ def _speeds(test: PulseTest) -> list[Row]:
         }
         for convention, one in test.result.velocities.items()
         if math.isfinite(one.velocity)
+    ]
+
+
+def _arrivals(field: Field, reading: Reading) -> list[Row]:
+    """Waves by name at the farthest receiver, in the order in which they arrive."""
+    waves = field.medium.family.waves
+    found = []
+    for test in (one for one in reading.pulses if one.sector in waves):
+        times = test.result.arrivals["first break"].time
+        if np.isfinite(times).any():
+            last = int(np.nanargmax(times))
+            name = test.result.record.names[last]
+            found.append((float(times[last]), waves[test.sector], test.name, name))
+    found.sort()
+    if len({wave for _, wave, _, _ in found}) < 2:
+        return []
+    latest, main, *_ = found[-1]
+    return [
+        {
+            "arrival": f"{wave} wave" if wave == main else f"{wave} precursor",
+            "field": name,
+            "receiver": receiver,
+            "time": time,
+            "ahead": latest - time,
+        }
+        for time, wave, name, receiver in found
     ]
 
 
