@@ -111,7 +111,7 @@ def test_hum_of_many_periods_is_taken_out(size):
         assert len(points) >= 22
         errors.append(np.median(np.abs(points.k * 300 / points.omega - 1)))
     assert errors[1] < 2 * errors[0]
-    assert [f.what for f in found.findings][0] == "hum"
+    assert "hum" in {f.what for f in found.findings}
 
 
 def test_no_fault_is_found_where_there_is_none():
