@@ -196,6 +196,18 @@ def test_a_ring_with_faults_is_read_as_without(fault):
     assert np.abs(points.omega / (2000 * points.k) - 1).max() < 1e-5
 
 
+def test_channels_round_a_ring_are_held_against_its_waves():
+    t, x, u = ring()
+    u[:, 7] *= -1
+    found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
+    assert [(f.what, f.where) for f in found.findings] == [("reversed", "x = 0.007 m")]
+    u[:, 7] *= -1
+    u[:, [3, 9]] = u[:, [9, 3]]
+    found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
+    with pytest.raises(RecordError, match=r"receivers at x = 0\.003, 0\.009 m do not fit"):
+        dispersion([RecordOfMedium("ring", found)])
+
+
 def test_a_ring_driven_within_the_record_asks_when_it_is_free():
     t, x, u = ring()
     driven = u * np.minimum(1, np.maximum(0, t / t[-1] - 0.1) * 3)[:, None] ** 2
