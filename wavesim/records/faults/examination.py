@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults import quantisation
-from wavesim.records.faults.baseline import without_baseline
+from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, clocks, duplicates, misfits
 from wavesim.records.faults.clipping import clipped, once_each, without_stuck
 from wavesim.records.faults.fill_values import without_fill, without_spikes
@@ -87,6 +87,7 @@ def levels(
     """Offset, drift and hum taken out; where each channel is at rest."""
     resting = []
     for c in range(len(values)):
+        values[c] = without_early_hum(values[c], t, x, labels, found)
         own = rest(values[c], quantum)
         before = len(found)
         values[c] = without_baseline(values[c], t, x, labels, quantum, own, found)
