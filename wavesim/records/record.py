@@ -425,10 +425,11 @@ def _living(
     if not dead.any():
         return ~dead
     where = places(x, dead, labels)
-    if len(x) - dead.sum() < min(2, len(x)):
+    least_living = min(2, len(x))
+    if len(x) - dead.sum() < least_living:
         raise RecordError(
             f"{dead.sum()} of {len(x)} receivers are dead or mostly missing ({where}); at "
-            "least 2 must live"
+            f"least {least_living} must live"
         )
     if ring:
         raise RecordError(

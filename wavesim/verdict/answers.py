@@ -19,7 +19,7 @@ from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
-from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.verdict.endless import Held
 
@@ -162,6 +162,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     if not judged.any():
         return []
     level, exact = _level(found.T), _level(found.T_exact)
+    real = None if found.T_real is None else _level(found.T_real)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
     inner = field.layers.layers[1:-1] or field.layers.layers
@@ -194,18 +195,9 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": _at_real(field, found.sector, found.omega[at]),
+            "level_at_real_frequency": None if real is None else _number(real[at]),
         }
     return rows
-
-
-def _at_real(field: Field, sector: str, omega: float) -> float | None:
-    """Level of T at real ω, dB; None where a graded layer has an asymptote there."""
-    try:
-        T, _ = exact_scattering(field.layers, sector, np.array([omega + 0j]))
-    except ValueError:
-        return None
-    return float(_level(T)[0])
 
 
 def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float]]:
