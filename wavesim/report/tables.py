@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wavesim.case.load import Case, highest_frequency
+from wavesim.case.load import Case
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
@@ -19,6 +19,7 @@ from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
+from wavesim.simulation.carried import highest_frequency
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost

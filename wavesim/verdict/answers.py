@@ -19,7 +19,7 @@ from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
-from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.verdict.endless import Held
 
@@ -141,12 +141,15 @@ def of_bar(field: Field, reading: Reading) -> Answers:
     Returns:
         "transmission": each band where T is below −20 dB, its ends measured and exact (Hz) and the
         level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes;
-        "eigenfrequencies": the lowest (Hz); "velocities": of a pulse by each convention (m/s);
-        "quality": median Q between receivers, and that of the loss law.
+        "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
+        receiver by their first breaks (s), what comes before another as its precursor;
+        "velocities": of a pulse by each convention (m/s); "quality": median Q between
+        receivers, and that of the loss law.
     """
     found: Answers = {
         "transmission": [row for one in reading.scattered for row in _levels(field, one)],
         "eigenfrequencies": [row for one in reading.ringing for row in _modes(one)],
+        "arrivals": _arrivals(field, reading),
         "velocities": [row for one in reading.pulses for row in _speeds(one)],
         "quality": [row for one in reading.pulses for row in _quality(one)],
     }
@@ -159,6 +162,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     if not judged.any():
         return []
     level, exact = _level(found.T), _level(found.T_exact)
+    real = None if found.T_real is None else _level(found.T_real)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
     inner = field.layers.layers[1:-1] or field.layers.layers
@@ -191,18 +195,9 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": _at_real(field, found.sector, found.omega[at]),
+            "level_at_real_frequency": None if real is None else _number(real[at]),
         }
     return rows
-
-
-def _at_real(field: Field, sector: str, omega: float) -> float | None:
-    """Level of T at real ω, dB; None where a graded layer has an asymptote there."""
-    try:
-        T, _ = exact_scattering(field.layers, sector, np.array([omega + 0j]))
-    except ValueError:
-        return None
-    return float(_level(T)[0])
 
 
 def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float]]:
@@ -250,6 +245,32 @@ def _speeds(test: PulseTest) -> list[Row]:
         }
         for convention, one in test.result.velocities.items()
         if math.isfinite(one.velocity)
+    ]
+
+
+def _arrivals(field: Field, reading: Reading) -> list[Row]:
+    """Waves by name at the farthest receiver, in the order in which they arrive."""
+    waves = field.medium.family.waves
+    found = []
+    for test in (one for one in reading.pulses if one.sector in waves):
+        times = test.result.arrivals["first break"].time
+        if np.isfinite(times).any():
+            last = int(np.nanargmax(times))
+            name = test.result.record.names[last]
+            found.append((float(times[last]), waves[test.sector], test.name, name))
+    found.sort()
+    if len({wave for _, wave, _, _ in found}) < 2:
+        return []
+    latest, main, *_ = found[-1]
+    return [
+        {
+            "arrival": f"{wave} wave" if wave == main else f"{wave} precursor",
+            "field": name,
+            "receiver": receiver,
+            "time": time,
+            "ahead": latest - time,
+        }
+        for time, wave, name, receiver in found
     ]
 
 
