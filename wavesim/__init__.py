@@ -1,4 +1,4 @@
-"""wavesim: rotation waves in granular media with microstructure, in time and by plane waves.
+"""wavesim: waves in granular media with microstructure, in time and by plane waves.
 
     import wavesim as ws
 
@@ -49,6 +49,14 @@ _HOMES = {
     "read_bar": "wavesim.readings.bar.reading",
     "judge_bar": "wavesim.verdict.bar",
     "measure_pulses": "wavesim.readings.pulse.measurement",
+    "read_pulse_test": "wavesim.records.of_pulse_test",
+    "read_pulses": "wavesim.readings.pulse.array_reading",
+    "transmission_record": "wavesim.readings.pulse.transmission_record",
+    "read_transmission": "wavesim.readings.pulse.reading",
+    "read_series": "wavesim.readings.pulse.reading",
+    "matched": "wavesim.readings.measured",
+    "compare": "wavesim.studies.comparison",
+    "fit_waveforms": "wavesim.studies.fit_answer",
     "load": "wavesim.case.load",
     "progress": "wavesim.report.progress",
     "open": "wavesim.records.run_folder",
@@ -66,6 +74,10 @@ _HOMES = {
 # Offered under a name that says more than the one at home.
 _NAMES = {
     "measure_pulses": "measure",
+    "read_pulse_test": "of_pulse_file",
+    "read_pulses": "read_array",
+    "read_transmission": "read_one",
+    "fit_waveforms": "of_waveforms",
     "open": "open_run",
     "progress": "part_done",
     "read_record": "read",

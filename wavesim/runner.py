@@ -25,6 +25,10 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
+# What a picture's name begins with, and what it ends with.
+_FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
+_FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
+_PICTURES = (".png", ".pdf", ".svg")
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
@@ -182,6 +186,9 @@ def _run(
     # An earlier run's verdict must not be taken for this one's.
     for name in ("summary.json", "report.html", "overview.png"):
         (folder / name).unlink(missing_ok=True)
+    for picture in (folder / "figures").glob("*.*"):
+        if picture.stem.partition("_")[0] in _FIGURES and picture.suffix in _PICTURES:
+            picture.unlink(missing_ok=True)
     storage.write_whole(folder / "resolved.toml", resolved.encode())
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.

@@ -99,6 +99,7 @@ def fit_speeds(
     Raises:
         FitError: a speed is not positive, or the medium is of another family.
     """
+    start = next((part for part in start.parts if part.family.name == "translation"), start)
     if start.family.name != "translation":
         raise FitError(
             f"family = {start.family.name!r}: P and S waves are the translation family's; "
