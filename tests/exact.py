@@ -13,7 +13,6 @@ import numpy as np
 from media import twelve_by_twelve
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.rotation import ROTATION
 
 
 def modal_field(medium, bar, sources, times, rate=False):
@@ -36,21 +35,21 @@ def modal_field(medium, bar, sources, times, rate=False):
     scale = medium.branch_length**2 * medium.contact_density
     pulses = {}
     for source in sources:
-        index = ROTATION.fields.index(source.field)
-        staggered = source.field in ROTATION.micro
+        index = medium.family.fields.index(source.field)
+        staggered = source.field in medium.family.micro
         density, at = bar.spread(source.position, source.width, staggered)
         line = np.zeros(n)
         np.add.at(line, at, density)
         ghat = np.fft.rfft(line) / (shift if staggered else 1)
         force = Vinv[:, :, index] * (ghat / (scale * root[index]))[:, None]
-        signal = dataclasses.replace(source, field="phi1", position=0.0, width=0.0)
+        signal = dataclasses.replace(source, field=medium.family.macro[0], position=0.0, width=0.0)
         if signal not in pulses:
             pulses[signal] = _convolve(source, omega, times, rate)
         total += pulses[signal] * force[None]
     total = np.einsum("kij,tkj->tki", V, total) / root
     fields = {}
-    for i, name in enumerate(ROTATION.fields):
-        hat = total[..., i] * (1 if name in ROTATION.macro else shift)
+    for i, name in enumerate(medium.family.fields):
+        hat = total[..., i] * (1 if name in medium.family.macro else shift)
         fields[name] = np.fft.irfft(hat, n, axis=1)
     return fields
 

@@ -5,6 +5,7 @@ where there is one, and else the value counted when it was written plus a stated
 """
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from wavesim.grid.stencils import difference_norm
 from wavesim.material.rotation import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.simulation import simulation
+from wavesim.timedomain import cost as costs
 from wavesim.timedomain.time_step import time_step
 
 MEDIUM = ws.Medium(anisotropy=0.25, closure="consistent")
@@ -146,3 +148,42 @@ def test_a_second_run_compiles_nothing(of, medium):
             assert not compiled
     finally:
         monitoring.unregister_event_duration_listener(listener)
+
+
+def test_disk_is_foreseen(shipped):
+    """To 30 % of what runs of shipped cases took, once they are done. (Their memory is that of the
+    process that runs the tests.)"""
+    for name in ("bandgap_pulse", "free_bar", "slab"):
+        run = shipped(name)
+        simulated = run.loaded.simulation
+        found = costs.cost(simulated, time_step(simulated))
+        disk = sum(path.stat().st_size for path in run.folder.rglob("*") if path.is_file())
+        assert found.disk == pytest.approx(disk, rel=0.3)
+
+
+def test_what_does_not_fit_is_refused_with_what_would(tmp_path, monkeypatch):
+    monkeypatch.setattr(costs, "slowness", lambda: (1.0, 1.0))
+    bar = ws.Bar(512_000, CELL)
+    made = simulation(MEDIUM, bar, [ws.Ricker("phi1", 32.0, 4e5)], 0.2, 4000)
+    found = costs.cost(made, time_step(made))
+    assert re.search(r"\d (hours|days|weeks), .*GB of memory and .*GB of disk", found.in_words)
+    with pytest.raises(ValueError, match=r"longer than .*at most duration = \S+, or .*--at-most"):
+        costs.check_cost(made, dataclasses.replace(found, memory=1e9), folder=None)
+    costs.check_cost(made, dataclasses.replace(found, memory=1e9), at_most=2 * found.seconds)
+    with pytest.raises(ValueError, match=r"more memory than .* take at most \d+ cells"):
+        costs.check_cost(made, dataclasses.replace(found, memory=1e15))
+    with pytest.raises(ValueError, match=r"more disk than .* take at most \d+ \[time\] samples"):
+        costs.check_cost(made, dataclasses.replace(found, disk=1e15, memory=1e9), folder=tmp_path)
+    with pytest.raises(ValueError, match="longer than"):
+        ws.simulate(MEDIUM, ws.Bar(4096, CELL), [ws.Ricker("phi1", 0.2, 4e5)],
+                    1e-4, 101, at_most=1e-3)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("90", 90), ("1.5s", 1.5), ("30min", 1800), ("2h", 7200), ("1d", 86400)]
+)
+def test_times_are_read(text, seconds):
+    assert costs.seconds_of(text) == seconds
+    for wrong in ("", "h", "-1s", "nan", "2 fortnights", "1e999"):
+        with pytest.raises(ValueError, match="such as 90s"):
+            costs.seconds_of(wrong)

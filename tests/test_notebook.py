@@ -98,3 +98,13 @@ def test_a_run_is_opened_from_its_folder(small_run):
 def test_a_folder_without_a_run_is_told(tmp_path):
     with pytest.raises(RuntimeError, match="no such file; run the case first"):
         ws.open(tmp_path)
+
+
+def test_progress_goes_to_the_end(capsys):
+    told = []
+    with ws.progress("counting") as tell:
+        for part in (0.5, 1.0):
+            tell(part)
+            told.append(part)
+    assert told[-1] == 1.0
+    assert "100 %" in capsys.readouterr().out

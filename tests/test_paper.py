@@ -141,4 +141,5 @@ def test_band_figure_has_both_units_and_every_branch():
     assert {"LA", "TO2", "TSO[23]"} < set(labels)
     children = [child for axes in figure.axes for child in axes.child_axes]
     sides = {axes.get_ylabel() for axes in children} | {axes.get_xlabel() for axes in children}
-    assert {"frequency (kHz)", "k (rad/mm)"} <= sides
+    sides |= {axes.get_ylabel() for axes in figure.axes} | {a.get_xlabel() for a in figure.axes}
+    assert {"ω/2π (kHz)", "ω̄", "k (rad/mm)", "k̄ = k l/2π", "Im k (rad/mm)"} <= sides

@@ -16,7 +16,7 @@ from wavesim.figures.drawing import drawings
 from wavesim.material.rotation import ROTATION
 from wavesim.runner import measure
 
-NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine"]
+NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine", "translation"]
 # Fields of the longitudinal and of a transverse sector; a wave along x₁ couples no others.
 COUPLED = {
     "longitudinal": ("phi1", "B11", "B22", "B33"),
@@ -35,7 +35,10 @@ DRIVEN = {
     "consistent": set(BRANCHES),
     "isotropic": {"longitudinal", "transverse2"},
     "longitudinal_fine": {"longitudinal"},
+    "translation": set(BRANCHES),
 }
+
+FULL = ("bandgap_pulse", "translation")
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -49,7 +52,7 @@ def done(request, shipped):
 def frequencies(medium, sector, k):
     """All ω(k) of the coupled fields, ascending, rad/s; B₂₂ and B₃₃ bring one of the other
     sector's along."""
-    at = [ROTATION.fields.index(name) for name in COUPLED[sector]]
+    at = [ROTATION.fields.index(name) for name in COUPLED[sector]]  # of both families alike
     K, _ = twelve_by_twelve(medium, k)
     squares = np.linalg.eigvals(K[:, at][:, :, at])
     return np.sqrt(np.sort(squares.real, axis=1))
@@ -98,7 +101,7 @@ def test_all_waves_are_there_and_right(done):
             seen += 1
     checks = {c["name"]: c for c in run.summary["checks"]}
     assert checks["waves present"]["measured"] == seen
-    if name in ("bandgap_pulse", "consistent"):
+    if name in ("bandgap_pulse", "consistent", "translation"):
         assert seen == 12
 
 
@@ -173,7 +176,7 @@ def test_fields_are_the_exact_semi_discrete_solution(done):
     maximum. Measured 6e-13 to 6e-12."""
     name, field, _, file = done
     last = len(field.t) - 1
-    frames = [last // 30, last // 2, last] if name == "bandgap_pulse" else [last // 2]
+    frames = [last // 30, last // 2, last] if name in FULL else [last // 2]
     exact = modal_field(field.medium, field.bar, field.sources, field.t[frames])
     assert set(file["fields"]) == set(field.names)
     for each in field.names:

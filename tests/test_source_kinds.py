@@ -344,5 +344,5 @@ def test_file_that_is_none(tmp_path):
         read_csv(tmp_path)
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ValueError, match="not a text file in UTF-8"):
+    with pytest.raises(ValueError, match="not text in UTF-8"):
         read_csv(binary)

@@ -15,9 +15,11 @@ from runs import SHIPPED, call
 
 import wavesim as ws
 from wavesim import planewave
+from wavesim.case.layered_case import load_layers
 from wavesim.material.medium import Medium
 from wavesim.planewave.many_media import growing
 from wavesim.studies.sweep_workers import pool
+from wavesim.studies.transmission_study import transmission_study
 from wavesim.studies.variation import SweepError, variation
 
 MAIN = SHIPPED["bandgap_pulse"]
@@ -72,6 +74,51 @@ def test_gaps_of_a_sweep_are_those_of_each_medium(tmp_path):
                         edges = one.sel(gap=gap.name, medium=at)
                         assert float(edges["lower"]) == pytest.approx(gap.lower, rel=1e-12)
                         assert float(edges["upper"]) == pytest.approx(gap.upper, rel=1e-12)
+
+
+STACK = """\
+[medium]
+closure = "consistent"
+G_n_a = 40.0
+G_n_r = 40.0
+[bar]
+left = "half-space"
+right = "half-space"
+[[layers]]
+repeat = 2
+[[layers.layers]]
+thickness = 1.5e-3
+G_n_a = 5.0
+G_n_r = 5.0
+[[layers.layers]]
+thickness = 2.0e-3
+G_n_a = GRADED
+"""
+
+
+@pytest.mark.parametrize("G", ["10.0", "[10.0, 12.0]"], ids=["uniform", "graded"])
+def test_transmission_of_a_sweep_is_that_of_each_stack(G, tmp_path):
+    """As batches in jax, and one by one by the exact solver; to 1e-9 of the incident wave. Of
+    graded layers without losses too, where there is no answer near an asymptote. A layer of no
+    thickness, and a medium that can't be, are told of."""
+    case = tmp_path / "stack.toml"
+    case.write_text(STACK.replace("GRADED", G))
+    vary = ["layers.0.layers.0.thickness=-1e-3:2e-3:3", "layers.0.layers.1.anisotropy=0.5:2.5:3"]
+    data = ws.sweep(case, vary, "transmission", folder=tmp_path, points=21).go().load()
+    assert np.array_equal(data["status"].values, [[2, 2, 2], [1, 1, 2], [1, 1, 2]])
+    assert "thickness" in str(data["message"].values[0, 0])
+    assert "anisotropy = 2.5: must be between" in str(data["message"].values[1, 2])
+    for i, j in np.argwhere(data["status"].values == 1):
+        one = data.isel({data["status"].dims[0]: i, data["status"].dims[1]: j})
+        own = [f"{axis}={float(one[axis])}" for axis in data["status"].dims]
+        band = (float(data["frequency"][0]), float(data["frequency"][-1]))
+        exact = transmission_study(load_layers(case, own), band, 21)
+        for curve in exact.curves:
+            found = one.sel(sector=curve.sector)
+            for name in ("T", "R", "transmitted", "reflected"):
+                values, expected = found[name].values, getattr(curve, name)
+                assert np.array_equal(np.isnan(values), np.isnan(expected))
+                assert np.nanmax(np.abs(values - expected)) <= 1e-9
 
 
 def test_a_member_that_fails_is_told_of_and_stops_nothing(tmp_path):

@@ -19,6 +19,11 @@ from typing import Any
 
 _HOMES = {
     "Medium": "wavesim.material.medium",
+    "Family": "wavesim.material.family",
+    "Block": "wavesim.material.family",
+    "FluxForm": "wavesim.material.medium",
+    "Parameter": "wavesim.material.medium",
+    "together": "wavesim.material.together",
     "Bar": "wavesim.grid.bar",
     "layered_bar": "wavesim.grid.bar",
     "Layer": "wavesim.material.layers",
@@ -45,6 +50,7 @@ _HOMES = {
     "judge_bar": "wavesim.verdict.bar",
     "measure_pulses": "wavesim.readings.pulse.measurement",
     "load": "wavesim.case.load",
+    "progress": "wavesim.report.progress",
     "open": "wavesim.records.run_folder",
     "record": "wavesim.records.record",
     "read_record": "wavesim.records.files",
@@ -61,6 +67,7 @@ _HOMES = {
 _NAMES = {
     "measure_pulses": "measure",
     "open": "open_run",
+    "progress": "part_done",
     "read_record": "read",
     "traced_transmission": "transmission",
 }

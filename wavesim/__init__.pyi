@@ -7,8 +7,10 @@ from wavesim.differentiable.stack_transmission import transmission as traced_tra
 from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.family import Block, Family
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import Medium
+from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.together import together
 from wavesim.readings.bar.reading import read_bar
 from wavesim.readings.dispersion.extract import extract
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
@@ -20,6 +22,7 @@ from wavesim.records.inspection import inspect
 from wavesim.records.record import record
 from wavesim.records.run_folder import open_run as open
 from wavesim.records.synthetic import synthesize
+from wavesim.report.progress import part_done as progress
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
@@ -33,15 +36,19 @@ from wavesim.verdict.score import score as score
 
 __all__ = [
     "Bar",
+    "Block",
     "Chirp",
     "Damping",
+    "Family",
     "Field",
+    "FluxForm",
     "GaussianDerivative",
     "InitialField",
     "Layer",
     "Layers",
     "Layout",
     "Medium",
+    "Parameter",
     "Recorded",
     "Ricker",
     "Simulation",
@@ -62,12 +69,14 @@ __all__ = [
     "measure_pulses",
     "open",
     "planewave",
+    "progress",
     "read_bar",
     "read_record",
     "record",
     "simulate",
     "sweep",
     "synthesize",
+    "together",
     "traced_fields",
     "traced_layers",
     "traced_transmission",

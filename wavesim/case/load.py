@@ -132,6 +132,7 @@ def build(file: CaseFile, name: str) -> Case:
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
         source = make(where, entry.build, bar.length)
+        make(where, medium.family.excited, [source.field])
         source, taken = _on_grid(source, number, file, bar)
         notes += taken
         if source.acts in _DRIVEN_END:
@@ -229,10 +230,10 @@ def _resolved(
     file: CaseFile, known: BarLayers, bar: Bar, absorber: float, sources: Sequence[Source]
 ) -> dict[str, Any]:
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
-    tables = file.model_dump(by_alias=True)
+    tables = file.model_dump(by_alias=True, exclude={"design"})
     own = file.medium.build()
     own = known.medium
-    tables["medium"] |= {"closure": own.closure} | own.parameters
+    tables["medium"] |= own.keys | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}
     if not _own_cells(file.bar, known):
         tables["bar"].pop("length", None)

@@ -23,6 +23,7 @@ from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import PARAMETERS, Medium, check_parameter, families, medium_of
 from wavesim.material.rotation import Closure
+from wavesim.material.together import together
 
 
 def _held(name: str, value: float) -> float:
@@ -106,15 +107,22 @@ _LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_GRADED)
 
 
 class MediumTable(_MediumKeys):
-    """[medium]: its family, the parameters of that, and the losses; see :class:`Medium`."""
+    """[medium]: its family, or several that run side by side, their parameters, and the losses.
 
-    family: str = "rotation"
+    See :class:`Medium`. What several families share, such as anisotropy, is given once for all.
+    """
 
-    @field_validator("family")
+    family: str | list[str] = "rotation"
+
+    @field_validator("family", mode="before")
     @classmethod
-    def _known(cls, value: str) -> str:
-        if value not in families():
-            raise ValueError(f"must be one of {', '.join(families())}")
+    def _known(cls, value: Any) -> Any:
+        names = value if isinstance(value, list) else [value]
+        if not names or any(name not in families() for name in names):
+            *first, last = (f'"{name}"' for name in families())
+            raise ValueError(f"must be {', '.join(first)} or {last}, or a list of them")
+        if len(set(names)) < len(names):
+            raise ValueError("must name each family once")
         return value
 
     @field_validator(*PARAMETERS)
@@ -136,15 +144,29 @@ def _made(given: dict[str, Any], law: Damping) -> Medium:
         ValueError: a key is another family's.
     """
     given = {key: value for key, value in given.items() if value is not None}
-    known = medium_of(given["family"]).known()
+    family, closure = given.pop("family"), given.pop("closure", None)
+    names = family if isinstance(family, list) else [family]
+    known = {name: medium_of(name).known() for name in names}
     for key in given:
-        if key in PARAMETERS and key not in known:
-            own = [name for name in known if name not in PARAMETERS or _only(name)]
+        if not any(key in own for own in known.values()):
+            apart = [name for own in known.values() for name in own if _only(name)]
             raise ValueError(
-                f"{key} = {given[key]:g}: is no key of family {given['family']!r}, which has "
-                f"{', '.join(own)} of its own"
+                f"{key} = {given[key]:g}: is no key of family {' and '.join(names)}, which has "
+                f"{', '.join(apart)} of its own"
             )
-    return Medium(**given, damping=law)
+    media = []
+    for name in names:
+        its = {key: value for key, value in given.items() if key in known[name]}
+        # Of several families one that has no choice goes by its own.
+        if closure is not None and (len(names) == 1 or len(medium_of(name).closures) > 1):
+            its["closure"] = closure
+        media.append(Medium(family=name, **its, damping=law))
+    return together(*media)
+
+
+def _at_end(key: str, value: Any, end: int) -> Any:
+    """A key's value at one end of a layer."""
+    return value[end] if key in PARAMETERS and isinstance(value, list) else value
 
 
 def _only(name: str) -> bool:
@@ -239,7 +261,7 @@ class LayerTable(_LayerKeys):
         whole = medium.model_dump() | given
         law = damping({key: whole.pop(key) for key in LOSSES})
         ends = [
-            _made({key: v[n] if isinstance(v, list) else v for key, v in whole.items()}, law)
+            _made({key: _at_end(key, value, n) for key, value in whole.items()}, law)
             for n in (0, 1)
         ]
         last = None if ends[0] == ends[1] else ends[1]
@@ -307,7 +329,7 @@ def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, 
     }
     return (
         {"from": layer.start, "to": layer.end, "grading": layer.grading}
-        | {"closure": layer.medium.closure}
+        | {"closure": layer.medium.keys["closure"]}
         | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in first}
         | {key: value for key, value in losses.items() if value is not None}
     )

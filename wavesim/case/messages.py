@@ -102,7 +102,11 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         fields = _model(schema, error["loc"][:-1]).model_fields
         allowed = [field.alias or name for name, field in fields.items()]
         near = difflib.get_close_matches(key, allowed, 1)
-        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(allowed)}"
+        # Keys of [medium] are many; elsewhere they are said in three words.
+        many = set(_model(schema, ("medium",)).model_fields) if "layers" in table else set()
+        short = [name for name in allowed if name not in many]
+        short += ["any key of [medium]"] if many else []
+        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(short)}"
         if not table and isinstance(value, dict | list):
             heading = f"[{key}]" if isinstance(value, dict) else f"[[{key}]]"
             return f"{heading}: unknown table; {hint}"

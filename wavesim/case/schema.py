@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from wavesim.case.design_tables import DesignTable
 from wavesim.case.medium_tables import LayerTable, MediumTable
 from wavesim.case.messages import sentence
 from wavesim.case.shipped import found
@@ -142,6 +143,7 @@ class CaseFile(Table):
     receivers: list[ReceiverTable] = Field(default_factory=list)
     time: TimeTable = TimeTable.model_construct()
     analysis: AnalysisTable = AnalysisTable()
+    design: DesignTable = DesignTable()
 
     @field_validator("receivers")
     @classmethod
@@ -174,12 +176,28 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
         CaseError: anything that can't be used.
     """
     name = str(path)
+    file, text = _text(path)
+    return parse(text, name, overrides, file.parent)
+
+
+def tables_of(path: str | Path, overrides: Sequence[str] = ()) -> tuple[dict[str, Any], Path]:
+    """The tables of a case file as they are written, overrides laid over them, and its folder.
+
+    Arguments and errors as of :func:`read`; nothing is held to the schema.
+    """
+    file, text = _text(path)
+    tables = toml_tables(text, str(path))
+    for override in overrides:
+        lay_over(tables, override)
+    return tables, file.parent
+
+
+def _text(path: str | Path) -> tuple[Path, str]:
     try:
         file = found(path)
-        text = text_of(file, "a case file, or a shipped case (wavesim cases lists them)")
+        return file, text_of(file, "a case file, or a shipped case (wavesim cases lists them)")
     except ValueError as error:  # a NUL in the path among them
-        raise CaseError(f"{name}: {error}") from None
-    return parse(text, name, overrides, file.parent)
+        raise CaseError(f"{path}: {error}") from None
 
 
 def parse(

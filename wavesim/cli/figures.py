@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import errno
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -50,18 +49,27 @@ def _incomplete(run: Any) -> None:
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""
     from wavesim.records.run_folder import open_run
+    from wavesim.report.progress import parts
     from wavesim.runner import begun_beside, measure
 
     with begun_beside() as beside, _told(Path(out or folder)):
         run = open_run(folder)
         target = Path(out) if out else run.folder / "figures"
         found = measure(run.case, run.field).shown if run.status == "complete" else None
-        job = beside.each("wavesim.figures.drawing.some", target, run.field, found, only, kind)
         try:
-            written = [path for paths in job.result() for path in paths]
+            (names,) = beside.one("wavesim.figures.drawing.names", run.field, found, only).result()
         except KeyError as error:
             name, known = error.args
             stop(f"--only {name}: must be one of {', '.join(known)}", BAD_INPUT)
+        jobs = [
+            beside.one("wavesim.figures.drawing.draw", target, run.field, found, name, kind)
+            for name in names
+        ]
+        written: list[Path] = []
+        with parts("figures") as tell:
+            for job in jobs:
+                tell(len(written), len(jobs))
+                written += job.result()
     _incomplete(run)
     click.echo(f"{', '.join(sorted(path.name for path in written))} in {target}")
 
@@ -82,6 +90,7 @@ def animate(
         from wavesim.figures.animation import animate as made
         from wavesim.figures.animation import field_of
         from wavesim.records.run_folder import open_run
+        from wavesim.report.progress import parts
 
         run = open_run(folder)
         shown = field_of(run.field, name)
@@ -89,18 +98,7 @@ def animate(
         if out and path.suffix not in (".gif", ".mp4"):
             path = path.with_name(f"{path.name}.{kind}")
         path.parent.mkdir(parents=True, exist_ok=True)
-        made(path, run.field, shown, frames, rate, _progress())
+        with parts("frames") as tell:
+            made(path, run.field, shown, frames, rate, tell)
     _incomplete(run)
     click.echo(f"{shown} over {run.field.t[-1] * 1e6:.4g} µs in {path}")
-
-
-def _progress() -> Callable[[float], None]:
-    """What shows how much is done, on a terminal."""
-    if not sys.stderr.isatty():
-        return lambda part: None
-
-    def tell(part: float) -> None:
-        end = "\r\x1b[K" if part >= 1 else ""
-        click.echo(f"\r{100 * part:.0f} % of the frames{end}", err=True, nl=False)
-
-    return tell

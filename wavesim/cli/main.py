@@ -20,15 +20,19 @@ import click
 from wavesim.cli import record_commands as labcli
 from wavesim.cli.arguments import CASE, SET
 from wavesim.cli.begin import cases, init, schema
+from wavesim.cli.compare import compare
 from wavesim.cli.completion import completion
+from wavesim.cli.design import design
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
+from wavesim.cli.fit import fit
 from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
 from wavesim.cli.score import score
 from wavesim.cli.sweep import sweep
+from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
@@ -60,6 +64,20 @@ def _planned(case: str, loaded: Any) -> Any:
         _stop(f"{case}: [time] {error}", BAD_INPUT)
 
 
+def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> None:
+    """Refuse what takes more than this machine, or whoever asks, has to give."""
+    from wavesim.timedomain.cost import check_cost, cost, seconds_of
+
+    try:
+        longest = seconds_of(at_most)
+    except ValueError as error:
+        _stop(f"--at-most {at_most}: {error}", BAD_INPUT)
+    try:
+        check_cost(loaded.simulation, cost(loaded.simulation, steps), longest, folder)
+    except ValueError as error:
+        _stop(f"{case}: [time] {error}", BAD_INPUT)
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="wavesim")
 def main() -> None:
@@ -70,6 +88,7 @@ def main() -> None:
 @CASE
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
 @SET
+@click.option("--at-most", default="1h", metavar="TIME", help="Refuse a longer run; 1h by default.")
 @click.option("--resume", is_flag=True, help="Carry on an interrupted run of the same case.")
 @click.option("--figures", is_flag=True, help="Draw all figures too, as wavesim figures does.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -78,6 +97,7 @@ def run(
     out: str | None,
     overrides: tuple[str, ...],
     resume: bool,
+    at_most: str,
     figures: bool,
     quiet: bool,
 ) -> None:
@@ -86,7 +106,7 @@ def run(
 
     # It loads what it needs while this process reads the case.
     with begun_beside() as beside:
-        _whole(case, out, overrides, resume, figures, quiet, beside)
+        _whole(case, out, overrides, resume, at_most, figures, quiet, beside)
 
 
 def _whole(
@@ -94,17 +114,19 @@ def _whole(
     out: str | None,
     overrides: tuple[str, ...],
     resume: bool,
+    at_most: str,
     figures: bool,
     quiet: bool,
     beside: Any,
 ) -> None:
     loaded = _load(case, overrides)
     steps = _planned(case, loaded)
+    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    _affordable(case, loaded, steps, at_most, folder)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
     from wavesim.verdict.foreseen import foreseen
 
-    folder = Path(out) if out else Path("outputs") / Path(case).stem
     warned = foreseen(loaded, steps)
     _tell(case, loaded, warned)
     console = _console(quiet)
@@ -169,12 +191,18 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     loaded = _load(case, overrides)
     steps = _planned(case, loaded)
     from wavesim.report import tables as report
+    from wavesim.timedomain.cost import check_cost, cost
     from wavesim.verdict.foreseen import foreseen
 
-    report.survey(_console(), loaded, steps)
+    taken = cost(loaded.simulation, steps)
+    report.survey(_console(), loaded, steps, taken)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.
     found = foreseen(loaded, steps)
+    try:
+        check_cost(loaded.simulation, taken)
+    except ValueError as error:
+        found.append(f"[time] {error}")
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")
     _tell(case, loaded, found)
     if found:
@@ -200,9 +228,11 @@ def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
     from wavesim.paper.claims import CLOSURES
     from wavesim.paper.reproduction import reproduce
+    from wavesim.report.progress import parts
 
     try:
-        result = reproduce(Path(out))
+        with parts("figures") as tell:
+            result = reproduce(Path(out), tell=tell)
     except OSError as error:
         _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
     click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
@@ -238,8 +268,10 @@ _COMMANDS = (
     animate,
     bands,
     cases,
+    compare,
     completion,
     figures_of,
+    fit,
     gaps,
     init,
     inspect,
@@ -247,6 +279,8 @@ _COMMANDS = (
     schema,
     score,
     sweep,
+    transmission,
+    design,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

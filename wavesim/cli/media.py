@@ -69,7 +69,10 @@ def print_all_bands(known: Any) -> None:
     for place, _, medium in distinct(known):
         if place:
             click.echo(f"\n{place}:")
-        print_bands(medium)
+        for part in medium.parts:
+            if len(medium.parts) > 1:
+                click.echo(f"\n{part.family.name.capitalize()}:")
+            print_bands(part)
 
 
 @click.command()

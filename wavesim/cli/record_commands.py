@@ -19,15 +19,13 @@ import click
 from wavesim.cli.record_options import record_options
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-_SECTORS = ("longitudinal", "transverse2", "transverse3")
-
 
 def _options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Options that both kinds of extraction take."""
     given = [
         click.argument("file", type=click.Path()),
         click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
-        click.option("--sector", type=click.Choice(_SECTORS), default="longitudinal"),
+        click.option("--sector", default="longitudinal", show_default=True),
         click.option("--out", type=click.Path(), help="Folder for points, numbers and figures."),
         click.option("--json", "as_json", is_flag=True, help="Print one JSON object."),
         click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
@@ -250,7 +248,10 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
         from wavesim.records.relations import OfMedium
 
         made = _medium(medium)
-        return OfMedium(made, made.family.blocks_of(sector)[0])
+        try:
+            return OfMedium(made, made.family.blocks_of(sector)[0])
+        except ValueError as error:
+            stop(f"--sector: {error}", BAD_INPUT)
     assert function is not None
     file, _, name = function.rpartition(":")
     if not file or not Path(file).is_file():
@@ -269,7 +270,7 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
 @click.command()
 @click.argument("file", type=click.Path())
 @click.option("--medium", metavar="CASE.toml", help="Waves of this case's medium …")
-@click.option("--sector", type=click.Choice(_SECTORS), default="longitudinal")
+@click.option("--sector", default="longitudinal", show_default=True)
 @click.option("--relation", metavar="FILE.py:NAME", help="… or of a function ω(k) of your own.")
 @click.option("--receivers", type=click.IntRange(2, 65536), default=48, show_default=True)
 @click.option("--spacing", type=float, required=True, help="Between receivers, m.")

@@ -26,7 +26,14 @@ _LOST = 3
 @click.option("--sample", type=int, metavar="N", help="Draw N members, in place of the grid.")
 @click.option("--sampler", type=click.Choice(["sobol", "lhs"]), default="sobol", show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the sample.")
-@click.option("--measure", type=click.Choice(["gaps", "run"]), default="gaps", show_default=True)
+@click.option(
+    "--measure",
+    type=click.Choice(["gaps", "transmission", "run"]),
+    default="gaps",
+    show_default=True,
+)
+@click.option("--band", type=(float, float), metavar="F1 F2", help="Of transmission, Hz.")
+@click.option("--points", type=int, default=200, show_default=True, help="Of transmission.")
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
 @click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
@@ -42,8 +49,9 @@ _LOST = 3
 def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     """Measure CASE over ranges of its keys: sweep.zarr, and maps of it.
 
-    Gaps are computed at once. Runs go to worker processes, as many as there are cores unless
-    --workers says otherwise. Exit code 1 if a member failed, or a run fell short of a check.
+    Gaps and transmission are computed at once. Runs go to worker processes, as many as there are
+    cores unless --workers says otherwise. Exit code 1 if a member failed, or a run fell short of a
+    check.
     """
     from wavesim.case.schema import CaseError
     from wavesim.studies.sweep import sweep as described
@@ -52,7 +60,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     if options["workers"] and options["scheduler"]:
         stop("--workers, --scheduler: give one of the two", BAD_INPUT)
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    named = ("vary", "measure", "sample", "sampler", "seed", "overrides")
+    named = ("vary", "measure", "sample", "sampler", "seed", "overrides", "band", "points")
     try:
         asked = described(case, folder=folder, judge=_judge, **{n: options[n] for n in named})
         data = _measured(asked, options, quiet, folder)

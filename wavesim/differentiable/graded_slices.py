@@ -47,7 +47,7 @@ def graded_slices(
     Args:
         stack: the stack.
         n: which of its layers.
-        block: with a rotation.
+        block: with a macro-field.
         units: to scale by.
         omega: scaled, (N,).
         h: thickness of a slice, scaled.

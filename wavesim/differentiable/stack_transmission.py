@@ -51,7 +51,7 @@ def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEP
     """T and R of a stack between half-spaces of its first and its last medium, as Γ → 0.
 
     A pure function of the stack's arrays and of ω: ``jax.jit`` (sector and steps static),
-    ``jax.grad`` and ``jax.vmap`` go through. 64-bit floats (jax_enable_x64) for full precision.
+    ``jax.grad`` and ``jax.vmap`` go through. In 64-bit floats.
 
     Args:
         stack: of :func:`~wavesim.differentiable.traced_layers.traced_layers`.

@@ -14,6 +14,8 @@ from wavesim.material.layers import Grading, Layers
 from wavesim.material.medium import Medium
 from wavesim.planewave.band_edges import keeps_gradient
 
+jax.config.update("jax_enable_x64", True)
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -77,8 +79,8 @@ def traced_layers(layers: Layers) -> TracedLayers:
     """
     if keeps_gradient(layers):
         raise ValueError(
-            "G_n_g: the gradient term counts in these layers, and transmission in jax leaves it "
-            "out; lower G_n_g, or take wavesim.layered.transmission"
+            "the gradient term counts in these layers, and transmission in jax leaves it out; "
+            "lower its stiffness (G_n_g, K_n_g), or take wavesim.layered.transmission"
         )
     own = layers.layers
     graded = any(layer.last is not None for layer in own)

@@ -44,7 +44,7 @@ def animate(
     name: str,
     frames: int,
     rate: int,
-    tell: Callable[[float], None] = lambda part: None,
+    tell: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
     """Write an animation of a field.
 
@@ -54,7 +54,7 @@ def animate(
         name: of the field shown.
         frames: how many, spread over the run.
         rate: frames a second.
-        tell: called with the part done.
+        tell: called with the frames done, and all there are.
 
     Raises:
         AnimationError: MP4 is asked for and there is no ffmpeg, or it fails.
@@ -65,7 +65,7 @@ def animate(
 
 
 def _images(
-    field: Field, name: str, frames: int, tell: Callable[[float], None]
+    field: Field, name: str, frames: int, tell: Callable[[int, int], None]
 ) -> Iterator[np.ndarray]:
     """Pictures (height, width, 3); what does not move is drawn once."""
     chosen = np.unique(np.linspace(0, len(field.t) - 1, min(frames, len(field.t))).round())
@@ -102,7 +102,7 @@ def _images(
         for moving in (line, clock):
             axes.draw_artist(moving)
         yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
-        tell(count / len(chosen))
+        tell(count, len(chosen))
 
 
 def _write_gif(path: Path, images: Iterator[np.ndarray], rate: int) -> None:

@@ -8,18 +8,19 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from wavesim.figures.style import gap_edges, second_axes, shade
-from wavesim.material.family import Family
+from wavesim.material.family import Family, sector_words
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import full_gaps
 
 _VIRIDIS = colormaps["viridis"]
 SECTOR_COLOURS = (_VIRIDIS(0.05), _VIRIDIS(0.45), _VIRIDIS(0.72))
 LINE_STYLES = ("-", "--", "-.")
-TITLES = {
-    "longitudinal": "longitudinal",
-    "transverse2": "transverse (two alike)",
-    "inplane": "in-plane shear",
-}
+
+
+def heading(family: Family, sector: str) -> str:
+    """A sector in words, and how many are like it."""
+    same = [s for s in family.sectors if family.gap_names(s) == family.gap_names(sector)]
+    return sector_words(*same) + (f" ({len(same)} alike)" if len(same) > 1 else "")
 
 
 def colour_of(family: Family, sector: str) -> tuple[float, ...]:
@@ -33,9 +34,9 @@ def shade_gaps(axes: Axes, medium: Medium, sector: str, label: bool = True) -> N
     shade(axes, edges, upright=False, named=label)
 
 
-def hatch_full_gaps(axes: Axes, medium: Medium) -> None:
-    """Hatch the frequencies at which no wave of any sector propagates, ω̄ upwards."""
-    scale = float(medium.time_scale)
+def hatch_full_gaps(axes: Axes, medium: Medium, unit: float | None = None) -> None:
+    """Hatch the frequencies at which no wave of any sector propagates: ω times unit, ω̄ if None."""
+    scale = float(medium.time_scale) if unit is None else unit
     for low, high in full_gaps(medium):
         axes.axhspan(
             low * scale,

@@ -4,51 +4,43 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.band_axes import (
-    LINE_STYLES,
-    TITLES,
-    add_hertz_axis,
-    add_wavenumber_axis,
-    colour_of,
-    hatch_full_gaps,
-    shade_gaps,
-)
+from wavesim.figures.band_axes import LINE_STYLES, colour_of, hatch_full_gaps, heading
+from wavesim.figures.style import KHZ, gap_edges, second_axes, shade
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import block_frequencies, gaps, wavenumber
 
 
-def _complex_panel(axes: Axes, medium: Medium, sector: str, omega_bar: np.ndarray) -> None:
-    k = wavenumber(medium, sector, omega_bar / medium.time_scale)
-    decay = k.imag * float(medium.length_scale) / (2 * math.pi)
+def _complex_panel(axes: Axes, medium: Medium, sector: str, omega: np.ndarray) -> None:
+    decay = wavenumber(medium, sector, omega).imag * 1e-3
     decay[decay <= 0] = np.nan
-    axes.plot(decay, omega_bar, color=colour_of(medium.family, sector), lw=1.6)
-    axes.set_xlabel("Im $\\bar k$")
+    axes.plot(decay, omega * KHZ, color=colour_of(medium.family, sector), lw=1.6)
+    axes.set_xlabel("Im k (rad/mm)")
 
 
-def _real_panel(axes: Axes, medium: Medium, sector: str, k_bar: np.ndarray) -> None:
-    k = k_bar * 2 * math.pi / float(medium.length_scale)
+def _real_panel(axes: Axes, medium: Medium, sector: str, k: np.ndarray) -> None:
     bands = [
         (name, branch)
         for block in medium.family.blocks_of(sector)
         for name, branch in zip(block.branches, block_frequencies(medium, block, k).T, strict=True)
     ]
     for (name, omega), style in zip(bands, itertools.cycle(LINE_STYLES), strict=False):
-        omega_bar = omega * float(medium.time_scale)
         axes.plot(
-            k_bar, omega_bar, color=colour_of(medium.family, sector), ls=style, lw=1.6, label=name
-        )
-    axes.set_xlabel("$\\bar k = kl/2\\pi$")
+            k * 1e-3, omega * KHZ, color=colour_of(medium.family, sector), ls=style, lw=1.6,
+            label=name,
+        )  # fmt: skip
+    axes.set_xlabel("k (rad/mm)")
 
 
 def band_figure(
     medium: Medium, k_bar_max: float = 0.5, omega_bar_max: float | None = None
 ) -> Figure:
-    """Real bands ω(k) and complex bands k(ω) of every sector, side by side.
+    """Real bands ω(k) and complex bands k(ω) of every sector, side by side; a row for each family.
 
     Where waves travel the left panel is Im k of the one root that decays, the right panel the real
     branches; a sector of micro-fields alone has no propagating root.
@@ -61,15 +53,31 @@ def band_figure(
     Returns:
         The figure, not yet saved.
     """
+    widths = [_widths(part) for part in medium.parts]
+    size = (1.6 * max(map(sum, widths)) + 0.2, 5.2 * len(widths))
+    figure = Figure(figsize=size, layout="constrained")
+    rows = figure.subfigures(len(widths), 1, squeeze=False)[:, 0]
+    for row, part, own in zip(rows, medium.parts, widths, strict=True):
+        _of_family(row, part, own, k_bar_max, omega_bar_max)
+    return figure
+
+
+def _widths(medium: Medium) -> list[float]:
+    """Of panels: wide ones for real branches, a narrow one of complex k before what travels."""
+    family = medium.family
+    return [w for s in family.unlike for w in ((1, 1.7) if s in family.travelling else (1.7,))]
+
+
+def _of_family(
+    figure: Any, medium: Medium, widths: list[float], k_bar_max: float, omega_bar_max: float | None
+) -> None:
     sectors, travelling = medium.family.unlike, medium.family.travelling
     edges = [gap.upper for sector in sectors for gap in gaps(medium, sector)]
-    top = omega_bar_max or 1.45 * max(edges) * float(medium.time_scale)
-    k_bar = np.linspace(0.0, k_bar_max, 601)
-    omega_bar = np.linspace(1e-3 * top, top, 4001)
+    scale = float(medium.time_scale)
+    top = omega_bar_max / scale if omega_bar_max else 1.45 * max(edges)
+    end = k_bar_max * 2 * math.pi / float(medium.length_scale)
+    k, omega = np.linspace(0.0, end, 601), np.linspace(1e-3 * top, top, 4001)
 
-    # Wide panels are real branches; a narrow one of complex k stands before each that travels.
-    widths = [w for s in sectors for w in ((1, 1.7) if s in travelling else (1.7,))]
-    figure = Figure(figsize=(1.6 * sum(widths) + 0.2, 5.2), layout="constrained")
     panels = figure.subplots(
         1, len(widths), sharey=True, squeeze=False, gridspec_kw={"width_ratios": widths}
     )[0]
@@ -77,24 +85,23 @@ def band_figure(
     for sector in sectors:
         if sector in travelling:
             left = next(left_over)
-            _complex_panel(left, medium, sector, omega_bar)
-            left.set_xlim(k_bar_max, 0.0)
+            _complex_panel(left, medium, sector, omega)
+            left.set_xlim(end * 1e-3, 0.0)
             left.set_title("evanescent", fontsize=9)
-            shade_gaps(left, medium, sector, label=False)
+            shade(left, gap_edges(medium, sector), upright=False, named=False)
         right = next(left_over)
-        _real_panel(right, medium, sector, k_bar)
-        right.set_title(TITLES.get(sector, sector), fontsize=10)
-        shade_gaps(right, medium, sector)
-        right.set_xlim(0.0, k_bar_max)
+        _real_panel(right, medium, sector, k)
+        right.set_title(heading(medium.family, sector), fontsize=10)
+        shade(right, gap_edges(medium, sector), upright=False)
+        right.set_xlim(0.0, end * 1e-3)
         right.legend(loc="lower right", fontsize=8, framealpha=0.95)
     for axes in panels:
-        hatch_full_gaps(axes, medium)
-        add_wavenumber_axis(axes, medium)
-        axes.set_ylim(0.0, top)
-    panels[0].set_ylabel("$\\bar\\omega$")
-    add_hertz_axis(panels[-1], medium)
+        hatch_full_gaps(axes, medium, KHZ)
+        second_axes(axes, (1e3 * float(medium.length_scale) / 2 / math.pi, "k̄ = k l/2π"), None)
+        axes.set_ylim(0.0, top * KHZ)
+    panels[0].set_ylabel("ω/2π (kHz)")
+    second_axes(panels[-1], None, (scale / KHZ, "ω̄"))
     figure.suptitle(
-        f"{medium.family.name}, {medium.in_words};  grey: gap, hatched: no wave of any kind",
+        f"{medium.in_words};  grey: gap, hatched: no wave of any kind",
         fontsize=10,
     )
-    return figure

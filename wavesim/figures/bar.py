@@ -16,6 +16,7 @@ from wavesim.figures.style import (
     KHZ,
     THEORY,
     Drawings,
+    as_written,
     gap_edges,
     second_axes,
     shade,
@@ -175,8 +176,8 @@ def signals(field: Field, reading: Reading) -> Figure:
         if axes is not rows[-1]:
             axes.set_xticklabels([])
         axes.text(
-            1.01, 0.5, f"{receiver}\n{field.receivers[receiver] * 1e3:g} mm", va="center",
-            fontsize=7, transform=axes.transAxes,
+            1.01, 0.5, f"{as_written(receiver)}\n{field.receivers[receiver] * 1e3:g} mm",
+            va="center", fontsize=7, transform=axes.transAxes,
         )  # fmt: skip
     shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(receivers)))
     tops = []
@@ -184,7 +185,7 @@ def signals(field: Field, reading: Reading) -> Figure:
         at, worst = _worst_in_time(field, reading, receiver)
         tops.append(worst.max())
         below.plot(at * 1e6, worst, color=shades[number], ls=_STYLES[number % 4], lw=0.9,
-                   label=receiver if receiver in shown else None)  # fmt: skip
+                   label=as_written(receiver) if receiver in shown else None)  # fmt: skip
     below.axhline(SIGNAL_TOLERANCE, color=THEORY, lw=0.9, ls=":", label="tolerance")
     below.set_yscale("log")
     top = max(10 * SIGNAL_TOLERANCE, 3 * float(np.nanmax(tops, initial=0.0)))

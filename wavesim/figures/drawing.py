@@ -42,23 +42,27 @@ def drawings(field: Field, found: Any) -> Drawings:
     return of_fields.of_field(field) | ({} if found is None else _measured(field, found))
 
 
-def some(folder: Path, field: Field, found: Any, names: Sequence[str], kind: str) -> Jobs:
-    """What draws figures by their names.
+def names(field: Field, found: Any, asked: Sequence[str] = ()) -> list[str]:
+    """Names of figures; found as of :func:`drawings`.
 
     Args:
-        folder: where to; made if need be.
         field, found: as of :func:`drawings`.
-        names: of the figures; all where there are none.
-        kind: png, pdf or svg.
+        asked: those that are wanted; all where there are none.
 
     Raises:
-        KeyError: a name is none of a figure of this run; its arguments are the name and all names.
+        KeyError: one is none of a figure of this run; its arguments are the name and all names.
     """
-    known = drawings(field, found)
-    for name in names:
+    known = list(drawings(field, found))
+    for name in asked:
         if name not in known:
-            raise KeyError(name, list(known))
-    return _jobs(folder, {name: known[name] for name in names or known}, kind)
+            raise KeyError(name, known)
+    return list(dict.fromkeys(asked)) or known
+
+
+def draw(folder: Path, field: Field, found: Any, name: str, kind: str) -> Path:
+    """Write one figure as png, pdf or svg; other arguments as of :func:`names`."""
+    (path,) = write({name: drawings(field, found)[name]}, folder, kind)
+    return path
 
 
 def _measured(field: Field, found: Any) -> Drawings:
@@ -83,5 +87,5 @@ def warm_up() -> None:
         FigureCanvasAgg(figure).print_png(BytesIO())
 
 
-def _jobs(folder: Path, drawings: Drawings, kind: str = "png") -> Jobs:
-    return [partial(write, {name: draw}, folder, kind) for name, draw in drawings.items()]
+def _jobs(folder: Path, drawings: Drawings) -> Jobs:
+    return [partial(write, {name: draw}, folder) for name, draw in drawings.items()]

@@ -28,6 +28,8 @@ from wavesim.simulation.field import Field
 from wavesim.verdict.endless import Held
 
 _LEVEL = 120.0
+# Branches whose ends are nearer than this part of the axis have their names in one place.
+_APART = 0.03
 
 
 def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
@@ -65,7 +67,7 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
         vmax=0,
         interpolation="nearest",
     )
-    shade(axes, gap_edges(medium, sector), upright=False)
+    shade(axes, gap_edges(medium, sector), upright=False, at=0.015)
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
         exact = block_oscillations(medium, h.measured.block, k)
@@ -90,8 +92,35 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
         xlabel="k (rad/mm)",
         ylabel="ω/2π (kHz)",
     )
+    _name_branches(axes, own, medium, float(found.k[-1]))
     axes.legend(loc="lower right")
     return image
+
+
+def _name_branches(axes: Axes, own: Sequence[Held], medium: Medium, k: float) -> None:
+    """The name of each branch at its end; those that end as one share a place."""
+    low, high = axes.get_ylim()
+    ends: list[tuple[float, list[str]]] = []
+    named = [
+        (float(omega) * KHZ, name)
+        for h in own
+        for omega, name in zip(
+            block_oscillations(medium, h.measured.block, [k])[0],
+            h.measured.block.branches,
+            strict=True,
+        )
+    ]
+    for frequency, name in sorted(named):
+        if ends and frequency - ends[-1][0] < _APART * (high - low):
+            ends[-1][1].append(name)
+        else:
+            ends.append((frequency, [name]))
+    for frequency, names in ends:
+        axes.annotate(
+            ", ".join(names), (0.985 * k / 1e3, min(frequency, high)), (0, 4),
+            textcoords="offset points", ha="right", va="bottom", fontsize=8,
+            path_effects=HALO, annotation_clip=False,
+        )  # fmt: skip
 
 
 def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:

@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 
 from wavesim.figures.style import (
     FOUND,
+    LABEL,
     MAP,
     THEORY,
     Drawings,
+    as_written,
     decibels,
     gap_edges,
     second_axes,
@@ -23,10 +25,12 @@ from wavesim.figures.style import (
     title,
 )
 from wavesim.material.family import is_macro
+from wavesim.planewave.dispersion_relation import block_group_velocity
 from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.simulation.field import Field
 
 _DECIBELS = 60.0
+_RECEIVER = "#2f6f9f"
 _PIXELS = (360, 420)
 _STYLES = ("-", "--", "-.", ":")
 # Receivers named in a legend, and beside their traces, at most.
@@ -54,18 +58,55 @@ def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
     )
     for edge in field.layers.interfaces:
         axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
+    for number, (name, x) in enumerate(field.receivers.items()):
+        axes.axvline(x * 1e3, color=_RECEIVER, lw=0.7, ls=":")
+        if number < _MOST_LABELS:
+            axes.text(
+                x * 1e3, 0.985, name, rotation=90, ha="center", va="top", fontsize=6.5,
+                color=_RECEIVER, bbox=LABEL, transform=axes.get_xaxis_transform(),
+            )  # fmt: skip
     for source in field.sources:
         if any(source.field in b.fields for b in field.blocks if b.sector == sector):
             axes.plot(
-                source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k"
-            )
+                source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k",
+                clip_on=False, zorder=4,
+            )  # fmt: skip
+    if field.bar.periodic:
+        _mark_round(axes, field, sector)
     return image
+
+
+def _mark_round(axes: Axes, field: Field, sector: str) -> None:
+    """Where the fastest wave is once it has gone round the bar: beyond it waves overlap."""
+    blocks = [block for block in field.blocks if block.sector == sector and block.macro]
+    sources = [s for s in field.sources if any(s.field in block.fields for block in blocks)]
+    if not sources:
+        return
+    length, end = field.bar.length, float(field.t[-1])
+    k = [np.pi / field.bar.spacing]
+    speed = max(float(block_group_velocity(field.medium, b, k).max()) for b in blocks)
+    named = False
+    for begin, x in dict.fromkeys((max(s.onset, 0.0), s.position) for s in sources):
+        for there, start, way in ((length - x, 0.0, 1.0), (x, length, -1.0)):
+            back = begin + there / speed
+            if back >= end:
+                continue
+            last = start + way * min(speed * (end - back), length)
+            axes.plot(
+                [start * 1e3, last * 1e3], [back * 1e6, (back + abs(last - start) / speed) * 1e6],
+                color="white", lw=1.0, ls="--",
+                label=None if named else "gone round the bar",
+            )  # fmt: skip
+            named = True
+    if named:
+        axes.legend(loc="lower right", fontsize=6.5, frameon=True, facecolor="#5f7183",
+                    labelcolor="white", framealpha=0.9)  # fmt: skip
 
 
 def spacetime(field: Field) -> Figure:
     """Amplitude of every sector over position and time, in dB below its peak."""
-    sectors = list(dict.fromkeys(block.sector for block in field.blocks))
-    columns = min(2, len(sectors))
+    sectors, still = _travelling(field)
+    columns = 3 if len(sectors) == 3 else min(2, len(sectors))
     rows = -(-len(sectors) // columns)
     figure = Figure(figsize=(3.6 * columns + 0.8, 3.1 * rows + 0.3))
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
@@ -93,7 +134,17 @@ def spacetime(field: Field) -> Figure:
         label="amplitude (dB, peak of the panel = 0)",
         shrink=0.8,
     )
+    if still:
+        told = "; ".join(title(medium.family.blocks_of(sector)) for sector in still)
+        figure.supxlabel(f"not shown, as it stays where it is driven: {told}", fontsize=7)
     return figure
+
+
+def _travelling(field: Field) -> tuple[list[str], list[str]]:
+    """Sectors in which waves travel, and those in which none do; where no wave does, all."""
+    sectors = list(dict.fromkeys(block.sector for block in field.blocks))
+    moving = [s for s in sectors if any(b.macro for b in field.blocks if b.sector == s)]
+    return (moving, [s for s in sectors if s not in moving]) if moving else (sectors, [])
 
 
 def _power_of_ten(values: Any) -> tuple[float, str]:
@@ -136,7 +187,7 @@ def receivers(field: Field) -> Figure:
         for number, (label, x) in enumerate(order):
             spectrum.plot(
                 f, power[number], color=shades[number], ls=_STYLES[number % 4], lw=0.9,
-                label=f"{label}, {x * 1e3:g} mm",
+                label=f"{as_written(label)}, {x * 1e3:g} mm",
             )  # fmt: skip
         largest = float(power.max()) or 1.0
         spectrum.set(xlim=(0, field.band / (2e3 * np.pi)), ylim=(1e-5 * largest, 2 * largest))

@@ -108,8 +108,7 @@ def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 
         column[1].set_ylabel("group velocity $x_2$ (m/s)")
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     figure.suptitle(
-        f"{medium.family.name}, {replace(medium, closure='consistent').in_words}; "
-        "$x_1$ is the axis of symmetry",
+        f"{replace(medium, closure='consistent').in_words}; $x_1$ is the axis of symmetry",
         fontsize=10,
     )
     return figure

@@ -148,9 +148,19 @@ def _(bar: Bar) -> Figure:
     return figure
 
 
+def _varying(layers: Layers) -> str:
+    """The last parameter that differs along a bar, or the last of all."""
+    every = [medium.keys for medium in layers.media]
+    names = list(layers.first.parameters)
+    return next(
+        (n for n in reversed(names) if len({repr(keys.get(n)) for keys in every}) > 1), names[-1]
+    )
+
+
 @draw.register
-def _(layers: Layers, parameter: str = "G_n_a") -> Figure:
-    """One parameter of the medium along the bar, by its name in the case file."""
+def _(layers: Layers, parameter: str | None = None) -> Figure:
+    """One parameter of the medium along the bar, by its name in the case file; one that varies."""
+    parameter = parameter or _varying(layers)
     x = np.concatenate([np.linspace(one.start, one.end, 41) for one in layers.layers])
     values = np.concatenate(
         [

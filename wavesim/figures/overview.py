@@ -16,13 +16,15 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, shade, title
+from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, as_written, shade, title
 from wavesim.material.family import is_macro
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.simulation.field import Field
 
 Panel = Callable[[Axes], str]
 _WIDTH, _HEIGHT, _HEAD = 11.0, 3.5, 0.75
+# Layout and titles stand where they are told to: to have them found takes as long as all the rest.
+_PLAIN = {"figure.constrained_layout.use": False, "axes.titley": 1.02, "figure.dpi": 130}
 
 
 def write_overview(path: Path, field: Field, found: Any, title: str, verdict: str) -> None:
@@ -35,8 +37,7 @@ def write_overview(path: Path, field: Field, found: Any, title: str, verdict: st
         title: of the case.
         verdict: in a sentence.
     """
-    # Set by hand: to have the layout found takes as long as all the rest.
-    with matplotlib.rc_context(STYLE | {"figure.constrained_layout.use": False}):
+    with matplotlib.rc_context(STYLE | _PLAIN):
         figure = overview(field, found, title, verdict)
         FigureCanvasAgg(figure).print_png(path, pil_kwargs={"compress_level": 1})
 
@@ -51,7 +52,9 @@ def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
         left=0.065, right=0.955, bottom=0.55 / height, top=1 - (_HEAD + 0.3) / height,
         wspace=0.24, hspace=0.4,
     )  # fmt: skip
-    figure.text(0.012, 1 - 0.16 / height, title, va="top", fontsize=12, fontweight="bold")
+    figure.text(
+        0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
+    )
     told = textwrap.shorten(verdict, 165, placeholder=" …")
     figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
     for number, panel in enumerate(panels, start=1):

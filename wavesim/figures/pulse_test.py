@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from wavesim.figures.style import FOUND, KHZ, THEORY, shade
+from wavesim.figures.style import FOUND, KHZ, THEORY, as_written, shade
 from wavesim.readings.pulse.measurement import PulseResult
 
 Gaps = Sequence[tuple[str, float, float]]
@@ -55,7 +55,7 @@ def record_section(
         axes.plot(record.t[shown] * 1e6, x[j] + room * u[shown], color="#55606b", lw=0.8)
         if len(x) <= 12:
             axes.text(
-                1.01, x[j], name, ha="left", va="center", fontsize=7,
+                1.01, x[j], as_written(name), ha="left", va="center", fontsize=7,
                 transform=axes.get_yaxis_transform(),
             )  # fmt: skip
     if speed is not None and np.isfinite(speed.velocity):
@@ -116,7 +116,7 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
         axes.set_ylim(low - 0.16 * max(high - low, 1), high + 0.12 * max(high - low, 1))
     axes.set(
         xlim=_ends(frequency), xlabel="ω/2π (kHz)",
-        ylabel=f"|U({loss.last})/U({loss.first})| (dB)",
+        ylabel=f"|U({as_written(loss.last)})/U({as_written(loss.first)})| (dB)",
     )  # fmt: skip
     figure.legend(loc="outside upper center", ncols=4)
     return figure

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import style
 from wavesim.figures.phase_velocity import phase_velocity
-from wavesim.figures.style import FOUND, MAP, THEORY, gap_edges, shade
+from wavesim.figures.style import FOUND, MAP, THEORY, as_written, gap_edges, shade
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
 from wavesim.verdict.record import Recovered
 from wavesim.verdict.recovered_points import Matched, MatchedInSpace
@@ -96,7 +96,7 @@ def spectrum(one: Recovered) -> Figure:
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
     axes.set(xlabel=k_label, ylabel=f_label, ylim=(0, top * to_f))
-    axes.set_title(f"{one.origin.name}: recovered by {points.method}")
+    axes.set_title(f"{as_written(one.origin.name)}: recovered by {points.method}")
     figure.legend(loc="outside lower center", ncols=3)
     figure.colorbar(image, ax=axes, label="power (dB)")
     return figure
@@ -129,7 +129,7 @@ def residuals(one: Recovered) -> Figure:
     panels[0].set_ylabel("|Δω|/ω")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
-    figure.suptitle(one.origin.name)
+    figure.suptitle(as_written(one.origin.name))
     return figure
 
 
@@ -181,7 +181,9 @@ def attenuation(one: Recovered) -> Figure:
     real.set_xlabel(f_label)
     handles, labels = loss.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    loss.set_title(f"{one.origin.name}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s")
+    loss.set_title(
+        f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s"
+    )
     return figure
 
 

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wavesim.material.family import Block, known_field
+from wavesim.material.family import Block, known_field, sector_words
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import gaps
 
@@ -45,13 +45,17 @@ LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "p
 KHZ = 1 / (2e3 * np.pi)
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
-# Words for what a sector is called in code.
-SECTORS = {"transverse2": "transverse", "transverse3": "transverse", "inplane": "in-plane shear"}
 
 
 def symbol(name: str) -> str:
     """A field's symbol, such as φ₁."""
     return known_field(name).symbol
+
+
+def as_written(name: str) -> str:
+    """A name as it is: $ begins no formula, and _ does not keep it from the legend."""
+    plain = name.replace("$", r"\$")
+    return f"\N{THIN SPACE}{plain}" if plain.startswith("_") else plain
 
 
 def title(blocks: Sequence[Block]) -> str:
@@ -65,7 +69,7 @@ def title(blocks: Sequence[Block]) -> str:
             continue
         terms = [("+ " if w > 0 else "− ") + symbol(name) for name, w in part.items()]
         held[" ".join(terms).removeprefix("+ ")] = None
-    return f"{SECTORS.get(sector, sector)}: {', '.join(held)}"
+    return f"{sector_words(sector)}: {', '.join(held)}"
 
 
 def decibels(amplitude: Any, reference: float) -> np.ndarray:
@@ -97,7 +101,11 @@ def gap_edges(medium: Medium, sector: str, unit: float = KHZ) -> list[tuple[str,
 
 
 def shade(
-    axes: Axes, edges: Iterable[tuple[str, float, float]], upright: bool = True, named: bool = True
+    axes: Axes,
+    edges: Iterable[tuple[str, float, float]],
+    upright: bool = True,
+    named: bool = True,
+    at: float = 0.985,
 ) -> None:
     """Shade gaps, each with its name.
 
@@ -106,6 +114,7 @@ def shade(
         edges: of :func:`gap_edges`, in the axes' unit.
         upright: whether frequency runs along x.
         named: whether names are written.
+        at: where along the other axis, as part of it, if frequency does not run along x.
     """
     for name, low, high in edges:
         (axes.axvspan if upright else axes.axhspan)(low, high, **GAP)
@@ -116,8 +125,8 @@ def shade(
             own, place = axes.get_xaxis_transform(), (middle, 0.97)
             turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top"}
         else:
-            own, place = axes.get_yaxis_transform(), (0.985, middle)
-            turned = {"ha": "right", "va": "center"}
+            own, place = axes.get_yaxis_transform(), (at, middle)
+            turned = {"ha": "right" if at > 0.5 else "left", "va": "center"}
         axes.text(*place, name, fontsize=7, bbox=LABEL, transform=own, clip_on=True, **turned)
 
 

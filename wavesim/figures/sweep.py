@@ -11,8 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wavesim.figures.style import FOUND, KHZ, Drawings, symbol
+from wavesim.material.family import known_field
 
 _MAP = matplotlib.colormaps["viridis"]
+# Levels below this are one colour, dB.
+_LOW = -60.0
 # Panels of one figure.
 _MOST_PANELS = 12
 
@@ -28,10 +31,14 @@ def sweep_figures(data: Any) -> Drawings:
         data: the dataset (xarray) of ``wavesim.studies.sweep``.
     """
     found = {name: panels for name, panels in _quantities(data).items() if panels}
-    return {
+    drawings: Drawings = {
         name: lambda panels=panels: _figure(data, panels)  # type: ignore[misc]
         for name, panels in found.items()
     }
+    if "T" in data and "member" not in data["status"].dims:
+        for sector in data["sector"].values:
+            drawings[f"levels_{sector}"] = lambda sector=sector: _levels(data, str(sector))  # type: ignore[misc]
+    return drawings
 
 
 def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
@@ -49,10 +56,16 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
             found[f"gaps_{number}" if medium else "gaps"] = {
                 f"{medium}: {name}" if medium else name: panel for name, panel in panels.items()
             }
+    if "T" in data:
+        energy = data["transmitted"].mean("frequency")
+        found["transmission"] = {
+            f"{sector}: transmitted energy, mean": (energy.sel(sector=sector), "of the incident")
+            for sector in energy["sector"].values
+        }
     if "peak" in data:
         peak = data["peak"]
         for name in peak["field"].values:
-            unit = "rad" if str(name).startswith("phi") else "1/m"
+            unit = known_field(str(name)).unit
             found[f"peak_{name}"] = {
                 f"largest {symbol(str(name))} at {receiver}": (
                     peak.sel(field=name, receiver=receiver),
@@ -61,6 +74,26 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
                 for receiver in peak["receiver"].values[:_MOST_PANELS]
             }
     return found
+
+
+def _levels(data: Any, sector: str) -> Figure:
+    """20 log₁₀|T| over frequency and each key, the other keys at the middle of their ranges."""
+    keys = [str(name) for name in data["status"].dims if data.sizes[name] > 1]
+    keys = keys[:3] or [str(data["status"].dims[0])]
+    figure = Figure(figsize=(0.6 + 3.9 * len(keys), 3.6), layout="constrained")
+    places = figure.subplots(1, len(keys), squeeze=False, sharey=True)[0]
+    for axes, key in zip(places, keys, strict=True):
+        middle = {name: data.sizes[name] // 2 for name in data["status"].dims if name != key}
+        own = data["T"].sel(sector=sector).isel(middle).transpose("frequency", key)
+        level = 20 * np.log10(np.maximum(np.abs(own.values), 1e-15))
+        shown: Any = {"cmap": _MAP, "vmin": _LOW, "vmax": 0.0, "shading": "nearest"}
+        image = axes.pcolormesh(data[key], data["frequency"] / 1e3, level, **shown)
+        told = ", ".join(f"{name} = {float(data[name][at]):.4g}" for name, at in middle.items())
+        axes.set_title(f"at {told}" if told else sector)
+        axes.set_xlabel(_label(data, key))
+    places[0].set_ylabel("frequency (kHz)")
+    figure.colorbar(image, ax=list(places), label=f"|T|, {sector} (dB)", extend="min")
+    return figure
 
 
 def _figure(data: Any, panels: Mapping[str, tuple[Any, str]]) -> Figure:

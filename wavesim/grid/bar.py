@@ -54,8 +54,8 @@ class Differences:
 class Bar(Shown):
     """A bar on a staggered grid, with its ends.
 
-    Rotations φ live on the nodes x_i, φ′, B and σ on the half-nodes x_i + h/2. A periodic bar of N
-    cells has N nodes, any other N + 1, one at each end. A bar of layers has a stretch of cells of
+    Macro-fields φ live on the nodes x_i, φ′, B and σ on the half-nodes x_i + h/2. A periodic bar of
+    N cells has N nodes, any other N + 1, one at each end. A bar of layers has a stretch of cells of
     its own size for each, so that every interface falls on a node (:func:`layered_bar`).
 
     Args:
@@ -171,12 +171,12 @@ class Bar(Shown):
 
     @property
     def nodes(self) -> Float:
-        """Positions of the rotations, shape (N,) or (N + 1,), m."""
+        """Positions of the macro-fields, shape (N,) or (N + 1,), m."""
         return self._all_nodes[: self.cells] if self.periodic else self._all_nodes
 
     @property
     def half_nodes(self) -> Float:
-        """Positions of the micro-curvatures, shape (N,), m."""
+        """Positions of the micro-fields, shape (N,), m."""
         if not self.stretches:
             return (np.arange(self.cells) + 0.5) * self.spacing
         return (self._all_nodes[1:] + self._all_nodes[:-1]) / 2

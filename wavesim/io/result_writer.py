@@ -120,7 +120,7 @@ class Results:
             for name, data in values.items()
         }
         count = len(next(iter(whole.values())))
-        # Of rotations and micro-curvatures, so that both end at whole chunks.
+        # Of macro- and micro-fields, so that both end at whole chunks.
         high = max(chunk_of(data.shape[1])[0] for data in whole.values())
         full = count // high * high
         if full:

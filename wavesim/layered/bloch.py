@@ -35,7 +35,7 @@ def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = N
         in the limit Γ → 0; (N, n) where Γ is kept, ascending in Im q.
 
     Raises:
-        ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
+        ValueError: the sector has no macro-field, ω is 0, or Γ is singular where it is kept.
     """
     kept = keeps_gradient(cell, gradient)
     stack = Stack(cell, block_of(cell.first.family, sector), np.atleast_1d(np.asarray(omega)), kept)

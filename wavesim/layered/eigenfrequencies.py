@@ -172,7 +172,7 @@ def resonances(
         followed from its lossless one as the loss is brought up.
 
     Raises:
-        ValueError: an end is not fixed, free or periodic; the sector has no rotation; the closure
+        ValueError: an end is not fixed, free or periodic; the sector is at rest; the closure
             is not symmetric where Γ is kept.
     """
     check_ends(left, right, ("fixed", "free", "periodic"))

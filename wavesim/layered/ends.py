@@ -1,7 +1,7 @@
 """The ends of a bar: what they send back, and what is driven at them.
 
 (a at 0, b at L) = R (b at 0, a at L) + p. Fixed: φ = g; free: σ·n = g with n outward; at both the
-double stress V is 0, the natural condition on a micro-curvature. Absorbing: the end's medium goes
+double stress V is 0, the natural condition on a micro-field. Absorbing: the end's medium goes
 on for ever. Periodic: what leaves at one end comes in at the other.
 """
 

@@ -1,12 +1,12 @@
 """How many eigenfrequencies of a lossless bar lie below ω: Wittrick and Williams' count.
 
-Cut into elements, the bar has the dynamic stiffness K(ω) between the rotations (and, where Γ is
-kept, micro-curvatures) of its nodes. Eigenfrequencies below ω number
+Cut into elements, the bar has the dynamic stiffness K(ω) between the macro-fields (and, where Γ is
+kept, micro-fields) of its nodes. Eigenfrequencies below ω number
 
     J(ω) = Σ J₀(ω) + (negative eigenvalues of K(ω)),
 
 J₀ those of each element with its ends clamped. An element short enough has none but those of the
-micro-curvature alone, one for each cutoff: its φ(end)/σ(start) = t₁₂ ≷ 0 tells on which side ω is.
+micro-field alone, one for each cutoff: its φ(end)/σ(start) = t₁₂ ≷ 0 tells on which side ω is.
 With Γ a uniform layer is halved until its energy bounds its lowest clamped frequency from below.
 
 Without Γ, J jumps by infinity at each asymptote: only differences within a window between two

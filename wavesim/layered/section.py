@@ -6,7 +6,7 @@ In SI, with I_φ = ρβ, I_B = ργ and exp(−iωt), a block obeys
     −ω² ι I_B B = m (C_Bφ φ′ − C_BB B) + ∂ₓV + Π,    V = m Γ ∂ₓB,
 
 with the loss law's m and ι (material/damping). Where Γ is kept the state is v = −iω(φ, B) and
-f = −(σ, V). With Γ → 0 the micro-curvature follows the rotation,
+f = −(σ, V). With Γ → 0 the micro-field follows the macro-field,
 
     B = X (C_Bφ φ′ + Π/m),  X = (C_BB − Ω² I_B)⁻¹,    σ = 𝒟 φ′ − C_φB X Π,
     𝒟 = m (C_φφ − C_φB X C_Bφ),
@@ -96,7 +96,7 @@ class Limit:
 
 
 def limit(one: Section, omega: Any) -> Limit:
-    """The micro-curvature eliminated; omega (N,), scaled, complex."""
+    """The micro-field eliminated; omega (N,), scaled, complex."""
     own = one.own
     m, iota = one.losses(omega)
     square = omega**2 * iota / m

@@ -31,7 +31,7 @@ class Load:
     """A source on one component of a block, scaled.
 
     Attributes:
-        component: 0 for the rotation if there is one, then the micro-curvatures.
+        component: 0 for the macro-field if there is one, then the micro-fields.
         position, width: of its Gaussian; width 0 is a point.
         strength: its integral over x, shape (N,).
         inertial: whether the local inertia ι I multiplies it, as for an initial value.
@@ -52,7 +52,7 @@ class Load:
 
 
 def driven(one: Section, omega: Any, component: int) -> Any:
-    """s of y′ = A y + s for a unit body moment on a component, shape (N, 2n); see ``section``."""
+    """s of y′ = A y + s for a unit body force on a component, shape (N, 2n); see ``section``."""
     n, p = one.size, one.macro
     s = np.zeros((len(omega), 2 * n), dtype=complex)
     if component < p or one.kept:
@@ -92,8 +92,9 @@ class Stack:
 
     @cached_property
     def units(self) -> Scales:
-        """Units of the medium at the left end."""
-        return scales(self.layers.first)
+        """Units of the block in the medium at the left end."""
+        first = self.layers.first
+        return scales(first).of(first.part(self.block).family)
 
     @cached_property
     def scaled(self) -> Any:

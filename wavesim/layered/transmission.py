@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Transmission(Shown):
-    """Amplitude ratios of rotation φ and power coefficients at each ω.
+    """Amplitude ratios of macro-field φ and power coefficients at each ω.
 
     Reference planes are x = 0 (incident and reflected from the left, transmitted to the left) and
     x = L (the other three). Index 0 of the modes is the wave of the closed form k(ω).
@@ -98,12 +98,18 @@ def transmission(
         Amplitude ratios and power coefficients, which sum to 1 without loss.
 
     Raises:
-        ValueError: the sector has no rotation, ω is 0, or Γ is singular where it is kept.
+        ValueError: the sector has no macro-field, ω is 0 or has Im ω < 0, or Γ is singular where it
+            is kept.
     """
+    frequencies = np.atleast_1d(np.asarray(omega))
+    growing = np.flatnonzero(frequencies.imag < 0)
+    if len(growing):
+        raise ValueError(
+            f"omega = {frequencies[growing[0]]:g} rad/s: Im ω must not be below 0, as fields go as "
+            "exp(−iωt) here; where yours go as exp(+jωt), give conj(ω) and take conj(T)"
+        )
     kept = keeps_gradient(layers, gradient)
-    stack = Stack(
-        layers, block_of(layers.first.family, sector), np.atleast_1d(np.asarray(omega)), kept
-    )
+    stack = Stack(layers, block_of(layers.first.family, sector), frequencies, kept)
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)
     n, rows = len(stack.impedance), np.arange(len(stack.scaled))

@@ -2,3 +2,4 @@
 
 # Both families are known wherever a medium is.
 from wavesim.material import rotation as rotation
+from wavesim.material import translation as translation

@@ -56,12 +56,6 @@ def weights(parts: Sequence[Part], names: Sequence[str]) -> np.ndarray:
     return np.array(rows).reshape(len(parts), len(names))
 
 
-def grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
-    """Blocks that lie side by side and have as many macro- and micro-fields, together."""
-    groups = itertools.groupby(blocks, key=lambda block: (len(block.macro), len(block.micro)))
-    return [tuple(members) for _, members in groups]
-
-
 @dataclass(frozen=True)
 class Quantity:
     """One field, or what acts on it.
@@ -161,7 +155,17 @@ class Family:
         return found
 
     def excited(self, fields: Sequence[str]) -> tuple[Block, ...]:
-        """Blocks that sources on these fields set in motion."""
+        """Blocks that sources on these fields set in motion.
+
+        Raises:
+            ValueError: a field is of another family.
+        """
+        for name in fields:
+            if name not in self.fields:
+                raise ValueError(
+                    f"field = {name!r}: must be one of {', '.join(self.fields)}, as the medium's "
+                    f"family is {self.name}"
+                )
         return tuple(block for block in self.blocks if set(block.fields) & set(fields))
 
     def gap_names(self, sector: str) -> tuple[str, ...]:
@@ -235,6 +239,21 @@ def granular_blocks(macro: str, micro: str) -> tuple[Block, ...]:
     )
 
 
+# Sectors about an axis of symmetry, in words.
+_SECTORS = {
+    "transverse2": "transverse x₂",
+    "transverse3": "transverse x₃",
+    "inplane": "in-plane",
+}
+
+
+def sector_words(sector: str, *alike: str) -> str:
+    """A sector in words, its family first where that is named; of several, what they share."""
+    family, dash, own = sector.rpartition("-")
+    words = _SECTORS.get(own, own)
+    return family + (" " if dash else "") + (words.partition(" x")[0] if alike else words)
+
+
 _QUANTITIES: dict[str, Quantity] = {}
 
 
@@ -270,3 +289,14 @@ def is_macro(name: str) -> bool:
 def known_fields() -> tuple[str, ...]:
     """Names of the fields of all families."""
     return tuple(_QUANTITIES)
+
+
+def grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
+    """Blocks of one family that lie side by side and have as many fields of each kind, together."""
+
+    def kind(block: Block) -> tuple[str, int, int]:
+        family = known_field(block.fields[0]).family
+        return family.name, len(block.macro), len(block.micro)
+
+    groups = itertools.groupby(blocks, key=kind)
+    return [tuple(members) for _, members in groups]

@@ -63,7 +63,7 @@ class GranularMedium(Medium):
 
     @property
     def in_words(self) -> str:
-        """Closure, a and η."""
+        """Family, closure, a and η."""
         a, eta = float(self.anisotropy), float(self.stiffness_ratio)
         return f"{super().in_words}, a = {a:g}, η = {eta:g}"
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin, get_type
 import numpy as np
 
 from wavesim.material.damping import UNDAMPED, Damping
-from wavesim.material.family import Family, register
+from wavesim.material.family import Block, Family, register
 from wavesim.material.shown import Shown
 
 
@@ -92,10 +92,10 @@ class _ByFamily(type):
     """Medium(family="…", …) makes a medium of that family's class."""
 
     def __call__(cls, *args: Any, family: str | None = None, **given: Any) -> Any:
-        if "family" not in vars(cls):
+        if cls is Medium:
             name = family or next(iter(_MEDIA))
             cls = medium_of(name)
-        elif family not in (None, cls.family.name):  # type: ignore[attr-defined]
+        elif family is not None and family != cls.family.name:  # type: ignore[attr-defined]
             raise ValueError(
                 f"family = {family!r}: a medium of family {cls.family.name!r} "  # type: ignore[attr-defined]
                 "can't be made one of another; make a new one"
@@ -124,6 +124,8 @@ class Medium(Shown, metaclass=_ByFamily):
     damping: Damping = field(default=UNDAMPED, kw_only=True)
 
     family: ClassVar[Family]
+    nested: ClassVar[tuple[str, ...]] = ()
+    """Fields that hold parameters of their own."""
     closures: ClassVar[tuple[str, ...]] = ("consistent",)
     """Those that its equations have; the spectral solver may know more."""
 
@@ -136,7 +138,7 @@ class Medium(Shown, metaclass=_ByFamily):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        if "family" in vars(cls):
+        if isinstance(vars(cls).get("family"), Family):
             register(cls.family)
             _MEDIA[cls.family.name] = cls
             PARAMETERS.update(cls.known())
@@ -207,6 +209,15 @@ class Medium(Shown, metaclass=_ByFamily):
         return (form.m_B / np.abs(np.linalg.eigvals(form.C_B_B)).max()) ** 0.5
 
     @property
+    def parts(self) -> tuple[Medium, ...]:
+        """The media of each family in it: itself, unless it is several ``together``."""
+        return (self,)
+
+    def part(self, block: Block) -> Medium:
+        """The medium that a block belongs to."""
+        return self
+
+    @property
     def macro_scale(self) -> Any:
         """Unit of a macro-field, in the family's."""
         return 1.0
@@ -228,14 +239,20 @@ class Medium(Shown, metaclass=_ByFamily):
         return {name: getattr(self, name) for name in self.known()}
 
     @property
+    def keys(self) -> dict[str, Any]:
+        """What [medium] of a case file says of it, losses apart; None where it says nothing."""
+        own = {name: getattr(self, name) for name in self.known()}
+        return {"family": self.family.name, "closure": self.closure} | own
+
+    @property
     def conserves_energy(self) -> bool:
         """Whether its equations conserve energy, losses apart."""
         return self.closure == "consistent"
 
     @property
     def in_words(self) -> str:
-        """What is said of it in a line: closure, and what else tells it from others."""
-        return f"closure {self.closure}"
+        """What is said of it in a line: family, closure, and what else tells it from others."""
+        return f"{self.family.name}, closure {self.closure}"
 
     @property
     def settings(self) -> str:
@@ -304,6 +321,6 @@ def _check(name: str, value: float, known: Parameter) -> None:
 
 def fastest_speed(medium: Medium) -> float:
     """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
-    form = medium.flux_form()
-    unrelaxed = medium.damping.unrelaxed
-    return float(np.sqrt(unrelaxed * np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi))
+    forms = [part.flux_form() for part in medium.parts]
+    squares = [np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi for form in forms]
+    return float(np.sqrt(medium.damping.unrelaxed * max(squares)))

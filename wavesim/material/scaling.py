@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from wavesim.material.family import Block, is_macro, weights
+from wavesim.material.family import Block, Family, known_field, weights
 from wavesim.material.medium import Medium
 
 # Branches are judged between these k̄ where nobody says otherwise.
@@ -31,6 +31,8 @@ class Scales:
         macro: φ₀, unit of a macro-field.
         micro: φ₀/r, unit of a micro-field.
         energy: energy per area of the bar's section, m_φ φ₀² l/τ², J/m².
+        others: families besides the first, with the units of their macro- and micro-fields, in
+            which an energy is as many units.
     """
 
     length: Any
@@ -38,10 +40,20 @@ class Scales:
     macro: Any
     micro: Any
     energy: Any
+    others: tuple[tuple[Family, Any, Any], ...] = ()
+
+    def of(self, family: Family) -> Scales:
+        """Those of one family where several share a bar."""
+        for one, macro, micro in self.others:
+            if one is family:
+                return Scales(self.length, self.time, macro, micro, self.energy)
+        return self
 
     def unit(self, field: str) -> Any:
         """SI value of one scaled unit of a field."""
-        return self.macro if is_macro(field) else self.micro
+        known = known_field(field)
+        own = self.of(known.family)
+        return own.macro if known.macro else own.micro
 
     def force(self, field: str) -> Any:
         """SI value of what acts per volume on a field and makes its scaled acceleration 1."""
@@ -52,12 +64,18 @@ def scales(medium: Medium) -> Scales:
     """Units of the scaled form, those of a medium; its parameters may be traced by jax."""
     length, time, unit = medium.length_scale, medium.time_scale, medium.macro_scale
     macro, micro = medium.inertias
+    others = []
+    for part in medium.parts[1:]:
+        its_macro, its_micro = part.inertias
+        as_much = [unit * (macro / its) ** 0.5 for its in (its_macro, its_micro)]
+        others.append((part.family, *as_much))
     return Scales(
         length=length,
         time=time,
         macro=unit,
         micro=unit * (macro / micro) ** 0.5,
         energy=macro * (unit / time) ** 2 * length,
+        others=tuple(others),
     )
 
 
@@ -116,6 +134,7 @@ def block_coefficients(medium: Medium, block: Block, units: Scales) -> BlockCoef
     Raises:
         ValueError: the closure has no wave equations.
     """
+    medium = medium.part(block)
     form, family = medium.flux_form(), medium.family
     macro, micro = weights(block.macro, family.macro), weights(block.micro, family.micro)
     inertias = medium.inertias
@@ -127,4 +146,4 @@ def block_coefficients(medium: Medium, block: Block, units: Scales) -> BlockCoef
         gamma=form.per * (micro @ form.Gamma @ micro.T),
         i_phi=inertias[0],
         i_B=inertias[1],
-    ).scaled(units)
+    ).scaled(units.of(family))

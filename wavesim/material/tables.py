@@ -49,13 +49,10 @@ def medium_table(medium: Medium) -> dict[str, Any]:
     """
     if medium.closure == "appendix_c":
         raise ValueError('closure = "appendix_c": has no wave equations, so that no case has it')
-    given = {name: getattr(medium, name) for name in medium.known()}
-    plain = {name: rounded(value) for name, value in given.items() if value is not None}
-    return (
-        {"family": medium.family.name, "closure": medium.closure}
-        | plain
-        | loss_keys(medium.damping)
-    )
+    given = {name: value for name, value in medium.keys.items() if value is not None}
+    words = {name: given.pop(name) for name in ("family", "closure")}
+    plain = {name: rounded(value) for name, value in given.items()}
+    return words | plain | loss_keys(medium.damping)
 
 
 def grouped(tables: list[dict[str, Any]]) -> list[dict[str, Any]]:

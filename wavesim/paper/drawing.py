@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from wavesim.figures.band_axes import (
     LINE_STYLES,
-    TITLES,
     add_hertz_axis,
     add_wavenumber_axis,
     colour_of,
     hatch_full_gaps,
+    heading,
     shade_gaps,
 )
 from wavesim.material.medium import Medium
@@ -141,7 +141,7 @@ def gap_figure() -> Figure:
             axes.set_xlim(0.0, 0.5)
             axes.set_ylim(0.0, 2.0)
     for axes, sector in zip(panels[0], SECTORS, strict=True):
-        axes.set_title(TITLES[sector], fontsize=10)
+        axes.set_title(heading(ROTATION, sector), fontsize=10)
     for axes in panels[-1]:
         axes.set_xlabel("$\\bar k = kl/2\\pi$")
     _outer_axes(panels, wavenumbers=True, labels=[label for label, _, _ in cases])
@@ -180,7 +180,7 @@ def _edges_figure(rows: list[tuple[str, Float, Any]], x_label: str, limits: Any)
             _edges_panel(axes, x, lower, upper, sector)
             axes.set_ylim(*limits)
     for axes, sector in zip(panels[0], SECTORS, strict=True):
-        axes.set_title(TITLES[sector], fontsize=10)
+        axes.set_title(heading(ROTATION, sector), fontsize=10)
     for axes in panels[-1]:
         axes.set_xlabel(x_label)
     _outer_axes(panels, wavenumbers=False, labels=[label for label, _, _ in rows])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -113,12 +114,15 @@ def figures() -> dict[str, tuple[str, Figure]]:
     return drawn
 
 
-def reproduce(out: Path, dpi: int = 160) -> dict[str, Any]:
+def reproduce(
+    out: Path, dpi: int = 160, tell: Callable[[int, int], None] = lambda done, of: None
+) -> dict[str, Any]:
     """Write the paper's figures, the page paper.md and the numbers paper.json to a folder.
 
     Args:
         out: the folder; made if it does not exist.
         dpi: resolution of the figures, dots per inch.
+        tell: called with the parts done, and all there are.
 
     Returns:
         What paper.json holds: {"source", "figures": {file: caption}, "gaps": [...], "claims":
@@ -131,9 +135,12 @@ def reproduce(out: Path, dpi: int = 160) -> dict[str, Any]:
     """
     out.mkdir(parents=True, exist_ok=True)
     captions = {}
-    for name, (caption, figure) in figures().items():
+    drawn = figures()
+    for number, (name, (caption, figure)) in enumerate(drawn.items()):
+        tell(number, len(drawn) + 1)
         figure.savefig(out / name, dpi=dpi)
         captions[name] = caption
+    tell(len(drawn), len(drawn) + 1)
     claims, gaps, stability = judge(), gap_rows(), stability_rows()
     (out / "paper.md").write_text(page(captions, claims, gaps, stability), encoding="utf-8")
     result = {

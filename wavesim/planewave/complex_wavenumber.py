@@ -6,8 +6,8 @@ enters: with b = k c it becomes the linear problem det(s P − Q) = 0 in s = k²
     P = | c_pp  −c_pb |      Q = | ω²        0      |
         |  0      γ   |          | c_bp   ω² − c_bb |
 
-of degree 1 + rank γ for one rotation: the pair ±k of the closed form below and, for each rank of γ,
-a pair whose wavelength or decay length is of the size √(Γ/C_BB), which with Table 1 is 1e-6 of a
+of degree 1 + rank γ for one macro-field: the pair ±k of the closed form below and, for each rank of
+γ, a pair whose wavelength or decay length is of the size √(Γ/C_BB), which with Table 1 is 1e-6 of a
 particle. With Γ → 0 there is one pair, k² = ω²/D(ω²), D = c_pp − c_pb (c_bb − ω²)⁻¹ c_bp.
 
 Where the medium has a loss law every ω stands for Ω(ω) = ω √(ι/m) (``material.damping``).
@@ -37,7 +37,7 @@ class ComplexWaves:
         sector, block: where they live.
         omega: angular frequencies, shape (n,), rad/s, real or complex.
         k: wavenumbers, shape (n, r), rad/m. Column 0 is the one that the closed form gives as
-            Γ → 0 where the block has a rotation; the others ascend in |k|.
+            Γ → 0 where the block has a macro-field; the others ascend in |k|.
     """
 
     sector: str
@@ -68,7 +68,7 @@ def _outward(square: Any, rises: Any) -> Complex:
 
 
 def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
-    """k(ω) of the one pair ±k of a sector with rotation, in the limit Γ → 0.
+    """k(ω) of the one pair ±k of a sector with a macro-field, in the limit Γ → 0.
 
         k² = ω² / D(ω²),    D = c_pp − c_pb (c_bb − ω²)⁻¹ c_bp
 
@@ -83,7 +83,7 @@ def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
         imaginary.
 
     Raises:
-        ValueError: the sector has no rotation, so nothing propagates in it.
+        ValueError: the sector has no macro-field, so nothing propagates in it.
     """
     (block, *others) = medium.family.blocks_of(sector)
     if others or not block.macro:
@@ -134,9 +134,9 @@ def _polynomial(form: BlockCoefficients, square: Any) -> tuple[Any, Any]:
 
 
 def _degree(form: BlockCoefficients) -> int:
-    rotations = np.shape(form.c_pp)[-1]
+    macro = np.shape(form.c_pp)[-1]
     size = np.abs(form.gamma).max()
-    return rotations + (int(np.linalg.matrix_rank(form.gamma / size, tol=1e-12)) if size else 0)
+    return macro + (int(np.linalg.matrix_rank(form.gamma / size, tol=1e-12)) if size else 0)
 
 
 def _evaluate(coefficients: Any, at: Any) -> Any:
@@ -180,7 +180,7 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
 
     Returns:
         One root of each pair ±k: the one with Im k > 0 or, where k is real, the one that carries
-        energy towards +x. Each rank of Γ adds a pair; with G_n_g = 0 a block with a rotation
+        energy towards +x. Each rank of Γ adds a pair; without Γ a block with a macro-field
         has the one of :func:`wavenumber` and an in-plane block has none.
 
     Raises:

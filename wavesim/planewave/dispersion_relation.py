@@ -133,7 +133,7 @@ def scaled_group_velocity(form: BlockCoefficients, k: Float, modes: Eigenmodes) 
 
 
 def _scaled_long_wave_speed(form: BlockCoefficients) -> float:
-    # A pseudo-inverse, as at η = 0 a micro-curvature that couples to nothing costs no energy.
+    # A pseudo-inverse, as at η = 0 a micro-field that couples to nothing costs no energy.
     static = form.c_pp - form.c_pb @ np.linalg.pinv(form.c_bb, rcond=1e-12) @ form.c_bp
     return float(np.sqrt(static[0, 0]))
 

@@ -97,7 +97,7 @@ def _general(matrix: Float) -> Eigenmodes:
 
 
 def _by_symmetrising(form: BlockCoefficients, k: Float) -> Eigenmodes:
-    """A block with one rotation whose couplings there and back differ.
+    """A block with one macro-field whose couplings there and back differ.
 
     Once c_bb + k² γ is diagonal, K is an arrow: −k u_i in the row of φ, −k v_i in its column.
     Where every u_i v_i > 0 scaling by √(v_i/u_i) makes it symmetric, so that its ω² are real; the
@@ -117,9 +117,9 @@ def _by_symmetrising(form: BlockCoefficients, k: Float) -> Eigenmodes:
         values[..., None] * np.eye(values.shape[-1]),
     )
     squares, vectors = np.linalg.eigh(arrow)
-    curvatures = vectors[..., 1:, :]
-    right = np.concatenate([vectors[..., :1, :], turn @ (ratio[..., None] * curvatures)], axis=-2)
-    left = np.concatenate([vectors[..., :1, :], turn @ (curvatures / ratio[..., None])], axis=-2)
+    micro = vectors[..., 1:, :]
+    right = np.concatenate([vectors[..., :1, :], turn @ (ratio[..., None] * micro)], axis=-2)
+    left = np.concatenate([vectors[..., :1, :], turn @ (micro / ratio[..., None])], axis=-2)
     if not fits.all():
         rest = _general(stiffness(form, k[~fits]))
         if np.iscomplexobj(rest.squares):

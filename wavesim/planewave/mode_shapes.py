@@ -62,7 +62,8 @@ def block_modes(medium: Medium, block: Block, k: ArrayLike) -> Modes:
     density = float(units.energy / units.length)
     amplitude = np.where(resting, 1.0, (2 / density) ** 0.5 / np.where(resting, 1.0, omega))
     vectors = vectors * amplitude[..., None]
-    p, family = len(block.macro), medium.family
+    p, family = len(block.macro), medium.part(block).family
+    units = units.of(family)
     macro = float(units.macro) * (vectors[..., :p] @ weights(block.macro, family.macro))
     micro = float(units.micro) * (vectors[..., p:] @ weights(block.micro, family.micro))
     return Modes(
@@ -107,13 +108,13 @@ def energy_velocity(medium: Medium, block: Block, k: ArrayLike) -> Float:
     wave = 1j * scaled[:, None, None]
     phi, bend = vectors[..., :p], 1j * vectors[..., p:]
     kappa, bend_slope = wave * phi, wave * bend
-    moment = kappa @ form.c_pp.T - bend @ form.c_pb.T
+    stress = kappa @ form.c_pp.T - bend @ form.c_pb.T
 
     def dot(one: Any, other: Any) -> Float:
         return np.real(np.sum(np.conj(one) * other, axis=-1))
 
     flow = -0.5 * (
-        dot(-1j * omega * phi, moment) + dot(-1j * omega * bend, bend_slope @ form.gamma.T)
+        dot(-1j * omega * phi, stress) + dot(-1j * omega * bend, bend_slope @ form.gamma.T)
     )
     kinetic = 0.25 * (omega**2)[..., 0] * (dot(phi, phi) + dot(bend, bend))
     potential = 0.25 * (

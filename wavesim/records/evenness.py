@@ -111,8 +111,8 @@ def even(x: Float, storage: float = 0.0, tolerance: float = 0.0) -> Even | None:
     rounder = _rounder(step, 3 * error)
     if rounder != step:
         error, step = 0.0, rounder
-    first = float(mean - step * (centre + (n - 1) / 2))
-    first = _rounder(first, float(3 * q.max() / np.sqrt(12 * n)))
+    # The first number as it is written: where the whole sequence lies changes nothing.
+    first = float(x[0])
     return Even(first, step, error / step, float(q.max()), float(off.max()) / step)
 
 

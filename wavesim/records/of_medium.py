@@ -74,7 +74,10 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
     record = read(path, layout)
     if medium is None:
         return [RecordOfMedium(path.stem, record)]
-    (block, *others) = medium.family.blocks_of(sector)
+    try:
+        (block, *others) = medium.family.blocks_of(sector)
+    except ValueError as error:
+        raise RecordError(f"--sector: {error}") from None
     if others:
         raise RecordError(
             f"--sector {sector}: its waves do not travel and can't be told apart in one record; "

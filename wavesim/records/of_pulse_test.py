@@ -103,7 +103,7 @@ def _of_run(path: Path) -> list[PulseTestRecord]:
 
 
 def of_field(field: Any, name: str) -> list[PulseTestRecord]:
-    """Pulse tests of a simulated field, one for each rotation that its sources drive.
+    """Pulse tests of a simulated field, one for each macro-field that its sources drive.
 
     Raises:
         RecordError: there are no receivers to one side of the sources.
@@ -111,17 +111,17 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
     found = []
     for block in field.blocks:
         own = [s for s in field.sources if s.field in block.fields]
-        if not (block.rotations and own and field.receivers):
+        if not (block.macro and own and field.receivers):
             continue
-        (rotation,) = block.rotations[0]
+        (macro,) = block.macro[0]
         places = _beside(field.receivers, own)
         if not places:
             continue
         (source, *others) = own
         t = np.asarray(field.t)
         sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
-        signals = {key: np.asarray(field.at(field.receivers[key], rotation)) for key in places}
-        found.append(PulseTestRecord(f"{name}: {rotation}", t, signals, places, sent))
+        signals = {key: np.asarray(field.at(field.receivers[key], macro)) for key in places}
+        found.append(PulseTestRecord(f"{name}: {macro}", t, signals, places, sent))
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"

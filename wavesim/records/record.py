@@ -283,10 +283,10 @@ def record(
         )
     within, place = np.zeros(len(x), bool), None
     if not trusted:
+        seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
         mended, within, place = together(
-            values if whole is None else whole, missing, t, x, channels.labels, channels.quantum,
-            channels.flat | broken, ring, found,
-        )  # fmt: skip
+            seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring, found
+        )
         if mended.any:
             kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
             values = (values[..., mended.order] * mended.factor)[..., kept]

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from wavesim.material.family import sector_words
+
 Summary = Mapping[str, Any]
 Row = Mapping[str, Any]
 
@@ -18,12 +20,6 @@ KINDS: dict[str, tuple[float, str, int]] = {
     "wavenumber": (1e-3, "rad/mm", 4),
     "level": (1.0, "dB", 5),
     "number": (1.0, "", 5),
-}
-_WAVES = {
-    "longitudinal": "longitudinal",
-    "transverse2": "transverse x₂",
-    "transverse3": "transverse x₃",
-    "inplane": "in-plane",
 }
 
 
@@ -157,7 +153,7 @@ def shown(value: Any, kind: str) -> str:
     if kind:
         factor, _, digits = KINDS[kind]
         return f"{value * factor:.{digits}g}"
-    return _WAVES.get(value, str(value))
+    return sector_words(str(value))
 
 
 def number(value: float | None) -> str:

@@ -147,13 +147,14 @@ def _closer(summary: Mapping[str, Any], folder: Path, rerun: str) -> list[dict[s
     """For each gap the command, or the words, that put it in the middle of what is driven."""
     found: list[dict[str, str]] = []
     seen = set()
-    for row in summary.get("answers", {}).get("gaps", ()):
-        if row["gap"] in seen:  # both transverse sectors have the same
+    told_of = summary.get("answers", {})
+    for row in (*told_of.get("gaps", ()), *told_of.get("transmission", ())):
+        what, told = row.get("gap") or row["where"], row["closer"]
+        if what in seen:  # both transverse sectors have the same
             continue
-        seen.add(row["gap"])
-        told = row["closer"]
-        name = f"{row['gap']}, {shown(row['sector'], '')}"
-        out = shlex.quote(f"{folder}_{row['gap']}")
+        seen.add(what)
+        name = f"{what}, {shown(row['sector'], '')}"
+        out = shlex.quote(f"{folder}_{what.split()[-1]}")
         command = f"{rerun} {told} --out {out}" if told.startswith("--set") else told
         if told:
             found.append({"name": name, "command": command})

@@ -230,6 +230,12 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             }
             for name, curve in (("T", line[1]), ("R", line[2]))
         }
+        own = found["transmission"][one.sector]
+        for name in ("T", "R"):  # at real ω, where the reading has it
+            real = getattr(one, f"{name}_real", None)
+            if real is not None:
+                own["real_frequency"] = (one.omega * _HERTZ).tolist()
+                own[name]["real"] = _levels(real)
     for two in reading.cells:
         fine, q = two.line or (two.omega, two.q_exact)
         some = _some(len(fine), _FINE)

@@ -1,4 +1,4 @@
-"""Progress on a terminal: stage, part done, frames a second, time gone, time left."""
+"""Progress on a terminal and in a notebook: stage, part done, frames a second, times."""
 
 from __future__ import annotations
 
@@ -65,6 +65,30 @@ def progress(frames: int, quiet: bool) -> Iterator[Callable[[str, float], None]]
 
 
 @contextmanager
+def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
+    """A progress bar while something lasts, in a notebook or on a terminal.
+
+        with ws.progress() as tell:
+            field = ws.integrate(simulation, tell)
+
+    Args:
+        what: is going on.
+
+    Yields:
+        What to call with the part done, 0 to 1.
+    """
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    ) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda part: bar.update(task, completed=part)
+
+
+@contextmanager
 def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]]:
     """Show the progress of a sweep while it lasts; nothing when quiet or not on a terminal.
 
@@ -92,3 +116,29 @@ def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]
             bar.update(task, completed=done, failed=f", {failed} failed" if failed else "")
 
         yield tell
+
+
+@contextmanager
+def parts(what: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """Show how many of some parts are done while it lasts, and how long the rest takes.
+
+    Args:
+        what: they are, such as "figures".
+        quiet: show nothing; nothing is shown where there is no terminal either.
+
+    Yields:
+        What to call with the parts done and all there are.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, of: None
+        return
+    with Progress(
+        TextColumn(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}"),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+        task = bar.add_task(what, total=1)
+        yield lambda done, of: bar.update(task, completed=done, total=of)

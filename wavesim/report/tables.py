@@ -14,20 +14,17 @@ from rich.text import Text
 from wavesim.case.load import Case, highest_frequency
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
+from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
+from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
 
 _MOST_LAYERS = 8
-_SECTORS = {
-    "longitudinal": "longitudinal",
-    "transverse2, transverse3": "transverse",
-    "inplane": "in-plane",
-}
 # Checks that fell short, of which the terminal tells.
 _MOST_SHORT = 12
 # Columns that fit into 80 characters only side by side.
@@ -106,23 +103,23 @@ def _short_line(check: dict[str, Any]) -> str:
     )
 
 
-def survey(console: Console, case: Case, steps: TimeStep) -> None:
+def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
     """Print what can be said of a case before integrating.
 
     Args:
         console: where to.
         case: the case.
         steps: how it would be stepped.
+        taken: what that takes.
     """
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
-    size = 8 * frames * len(simulated.fields) * bar.cells
     seconds = steps.step * float(scales(medium).time)
     kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
-        ("medium", f"{medium.family.name}, {medium.in_words}; ω̄ = 1 is "
+        ("medium", f"{medium.in_words}; ω̄ = 1 is "
                    f"{kHz / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
@@ -139,7 +136,7 @@ def survey(console: Console, case: Case, steps: TimeStep) -> None:
         ("judged", f"k = {case.k_range[0]:.5g} to {case.k_range[1]:.5g} rad/m, every "
                    f"{2 * math.pi / bar.length:.4g} rad/m" if simulated.endless
                    else "receivers, against the exact solution in the frequency domain"),
-        ("result file", f"at most {size / 1e6:.4g} MB"),
+        ("takes", taken.in_words),
     ]  # fmt: skip
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, text in rows:
@@ -216,7 +213,7 @@ def bands(
     for row in rows:
         gap = row["gap"]
         table.add_row(
-            _SECTORS[row["sector"]],
+            sector_words(*row["sector"].split(", ")),
             row["branch"],
             _kHz(row["cutoff_hz"]),
             _kHz(row["asymptote_hz"]),

@@ -29,14 +29,27 @@ def between(values: Float, position: ArrayLike) -> Float:
     Returns:
         u(s), shape of position.
     """
+    n, weights = taps(position)
+    inside = (n >= 0) & (n < len(values))
+    samples = np.where(inside, values[np.clip(n, 0, len(values) - 1)], 0)
+    return np.asarray(np.sum(samples * weights, axis=-1))
+
+
+def taps(position: ArrayLike) -> tuple[NDArray[np.int_], Float]:
+    """Samples that a value between them is made of, and their weights.
+
+    Args:
+        position: s, in samples from the first, any shape.
+
+    Returns:
+        Numbers of samples, which may lie outside the record, and weights, shape of s and (2H,).
+    """
     s = np.asarray(position, float)
     first = np.floor(s).astype(int)
     n = first[..., None] + np.arange(1 - _HALF, _HALF + 1)
     y = s[..., None] - n
     window = np.i0(_SHAPE * np.sqrt(np.maximum(1 - (y / _HALF) ** 2, 0))) / np.i0(_SHAPE)
-    inside = (n >= 0) & (n < len(values))
-    samples = np.where(inside, values[np.clip(n, 0, len(values) - 1)], 0)
-    return np.asarray(np.sum(samples * np.sinc(y) * window, axis=-1))
+    return n, np.asarray(np.sinc(y) * window)
 
 
 def slope(values: Float, position: float, step: float = 0.02) -> float:

@@ -86,7 +86,10 @@ class Simulation(Shown):
                 "layered_bar(layers, spacing)"
             )
         for medium in self.layers.media:
+            if medium.family is not self.medium.family:
+                raise ValueError("layers: the media of a bar must be of one family")
             check_hyperbolic(medium)
+        self.blocks  # noqa: B018  (says which source drives none)
 
     def told(self) -> dict[str, str]:
         """Bar, sources, receivers and time."""
@@ -129,7 +132,12 @@ class Simulation(Shown):
     @functools.cached_property
     def with_gradient(self) -> bool:
         """Whether the gradient term is kept: where it is felt, or costs nothing to keep."""
-        return not self.lossy or keeps_gradient(self.layers)
+        return not self.lossy or self.gradient_felt
+
+    @functools.cached_property
+    def gradient_felt(self) -> bool:
+        """Whether the gradient term counts in some medium of the bar."""
+        return keeps_gradient(self.layers)
 
     @functools.cached_property
     def frames(self) -> int:
@@ -169,7 +177,7 @@ def simulation(
 
 
 def at_double_moment(simulated: Simulation, position: float) -> bool:
-    """Whether a place is that of a point source on a micro-curvature, which is infinite there."""
+    """Whether a place is that of a point source on a micro-field, which is infinite there."""
     return any(
         source.staggered
         and source.acts == "body"

@@ -16,6 +16,7 @@ from wavesim.sources.source import (
     check_place,
     check_positive,
     check_start,
+    extent_on,
     extent_to,
     namespace,
     transform,
@@ -23,6 +24,10 @@ from wavesim.sources.source import (
 
 # Bins from its last frequency on in which its spectrum falls, without those that its taper adds.
 _BINS = 16
+# Bins beyond which its extent is read off a fast transform, of so many samples to a bin.
+_FEW_BINS, _IMAGES = 400, 8
+# Periods of its last frequency that are taken for a slip of the pen.
+_MOST_PERIODS = 1e5
 # Gauss nodes to a panel, and the phase that a panel may hold, rad.
 _NODES, _PHASE = 32, 25.0
 
@@ -73,6 +78,11 @@ class Chirp(Source):
                 f"duration = {self.duration:g} s: must be at least a period of low = "
                 f"{self.low:g} Hz; take {1 / self.low:.4g} s or more"
             )
+        if self.duration * self.high > _MOST_PERIODS:
+            raise ValueError(
+                f"duration = {self.duration:g} s: must hold at most {_MOST_PERIODS:.0e} periods of "
+                f"high = {self.high:g} Hz; take {_MOST_PERIODS / self.high:.3g} s or less"
+            )
         if not 0.01 <= self.taper <= 0.5:
             raise ValueError(f"taper = {self.taper:g}: must be between 0.01 and 0.5")
 
@@ -84,7 +94,15 @@ class Chirp(Source):
     @functools.cached_property
     def extent(self) -> Extent:
         """Read off its spectrum; its fourth derivative jumps at both ends of each taper."""
-        return extent_to(self, self.high * self.duration + _BINS + 6 / self.taper)
+        bins = self.high * self.duration + _BINS + 6 / self.taper
+        if bins <= _FEW_BINS:
+            return extent_to(self, bins)
+        # Of a long one by a fast transform: the grid is as fine, and its images are far off.
+        count = int(2 ** math.ceil(math.log2(_IMAGES * bins)))
+        t = self.start + self.duration / count * np.arange(count)
+        size = np.abs(np.fft.rfft(self.signal(t), 4 * count)) * self.duration / count
+        kept = math.ceil(4 * bins)
+        return extent_on(np.arange(kept) * math.pi / 2 / self.duration, size[:kept])
 
     @property
     def peak_frequency(self) -> float:

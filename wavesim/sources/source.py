@@ -256,14 +256,15 @@ def transform(omega: Any, t: NDArray[Any], values: NDArray[Any]) -> Any:
     return np.concatenate([np.zeros(0, complex), *parts]).reshape(np.shape(omega))[()]
 
 
-def extent_to(source: Source, bins: float) -> Extent:
+def extent_to(source: Source, bins: float, first: float = 0.0) -> Extent:
     """The extent of a source of finite duration T, read off its spectrum on a grid of π/8T.
 
     Args:
         source: of any kind.
         bins: where its spectrum stays below 1e-3 of its peak, in 2π/T.
+        first: up to where it is below that too.
     """
-    turns = np.arange(math.ceil(bins * _TO_A_BIN)) / _TO_A_BIN
+    turns = np.arange(math.floor(first) * _TO_A_BIN, math.ceil(bins * _TO_A_BIN)) / _TO_A_BIN
     omega = np.asarray(2 * math.pi / (source.end - source.onset) * turns, float)
     return extent_on(omega, np.abs(source.spectrum(omega)))
 
@@ -272,7 +273,7 @@ def extent_on(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
     """Read the extent off a grid; the largest value by a parabola through three points.
 
     Args:
-        omega: even grid from 0 to where size stays below 1e-3 of its peak, rad/s.
+        omega: even grid up to where size stays below 1e-3 of its peak, rad/s.
         size: |spectrum| there.
     """
     at = int(np.argmax(size))
@@ -282,7 +283,8 @@ def extent_on(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
         bend = before - 2 * strongest + after
         if bend < 0:
             shift = (before - after) / (2 * bend)
-            peak, strongest = peak + shift * omega[1], strongest - (before - after) * shift / 4
+            step = omega[1] - omega[0]
+            peak, strongest = peak + shift * step, strongest - (before - after) * shift / 4
     last = len(omega) - 1
     in_band = np.nonzero(size >= IN_BAND * strongest)[0]
     heard = np.nonzero(size >= EXCITED * strongest)[0]

@@ -25,6 +25,8 @@ Window = Literal["hann", "cos4", "cos6"]
 _POWERS: dict[str, int] = {"hann": 2, "cos4": 4, "cos6": 6}
 # The side lobes of the windows are below 1e-3 of the peak this many bins from it.
 _BINS = 16
+# More are taken for a slip of the pen.
+_MOST_CYCLES = 1e7
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,10 @@ class ToneBurst(Source):
         check_place(self)
         check_start(self.start)
         check_positive(self, ("frequency", "Hz"))
-        if not (self.cycles >= 1 and math.isfinite(self.cycles)):
-            raise ValueError(f"cycles = {self.cycles:g}: must be 1 or greater")
+        if not 1 <= self.cycles <= _MOST_CYCLES:
+            raise ValueError(
+                f"cycles = {self.cycles:g}: must be 1 or greater, and at most {_MOST_CYCLES:.0e}"
+            )
         if self.window not in _POWERS:
             raise ValueError(f"window = {self.window!r}: must be one of {', '.join(_POWERS)}")
 
@@ -85,7 +89,7 @@ class ToneBurst(Source):
     @functools.cached_property
     def extent(self) -> Extent:
         """Read off its spectrum; a derivative jumps at its ends."""
-        return extent_to(self, self.cycles + _BINS)
+        return extent_to(self, self.cycles + _BINS, max(self.cycles - 4 * _BINS, 0.0))
 
     @property
     def peak_frequency(self) -> float:

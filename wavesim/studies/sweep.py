@@ -17,7 +17,7 @@ from wavesim.studies.sweep_store import Store
 from wavesim.studies.sweep_workers import here, pool
 from wavesim.studies.variation import Axis, Region, SweepError, variation
 
-MEASURES = ("gaps", "run")
+MEASURES = ("gaps", "transmission", "run")
 DATASET = "sweep.zarr"
 # Called with the members done, failed, and all there are.
 Progress = Callable[[int, int, int], None]
@@ -117,19 +117,24 @@ def sweep(
     folder: str | Path = "outputs",
     overrides: Sequence[str] = (),
     judge: Judge | None = None,
+    band: tuple[float, float] | None = None,
+    points: int = 200,
 ) -> Sweep:
     """Describe a sweep; its ``go`` measures it.
 
     Args:
         case: path of the case file.
         vary: keys and their ranges, KEY=FROM:TO:N each, KEY as of ``--set``.
-        measure: "gaps" (edges of all gaps, rad/s), or "run" (signals at the receivers, SI).
+        measure: "gaps" (edges of all gaps, rad/s), "transmission" (T and R at real frequencies), or
+            "run" (signals at the receivers, SI).
         sample: number of members drawn from the box of the ranges; None takes the grid.
         sampler: "sobol" or "lhs".
         seed: of the sample.
         folder: where the dataset, sweep.zarr, goes.
         overrides: "table.key=value", laid over every member.
         judge: of runs, such as :func:`wavesim.runner.measure`; None stores signals alone.
+        band: of transmission, Hz; by default what the half-spaces' first band holds.
+        points: of transmission, number of frequencies.
 
     Raises:
         CaseError: the case can't be used.
@@ -139,7 +144,15 @@ def sweep(
         raise SweepError(f"--measure {measure}: must be one of {', '.join(MEASURES)}")
     varied = variation(vary, sample, sampler, seed)
     swept = swept_case(case, varied, overrides)
-    made: Any = gap_measure(swept) if measure == "gaps" else run_measure(swept, judge)
+    made: Any
+    if measure == "gaps":
+        made = gap_measure(swept)
+    elif measure == "transmission":
+        from wavesim.studies.transmission_sweep import transmission_measure
+
+        made = transmission_measure(swept, band, points)
+    else:
+        made = run_measure(swept, judge)
     told = {
         "measure": measure,
         "case": swept.text,
@@ -148,6 +161,8 @@ def sweep(
         "sampler": varied.sampler,
         "members": varied.count,
         "seed": varied.seed,
+        "band": None if band is None else list(band),
+        "points": points,
         "wavesim_version": version("wavesim"),
     }
     return Sweep(swept, made, Store(Path(folder) / DATASET, varied, made.layout, told))

@@ -12,6 +12,7 @@ the last of them is 0.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -34,7 +35,7 @@ jax.config.update("jax_enable_x64", True)
 
 def _as_pytree(kind: type[Medium]) -> None:
     """A medium is a pytree: jax.grad and jax.vmap go through its parameters."""
-    known = tuple(kind.known())
+    known = (*kind.known(), *kind.nested)
     others = tuple(f.name for f in dataclasses.fields(kind) if f.name not in known)
     jax.tree_util.register_dataclass(kind, data_fields=known, meta_fields=others)
 
@@ -97,7 +98,12 @@ class Losses(eqx.Module):
 
 
 def coefficients(
-    layers: Layers, bar: Bar, blocks: Sequence[Block], reference: Medium, with_gradient: bool
+    layers: Layers,
+    bar: Bar,
+    blocks: Sequence[Block],
+    reference: Medium,
+    with_gradient: bool,
+    sizes: Any = None,
 ) -> Coefficients:
     """Coefficients of blocks of one shape over a bar.
 
@@ -107,9 +113,10 @@ def coefficients(
         blocks: as many macro- and micro-fields each.
         reference: the medium whose units to scale by, of plain numbers.
         with_gradient: whether Γ is wanted.
+        sizes: of the cells of each stretch, m, in place of the bar's; may be traced.
     """
     units = scales(reference)
-    made = [_of_block(layers, bar, block, units, with_gradient) for block in blocks]
+    made = [_of_block(layers, bar, block, units, with_gradient, sizes) for block in blocks]
     stacked = [
         None if parts[0] is None else module(*parts).stack(parts, axis=-2)
         for parts in zip(*made, strict=True)
@@ -118,14 +125,23 @@ def coefficients(
     return Coefficients(stiffness, gradient, node_mass, inertia, len(blocks[0].macro))
 
 
-def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = None) -> Losses:
+def losses(
+    layers: Layers,
+    bar: Bar,
+    block: Block,
+    reference: Medium,
+    plain: Layers | None = None,
+    sizes: Any = None,
+) -> Losses:
     """Loss laws and absorbers over a bar.
 
     Args:
         layers: what the bar is made of; parameters may be traced by jax.
         bar: its grid.
+        block: one of those that it is for, whose inertias weigh the laws of layers that meet.
         reference: the medium whose units to scale by.
         plain: layers of plain numbers, for the absorbers, where the others are traced.
+        sizes: as of :func:`coefficients`; absorbers stay as they are.
     """
     time = float(scales(reference).time)
     laws = [layer.medium.damping for layer in layers.layers]
@@ -134,7 +150,7 @@ def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = N
     rates, strengths = np.zeros((count, points)), np.zeros((count, points))
     drag: Any = np.zeros(bar.cells + 1)
     inertia: Any = np.zeros(bar.cells + 1)
-    for layer, cells, norm, x in _stretches(layers, bar):
+    for layer, cells, norm, x in _stretches(layers, bar, sizes):
         law = layer.medium.damping
         mass_half[cells] = law.mass * time
         stiffness[cells] = law.stiffness / time / law.unrelaxed
@@ -142,7 +158,7 @@ def losses(layers: Layers, bar: Bar, reference: Medium, plain: Layers | None = N
             rates[number, cells], strengths[number, cells] = rate * time, strength
         # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
         ends = [layer.at(position) for position in x[[0, -1]]]
-        of_ends = [end.inertias[0] for end in ends]
+        of_ends = [end.part(block).inertias[0] for end in ends]
         at = np.append(np.zeros(len(x) - 1, int), 1)
         xp = module(*of_ends)
         own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
@@ -179,14 +195,31 @@ def at_half(bar: Bar, values: Any, spare: float = 0.0) -> Any:
     return module(values).pad(values, around, constant_values=spare)
 
 
+def node_norm(layers: Layers, bar: Bar, sizes: Any = None) -> Any:
+    """Length that each node stands for, m; arguments as of :func:`coefficients`."""
+    if sizes is None:
+        return bar.differences.node_norm
+    parts = [_placed(norm, cells, bar) for _, cells, norm, _ in _stretches(layers, bar, sizes)]
+    return _joined(bar, functools.reduce(jnp.add, parts))
+
+
+def stretched(bar: Bar, sizes: Any = None) -> Any:
+    """Size of each cell over that of the bar, as long as the nodes; 1 where sizes are the bar's."""
+    if sizes is None:
+        return 1.0
+    cells, own = zip(*bar.all_stretches, strict=True)
+    ratio = jnp.repeat(sizes / np.array(own), np.array(cells), total_repeat_length=bar.cells)
+    return at_half(bar, ratio, 1.0)
+
+
 def _of_block(
-    layers: Layers, bar: Bar, block: Block, units: Scales, with_gradient: bool
+    layers: Layers, bar: Bar, block: Block, units: Scales, with_gradient: bool, sizes: Any
 ) -> tuple[Any, Any, Any, Any]:
     """Stiffness, gradient, node mass and inertia of one block, each (…, points)."""
     length, inner = float(units.length), slice(1, bar.cells)
     stiffness, inertia, bending = [], [], []
     mass: Any = np.zeros(bar.cells + 1)
-    for layer, cells, norm, x in _stretches(layers, bar):
+    for layer, cells, norm, x in _stretches(layers, bar, sizes):
         unrelaxed = layer.medium.damping.unrelaxed
         n = len(x) - 1
         c = _along(layer, block, units, np.concatenate([(x[1:] + x[:-1]) / 2, x]))
@@ -200,7 +233,7 @@ def _of_block(
         bending.append(c["gamma"][..., n:] * (unrelaxed * length / norm))
     gradient: Any = None
     if with_gradient:
-        gradient = _in_series(bending, bar.periodic) * (bar.differences.node_norm / length)
+        gradient = _in_series(bending, bar.periodic) * (node_norm(layers, bar, sizes) / length)
         if not bar.periodic:
             ends = np.zeros(len(bar.nodes))
             ends[inner] = 1.0
@@ -248,16 +281,22 @@ def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str
     return found
 
 
-def _stretches(layers: Layers, bar: Bar) -> list[tuple[Layer, slice, np.ndarray, np.ndarray]]:
-    """Each layer with its cells, the norm of its nodes and their positions, m."""
+def _stretches(
+    layers: Layers, bar: Bar, sizes: Any = None
+) -> list[tuple[Layer, slice, Any, np.ndarray]]:
+    """Each layer with its cells, the norm of its nodes, and their positions on the bar, m."""
     found, first = [], 0
-    for layer, (cells, spacing) in zip(layers.layers, bar.all_stretches, strict=True):
+    for number, (layer, (cells, spacing)) in enumerate(
+        zip(layers.layers, bar.all_stretches, strict=True)
+    ):
         if bar.uniform and bar.periodic:
             norm = np.full(cells + 1, spacing)
             norm[[0, -1]] /= 2
         else:
             norm = chain(bar.order, (cells,), (spacing,)).node_norm
         x = layer.start + np.arange(cells + 1) * spacing
+        if sizes is not None:
+            norm = norm * (sizes[number] / spacing)
         found.append((layer, slice(first, first + cells), norm, x))
         first += cells
     return found

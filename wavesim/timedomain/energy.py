@@ -4,7 +4,7 @@
 
 v = (φ̇, Ḃ), e = (κ, B), by the norms N, H of the grid: kinetic, and stored in strains and in the
 springs of the solids. The power of the sources is Σ_j s_j ⟨G_j, v⟩ in the norm of kinetic energy,
-and besides, for each rotation that is prescribed, its rate times the moment that holds it. Where
+and besides, for each macro-field that is prescribed, its rate times the force that holds it. Where
 nothing is lost and the closure is symmetric, energy = work is a check of the stepper, as neither
 is made from the other; with losses, work − energy is what was dissipated, which never falls.
 """
@@ -57,17 +57,17 @@ def power(A: Operator, sources: SourceTerms, y: States, signals: Any) -> Any:
 
 
 def rates(sources: SourceTerms, y: States) -> Any:
-    """G_jᵀ v, shape (sources,): of a prescribed rotation the rate of its end."""
+    """G_jᵀ v, shape (sources,): of a prescribed φ the rate of its end."""
     return sources.read([(part.phi_rate, part.B_rate) for part in y])
 
 
 def _holding(group: Group, y: State) -> Any:
-    """Moments that the nodes put up against their rotations: what holds a fixed one."""
+    """Forces that the nodes put up against their φ: what holds a fixed one."""
     sigma, _ = group.stress(*group.strains(y))
-    moment = group.QT(sigma)
+    force = group.QT(sigma)
     if group.losses.damped:
-        moment = moment + group.c.node_mass * group.losses.mass_node * y.phi_rate
-    return moment
+        force = force + group.c.node_mass * group.losses.mass_node * y.phi_rate
+    return force
 
 
 def _of_group(group: Group, y: State) -> tuple[jax.Array, jax.Array]:
@@ -88,10 +88,10 @@ def _stored(group: Group, kappa: Any, B: Any, share: Any = None) -> jax.Array:
     sigma, tau = group.stress(kappa, B)
     parts = [norm * kappa * sigma, norm * B * tau]
     if group.c.gradient is not None:
-        slope, moment = group.bending(B)
+        slope, force = group.bending(B)
         if share is not None:
-            _, moment = group.bending(share * B)
-        parts.append(group.node_norm * slope * moment)
+            _, force = group.bending(share * B)
+        parts.append(group.node_norm * slope * force)
     return _total(*parts)
 
 

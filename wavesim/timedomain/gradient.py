@@ -16,17 +16,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.stencils import difference_norm
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
+from wavesim.material.scaling import block_coefficients, scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
-from wavesim.timedomain.operator import operator
+from wavesim.timedomain.moments_in_time import signals
+from wavesim.timedomain.operator import Operator, operator
 from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
-from wavesim.timedomain.time_step import highest_frequency, time_step
+from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
+from wavesim.timedomain.traced_grid import TracedGrid
 
 
 class _Recorded(Equation):
@@ -56,26 +60,43 @@ def traced_fields(
     layers: Medium | Layers | Sequence[Layer],
     planned: Simulation,
     receivers: Sequence[float] | None = None,
+    thicknesses: Any = None,
+    *,
+    law: tuple[Any, Any] | None = None,
+    fastest: Layers | None = None,
+    forward: bool = False,
 ) -> dict[str, jax.Array]:
-    """The fields of a run as jax arrays, a pure function of the media's parameters.
+    """The fields of a run as jax arrays, a pure function of its media and its layers' thicknesses.
 
     Grid, step and degree of the series are those of a simulation of plain numbers. Its media must
-    be at least as fast as any that is traced: a step of the series is exact for all frequencies up
-    to the highest of the plan, and grows without bound beyond. Layers of plain numbers are held to
-    that. Within a trace values are not known, and the caller sees to it: plan for the largest
-    stiffnesses and the smallest inertias, and keep to media whose waves do not grow (a question
-    with closure "printed" only).
+    be at least as fast as any that is traced, and its layers at most as thick: a series is exact
+    for all frequencies up to the highest of the plan, and grows without bound beyond. Layers of
+    plain numbers are held to that; what is traced goes unseen, and where it is beyond the plan the
+    fields are NaN. Plan for the largest stiffnesses, the smallest inertias and the thinnest layers,
+    and keep to media whose waves do not grow (a question with closure "printed" only).
 
-    Losses, absorbers, sources and units are those of the plan. A gradient term that the plan leaves
-    out as negligible is kept where it has a jax array in it. Derivatives are of reverse mode
-    (diffrax's RecursiveCheckpointAdjoint): ``jax.grad``, ``jax.vjp``, ``jax.jacrev``; the
-    checkpoints in memory grow as the root of the number of steps.
+    Losses, absorbers, sources and units are those of the plan, and so are the positions of sources
+    and receivers, in m, and the number of cells of each layer. Derivatives are of reverse mode:
+    ``jax.grad``, ``jax.vjp``, ``jax.jacrev``. At receivers of a bar without losses the cost is one
+    product with L a moment (``chebyshev_moments.py``), under ``jax.vmap`` one product serves all
+    members, and a gradient needs no more memory than a value. Else diffrax's
+    RecursiveCheckpointAdjoint keeps checkpoints, as many as the root of the number of steps.
+
+    A gradient term that is negligible (a share below 1e-9 of ω²) is left out at receivers, and with
+    losses, unless it has a jax array in it.
 
     Args:
         layers: what the bar is made of; parameters of media may be traced. Boundaries, closures
             and loss laws must be those of the plan.
         planned: the simulation.
         receivers: positions, m; None for the whole grid.
+        thicknesses: of the layers, shape (layers,), m, in place of those that they have; may be
+            traced.
+        law: unrelaxed modulus m_U over the medium's own, –, and strengths Y_l, shape (mechanisms,),
+            in place of those of the plan's law, which must be one for all layers; may be traced.
+        fastest: layers for which the step is chosen, in place of the plan's.
+        forward: whether derivatives are of forward mode, ``jax.jvp`` and ``jax.jacfwd``: for few
+            parameters and many values.
 
     Returns:
         {field: shape (frames, receivers) or (frames, points)}, rad or 1/m, at ``planned.times``.
@@ -84,41 +105,157 @@ def traced_fields(
         ValueError: the layers differ from the plan's in more than parameters, a receiver is
             outside the bar, or media of plain numbers are faster than those of the plan.
     """
+    sizes = _sizes(thicknesses, planned)
+    if sizes is not None:
+        layers = _placed(layers, planned)
     given = as_layers(layers, planned.bar.length)
-    _check(given, planned)
-    step = time_step(dataclasses.replace(planned, solver="chebyshev"))
+    quickest = planned if fastest is None else dataclasses.replace(planned, layers=fastest)
+    step = _in_units_of(planned, quickest, time_step(_by_series(quickest)))
+    _check(given, planned, quickest)
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
-    traced_gradient = any(
+    by_moments = receivers is not None and not planned.lossy and not forward
+    kept = planned.with_gradient
+    if by_moments:
+        kept = planned.gradient_felt
+    kept = kept or any(
         isinstance(value, jax.Array)
         for layer in given.layers
         for one in _ends(layer)
         for value in one.of_gradient
     )
-    with_gradient = planned.with_gradient or traced_gradient
-    A = operator(given, bar, blocks, medium, with_gradient, plain=planned.layers)
-    known = planned.sources, medium, bar, blocks, A
-    places = [_places(bar, receivers, staggered) for staggered in (False, True)]
-    equation = _Recorded(A, source_terms(*known), *places)
-    start = jax.tree.map(jnp.asarray, Motion(initial_state(*known), 0.0))
+    A = operator(given, bar, blocks, medium, kept, planned.layers, sizes)
+    if law is not None:
+        A = _under_law(A, planned, *law)
+    grid = None if sizes is None else TracedGrid(bar, sizes)
+    terms = source_terms(planned.sources, medium, bar, blocks, A, grid)
+    start = initial_state(planned.sources, medium, bar, blocks, A)
+    places = [_places(bar, receivers, staggered, grid) for staggered in (False, True)]
+    if by_moments:
+        initial = any(source.acts == "initial" for source in planned.sources)
+        pairs = signals(A, terms, start if initial else None, places, bar, step)
+    else:
+        pairs = _integrated(_Recorded(A, terms, *places), start, step, forward)
+    fields = to_fields(pairs, blocks, medium)
+    if receivers is None:
+        fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
+    fits = _fits(given, quickest, sizes)
+    return {name: jnp.where(fits, values, jnp.nan) for name, values in fields.items()}
+
+
+def _integrated(equation: _Recorded, start: Any, step: TimeStep, forward: bool) -> Any:
+    """(φ, B) of each group as the series steps them, with a first axis of frames."""
+    begun = jax.tree.map(jnp.asarray, Motion(start, 0.0))
     seen, _ = advance(
         equation,
         ChebyshevSeries(series(step)),
-        (start, None),
+        (begun, None),
         0,
         step.step,
         step.frames - 1,
         step.per_frame,
-        diffrax.RecursiveCheckpointAdjoint(),
+        diffrax.ForwardMode() if forward else diffrax.RecursiveCheckpointAdjoint(),
     )
-    first = equation.observe(start)
-    whole = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
-    fields = to_fields(whole, blocks, medium)
-    if receivers is None:
-        fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
-    return fields
+    first = equation.observe(begun)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
 
 
-def _check(given: Layers, planned: Simulation) -> None:
+def _by_series(planned: Simulation) -> Simulation:
+    return dataclasses.replace(planned, solver="chebyshev")
+
+
+def _in_units_of(planned: Simulation, other: Simulation, step: TimeStep) -> TimeStep:
+    """A time step in the scaled time of one simulation, from that of another."""
+    ratio = float(scales(other.medium).time) / float(scales(planned.medium).time)
+    return dataclasses.replace(
+        step, step=step.step * ratio, radius=step.radius / ratio, shift=step.shift / ratio
+    )
+
+
+def _under_law(A: Operator, planned: Simulation, unrelaxed: Any, strengths: Any) -> Operator:
+    """The operator with another unrelaxed modulus and other strengths of relaxation."""
+    (own, *others) = [layer.medium.damping for layer in planned.layers.layers]
+    if any(other != own for other in others) or own.mass or own.stiffness:
+        raise ValueError("law: the plan's layers must have one law of relaxations for all")
+    factor = unrelaxed / own.unrelaxed
+    groups = []
+    for group in A.groups:
+        c = dataclasses.replace(
+            group.c,
+            stiffness=group.c.stiffness * factor,
+            gradient=None if group.c.gradient is None else group.c.gradient * factor,
+        )
+        placed = jnp.where(group.losses.strengths > 0, strengths[:, None], 0.0)
+        losses = dataclasses.replace(group.losses, strengths=placed)
+        groups.append(dataclasses.replace(group, c=c, losses=losses))
+    return Operator(tuple(groups))
+
+
+def _sizes(thicknesses: Any, planned: Simulation) -> Any:
+    """Sizes of the cells of each layer, m; None where they are the plan's."""
+    if thicknesses is None:
+        return None
+    cells = np.array([cells for cells, _ in planned.bar.all_stretches])
+    if np.shape(thicknesses) != cells.shape:
+        raise ValueError(
+            f"thicknesses: shape {np.shape(thicknesses)} given for {len(cells)} layers; one for "
+            "each, in m"
+        )
+    if any(source.acts == "initial" for source in planned.sources):
+        raise ValueError("thicknesses: not beside initial fields; take a source with a signal")
+    return jnp.asarray(thicknesses, float) / cells.astype(float)
+
+
+def _placed(layers: Medium | Layers | Sequence[Layer], planned: Simulation) -> Any:
+    """Layers at the places of the plan's, whatever theirs."""
+    if isinstance(layers, Medium):
+        return layers
+    own = layers.layers if isinstance(layers, Layers) else tuple(layers)
+    places = planned.layers.layers
+    if len(own) != len(places):
+        return layers
+    return [
+        dataclasses.replace(layer, start=place.start, end=place.end)
+        for layer, place in zip(own, places, strict=True)
+    ]
+
+
+def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
+    """Whether no frequency is above the highest of the plan; True where that is known before."""
+    if sizes is None and all(_plain(layer) is not None for layer in given.layers):
+        return True
+    most = highest_frequency(planned) / (1.05 if not planned.bar.uniform else 1.0)
+    units, bar = scales(planned.medium), planned.bar
+    squares = []
+    for number, (layer, (_, spacing)) in enumerate(
+        zip(given.layers, bar.all_stretches, strict=True)
+    ):
+        size = spacing if sizes is None else sizes[number]
+        norm = difference_norm(1.0, bar.order) * float(units.length) / size
+        media = (layer.medium,) if layer.last is None else (layer.medium, layer.last)
+        for medium in media:
+            for block in planned.blocks:
+                c = block_coefficients(medium, block, units)
+                upper = [norm**2 * c.c_pp, -norm * c.c_pb]
+                lower = [-norm * c.c_bp, c.c_bb + norm**2 * c.gamma]
+                above, below = (
+                    jnp.concatenate([jnp.asarray(part) for part in row], 1) / inertia
+                    for row, inertia in ((upper, c.i_phi), (lower, c.i_B))
+                )
+                matrix = jnp.concatenate([above, below]) * medium.damping.unrelaxed
+                squares.append(_largest(jax.lax.stop_gradient(matrix)))
+    return jnp.max(jnp.stack(squares)) <= most**2 * 1.0001
+
+
+def _largest(matrix: Any) -> Any:
+    """The spectral radius of a matrix, at most 0.4 % too large: ‖M^128‖^(1/128)."""
+    log, power = jnp.zeros(()), matrix
+    for doubling in range(7):
+        size = jnp.sqrt(jnp.sum(power**2))
+        log, power = log + jnp.log(size) / 2**doubling, (power / size) @ (power / size)
+    return jnp.exp(log + jnp.log(jnp.sqrt(jnp.sum(power**2))) / 2**7)
+
+
+def _check(given: Layers, planned: Simulation, quickest: Simulation) -> None:
     """Hold layers to those of the plan, as far as their numbers are known."""
     of_plan = planned.layers.layers
     if len(given.layers) != len(of_plan):
@@ -135,7 +272,9 @@ def _check(given: Layers, planned: Simulation) -> None:
             if getattr(layer.medium, name) != getattr(plain.medium, name):
                 raise ValueError(f"{name} (layer {number}): must be that of the plan's layer")
         known.append(_plain(layer) or plain)
-    most = highest_frequency(planned)
+    # Both in the plan's units: each has those of its own medium.
+    unit = float(scales(planned.medium).time) / float(scales(quickest.medium).time)
+    most = highest_frequency(quickest) * unit
     here = highest_frequency(planned, Layers(tuple(known)))
     if here > most * (1 + 1e-9):
         raise ValueError(
@@ -153,17 +292,23 @@ def _plain(layer: Layer) -> Layer | None:
     """A layer with its parameters as floats; None where one of them is traced."""
     made = []
     for medium in _ends(layer):
-        values = {name: getattr(medium, name) for name in medium.known()}
-        if any(isinstance(value, jax.core.Tracer) for value in values.values()):
+        if any(isinstance(value, jax.core.Tracer) for value in jax.tree.leaves(medium)):
             return None
-        plain: dict[str, Any] = {name: v if v is None else float(v) for name, v in values.items()}
-        made.append(dataclasses.replace(medium, **plain))
+        made.append(jax.tree.map(float, medium))
     return dataclasses.replace(layer, medium=made[0], last=made[1] if made[1:] else None)
 
 
-def _places(bar: Bar, receivers: Sequence[float] | None, staggered: bool) -> Any:
+def _places(
+    bar: Bar, receivers: Sequence[float] | None, staggered: bool, grid: TracedGrid | None
+) -> Any:
     """Weights and indices of all receivers; None where the whole field is wanted."""
     if receivers is None:
         return None
-    weights, indices = zip(*(bar.sampling(x, staggered) for x in receivers), strict=True)
-    return np.stack(weights), np.stack(indices)
+    plain = [bar.sampling(x, staggered) for x in receivers]
+    if grid is not None:
+        traced = [grid.sampling(x, staggered) for x in receivers]
+        weights, indices = zip(*traced, strict=True)
+        return jnp.stack(weights), jnp.stack(indices)
+    width = max(len(weights) for weights, _ in plain)
+    padded = [np.pad(np.stack(pair), [(0, 0), (0, width - len(pair[0]))]) for pair in plain]
+    return np.array([w for w, _ in padded]), np.array([i for _, i in padded]).astype(int)

@@ -23,6 +23,7 @@ from wavesim.simulation.simulation import Simulation, simulation
 from wavesim.sources import Source
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, ExactStepper, series
 from wavesim.timedomain.compiled import compiled
+from wavesim.timedomain.cost import HOUR, check_cost, cost
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.lossless_propagator import Propagator, propagator
 from wavesim.timedomain.operator import operator
@@ -264,6 +265,7 @@ def integrate(
     simulated: Simulation,
     progress: Callable[[float], None] | None = None,
     timing: Timing | None = None,
+    at_most: float = HOUR,
 ) -> Field:
     """Integrate a simulation and keep the field in memory.
 
@@ -271,10 +273,13 @@ def integrate(
         simulated: of plain numbers.
         progress: called with the part done, 0 to 1, after each chunk.
         timing: where to note the seconds spent.
+        at_most: longest time that it may be expected to take, s.
 
     Raises:
-        ValueError, NotFiniteError: as of :func:`stream`.
+        ValueError: as of :func:`stream`; it takes more than that, or more memory than there is.
+        NotFiniteError: as of :func:`stream`.
     """
+    check_cost(simulated, cost(simulated, time_step(simulated), page=False), at_most)
     chunks = []
     for chunk in stream(simulated, timing=timing):
         chunks.append(chunk)
@@ -307,6 +312,7 @@ def simulate(
     receivers: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
     timing: Timing | None = None,
+    at_most: float = HOUR,
 ) -> Field:
     """Integrate the wave equations on a bar and keep the field in memory.
 
@@ -321,6 +327,7 @@ def simulate(
         receivers: {name: position in m}.
         progress: called with the part done, 0 to 1, after each chunk.
         timing: where to note the seconds spent.
+        at_most: longest time that it may be expected to take, s; one of more is refused.
 
     Returns:
         The field; only the sectors that the sources set in motion are in it.
@@ -330,4 +337,4 @@ def simulate(
         NotFiniteError: the integration failed.
     """
     known = medium, bar, sources, duration, samples, receivers, solver, step
-    return integrate(simulation(*known), progress, timing)
+    return integrate(simulation(*known), progress, timing, at_most)

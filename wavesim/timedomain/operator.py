@@ -15,6 +15,7 @@ kept exactly where the closure is symmetric, as only Q and Qᵀ occur.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -36,6 +37,8 @@ from wavesim.timedomain.coefficients import (
     at_half,
     coefficients,
     losses,
+    node_norm,
+    stretched,
 )
 
 
@@ -169,10 +172,10 @@ class Group(eqx.Module):
     def bending(self, B: Any) -> tuple[Any, Any]:
         """Slope g(B) at nodes, and Γ g over the length of each."""
         slope = -self.QT(B) / self.node_norm
-        moment = self.c.gradient[:, 0] * slope[0]
+        force = self.c.gradient[:, 0] * slope[0]
         for j in range(1, len(slope)):
-            moment = moment + self.c.gradient[:, j] * slope[j]
-        return slope, moment
+            force = force + self.c.gradient[:, j] * slope[j]
+        return slope, force
 
     def rate(self, y: State) -> State:
         """A y."""
@@ -228,6 +231,7 @@ def operator(
     reference: Medium,
     with_gradient: bool,
     plain: Layers | None = None,
+    sizes: Any = None,
 ) -> Operator:
     """A of a bar.
 
@@ -238,13 +242,22 @@ def operator(
         reference: the medium whose units to scale by, of plain numbers.
         with_gradient: whether Γ is kept.
         plain: layers of plain numbers, for the absorbers, where the others are traced.
+        sizes: of the cells of each stretch, m, in place of the bar's; may be traced.
     """
-    known = differences(bar, float(scales(reference).length))
-    law = losses(layers, bar, reference, plain)
+    length = float(scales(reference).length)
+    known = differences(bar, length)
+    if sizes is not None:
+        D, QT, half_norm, _ = known
+        ratio = stretched(bar, sizes)
+        D = dataclasses.replace(
+            D, scale=D.scale / ratio, factors=D.factors / ratio[D.rows][:, None]
+        )
+        known = D, QT, half_norm * ratio, node_norm(layers, bar, sizes) / length
     held = held_nodes(bar)
     groups = []
     for stacked in grouped(blocks):
-        c = coefficients(layers, bar, stacked, reference, with_gradient)
+        law = losses(layers, bar, stacked[0], reference, plain, sizes)
+        c = coefficients(layers, bar, stacked, reference, with_gradient, sizes)
         free = np.where(held, 0.0, 1.0) / c.node_mass
         groups.append(Group(*known, c, free, law))
     return Operator(tuple(groups))

@@ -25,6 +25,7 @@ from wavesim.timedomain.coefficients import module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
 from wavesim.timedomain.scaled_fields import to_scaled
 from wavesim.timedomain.sparse_matrix import difference_matrix
+from wavesim.timedomain.traced_grid import TracedGrid
 
 # What a signal does not depend on, set alike for all, and its amplitude.
 _ALONE: dict[str, Any] = {"position": 0.0, "width": 0.0, "amplitude": 1.0}
@@ -67,7 +68,7 @@ class SourceTerms(eqx.Module):
         amplitude: of each source that has a signal, an initial field has none; shape (sources,).
         time: s in one scaled unit of time.
         signals: their signals at amplitude 1, each once; which: of them is each source's.
-        turning: sources that prescribe the rotation of an end and do work by it: of two that turn
+        turning: sources that prescribe φ at an end and do work by it: of two that turn
             one end, one.
     """
 
@@ -89,13 +90,13 @@ class SourceTerms(eqx.Module):
         return max((signal.end for signal in self.signals), default=0.0) / self.time
 
     def at(self, t: Any) -> Any:
-        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a rotation g."""
+        """s_j at scaled times t of any shape, (sources, *shape of t); g̈ for a prescribed g."""
         return self._of_each([self._driving(source)(t) for source in self.signals], t)
 
     def sampled(self, t: Any, nodes: Any, weights: Any, h: Any) -> Any:
         """ŝ_j of the step from t, at its nodes, shape (sources, nodes).
 
-        That of a rotation is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
+        That of a prescribed g is g̈ with a linear part added, such that ∫ŝ and ∫∫ŝ over the step are
         the changes of ġ and g: an end follows g where g̈ has kinks or jumps too, and does not drift.
         """
         made = []
@@ -120,7 +121,7 @@ class SourceTerms(eqx.Module):
         return amplitude * jnp.stack(made)[np.array(self.which)]
 
     def _driving(self, source: Source) -> Callable[[Any], Any]:
-        """What drives: a signal, or the second derivative of a rotation."""
+        """What drives: a signal, or the second derivative of a prescribed φ."""
         signal = self._signal(source)
         return derivative(derivative(signal)) if source.acts == "prescribed" else signal
 
@@ -151,7 +152,12 @@ def derivative(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def source_terms(
-    sources: Sequence[Source], medium: Medium, bar: Bar, blocks: Sequence[Block], A: Operator
+    sources: Sequence[Source],
+    medium: Medium,
+    bar: Bar,
+    blocks: Sequence[Block],
+    A: Operator,
+    grid: TracedGrid | None = None,
 ) -> SourceTerms:
     """Lay sources on the grid of a bar.
 
@@ -160,10 +166,11 @@ def source_terms(
         medium: whose units the operator is scaled by, of plain numbers.
         bar: the grid.
         blocks: those of the operator.
-        A: for the shape and the inertias of its states.
+        A: for the shape, the norms and the inertias of its states.
+        grid: the bar with cells of other sizes.
     """
     kept = [source for source in sources if source.acts != "initial"]
-    lines = [_line(source, medium, bar) for source in kept]
+    lines = [_line(source, medium, bar, A.groups[0], grid) for source in kept]
     points = tuple(
         (
             _points(kept, lines, [block.macro for block in stacked], group, 0),
@@ -188,12 +195,25 @@ def source_terms(
     return SourceTerms(points, amplitude, time, tuple(signals), which, tuple(turned.values()))
 
 
-def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndarray]:
+def _line(
+    source: Source, medium: Medium, bar: Bar, group: Group, grid: TracedGrid | None
+) -> tuple[Any, Any]:
     """Nodes or half-nodes that a source acts on, and its scaled force there."""
     units = scales(medium)
+    end = np.array([0 if source.position < bar.length / 2 else bar.cells])
     if source.acts == "prescribed":
-        node = 0 if source.position < bar.length / 2 else bar.cells
-        return np.array([node]), np.full(1, 1 / float(units.macro))
+        return end, np.full(1, 1 / float(units.unit(source.field)))
+    if grid is not None:
+        known = group.half_norm if source.staggered else group.node_norm
+        own: Any = end
+        force: Any = np.ones(1)
+        if source.acts == "body":
+            place = source.position, source.width, source.staggered
+            force, own = grid.spread(*place, known * float(units.length))
+        force = force / float(units.force(source.field) * units.length)
+        if not source.staggered:
+            force = jnp.where(jnp.asarray(held_nodes(bar))[own], 0.0, force)
+        return own, force
     density, indices = bar.spread(source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
@@ -207,21 +227,22 @@ def _line(source: Source, medium: Medium, bar: Bar) -> tuple[np.ndarray, np.ndar
 def _points(
     sources: Sequence[Source], lines: Sequence[Any], parts: Sequence[Any], group: Group, kind: int
 ) -> Points:
-    """G of all sources on the rotations (kind 0) or micro-curvatures (1) of a group."""
-    where: list[np.ndarray] = [np.zeros((4, 0), int)]
+    """G of all sources on the macro-fields (kind 0) or micro-fields (1) of a group."""
+    where: list[Any] = [np.zeros((3, 0), int)]
+    points: list[Any] = [np.zeros(0, int)]
     weights: list[Any] = [np.zeros(0)]
     for number, (source, (nodes, force)) in enumerate(zip(sources, lines, strict=True)):
         for b, components in enumerate(parts):
             for i, component in enumerate(components):
                 weight = component.get(source.field, 0.0)
                 if weight:
-                    zero = 0 * nodes
-                    where.append(np.stack([zero + number, zero + i, zero + b, nodes]))
+                    where.append(np.repeat([[number], [i], [b]], len(nodes), axis=1))
+                    points.append(nodes)
                     turning = source.acts == "prescribed"
                     inertia = 1.0 if turning else group.mass[kind][b, nodes]
                     weights.append(weight * force / inertia)
-    source, component, block, point = np.concatenate(where, axis=1)
-    return Points(source, component, block, point, module(*weights).concatenate(weights))
+    made = [module(*parts).concatenate(parts) for parts in (points, weights)]
+    return Points(*np.concatenate(where, axis=1), *made)
 
 
 def initial_state(

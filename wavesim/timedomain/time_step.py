@@ -7,7 +7,6 @@ a step h, R ≥ every frequency of the bar. Tal-Ezer, SIAM J. Numer. Anal. 23, 1
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ from wavesim.grid.stencils import difference_norm
 from wavesim.material.layers import Layers
 from wavesim.material.medium import fastest_speed
 from wavesim.material.scaling import block_coefficients, scales
-from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import strongest_absorption
 
@@ -103,7 +101,7 @@ def time_step(simulation: Simulation) -> TimeStep:
     rounding at any step, and take the frame interval as their step unless it is very long.
 
     Raises:
-        ValueError: the run is too large to be meant, or for this machine's memory.
+        ValueError: the run is too large to be meant.
     """
     asked, lossy = simulation.solver, simulation.lossy
     unit = float(scales(simulation.medium).time)
@@ -144,39 +142,27 @@ def chunk_frames(simulation: Simulation) -> int:
 
 
 def _check_size(simulation: Simulation, step: TimeStep) -> None:
-    """Refuse what no such machine can hold, before it is begun.
+    """Refuse what no machine holds; what this one can do is told by ``cost``.
 
     Raises:
-        ValueError: the frames are too many to store, the steps to take, or the run to hold in
-            memory; the message says what it would need.
+        ValueError: the frames are too many to store, or the steps to take.
     """
     frames, cells, fields = simulation.frames, simulation.bar.cells, len(simulation.fields)
     stored = 8.0 * frames * cells * fields
-    # What is loaded and compiled; a dozen states while stepping; a chunk eight times over: in jax,
-    # on its way to the disk, and the next one; the spectra of all blocks, at wavenumbers capped.
-    waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
-    needed = 0.5e9 + 8.0 * cells * fields * (12 + 8 * chunk_frames(simulation))
-    needed += 8.0 * frames * waves * (6 + 8 * len(simulation.blocks))
     given = f"duration = {simulation.duration:g}"
     if simulation.samples is not None:
         given = f"samples = {simulation.samples}"
-    asked = f"{given}: {frames:.6g} frames of {fields} fields on a bar of {cells:.6g} cells"
     if stored > _LARGEST:
         raise ValueError(
-            f"{asked} are {stored / 1e12:.3g} TB, more than {_LARGEST / 1e12:g} TB; lower it, or "
-            "take fewer cells"
+            f"{given}: {frames:.6g} frames of {fields} fields on a bar of {cells:.6g} cells are "
+            f"{stored / 1e12:.3g} TB, more than {_LARGEST / 1e12:g} TB; lower it, or take fewer "
+            "cells"
         )
     if step.steps > _MOST_STEPS:
         seconds = step.step * float(scales(simulation.medium).time)
         raise ValueError(
             f"duration = {simulation.duration:g} takes {step.steps:.3g} steps of {seconds:.3g} s, "
             f"more than {_MOST_STEPS:.0e}; shorten it, or lengthen step"
-        )
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > 0.8 * memory:
-        raise ValueError(
-            f"{asked} need about {needed / 1e9:.3g} GB of memory, this machine has "
-            f"{memory / 1e9:.3g} GB; lower it, or take fewer cells"
         )
 
 
@@ -226,8 +212,8 @@ def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> f
     """R ≥ every frequency of a bar, scaled.
 
     By Rayleigh's quotient: at each point the strains (κ, B) are at most (‖D‖ φ, B) in size, so no
-    ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each rotation, against
-    the inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
+    ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each φ, against the
+    inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
     the fastest of its parts.
 
     Args:

@@ -31,6 +31,8 @@ _DECIBELS = 20 / math.log(10)
 _MOST_MODES = 5
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
 _STOPPED, _FLOOR = -20.0, -120.0
+# A source this many times as high gets a finer grid.
+_HIGHER = 1.2
 # The key that says how high a source goes, by its kind.
 _PITCH = {
     "ricker": "peak_frequency",
@@ -108,6 +110,10 @@ def _closer(field: Field, sector: str, gap: Gap) -> str:
         if source.field in fields and source.kind in _PITCH
     ]
     if any(source.field in fields for source in field.sources):
+        now = max(source.peak_frequency for source in field.sources if source.field in fields)
+        if sets and not field.simulation.endless and pitch > _HIGHER * now:
+            # Signals are held to more than waves on a ring, and shorter waves need finer cells.
+            sets.append(f"--set bar.spacing={field.bar.spacing / math.ceil(pitch / now):.6g}")
         return " ".join(sets)
     return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {pitch:.4g}'
 
@@ -161,25 +167,30 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     level, exact = _level(found.T), _level(found.T_exact)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
+    inner = field.layers.layers[1:-1] or field.layers.layers
+    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    names = _open(media[0], found.sector) if len(media) == 1 else []
     rows: list[Row] = []
     places = []
     for number, (low, high) in enumerate(own, start=1):
+        within = [gap.name for gap in names if gap.lower < high and low < gap.upper]
         beside = [b for b in known if b[0] < high and low < b[1]]
         middle = (low + high) / 2
         places.append(int(np.argmin(np.where(judged, np.abs(found.omega - middle), np.inf))))
         edges = min((b[0] for b in beside), default=None), max((b[1] for b in beside), default=None)
         rows.append(
             {
-                "where": f"stop band {number}",
+                "where": f"about {', '.join(within)}" if within else f"stop band {number}",
                 "lower": low * _HERTZ,
                 "upper": high * _HERTZ,
                 "lower_exact": None if edges[0] is None else edges[0] * _HERTZ,
                 "upper_exact": None if edges[1] is None else edges[1] * _HERTZ,
+                "closer": _closer(field, found.sector, Gap("", found.sector, low, high)),
             }
         )
     places.append(int(np.argmax(np.where(judged, level, -np.inf))))
     nothing = dict.fromkeys(("lower", "upper", "lower_exact", "upper_exact"))
-    rows.append({"where": "most passes", **nothing})
+    rows.append({"where": "most passes", **nothing, "closer": ""})
     for row, at in zip(rows, places, strict=True):
         row |= {
             "sector": found.sector,

@@ -205,6 +205,10 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
             "signals"
         )
     heard = reading.heard
+    found += [
+        f"the exact solver does not have this bar, and less was checked: {why}"
+        for why in reading.refused
+    ]
     silent = [name for name in reading.exact if heard is not None and not heard.get(name)]
     if silent:
         found.append(

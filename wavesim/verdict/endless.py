@@ -282,7 +282,7 @@ def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
     for sector in dict.fromkeys(h.measured.block.sector for h in held):
         blocks = [h for h in held if h.measured.block.sector == sector]
         branches = [b for h in blocks for b in h.branches if b.judged.any()]
-        if sector == "inplane":
+        if sector not in field.medium.family.travelling:
             # The two relations of the in-plane sector, the lower first.
             branches = sorted(
                 {round(float(b.omega_exact[0]), 0): b for b in branches}.values(),

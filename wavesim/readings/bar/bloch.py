@@ -119,7 +119,7 @@ def repeated_stretch(
 
     Args:
         field: its sources outside that stretch; no value of it is looked at.
-        block: one with a rotation.
+        block: one with a macro-field.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
 
@@ -158,7 +158,7 @@ def cells(field: Field, block: Block, known: Repeated, loud: Loudness | None = N
 
     Args:
         field: the field.
-        block: one with a rotation.
+        block: one with a macro-field.
         known: of :func:`repeated_stretch`.
         loud: of the same field; made where None.
     """

@@ -52,7 +52,7 @@ def audible(field: Field, block: Block) -> Float | None:
     Args:
         field: of a lossless bar with fixed, free or joined ends, with receivers; no value of it is
             looked at.
-        block: one with a rotation.
+        block: one with a macro-field.
 
     Returns:
         Of the exact solver, ascending, rad/s; None where the bar is no such bar or none is clear.
@@ -84,7 +84,7 @@ def ringing(
 
     Args:
         field: the field, with receivers.
-        block: one with a rotation.
+        block: one with a macro-field.
         exact: of :func:`audible`.
         signals: {receiver: {field: signal (nt,)}} of the exact solver: of the eigenfrequencies
             those are looked for that can be heard there, as a mode is silent at its nodes; all

@@ -1,7 +1,7 @@
 """How loud a field is about a place: what a difference is held against, and whether at all.
 
-At a node of a standing wave, at a free end (curvatures) or a fixed one (rotations), ahead of the
-first wave: there a signal is next to nothing, and so is any difference, but not their ratio.
+At a node of a standing wave, at a free end (micro-fields) or a fixed one (macro-fields), ahead of
+the first wave: there a signal is next to nothing, and so is any difference, but not their ratio.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ class Loudness:
 def blurred(field: Field, position: float) -> str:
     """Why the grid does not have a signal at a place to the order of its differences; "" if it has.
 
-    On an end differences are one-sided, and next to a point source the field has a kink (rotations)
-    or a jump (micro-curvatures), across which nothing can be interpolated.
+    On an end differences are one-sided, and next to a point source the field has a kink
+    (macro-fields) or a jump (micro-fields), across which nothing can be interpolated.
     """
     bar = field.bar
     if not bar.periodic and min(position, bar.length - position) <= _ON_END * bar.spacing:

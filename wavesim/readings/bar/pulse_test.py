@@ -33,10 +33,10 @@ _FREQUENCIES = 80
 
 @dataclass(frozen=True)
 class PulseTest:
-    """A pulse test on one rotation.
+    """A pulse test on one macro-field.
 
     Attributes:
-        name: of the rotation, phi1 … phi3.
+        name: of the macro-field, such as phi1 or u1.
         sector: its sector.
         result: read from the run.
         exact: the same read from the exact signals.
@@ -66,7 +66,7 @@ def pulse_test(
 
     Args:
         field: with receivers, those to the right of the sources are read.
-        block: one with a rotation.
+        block: one with a macro-field.
         exact: {receiver: {field: signal}} of the exact solver.
         damping: σT of the exponential window, where the record has one.
         heard: {receiver: names of fields}, where something arrived; everywhere where None.

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.layered.transmission import transmission
+from wavesim.layered.specimen import specimen as between
 from wavesim.material.family import Block
-from wavesim.material.layers import Layer, Layers
+from wavesim.material.layers import Layers
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
 from wavesim.readings.bar.loudness import Loudness
@@ -113,7 +113,7 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
     Args:
         field: of a bar with two absorbing ends and two layers or more, its sources in the first;
             no value of it is looked at.
-        block: one with a rotation.
+        block: one with a macro-field.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
 
@@ -163,7 +163,7 @@ def scattered(
 
     Args:
         field: of a bar with a specimen.
-        block: one with a rotation.
+        block: one with a macro-field.
         known: of :func:`specimen`.
         loud: of the same field; made where None.
     """
@@ -192,17 +192,5 @@ def exact_scattering(layers: Layers, sector: str, omega: Complex) -> tuple[Compl
         sector: of the wave.
         omega: ω + iσ, shape (n,), rad/s.
     """
-    first, last = layers.layers[0], layers.layers[-1]
-    # The exact solver has its planes at the ends of what it is given: buffers of no length, almost.
-    sliver = 1e-6 * min(first.thickness, last.thickness)
-    inside = [layer for layer in layers.layers if first.end <= layer.start < last.start]
-    cut = [Layer(0.0, sliver, first.medium)]
-    for layer in inside:
-        start = cut[-1].end
-        cut.append(Layer(start, start + layer.thickness, layer.medium, layer.last, layer.grading))
-    cut.append(Layer(cut[-1].end, cut[-1].end + sliver, last.medium))
-    exact = transmission(Layers(tuple(cut)), sector, omega)
-    there, behind = (
-        np.exp(-1j * wavenumber(layer.medium, sector, omega) * sliver) for layer in (first, last)
-    )
-    return exact.T * there * behind, exact.R * there**2
+    found = between(layers).amplitudes(sector, omega)
+    return found.T, found.R

@@ -80,7 +80,7 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
 
     Args:
         field: the field.
-        block: one of its blocks, with a rotation.
+        block: one of its blocks, with a macro-field.
         omega: real frequencies, shape (n,), rad/s.
         damping: σT, –: 12 to 24 serve; more cuts the distance that can be seen, less leaves
             more of the record's end.
@@ -89,10 +89,10 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
         The attenuation.
 
     Raises:
-        ValueError: the block has no rotation, so nothing travels in it.
+        ValueError: the block has no macro-field, so nothing travels in it.
     """
     if not block.macro:
-        raise ValueError(f"block {block.name!r} has no rotation: no wave travels in it")
+        raise ValueError(f"block {block.name!r} has no macro-field: no wave travels in it")
     (name,) = block.macro[0]
     start, stretch = free_stretch(field, block)
     first, last = _FROM * field.medium.length_scale, _PART * stretch

@@ -15,6 +15,7 @@ Mask = NDArray[np.bool_]
 # A record begins inside its signal where its first samples are this many times the noise, and this
 # part of the peak.
 _ABOVE, _PART = 4.0, 2e-3
+_WITHOUT_REST = 0.4
 _FIRST = 3
 _BLOCKS = 8
 _STEADY = 3.0
@@ -36,7 +37,9 @@ def begun(component: Float, rest: Rest) -> Mask:
         steady[j] = blocks.max() < _STEADY * max(blocks.min(), 1e-300)
         noise = fine_noise(v)
         head = float(np.sqrt(np.mean(v[:_FIRST] ** 2)))
-        within[j] = head > max(_ABOVE * noise, _PART * float(np.abs(v).max()))
+        # Where no rest was seen at the start, less is needed to doubt it.
+        part = 1.0 if rest.onset[j] else _WITHOUT_REST
+        within[j] = head > part * max(_ABOVE * noise, _PART * float(np.abs(v).max()))
     # Alike from beginning to end beside channels that are not, it is nothing but noise.
     if not steady.all():
         within &= ~steady

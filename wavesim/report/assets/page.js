@@ -59,6 +59,10 @@
   const MAGMA = { colorscale: ["#fcfdbf", "#fecf92", "#fe9f6d", "#f7705c", "#de4968", "#b5367a", "#8c2981", "#641a80", "#3b0f70", "#140e36", "#000004"].map((colour, n) => [n / 10, colour]) };
   const bar = text => ({ title: { text, side: "right" }, thickness: 12, len: 0.9, outlinewidth: 0 });
 
+  // Of a long list so many, evenly.
+  const MOST = 24;
+  const some = (list, most) => list.length <= most ? list : Array.from({ length: most }, (_, i) => list[Math.round(i * (list.length - 1) / (most - 1))]);
+
   // Gaps as bands with their names, along x or y.
   function gaps(made, sector, along) {
     for (const gap of data.gaps[sector] || []) {
@@ -75,11 +79,11 @@
   function places(made, named) {
     const line = (x, dash, colour) => made.shapes.push({ type: "line", x0: x, x1: x, y0: 0, y1: 1, yref: "paper",
       line: { width: 1, dash, color: colour } });
-    for (const x of to("length", data.interfaces)) line(x, "solid", GREY);
-    data.receivers.slice(0, 24).forEach(receiver => {
+    for (const x of to("length", some(data.interfaces, 200))) line(x, "solid", GREY);
+    some(data.receivers, MOST).forEach(receiver => {
       const [x] = to("length", [receiver.position]);
       line(x, "dot", BLUE);
-      if (named) made.annotations.push({ x, y: 1, yref: "paper", yanchor: "bottom", text: receiver.name, showarrow: false,
+      if (named && data.receivers.length <= MOST / 2) made.annotations.push({ x, y: 1, yref: "paper", yanchor: "bottom", text: receiver.name, showarrow: false,
         font: { size: 10, color: BLUE }, textangle: data.receivers.length > 6 || narrow() ? -50 : 0 });
     });
   }
@@ -156,7 +160,7 @@
     const traces = [];
     for (const [name, colour, mark] of [["T", RED, "circle"], ["R", BLUE, "square"]]) {
       const own_ = own[name];
-      if (own_.real) traces.push({ x: to("frequency", own.line_frequency), y: own_.real, mode: "lines", name: `${name} exact, real ω`,
+      if (own_.real) traces.push({ x: to("frequency", own.real_frequency), y: own_.real, mode: "lines", name: `${name} exact, real ω`,
         line: { color: colour, width: 1, dash: "dot" }, hovertemplate: where });
       traces.push({ x: to("frequency", own.line_frequency), y: own_.line, mode: "lines", name: `${name} exact`,
         line: { color: INK, width: 1.3, dash: name === "T" ? "solid" : "dash" }, hovertemplate: where });
@@ -251,7 +255,8 @@
   }
 
   function signals() {
-    const many = data.signals.receivers.slice(0, 24);
+    const many = some(data.signals.receivers, MOST);
+    document.getElementById("signals").style.height = `${Math.max(22, 6 + 1.6 * many.length)}rem`;
     const t = to("time", data.signals.t);
     const made = layout({ xaxis: axis("time"), yaxis: plain("", { tickvals: many.map((_, n) => n),
       ticktext: many.map(r => `${r.name}, ${+to("length", [r.position])[0].toPrecision(4)} ${short("length")}`), automargin: true }) });
@@ -302,7 +307,9 @@
     section.querySelector("h2").after(slider);
     const field = slider.querySelector("#field");
     for (const name of fields) field.add(new Option(symbol(name), name));
-    if (data.signals.receivers.length) place("signals", "Receivers", ["time", null], signals);
+    const count = data.signals.receivers.length;
+    const heading = count > MOST ? `Receivers, ${MOST} of ${count}` : "Receivers";
+    if (count) place("signals", heading, ["time", null], signals);
   }
 
   const unitOf = (kind, which) => kind ? UNITS[kind][which[UNITS[kind].by]][0] : 1;

@@ -1,0 +1,106 @@
+"""The few rows that a run answers with: each number by another route, and advice that works."""
+
+from __future__ import annotations
+
+import shlex
+
+import numpy as np
+import pytest
+from madeup import SOFT, STIFF, chain, field_of, reading_of
+
+from wavesim import planewave
+from wavesim.case.load import load
+from wavesim.grid.bar import layered_bar
+from wavesim.readings.bar.transmission import Scattered
+from wavesim.report.answers import answers, verdict
+from wavesim.sources import Ricker
+from wavesim.verdict.answers import of_bar
+
+KHZ = 2e3 * np.pi
+
+
+def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(small_run):
+    """Edges and Im k by the plane-wave solver; what was measured there to 1e-4."""
+    medium = small_run.field.medium
+    rows = {row["gap"]: row for row in small_run.summary["answers"]["gaps"]}
+    for gap in planewave.gaps(medium, "longitudinal"):
+        row = rows[gap.name]
+        assert row["lower"] == pytest.approx(gap.lower / 2 / np.pi, rel=1e-12)
+        assert row["upper"] == pytest.approx(gap.upper / 2 / np.pi, rel=1e-12)
+        assert gap.lower < 2 * np.pi * row["frequency"] < gap.upper
+        k = planewave.wavenumber(medium, "longitudinal", 2 * np.pi * row["frequency"])
+        decibels = 20 * np.log10(np.e) * np.ravel(k)[0].imag
+        assert row["attenuation_at_real_frequency"] == pytest.approx(decibels, rel=1e-9)
+        assert row["attenuation"] == pytest.approx(row["attenuation_exact"], rel=1e-4)
+    assert rows["RSB"]["attenuation"] is None
+    assert rows["RTB1"]["frequencies"] == 0
+    assert "not driven" in rows["RTB1"]["closer"]
+
+
+def test_advice_is_one_that_a_case_takes_and_puts_the_source_into_the_gap(small_run, small_case):
+    for row in small_run.summary["answers"]["gaps"]:
+        words = shlex.split(row["closer"])
+        if words[0] != "--set":
+            continue
+        case = load(small_case, words[1::2])
+        changed = [s for s in case.simulation.sources if s.peak_frequency != 1e6]
+        assert changed
+        for source in changed:
+            assert row["lower"] < source.peak_frequency < row["upper"]
+
+
+def test_long_waves_go_at_their_speed(small_run):
+    """Phase velocity at the lowest judged k, k̄ = 0.02: below the long-wave speed by 1 % at most."""
+    (row,) = small_run.summary["answers"]["velocities"]
+    speed = planewave.long_wave_speed(small_run.field.medium, "longitudinal")
+    assert row["wave"] == "LA"
+    assert 0.99 * speed < row["velocity_exact"] < speed
+    assert row["velocity"] == pytest.approx(row["velocity_exact"], rel=1e-4)
+
+
+def test_stop_bands_are_where_a_level_crosses_20_decibels():
+    """|T| falls as a straight line in dB from 0 at 400 kHz to −40 at 500, and back to 600: below
+    −20 dB from 450 to 550 kHz. What lies deeper than a record can tell has no level."""
+    omega = np.linspace(3e5, 8e5, 101) * 2 * np.pi
+    level = np.interp(omega / KHZ, [400, 500, 600], [0, -40, 0])
+    layers = chain((0.02, STIFF), (0.006, SOFT), (0.02, STIFF))
+    bar = layered_bar(layers, 1.25e-4, 8, "absorbing", "absorbing", 8e-3)
+    field = field_of(layers, bar, [Ricker("phi1", 0.008, 5e5)], {"a": 0.015})
+    for depth, seen in ((1.0, True), (5.0, False)):
+        T = 10 ** (depth * level / 20) + 0j
+        known = np.ones(len(omega), bool)
+        found = Scattered("longitudinal", omega, 1e5, T, T, T, T, known)
+        band, most = of_bar(field, reading_of(scattered=(found,)))["transmission"]
+        half = 50 + 50 * (1 - 1 / depth)
+        assert band["lower"] == pytest.approx((500 - half) * 1e3, rel=2e-3)
+        assert band["upper"] == pytest.approx((500 + half) * 1e3, rel=2e-3)
+        assert band["lower_exact"] == band["lower"]
+        assert (band["level"] is not None) is seen
+        assert band["level_exact"] == pytest.approx(-40 * depth, abs=1)
+        assert most["where"] == "most passes"
+        assert most["level"] == pytest.approx(0, abs=1e-9)
+
+
+def check(name, passed, **more):
+    numbers = {"measured": 0.0 if passed else 1.0, "reference": 0.0, "tolerance": 0.1, "unit": "–"}
+    return {"name": name, "passed": passed} | numbers | more
+
+
+def test_verdict_is_a_sentence_that_names_what_fell_short():
+    assert verdict({"checks": []}).startswith("Nothing was checked")
+    good = [check("signal at a: |Δu|/peak", True)] * 3
+    assert verdict({"checks": good}).startswith("3 of 3 checks passed")
+    told = verdict({"checks": [*good, check("T of x: |ΔT| …", False), check("R: |ΔR|", False)]})
+    assert "3 of 5 checks passed" in told
+    assert "T of x and 1 more fell short" in told
+    assert "\n" not in told
+
+
+def test_every_answer_has_its_table(small_run):
+    tables = answers(small_run.summary)
+    assert [len(table.rows) for table in tables] == [
+        len(rows) for rows in small_run.summary["answers"].values()
+    ]
+    for table in tables:
+        for column in table.columns:
+            assert any(column.key in row for row in table.rows)

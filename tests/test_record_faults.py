@@ -1,0 +1,199 @@
+"""The everyday faults of instruments, on a record whose truth is known: read rightly, or refused.
+
+The law: a pulse that goes along eight receivers at c = 3000 m/s without loss or dispersion, so that
+k = ω/c exactly, with white noise of a thousandth of its peak. With each fault the points are as
+those without it: median error within a factor 3, 95 % bars that hold 90 % of them and more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavesim.records.files import Layout, from_arrays
+from wavesim.records.inspection import inspect
+from wavesim.records.of_medium import RecordOfMedium
+from wavesim.records.record import RecordError, record
+from wavesim.verdict.record import attenuation, dispersion
+
+SPEED, N = 3000.0, 8
+T = np.arange(1000) * 5e-7
+X = 0.02 + 0.005 * np.arange(N)
+
+
+def ricker(t, f=5e4):
+    u = (np.pi * f * (t - 1.5 / f)) ** 2
+    return (1 - 2 * u) * np.exp(-u)
+
+
+CLEAN = ricker(T[:, None] - X / SPEED) + 1e-3 * np.random.default_rng(1).standard_normal((1000, N))
+
+
+def along(values, t=T, x=X, **layout):
+    """Error of k over k, median; share within 95 % bars; how many valid; the record."""
+    found = from_arrays({"t": t, "x": x, "values": values}, Layout(**layout))
+    (one,) = attenuation([RecordOfMedium("a", found)], (1e4, 1e5), 24)
+    points = one.points.take(one.points.valid)
+    assert len(points), one.points.reason
+    off = np.abs(points.k - points.omega / SPEED)
+    return np.median(off / np.abs(points.k)), np.mean(off <= points.bar), len(points), one
+
+
+BEST = along(CLEAN)[0]
+
+
+def changed(change):
+    values = CLEAN.copy()
+    change(values)
+    return values
+
+
+def put(value, *where):
+    return lambda v: v.__setitem__(where, value)
+
+
+def swap(v):
+    v[:, [1, 5]] = v[:, [5, 1]]
+
+
+def spikes(v):
+    v[[84, 200, 90, 500], [1, 3, 5, 5]] += 0.4
+
+
+S = slice(None)
+LATE = np.roll(CLEAN[:, 4], 3)
+CURED = {
+    "offset": (CLEAN + 0.1, "offset"),
+    "offset of thirty peaks": (CLEAN + 30, "offset"),
+    "offsets of their own": (CLEAN + 0.1 * np.arange(N), "offset"),
+    "offset binary": ((np.round(CLEAN * 100) + 128).astype("u1"), "offset"),
+    "hum": (CLEAN + 0.05 * np.sin(2 * np.pi * 50 * T + 1)[:, None], "drift"),
+    "drift": (CLEAN + (T / T[-1])[:, None] ** 2, "drift"),
+    "one of eight bits": (changed(put(np.round(CLEAN[:, 2] * 128) / 128, S, 2)), "quantised"),
+    "fill value": (changed(put(1e20, 100, 3)), "fill value"),
+    "ten fill values": (changed(put(-999, slice(90, 100), 3)), "fill value"),
+    "spikes": (changed(spikes), "spikes"),
+    "gap": (changed(put(np.nan, slice(90, 100), 3)), "gaps"),
+    "stuck": (changed(put(CLEAN[100, 3], slice(100, 120), 3)), "stuck"),
+    "dead": (changed(put(0.0, S, 3)), "dead"),
+    "nothing but noise": (changed(put(np.roll(CLEAN[::-1, 0], 3) * 1e-3, S, 3)), "dead"),
+    "duplicate": (changed(put(CLEAN[:, 2], S, 3)), "duplicate"),
+    "reversed": (changed(put(-CLEAN[:, 4], S, 4)), "reversed"),
+    "swapped": (changed(swap), "swapped"),
+    "delayed": (changed(put(LATE, S, 4)), "delayed"),
+    "mis-scaled": (changed(put(0.7 * CLEAN[:, 4], S, 4)), "mis-scaled"),
+    "first clipped": (changed(put(np.clip(CLEAN[:, 0], -0.5, 0.5), S, 0)), "clipped"),
+}
+
+
+@pytest.mark.parametrize("name", CURED)
+def test_a_fault_costs_nothing_and_is_said(name):
+    values, what = CURED[name]
+    error, inside, count, one = along(values)
+    assert error < 3 * BEST
+    assert inside >= 0.9
+    assert count >= 22
+    assert what in {finding.what for finding in one.origin.record.findings}
+    assert one.origin.record.notes
+
+
+def test_no_fault_is_found_where_there_is_none():
+    assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()
+
+
+@pytest.mark.parametrize("held", [2, 5])
+def test_samples_there_several_times_are_taken_once(held):
+    t = np.arange(held * len(T)) * 5e-7 / held
+    error, _, _, one = along(np.repeat(CLEAN, held, axis=0), t)
+    assert error == pytest.approx(BEST, rel=1e-6)
+    assert len(one.origin.record.t) == len(T)
+
+
+def test_rounded_axes_are_even_and_their_bars_hold_what_that_leaves_open():
+    assert along(CLEAN.astype("f4"), T.astype("f4"), X.astype("f4"))[0] < 1.1 * BEST
+    assert along(CLEAN, T + 1.6e9)[0] < 10 * BEST  # doubles of today's date: 0.24 us apart
+    for digits in (7, 8):
+        assert along(CLEAN, np.round(T, digits))[0] < 1.1 * BEST
+    # Rates that are whole numbers come back whole: 2.4 MHz to 100 ns.
+    found = from_arrays({"t": np.round(np.arange(1000) / 2.4e6, 7), "x": X, "values": CLEAN})
+    assert abs(found.interval * 2.4e6 - 1) < 3 * found.interval_error + 1e-12
+    with pytest.raises(RecordError, match=r"times are rounded to 1e-06 s.*give --interval"):
+        from_arrays({"t": np.round(np.arange(1000) / 2.4e6, 6), "x": X, "values": CLEAN})
+
+
+def test_a_record_that_begins_late_loses_the_receivers_that_it_cuts():
+    t, x = T[50:], 0.02 + 0.005 * np.arange(24)
+    noise = 1e-3 * np.random.default_rng(2).standard_normal((950, 24))
+    error, inside, _, one = along(ricker(t[:, None] - x / SPEED) + noise, t, x)
+    assert len(one.origin.record.x) < 24
+    assert error < 1e-3
+    # Errors of one record hang together over frequencies.
+    assert inside > 0.7
+    with pytest.raises(RecordError, match="begins inside the signal at all 8 receivers"):
+        along(CLEAN[70:], T[70:])
+
+
+@pytest.mark.parametrize(
+    ("values", "x", "message"),
+    [
+        (CLEAN + 1j * CLEAN, X, "complex values.*give one real component"),
+        (np.clip(CLEAN, -0.5, 0.5), X, "flat tops at all 8 receivers: turn the gain down"),
+        (CLEAN, X * 1e6, "faster than light.*--time-unit or --position-unit"),
+        (ricker(T[:, None] - np.abs(X - 0.0375) / SPEED), X, r"name it with --source 0\.037"),
+    ],
+    ids=["complex", "clipped", "units", "source within"],
+)
+def test_what_cannot_be_read_is_refused_for_its_cause(values, x, message):
+    with pytest.raises(RecordError, match=message):
+        along(values, x=x)
+
+
+def ring(branches=8, nx=32):
+    """Waves of ω = 2000 k both ways round a ring, at times that no frequency is whole in."""
+    rng = np.random.default_rng(5)
+    x, t = np.arange(nx) * 1e-3, np.arange(500) * 2.1e-7
+    k = 2 * np.pi * np.arange(1, branches + 1) / (nx * 1e-3)
+    phases = rng.uniform(0, 2 * np.pi, (2, branches))
+    u = sum(np.cos(s * k * x[:, None] - 2000 * k * t[:, None, None] + p).sum(axis=-1)
+            for s, p in zip((1, -1), phases, strict=True))  # fmt: skip
+    return t, x, u + 1e-3 * rng.standard_normal(u.shape)
+
+
+@pytest.mark.parametrize("fault", ["none", "offset", "fill", "twice", "float32", "int16"])
+def test_a_ring_with_faults_is_read_as_without(fault):
+    t, x, u = ring()
+    if fault == "offset":
+        u = u + 30
+    elif fault == "fill":
+        u[300, [5, 20]] = 1e20
+    elif fault == "twice":
+        u, x = np.c_[u, u[:, 0]], np.r_[x, 0.032]
+    elif fault == "float32":
+        t, x = t.astype("f4"), x.astype("f4")
+    elif fault == "int16":
+        u = np.round(u * 2000).astype("i2")
+    found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
+    (one,) = dispersion([RecordOfMedium("ring", found)], "harmonic", 1700.0)
+    points = one.points.take(one.points.valid)
+    assert len(points) == 8
+    assert np.abs(points.omega / (2000 * points.k) - 1).max() < 1e-5
+
+
+def test_a_ring_driven_within_the_record_asks_when_it_is_free():
+    t, x, u = ring()
+    driven = u * np.minimum(1, np.maximum(0, t / t[-1] - 0.1) * 3)[:, None] ** 2
+    found = from_arrays({"t": t, "x": x, "values": driven}, Layout(ring=True))
+    with pytest.raises(
+        RecordError, match="name the time from which on none does with --quiet-from"
+    ):
+        dispersion([RecordOfMedium("ring", found)])
+
+
+def test_inspection_tells_what_is_wrong_and_what_can_be_done():
+    values = CURED["reversed"][0] + 0.1
+    found = inspect(record(values, T, X))
+    assert {f.what: f.done for f in found.findings} == {"offset": "cured", "reversed": "cured"}
+    summary = found.summary()
+    assert summary["usable"] == {"attenuation": "", "dispersion": "", "pulse": ""}
+    assert [c["position_m"] for c in summary["receivers"]] == pytest.approx(list(X))
+    assert summary["receivers"][0]["noise"] == pytest.approx(1e-3, rel=0.2)

@@ -1,0 +1,207 @@
+"""Parameters of a case from recorded waveforms.
+
+Records are made by the exact solver of layers, in the frequency domain; a fit runs the time
+domain.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from wavesim.case.load import load
+from wavesim.cli.main import main
+from wavesim.layered.signals import signals
+from wavesim.readings.measured import MatchError, matched, resampling
+from wavesim.records.of_pulse_test import PulseTestRecord
+from wavesim.studies.comparison import compare
+from wavesim.studies.fit_answer import of_waveforms
+from wavesim.studies.least_squares import FitError, Parameter, solve
+from wavesim.studies.waveform_fit import Waveforms, targets
+
+CASE = """
+[medium]
+closure = "consistent"
+anisotropy = {a}
+stiffness_ratio = {eta}
+density = {density}
+quality_factor = {Q}
+quality_band = [1.0e5, 1.0e6]
+
+[bar]
+length = 0.02
+spacing = 2.0e-4
+left = "free"
+right = "absorbing"
+
+[[sources]]
+kind = "ricker"
+field = "phi1"
+position = 0.003
+peak_frequency = 3.0e5
+
+[[receivers]]
+name = "near"
+position = 0.005
+
+[[receivers]]
+name = "far"
+position = 0.010
+
+[time]
+duration = 1.2e-5
+"""
+START = {"a": 0.2, "eta": 0.55, "Q": 30.0, "density": 2600.0}
+TRUTH = {"a": 0.25, "eta": 0.5, "Q": 25.0, "density": 2600.0}
+NAMES = {"a": "medium.anisotropy", "eta": "medium.stiffness_ratio", "Q": "medium.quality_factor"}
+
+
+def case(folder, **values):
+    path = folder / "case.toml"
+    path.write_text(CASE.format(**{**START, **values}))
+    return path
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    """Noise of 0.5 %, times that jitter by 2 ns, a gain of −37000, an offset."""
+    made = load(case(tmp_path_factory.mktemp("truth"), **TRUTH)).simulation
+    rng = np.random.default_rng(8)
+    t = 2.5e-8 * np.arange(480)
+    found = signals(made.layers, "free", "absorbing", made.sources, made.receivers, made.times)
+    there = np.abs(t + 2e-9 * rng.standard_normal(len(t)))
+    W = resampling(made.frames, made.interval, there)
+    columns = {}
+    for name, fields in found.items():
+        u = -3.7e4 * (W @ fields["phi1"])
+        u += 0.005 * np.abs(u).max() * rng.standard_normal(len(t)) + 7.0
+        columns[name] = u
+    return PulseTestRecord("made", t, columns, dict.fromkeys(columns, np.nan), None)
+
+
+def test_derivatives_are_those_of_the_run(record, tmp_path):
+    """Central differences of the residuals agree to their own truncation, 1e-5 of the column."""
+    loaded = load(case(tmp_path))
+    data = Waveforms(
+        loaded, targets(loaded, list(NAMES.values())), matched(record, loaded.simulation, None)
+    )
+    at = data.beginning()
+    _, J, _ = data.residuals(at)
+    for j, parameter in enumerate(data.parameters):
+        h = 1e-4 * parameter.scale
+        up, down = (
+            data.residuals({**at, parameter.key: at[parameter.key] + s * h})[0] for s in (1, -1)
+        )
+        assert np.abs((up - down) / (2 * h) - J[:, j]).max() <= 2e-5 * np.abs(J[:, j]).max()
+
+
+def test_a_eta_and_q_of_a_recorded_pulse_are_within_their_bars(record, tmp_path):
+    """Within 3 standard errors, which are below 10 %; the gain to 3 of its own."""
+    loaded = load(case(tmp_path))
+    found = of_waveforms(
+        loaded, matched(record, loaded.simulation, None), list(NAMES.values()), None, None
+    )
+    assert found.summary()["valid"]
+    for short, key in NAMES.items():
+        assert abs(found.values[key] - TRUTH[short]) <= 3 * found.errors[key]
+        assert found.errors[key] <= 0.1 * TRUTH[short]
+    gain, error = found.nuisances["gain"]
+    assert abs(gain + 3.7e4) <= 3 * error
+    assert found.residual < 0.05
+
+
+def test_what_the_data_do_not_tell_is_said(record, tmp_path):
+    """Density and all stiffnesses raised alike change a moment's field as a gain does."""
+    loaded = load(case(tmp_path, **TRUTH))
+    keys = ["medium.density", "medium.G_n_a", "medium.G_n_r"]
+    found = of_waveforms(loaded, matched(record, loaded.simulation, None), keys, 0.0, None)
+    answer = found.summary()
+    assert not answer["valid"]
+    assert {"medium.density", "gain"} <= {k for one in answer["degenerate"] for k in one}
+    assert "do not tell it apart from" in answer["parameters"]["medium.density"]["reason"]
+
+
+def test_a_comparison_finds_lag_scale_and_what_is_left(record, tmp_path):
+    """A record 0.1 µs late beside its own case: lag and scale within 3 errors, only noise left; one
+    receiver a fifth too large is told."""
+    loaded = load(case(tmp_path, **TRUTH))
+    late = PulseTestRecord(
+        "late", record.t + 1e-7, {**record.signals, "far": 1.2 * record.signals["far"]},
+        record.positions, None,
+    )  # fmt: skip
+    found = compare(loaded, matched(late, loaded.simulation, None))
+    assert abs(found.lag - 1e-7) <= 5e-9
+    ratio = found.receivers[1].amplitude / found.receivers[0].amplitude
+    assert ratio == pytest.approx(1.2, rel=0.01)
+    exact = compare(loaded, matched(record, loaded.simulation, None))
+    assert abs(exact.lag) <= 3 * exact.lag_error
+    assert abs(exact.scale + 3.7e4) <= 3 * exact.scale_error
+    assert all(abs(one.arrival) < 5e-9 and one.residual < 0.06 for one in exact.receivers)
+
+
+def test_least_squares_errors_are_those_of_repeated_experiments():
+    """The spread over 300 made-up experiments, in which all receivers share a jitter, is what the
+    errors say, to 20 %; without groups they would say half of it."""
+
+    class Line:
+        parameters = (Parameter("slope", 0.0, -np.inf, np.inf, 1.0),)
+
+        def __init__(self, rng):
+            self.x = np.repeat(np.linspace(0, 1, 60), 8)
+            shared = np.repeat(rng.standard_normal(60), 8)
+            self.y = 2 * self.x + shared + 0.3 * rng.standard_normal(480)
+
+        def residuals(self, values):
+            groups = np.repeat(np.arange(60), 8)
+            return values["slope"] * self.x - self.y, self.x[:, None], groups
+
+    rng = np.random.default_rng(0)
+    found = [solve(Line(rng)) for _ in range(300)]
+    spread = np.std([one.values["slope"] for one in found])
+    said = np.median([one.errors["slope"] for one in found])
+    assert said == pytest.approx(spread, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [("medium.length", "must end in one of"), ("layers.7.density", "has 1 layers, from 0 on"),
+     ("bar.density", "must be medium.NAME or layers.N.NAME"),
+     ("layers.0.quality_factor", "one quality factor is fitted for all")],
+)  # fmt: skip
+def test_keys_that_are_no_parameters_are_refused(key, message, tmp_path):
+    with pytest.raises(FitError, match=message):
+        targets(load(case(tmp_path)), [key])
+
+
+def test_what_does_not_match_is_refused(record, tmp_path):
+    planned = load(case(tmp_path)).simulation
+    other = PulseTestRecord(
+        "x", record.t, {"a": record.t, "b": record.t}, {"a": 1.0, "b": 2.0}, None
+    )
+    with pytest.raises(MatchError, match=r"no receiver of the case .* is in the record"):
+        matched(other, planned, None)
+    with pytest.raises(MatchError, match="--field phi9: is not simulated; must be one of phi1"):
+        matched(record, planned, "phi9")
+
+
+def test_the_commands_read_a_file_and_write_what_they_found(record, tmp_path):
+    table = np.column_stack([record.t, *record.signals.values()])
+    np.savetxt(tmp_path / "r.csv", table, delimiter=",", header="t_s,near,far", comments="")
+    path = case(tmp_path, **TRUTH)
+    run = CliRunner().invoke(main, ["compare", str(tmp_path / "r.csv"), str(path), "--json"])
+    assert run.exit_code == 0, run.output
+    assert json.loads(run.output)["residual"] < 0.06
+    out = tmp_path / "fit"
+    run = CliRunner().invoke(
+        main, ["fit", str(tmp_path / "r.csv"), str(path), "--vary", "medium.quality_factor",
+               "--lag", "0", "--out", str(out), "--set", "medium.quality_factor=30"],
+    )  # fmt: skip
+    assert run.exit_code == 0, run.output
+    assert "medium.quality_factor = 2" in run.output
+    quality = load(out / "fitted.toml").simulation.medium.damping.made[0]
+    assert quality == pytest.approx(25, rel=0.03)
+    assert (out / "fit.png").stat().st_size > 10_000
+    wrong = CliRunner().invoke(main, ["fit", str(tmp_path / "r.csv"), str(path), "--vary", "a"])
+    assert wrong.exit_code == 2
+    assert "--vary a: must end in one of" in wrong.output

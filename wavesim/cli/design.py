@@ -1,0 +1,160 @@
+"""The command `wavesim design`: from a wish to a stack that keeps it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesim.cli.arguments import CASE, SET
+from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop
+
+# What T of the time domain may differ by from the exact one.
+_AGREES = 1e-3
+
+
+@click.command()
+@CASE
+@click.option("--out", type=click.Path(), help="Folder; outputs/<case> by default.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
+@click.option("--seconds", type=click.FloatRange(1), default=50.0, show_default=True,
+              help="After which no further start is made.")  # fmt: skip
+@click.option("--verify", is_flag=True, help="Run the design in the time domain too.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@SET
+def design(
+    case: str,
+    out: str | None,
+    seed: int,
+    seconds: float,
+    verify: bool,
+    quiet: bool,
+    overrides: tuple[str, ...],
+) -> None:
+    """Find the stack that [design] of CASE asks for: design.toml, design.json, design.png.
+
+    design.toml is a case that wavesim run takes as it is. Exit code 1 if a wish can't be kept.
+    """
+    from wavesim.case.schema import CaseError
+    from wavesim.timedomain.compiled import keep_compiled
+
+    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    shown = console(quiet)
+    keep_compiled()
+    from wavesim.studies.design import design as designed
+
+    last = ""
+
+    def tell(stage: str, short: float) -> None:
+        nonlocal last
+        line = f"{stage}: " + ("all kept" if short == 0 else f"the worst lacks {short:.3g} dB")
+        if line != last and shown.is_terminal:
+            shown.print(line)
+        last = line
+
+    try:
+        found = designed(case, seed, overrides, seconds, tell)
+    except CaseError as error:
+        stop(str(error), BAD_INPUT)
+    answer = found.summary()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "design.toml").write_text(found.text, encoding="utf-8")
+        _write(answer, folder)
+        _draw(found, folder)
+    except OSError as error:
+        stop(f"--out {folder}: can't be written: {error.strerror}; name another", BAD_INPUT)
+    _tell(shown, found)
+    agrees = True
+    if verify:
+        agrees = _verify(shown, folder, answer)
+        _write(answer, folder)
+    shown.print(f"design.toml, design.json and design.png in {folder}")
+    if not (found.met and agrees):
+        sys.exit(FELL_SHORT)
+
+
+def _write(answer: dict[str, Any], folder: Path) -> None:
+    (folder / "design.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
+
+
+def _draw(found: Any, folder: Path) -> None:
+    """T over the bands and about them, with the mask."""
+    import dataclasses
+
+    from wavesim.case.layered_case import bar_layers
+    from wavesim.case.schema import parse
+    from wavesim.figures.style import write
+    from wavesim.figures.transmission import transmission_figure
+    from wavesim.studies.transmission_study import transmission_study
+
+    wishes = found.problem.wishes
+    low, high = min(w.low for w in wishes), max(w.high for w in wishes)
+    band = max(0.5 * low, low - 0.25 * (high - low)), high + 0.1 * (high - low)
+    known = bar_layers(parse(found.text, "design.toml"), "design.toml")
+    study = transmission_study(known, band, 800)
+    own = {wish.sector for wish in wishes}
+    curves = tuple(curve for curve in study.curves if curve.sector in own)
+    study = dataclasses.replace(study, curves=curves)
+    write({"design": lambda: transmission_figure(study, wishes)}, folder)
+
+
+def _tell(shown: Any, found: Any) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for head in ("wish", "from kHz", "to kHz", "dB", "reached", ""):
+        table.add_column(head, justify="left" if head in ("wish", "") else "right")
+    for wish, level, short in zip(found.problem.wishes, found.reached, found.short, strict=True):
+        kind = "at most" if wish.most else "at least"
+        table.add_row(
+            f"{wish.sector} {kind}", f"{wish.low / 1e3:g}", f"{wish.high / 1e3:g}",
+            f"{wish.limit:g}", f"{level:.2f}", "kept" if short == 0 else f"lacks {short:.2f} dB",
+        )  # fmt: skip
+    shown.print(table)
+    variables = Table(box=None, pad_edge=False)
+    for head in ("variable", "value", "may be off, %"):
+        variables.add_column(head, justify="left" if head == "variable" else "right")
+    may = found.offsets or [None] * len(found.values)
+    for key, value, off in zip(found.problem.keys, found.values, may, strict=True):
+        told = "" if off is None else f"−{100 * off[0]:.2g} +{100 * off[1]:.2g}"
+        variables.add_row(key.key, f"{value:.6g}", told)
+    shown.print(variables)
+    length = float(found.problem.length(found.values))
+    shown.print(f"{length * 1e3:.4g} mm between the half-spaces.")
+    if found.met:
+        shown.print(
+            f"Of designs whose variables are off by up to {100 * found.problem.tolerance:g} %, "
+            f"{100 * found.made:.3g} % keep every wish."
+        )
+    else:
+        shown.print("No stack was found that keeps every wish. What else can be had, in dB:")
+        for row in found.trade_off:
+            levels = ", ".join(f"{level:.2f}" for level in row["reached"])
+            shown.print(f"  {levels}")
+    shown.print(f"{found.evaluations} stacks from {found.starts} starts, {found.seconds:.1f} s.")
+
+
+def _verify(shown: Any, folder: Path, answer: dict[str, Any]) -> bool:
+    """Run the design; whether its T is the exact one, at ω + iσ where the source drives it."""
+    from wavesim import runner
+    from wavesim.case.load import load
+    from wavesim.case.schema import CaseError
+
+    try:
+        outcome = runner.run(load(folder / "design.toml"), folder / "run")
+    except CaseError as error:
+        stop(str(error), BAD_INPUT)
+    except runner.RunError as error:
+        stop(str(error), FAILED)
+    checks = [c for c in outcome.summary["checks"] if "T: |ΔT|" in c["name"]]
+    agrees = bool(checks) and all(check["measured"] <= _AGREES for check in checks)
+    answer["verified"] = {"agrees": agrees, "checks": checks}
+    for check in checks:
+        shown.print(f"Time domain, {check['name']}: {check['measured']:.2e}")
+    verdict = "agrees with" if agrees else "differs from"
+    shown.print(f"T of the time domain {verdict} the exact one, to {_AGREES:g}.")
+    return agrees

@@ -1,0 +1,145 @@
+"""The command ``fit``: parameters of a case from recorded waveforms, or from points.
+
+Exit codes: 0 all well; 1 the data do not tell a parameter, or the fit did not settle; 2 bad input.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesim.cli.compare import laid_beside, stated
+from wavesim.cli.record_options import record_options
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
+
+
+@click.command()
+@click.argument("record", type=click.Path())
+@click.argument("case", type=click.Path())
+@click.argument("more", metavar="[KEY]…", nargs=-1)
+@click.option(
+    "--vary",
+    "keys",
+    metavar="KEY",
+    multiple=True,
+    required=True,
+    help="What to fit: medium.anisotropy, medium.quality_factor, layers.0.density …",
+)
+@click.option(
+    "--field",
+    metavar="NAME",
+    help="What the record is of, phi1 … B33; the driven rotation where not given.",
+)
+@click.option(
+    "--sector",
+    type=click.Choice(("longitudinal", "transverse2", "transverse3")),
+    default="longitudinal",
+    help="Of points.",
+)
+@click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given.")
+@click.option(
+    "--scale", type=float, help="Unit of the record over that of the field; fitted where not given."
+)
+@click.option("--out", type=click.Path(), help="Folder for numbers, the figure and fitted.toml.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="TABLE.KEY=VALUE",
+    help="Lay a value over the case's, where a fit begins.",
+)
+@record_options
+def fit(
+    record: str,
+    case: str,
+    more: tuple[str, ...],
+    keys: tuple[str, ...],
+    field: str | None,
+    sector: str,
+    lag: float | None,
+    scale: float | None,
+    out: str | None,
+    as_json: bool,
+    overrides: tuple[str, ...],
+    layout: Any,
+) -> None:
+    """Fit parameters of CASE, named by --vary KEY…, to RECORD: waveforms at its receivers, or the
+    points that wavesim dispersion or attenuation wrote.
+    """
+    named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
+    lag, scale = stated("--lag", lag), stated("--scale", scale)
+    from wavesim.readings.pulse.answers import plain
+    from wavesim.studies.fit_answer import is_points, of_points, of_waveforms
+    from wavesim.studies.least_squares import FitError
+    from wavesim.studies.medium_fit import FitError as PointsError
+
+    try:
+        if is_points(Path(record)):
+            found = of_points(Path(record), _case(case, overrides), named, sector)
+        else:
+            loaded, measured = laid_beside(record, case, field, overrides, layout)
+            found = of_waveforms(loaded, measured, named, lag, scale)
+    except (FitError, PointsError) as error:
+        stop(str(error), BAD_INPUT)
+    except ValueError as error:
+        stop(f"{record}: {error}", BAD_INPUT)
+    answer = plain(found.summary())
+    if as_json:
+        click.echo(json.dumps(answer, ensure_ascii=False))
+    else:
+        from wavesim.report.fit_tables import show_fit
+
+        show_fit(console(), answer)
+    if out:
+        _write(answer, found, case, overrides, Path(out), as_json)
+    if not answer["valid"]:
+        sys.exit(FELL_SHORT)
+
+
+def _case(case: str, overrides: tuple[str, ...]) -> Any:
+    from wavesim.case.load import load
+    from wavesim.case.schema import CaseError
+
+    try:
+        return load(case, overrides)
+    except CaseError as error:
+        stop(str(error), BAD_INPUT)
+
+
+def _write(
+    answer: Any, found: Any, case: str, overrides: tuple[str, ...], folder: Path, quiet: bool
+) -> None:
+    written = ["fit.json", "fitted.toml"]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(answer, ensure_ascii=False, indent=1)
+        (folder / "fit.json").write_text(text + "\n", encoding="utf-8")
+        (folder / "fitted.toml").write_text(_fitted(case, overrides, answer), encoding="utf-8")
+        if found.comparison is not None:
+            from wavesim.figures.comparison import write
+
+            write(found.comparison, folder / "fit.png")
+            written.append("fit.png")
+    except OSError as error:
+        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
+    if not quiet:
+        click.echo(f"{', '.join(written)} in {folder}")
+
+
+def _fitted(case: str, overrides: tuple[str, ...], answer: Any) -> str:
+    """The case file with the values that were found."""
+    import tomli_w
+
+    from wavesim.case.toml_text import lay_over, toml_tables
+
+    tables = toml_tables(Path(case).read_text(encoding="utf-8-sig"), case)
+    for override in overrides:
+        lay_over(tables, override)
+    for key, one in answer["parameters"].items():
+        lay_over(tables, f"{key}={one['value']!r}")
+    return tomli_w.dumps(tables)

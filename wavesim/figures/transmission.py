@@ -1,0 +1,64 @@
+"""Figure of what layers let through at real frequencies, with the gaps of their media."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from wavesim.figures.style import FOUND, THEORY, gap_edges, shade
+from wavesim.studies.transmission_study import Curve, Study, decibels
+
+_REFLECTED = "#2f6f9f"
+_DEEPEST = -120.0
+
+
+def transmission_figure(study: Study, masks: Sequence[Any] = ()) -> Figure:
+    """T and R in dB against frequency, one panel for each sector.
+
+    Curves that are alike, as those of the two transverse sectors, share a panel.
+
+    Args:
+        study: what is drawn.
+        masks: wishes with sector, low, high (Hz), at_most and at_least (dB or None), to be shown.
+    """
+    panels: list[tuple[list[str], Curve]] = []
+    for curve in study.curves:
+        for names, other in panels:
+            if np.allclose(curve.T, other.T, atol=1e-9, equal_nan=True):
+                names.append(curve.sector)
+                break
+        else:
+            panels.append(([curve.sector], curve))
+    figure = Figure(figsize=(6.8, 0.9 + 2.7 * len(panels)))
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    inner = {medium for layer in study.specimen.inside for medium in layer.sampled(2)}
+    for axis, (names, curve) in zip(axes, panels, strict=True):
+        if len(inner) == 1 and not masks:  # the gaps of several are no specimen's
+            shade(axis, gap_edges(next(iter(inner)), curve.sector))
+        f = curve.frequency / 1e3
+        # Where the half-space has a gap no wave comes in, and ratios to one say nothing.
+        dark = curve.told & ~np.isfinite(curve.transmitted) & np.isfinite(curve.transmitted).any()
+        T, R = (np.where(dark, np.nan, decibels(value)) for value in (curve.T, curve.R))
+        axis.plot(f, R, "--", color=_REFLECTED, lw=0.9, label="R")
+        axis.plot(f, T, "-", color=THEORY, lw=1.2, label="T")
+        lowest = max(_DEEPEST, float(np.nanmin(T, initial=0.0)))
+        own = [mask for mask in masks if mask.sector in names]
+        for mask in own:
+            low, high = mask.low / 1e3, mask.high / 1e3
+            if mask.at_most is not None:
+                axis.fill_between([low, high], mask.at_most, 20, color=FOUND, alpha=0.15, lw=0)
+                axis.plot([low, high], [mask.at_most] * 2, "-", color=FOUND, lw=1.2)
+                lowest = min(lowest, mask.at_most - 15)
+            if mask.at_least is not None:
+                axis.fill_between([low, high], mask.at_least, -400, color=FOUND, alpha=0.15, lw=0)
+                axis.plot([low, high], [mask.at_least] * 2, "-", color=FOUND, lw=1.2)
+        axis.set(xlim=(f[0], f[-1]), ylim=(1.08 * lowest - 2, 6))
+        axis.set_title(" and ".join(names), loc="left")
+        axis.set_ylabel("amplitude over incident (dB)")
+    axes[-1].set_xlabel("frequency (kHz), real ω")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    return figure

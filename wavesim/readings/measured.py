@@ -1,0 +1,174 @@
+"""A measured record laid beside a case: which signal is which receiver's, when, in what unit.
+
+Receivers are matched by name, else by position. The record's clock may be late by a lag, and its
+unit is its own: its values are scale × field(t − lag) + an offset of each receiver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.of_pulse_test import PulseTestRecord
+from wavesim.simulation.bandlimited import taps
+from wavesim.simulation.simulation import Simulation
+
+Float = NDArray[Any]
+
+# A position is a receiver's within this part of the least distance between receivers, and of a mm
+# where there is one.
+_NEAR = 0.05
+_ALONE = 1e-3
+_FEWEST = 32
+
+
+class MatchError(ValueError):
+    """A record and a case do not go together; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured where a case has receivers.
+
+    Attributes:
+        names, positions: of the case's receivers that were found, m of them.
+        field: the simulated field that the record is of.
+        t: times, even, shape (nt,), s, on the record's clock.
+        values: shape (nt, m), the record's unit.
+        notes: what was matched to what, and left out.
+    """
+
+    names: tuple[str, ...]
+    positions: tuple[float, ...]
+    field: str
+    t: Float
+    values: Float
+    notes: tuple[str, ...]
+
+    @property
+    def interval(self) -> float:
+        """Δt, s."""
+        return float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
+
+
+def matched(record: PulseTestRecord, planned: Simulation, field: str | None) -> Measured:
+    """Lay a record beside a simulation.
+
+    Args:
+        record: what was measured.
+        planned: what is simulated; with receivers.
+        field: such as phi1; the macro-field that the first source drives where None.
+
+    Raises:
+        MatchError: no receiver is found in the record, or the field is not simulated.
+    """
+    if not planned.receivers:
+        raise MatchError("the case has no [[receivers]]: add those that were measured")
+    name = field or _driven(planned)
+    if name not in planned.fields:
+        raise MatchError(
+            f"--field {name}: is not simulated; must be one of {', '.join(planned.fields)}"
+        )
+    found, how = _pairs(record, planned)
+    if not found:
+        places = ", ".join(f"{n} at {x:g} m" for n, x in planned.receivers.items())
+        raise MatchError(
+            f"no receiver of the case ({places}) is in the record "
+            f"({', '.join(_told(record))}): name columns as the receivers, or give --positions"
+        )
+    end = planned.duration
+    inside = (record.t >= 0) & (record.t <= end)
+    if inside.sum() < _FEWEST:
+        raise MatchError(
+            f"the record goes from {record.t[0]:.4g} to {record.t[-1]:.4g} s, the case from 0 to "
+            f"{end:.4g} s: {inside.sum()} samples in both, at least {_FEWEST} are needed"
+        )
+    t = record.t
+    values = np.stack([np.asarray(record.signals[label], float) for label in found.values()], 1)
+    notes = [*record.notes, f"receivers matched by {how}: " + ", ".join(
+        f"{label!r} is {receiver!r}" for receiver, label in found.items())]  # fmt: skip
+    left = [label for label in record.signals if label not in found.values()]
+    if left:
+        notes.append(f"columns {', '.join(map(repr, left))} are no receiver's, left out")
+    positions = tuple(float(planned.receivers[n]) for n in found)
+    return Measured(tuple(found), positions, name, t, values, tuple(notes))
+
+
+def _driven(planned: Simulation) -> str:
+    """The macro-field of the first source's block."""
+    (block, *_) = planned.medium.family.excited([planned.sources[0].field])
+    if not block.macro:
+        return str(planned.sources[0].field)
+    (name,) = block.macro[0]
+    return str(name)
+
+
+def _told(record: PulseTestRecord) -> list[str]:
+    return [
+        label if not np.isfinite(record.positions[label]) else
+        f"{label} at {record.positions[label]:g} m"
+        for label in record.signals
+    ]  # fmt: skip
+
+
+def _pairs(record: PulseTestRecord, planned: Simulation) -> tuple[dict[str, str], str]:
+    """{receiver: column} and how they were found."""
+
+    def bare(text: str) -> str:
+        return text.split("(")[0].split("[")[0].strip().strip('"').lower()
+
+    by_name = {bare(label): label for label in record.signals}
+    found = {n: by_name[bare(n)] for n in planned.receivers if bare(n) in by_name}
+    if found:
+        return found, "name"
+    places = {n: x for n, x in record.positions.items() if np.isfinite(x)}
+    first = min(float(s.position) for s in planned.sources)
+    for shift, how in ((0.0, "position"), (first, "distance from the source")):
+        found = _by_place(planned.receivers, {n: x + shift for n, x in places.items()})
+        if found:
+            return found, how
+    if len(record.signals) == 1 == len(planned.receivers):
+        return {next(iter(planned.receivers)): next(iter(record.signals))}, "being the only ones"
+    return {}, ""
+
+
+def _by_place(receivers: Mapping[str, float], places: Mapping[str, float]) -> dict[str, str]:
+    if not places:
+        return {}
+    x = np.sort(np.array(list(receivers.values())))
+    near = _NEAR * float(np.min(np.diff(x))) if len(x) > 1 else _ALONE
+    found = {}
+    for name, position in receivers.items():
+        label = min(places, key=lambda one: abs(places[one] - position))
+        if abs(places[label] - position) <= near:
+            found[name] = label
+    return found
+
+
+def resampling(frames: int, interval: float, t: Float, slope: bool = False) -> Any:
+    """Matrix from frames t_n = n Δt to values at times, between them by the band-limited sinc.
+
+    Args:
+        frames: how many there are.
+        interval: Δt, s.
+        t: times, shape (nt,), s; 0 outside the frames.
+        slope: whether to values of the time derivative, 1/s.
+
+    Returns:
+        Sparse, shape (nt, frames).
+    """
+    from scipy.sparse import csr_matrix  # slow to import, and only a comparison needs it
+
+    if slope:
+        h = 2e-3 * interval
+        up, down = (resampling(frames, interval, t + s * h) for s in (1, -1))
+        return (up - down) / (2 * h)
+    columns, weights = taps(t / interval)
+    inside = (columns >= 0) & (columns < frames)
+    rows = np.broadcast_to(np.arange(len(t))[:, None], columns.shape)
+    data = (weights[inside], (rows[inside], columns[inside]))
+    return csr_matrix(data, shape=(len(t), frames))

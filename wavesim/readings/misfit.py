@@ -1,0 +1,123 @@
+"""How a measured record differs from a case's signals, told in parts.
+
+    u_j(t) ≈ s φ(x_j, t − t₀) + c_j
+
+Receiver by receiver: how much later it arrives than the case says, by correlation; how much larger
+it is, over the gain that all share; and how its spectrum differs beside, as the rms of the level
+over the band where it stands out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.measured import Measured
+
+Float = NDArray[Any]
+
+# Spectra are compared where both have this part of their peak.
+_IN_BAND = 0.1
+
+
+@dataclass(frozen=True)
+class ReceiverMisfit:
+    """How a receiver's record differs from the case.
+
+    Attributes:
+        name, position: of the receiver, m.
+        residual: rms of what is left over the record's, –.
+        arrival: by how much it comes later than the case says, s.
+        amplitude: how much larger it is, over the common scale, –.
+        spectrum: rms of the level's difference over the band, that amplitude apart, dB.
+    """
+
+    name: str
+    position: float
+    residual: float
+    arrival: float
+    amplitude: float
+    spectrum: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A record beside a case.
+
+    Attributes:
+        measured: the record.
+        simulated: the case's signals on its times and in its unit, shape (nt, m).
+        receivers: misfits.
+        lag, lag_error: t₀, s; NaN error where it was stated.
+        scale, scale_error: s, unit of the record over that of the field.
+        residual: rms of all that is left, over the record's, –.
+    """
+
+    measured: Measured
+    simulated: Float
+    receivers: tuple[ReceiverMisfit, ...]
+    lag: float
+    lag_error: float
+    scale: float
+    scale_error: float
+    residual: float
+
+    def summary(self) -> dict[str, Any]:
+        """As plain data, SI."""
+        return {
+            "field": self.measured.field,
+            "lag": self.lag,
+            "lag_error": self.lag_error,
+            "scale": self.scale,
+            "scale_error": self.scale_error,
+            "residual": self.residual,
+            "receivers": [
+                {
+                    "name": one.name,
+                    "position": one.position,
+                    "residual": one.residual,
+                    "arrival": one.arrival,
+                    "amplitude": one.amplitude,
+                    "spectrum": one.spectrum,
+                }
+                for one in self.receivers
+            ],
+            "notes": list(self.measured.notes),
+        }
+
+
+def misfit(
+    name: str, position: float, u: Float, there: Float, left: Float, step: float
+) -> ReceiverMisfit:
+    """Misfit of one receiver.
+
+    Args:
+        name, position: of it, m.
+        u, there: recorded and simulated, shape (nt,), one unit.
+        left: what is left of the record, shape (nt,).
+        step: Δt, s.
+    """
+    from scipy.signal import correlate  # slow to import, and only a comparison needs it
+
+    there = there - there.mean()
+    c = correlate(u, there, mode="full", method="fft")
+    at = int(np.argmax(c))
+    a, b, d = c[max(at - 1, 0)], c[at], c[min(at + 1, len(c) - 1)]
+    bend = a - 2 * b + d
+    top = at + (0.5 * float((a - d) / bend) if bend < 0 else 0.0)
+    power = float(np.sum(there**2)) or 1.0
+    amplitude = float(c[at]) / power
+    U, T = np.abs(np.fft.rfft(u)), np.abs(np.fft.rfft(there))
+    band = (_IN_BAND * U.max() < U) & (_IN_BAND * T.max() < T)
+    level = 20 * np.log10(U[band] / T[band]) if band.any() else np.array([np.nan])
+    return ReceiverMisfit(
+        name,
+        position,
+        float(np.sqrt(np.mean(left**2) / np.mean(u**2))),
+        (top - (len(there) - 1)) * step,
+        amplitude,
+        float(np.std(level)),
+    )

@@ -1,0 +1,164 @@
+"""A design: from the wishes of a case to a stack that keeps them, with its tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesim.case.schema import CaseError, parse, tables_of
+from wavesim.studies.design_problem import Problem, problem
+from wavesim.studies.design_search import SECONDS, Search, Tell, search
+from wavesim.studies.design_tolerance import allowed_offsets, trade_off, yield_of
+from wavesim.studies.designed_case import designed_tables
+
+# Digits that a value is written with; what is reached is that of the value as written.
+_DIGITS = 10
+# A variable that moves no level by more (dB) over its range does not matter.
+_MATTERS = 1e-9
+
+
+@dataclass(frozen=True)
+class Design:
+    """What came of a search.
+
+    Attributes:
+        problem: what was sought.
+        values: of the variables, as written, shape (n,).
+        reached: worst level of each wish, dB, shape (wishes,).
+        offsets: (down, up) that each variable may be off, relatively; None where a wish is missed.
+        made: share of designs within the tolerance that keep every wish.
+        trade_off: what can be had where a wish is missed.
+        evaluations, starts, seconds, seed: of the search.
+        text: of the case that is the design.
+    """
+
+    problem: Problem
+    values: Any
+    reached: Any
+    offsets: list[tuple[float, float]] | None
+    made: float
+    trade_off: list[dict[str, Any]]
+    evaluations: int
+    starts: int
+    seconds: float
+    seed: int
+    text: str
+
+    @property
+    def short(self) -> Any:
+        """By how much each wish is missed, dB, 0 where it is kept."""
+        return self.problem.short(self.reached)
+
+    @property
+    def met(self) -> bool:
+        """Whether every wish is kept."""
+        return bool((self.short == 0).all())
+
+    def summary(self) -> dict[str, Any]:
+        """All of it as JSON has it."""
+        keys = [key.key for key in self.problem.keys]
+        bands = [
+            {
+                "sector": wish.sector,
+                "from": wish.low,
+                "to": wish.high,
+                "limit": wish.limit,
+                "kind": "at_most" if wish.most else "at_least",
+                "reached": float(level),
+                "met": bool(short == 0),
+                "short": float(short),
+            }
+            for wish, level, short in zip(
+                self.problem.wishes, self.reached, self.short, strict=True
+            )
+        ]
+        may = self.offsets or []
+        return {
+            "met": self.met,
+            "bands": bands,
+            "variables": dict(zip(keys, map(float, self.values), strict=True)),
+            "length": float(self.problem.length(self.values)),
+            "may_be_off": {
+                key: {"down": down, "up": up}
+                for key, (down, up) in zip(keys, may, strict=bool(may))
+            },
+            "tolerance": self.problem.tolerance,
+            "yield": self.made,
+            "trade_off": self.trade_off,
+            "evaluations": self.evaluations,
+            "starts": self.starts,
+            "seconds": self.seconds,
+            "seed": self.seed,
+        }
+
+
+def design(
+    path: str | Path,
+    seed: int = 0,
+    overrides: tuple[str, ...] = (),
+    seconds: float = SECONDS,
+    tell: Tell | None = None,
+) -> Design:
+    """Design the stack that a case file asks for.
+
+    Args:
+        path: of the case, with [design].
+        seed: of the starts and of the yield's sample.
+        overrides: "table.key=value", laid over the case.
+        seconds: after which no further start is made.
+        tell: called with the stage and the worst shortfall so far, dB.
+
+    Raises:
+        CaseError: it can't be asked; the message names file, key, value and remedy.
+    """
+    from tomli_w import dumps
+
+    name = str(path)
+    tables, folder = tables_of(path, overrides)
+    own = problem(parse(dumps(tables), name, (), folder), name)
+    functions = Search(own)
+    _check_matter(functions, name)
+    found = search(functions, seed, seconds, tell)
+    values = np.array([float(f"{value:.{_DIGITS}g}") for value in found.values])
+    values = np.clip(values, own.low, own.high)
+    reached = functions.reached(values[None])[0]
+    met = bool((own.short(reached) == 0).all()) and functions.fits(values)
+    say: Callable[[str, float], None] = tell or (lambda stage, short: None)
+    say("tolerances" if met else "trade-off", float(own.short(reached).max()))
+    return Design(
+        own,
+        values,
+        reached,
+        allowed_offsets(functions, values) if met else None,
+        yield_of(functions, values, own.tolerance, seed) if met else 0.0,
+        [] if met else trade_off(functions, values),
+        functions.evaluations,
+        found.starts,
+        found.seconds,
+        seed,
+        dumps(designed_tables(tables, own, values.tolist())),
+    )
+
+
+def _check_matter(functions: Search, name: str) -> None:
+    """Hold each variable to a level that it moves, somewhere in the box."""
+    own = functions.problem
+    rng = np.random.default_rng(0)
+    base = rng.random((3, len(own.keys)))
+    moved = np.repeat(base[None], len(own.keys) + 1, axis=0)
+    for n in range(len(own.keys)):
+        moved[n + 1, :, n] = 1 - moved[n + 1, :, n]
+    members = own.values(moved.reshape(-1, len(own.keys)))
+    levels = functions.reached(members).reshape(len(own.keys) + 1, 3, -1)
+    change = np.abs(levels[1:] - levels[0]).max(axis=(1, 2))
+    for number, (key, moves) in enumerate(zip(own.keys, change, strict=True)):
+        if not moves > _MATTERS:
+            raise CaseError(
+                f'{name}: [[design.variables]]: key = "{key.key}" ({number + 1} of '
+                f"{len(own.keys)}): changes nothing in the bands; nor does the thickness of a "
+                "half-space or of a layer of its medium, or what Γ alone has; leave it out"
+            )

@@ -1,0 +1,295 @@
+"""A design as a problem: what is wished, what varies, and the level of T as a function of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.case.design_tables import DesignTable, VariableTable
+from wavesim.case.layered_case import BarLayers, bar_layers, builder
+from wavesim.case.schema import CaseError, CaseFile
+from wavesim.case.varied_key import VariedKey, varied_key
+from wavesim.differentiable.stack_transmission import transmission
+from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
+from wavesim.material.layers import Layers
+from wavesim.material.medium import PARAMETERS
+from wavesim.planewave.complex_wavenumber import wavenumber
+
+# Frequencies of each wish at which the band is checked against the half-spaces.
+_LOOKED_AT = 400
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What must, or must not, pass in a band.
+
+    Attributes:
+        sector: of the wave.
+        low, high: the band, Hz.
+        limit: dB of |T|.
+        most: whether T is to be at most that; else at least.
+        weight: of its shortfall against that of others.
+    """
+
+    sector: str
+    low: float
+    high: float
+    limit: float
+    most: bool
+    weight: float
+
+    def frequencies(self, count: int) -> Any:
+        """So many over the band, both ends among them, Hz."""
+        return np.linspace(self.low, self.high, count)
+
+    @property
+    def at_most(self) -> float | None:
+        """The limit from above, if it is one."""
+        return self.limit if self.most else None
+
+    @property
+    def at_least(self) -> float | None:
+        """The limit from below, if it is one."""
+        return None if self.most else self.limit
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is sought.
+
+    Attributes:
+        known: the case's material, its values where the search has none to begin with.
+        stack: the same as arrays.
+        wishes: what is wished.
+        keys: what varies.
+        low, high: between what, in each key's unit, shape (n,).
+        length_at_most: of all between the half-spaces, m; None for no limit.
+        tolerance: relative, of each variable.
+    """
+
+    known: BarLayers
+    stack: TracedLayers
+    wishes: tuple[Wish, ...]
+    keys: tuple[VariedKey, ...]
+    low: Any
+    high: Any
+    length_at_most: float | None
+    tolerance: float
+
+    def values(self, x: Any) -> Any:
+        """The variables in their units, of x from 0 to 1."""
+        return self.low + (self.high - self.low) * x
+
+    def stack_at(self, values: Any) -> TracedLayers:
+        """The stack with values of the variables, shape (n,); may be traced."""
+        stack = self.stack
+        for number, key in enumerate(self.keys):
+            stack = stack.with_values(key.name, key.layers, values[number], key.end)
+        return stack
+
+    def length(self, values: Any) -> Any:
+        """Of all between the half-spaces, m."""
+        return jnp.sum(self.stack_at(values).thickness[1:-1])
+
+    def levels(self, values: Any, count: int) -> list[Any]:
+        """20 log₁₀|T| at so many frequencies of each wish, dB; may be traced."""
+        stack, found = self.stack_at(values), [jnp.zeros(0)] * len(self.wishes)
+        for sector in dict.fromkeys(wish.sector for wish in self.wishes):
+            own = [n for n, wish in enumerate(self.wishes) if wish.sector == sector]
+            omega = np.concatenate([self.wishes[n].frequencies(count) for n in own]) * 2 * np.pi
+            level = transmission(stack, sector, omega).level
+            for place, n in enumerate(own):
+                found[n] = level[place * count : (place + 1) * count]
+        return found
+
+    def compiled(self, count: int) -> Callable[[Any], Any]:
+        """Compiled: worst level of each wish, shape (members, wishes), of values (members, n)."""
+
+        def worst(values: Any) -> Any:
+            levels = self.levels(values, count)
+            return jnp.stack(
+                [
+                    jnp.max(level) if wish.most else jnp.min(level)
+                    for wish, level in zip(self.wishes, levels, strict=True)
+                ]
+            )
+
+        return jax.jit(jax.vmap(worst))
+
+    def short(self, reached: Any) -> Any:
+        """By how much each wish is missed, dB, 0 where it is kept; reached (…, wishes)."""
+        limit = np.array([wish.limit for wish in self.wishes])
+        sign = np.array([1.0 if wish.most else -1.0 for wish in self.wishes])
+        return np.maximum(sign * (np.asarray(reached) - limit), 0.0)
+
+
+def problem(file: CaseFile, name: str) -> Problem:
+    """What a case's [design] asks for.
+
+    Args:
+        file: its tables.
+        name: of the file, for messages.
+
+    Raises:
+        CaseError: it can't be asked; the message names file, key, value and remedy.
+    """
+    table, known, make = file.design, bar_layers(file, name), builder(name)
+    if known.layers is None or len(known.layers.layers) < 3:
+        raise CaseError(
+            f"{name}: [[layers]]: a design needs layers between two half-spaces; add them, and "
+            '[bar] left = "half-space", right = "half-space"'
+        )
+    for heading, given in (("bands", table.bands), ("variables", table.variables)):
+        if not given:
+            raise CaseError(f"{name}: [[design.{heading}]]: required, but not given; add it")
+    wishes = make(("design",), _wishes, table)
+    for number, wish in enumerate(table.bands):
+        make(("design", "bands", str(number)), _check_carried, wish, known.layers)
+    make(("design",), _check_consistent, wishes)
+    keys, low, high = _variables(table, known, name)
+    make(("design",), _check_room, table, known.layers, keys, low)
+    stack = make(("layers",), traced_layers, known.layers)
+    return Problem(known, stack, wishes, keys, low, high, table.length_at_most, table.tolerance)
+
+
+def _wishes(table: DesignTable) -> tuple[Wish, ...]:
+    found = []
+    for band in table.bands:
+        for limit, most in ((band.at_most, True), (band.at_least, False)):
+            if limit is not None:
+                found.append(Wish(band.sector, band.low, band.high, limit, most, band.weight))
+    return tuple(found)
+
+
+def _check_carried(band: Any, layers: Layers) -> None:
+    """Hold a band to its sector and to what the half-spaces carry."""
+    family = layers.first.family
+    if band.sector not in family.travelling:
+        raise ValueError(
+            f'sector = "{band.sector}": must be one of {", ".join(family.travelling)}; in others '
+            "nothing travels"
+        )
+    frequency = np.linspace(band.low, band.high, _LOOKED_AT)
+    for medium, side in ((layers.layers[0].medium, "first"), (layers.layers[-1].medium, "last")):
+        k = wavenumber(medium, band.sector, 2 * np.pi * frequency)
+        dark = np.abs(k.imag) > np.abs(k.real)
+        if dark.any():
+            raise ValueError(
+                f"from = {band.low:g}, to = {band.high:g}: the {side} half-space carries no "
+                f"{band.sector} wave between {frequency[dark].min():.6g} and "
+                f"{frequency[dark].max():.6g} Hz; keep the band off that, or take a stiffer "
+                "medium there"
+            )
+
+
+def _check_consistent(wishes: Sequence[Wish]) -> None:
+    for n, one in enumerate(wishes):
+        for other in wishes[n + 1 :]:
+            low, high = max(one.low, other.low), min(one.high, other.high)
+            if one.sector != other.sector or one.most == other.most or high < low:
+                continue
+            most, least = (one, other) if one.most else (other, one)
+            if most.limit < least.limit:
+                raise ValueError(
+                    f"bands: {one.sector} is to be at most {most.limit:g} and at least "
+                    f"{least.limit:g} dB from {low:g} to {high:g} Hz; nothing can be both"
+                )
+    for wish in wishes:
+        if not wish.most and wish.limit > 0:
+            raise ValueError(
+                f"bands: at_least = {wish.limit:g}: a stack gives no energy; take 0 dB or less"
+            )
+
+
+def _variables(
+    table: DesignTable, known: BarLayers, name: str
+) -> tuple[tuple[VariedKey, ...], Any, Any]:
+    keys: list[VariedKey] = []
+    low, high = [], []
+    make = builder(name)
+    for number, variable in enumerate(table.variables):
+        where = ("design", "variables", str(number))
+        for key in make(where, expanded, variable.key, known):
+            found = make(where, varied_key, known, key)
+            start = make(where, _allowed, variable, found, table)
+            make(where, _check_once, found, keys)
+            keys.append(found)
+            low.append(start)
+            high.append(variable.high)
+    return tuple(keys), np.array(low), np.array(high)
+
+
+def expanded(key: str, known: BarLayers) -> list[str]:
+    """The keys that one with * stands for; itself without.
+
+    Raises:
+        ValueError: it stands for none.
+    """
+    if "*" not in key:
+        return [key]
+    *_, name = key.split(".")
+    pattern = re.compile(re.escape(key).replace(r"\*", r"\d+"))
+    inner = [place for place in known.places if place.where[0] != "bar"]
+    found = dict.fromkeys(".".join((*place.where, name)) for place in inner)
+    own = [one for one in found if pattern.fullmatch(one)]
+    if not own:
+        some = ", ".join(list(found)[:4])
+        raise ValueError(f'key = "{key}": no layer has such a key; there are {some}')
+    return own
+
+
+def _allowed(variable: VariableTable, key: VariedKey, table: DesignTable) -> float:
+    """Where the range begins; held to what the parameter admits and to the thinnest layer."""
+    if key.name == "thickness":
+        start = max(variable.low, table.thickness_at_least or 0.0)
+        if not variable.low > 0:
+            raise ValueError(f"from = {variable.low:g}: a thickness must be greater than 0")
+        if start >= variable.high:
+            raise ValueError(
+                f"to = {variable.high:g}: leaves nothing above [design] thickness_at_least = "
+                f"{table.thickness_at_least:g}; raise it, or lower that"
+            )
+        return start
+    known = PARAMETERS[key.name]
+    for word, value in (("from", variable.low), ("to", variable.high)):
+        if not known.admits(value):
+            raise ValueError(f"{word} = {value:g}: {key.name} must be {known.allowed}")
+    return variable.low
+
+
+def _check_once(key: VariedKey, before: Sequence[VariedKey]) -> None:
+    for other in before:
+        both = set(key.layers) & set(other.layers)
+        ends = {key.end, other.end}
+        if key.name == other.name and both and ends != {"first", "last"}:
+            raise ValueError(
+                f'key = "{key.key}": sets what "{other.key}" sets already; leave one of them out'
+            )
+
+
+def _check_room(table: DesignTable, layers: Layers, keys: Sequence[VariedKey], low: Any) -> None:
+    """Hold the limits to the thinnest stack there is."""
+    thickness = np.array([layer.thickness for layer in layers.layers])
+    varied = np.zeros(len(thickness), dtype=bool)
+    for key, start in zip(keys, low, strict=True):
+        if key.name == "thickness":
+            thickness[list(key.layers)] = start
+            varied[list(key.layers)] = True
+    inner = thickness[1:-1]
+    if table.length_at_most is not None and inner.sum() > table.length_at_most * (1 + 1e-12):
+        raise ValueError(
+            f"length_at_most = {table.length_at_most:g}: the thinnest stack there is has "
+            f"{inner.sum():.6g} m between the half-spaces; raise it, or take fewer layers"
+        )
+    least = table.thickness_at_least
+    if least is not None and (inner[~varied[1:-1]] < least * (1 - 1e-12)).any():
+        raise ValueError(
+            f"thickness_at_least = {least:g}: a layer that does not vary is thinner; lower it, or "
+            "let that layer vary"
+        )

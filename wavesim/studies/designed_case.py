@@ -1,0 +1,101 @@
+"""The case of a design: the file it was asked in, with its values, made whole for a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from wavesim.case.layered_case import BUFFER, BarLayers
+from wavesim.case.schema import HALF_SPACE
+from wavesim.studies.design_problem import Problem
+
+# In branch lengths: where a source stands, and how far receivers are from the specimen.
+_SOURCE, _AWAY = 12, 5
+# Periods of the middle of the bands that a run lasts.
+_PERIODS = 120
+
+
+def designed_tables(
+    tables: dict[str, Any], own: Problem, values: Sequence[float]
+) -> dict[str, Any]:
+    """Tables of a case that a run takes as it is.
+
+    Args:
+        tables: of the file, changed in place.
+        own: what was asked in it.
+        values: of the variables.
+
+    Returns:
+        The same without [design], with ends that absorb, and a source, receivers and a duration
+        where it had none.
+    """
+    for varied, value in zip(own.keys, values, strict=True):
+        _put(tables, varied.key.split("."), float(value))
+    del tables["design"]
+    tables["title"] = f"{tables.get('title') or 'Design'} (designed)"
+    unit = float(own.known.medium.length_scale)
+    if any(varied.name == "thickness" for varied in own.keys):
+        for key in ("length", "cells"):
+            tables.get("bar", {}).pop(key, None)
+    first, last = _ends(tables, unit, own.known)
+    inner = _thickness(own, values)
+    low = min(wish.low for wish in own.wishes)
+    high = max(wish.high for wish in own.wishes)
+    middle = (low + high) / 2
+    if "sources" not in tables:
+        family = own.known.medium.family
+        sectors = dict.fromkeys(wish.sector for wish in own.wishes)
+        macro = {block.sector: next(iter(block.macro[0])) for block in family.blocks if block.macro}
+        tables["sources"] = [
+            {"field": macro[s], "position": _SOURCE * unit, "peak_frequency": _short(middle)}
+            for s in sectors
+        ]
+    if "receivers" not in tables:
+        tables["receivers"] = [
+            {"name": "before", "position": _short(first - _AWAY * unit)},
+            {"name": "behind", "position": _short(first + inner + min(_AWAY * unit, last / 3))},
+        ]
+    tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
+    order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
+    return {k: tables[k] for k in order if k in tables} | tables
+
+
+def _short(value: float, digits: int = 6) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def _put(tables: Any, parts: list[str], value: float) -> None:
+    for part in parts[:-1]:
+        tables = tables[int(part)] if part.isdigit() else tables.setdefault(part, {})
+    if isinstance(tables, list):
+        tables[int(parts[-1])] = value
+    else:
+        tables[parts[-1]] = value
+
+
+def _ends(tables: dict[str, Any], unit: float, known: BarLayers) -> tuple[float, float]:
+    """Ends that absorb behind buffers long enough, and the lengths of these, m."""
+    bar = tables.setdefault("bar", {})
+    lengths = []
+    for side, index in (("left", 0), ("right", -1)):
+        if bar.get(side) == HALF_SPACE:
+            lengths.append(BUFFER * unit)
+            continue
+        bar[side] = "absorbing"
+        table, length = tables["layers"][index], known.stretches[index].thickness
+        if length < BUFFER * unit and "thickness" in table:
+            length = table["thickness"] = BUFFER * unit
+            for key in ("length", "cells"):
+                bar.pop(key, None)
+        lengths.append(length)
+    return lengths[0], lengths[1]
+
+
+def _thickness(own: Problem, values: Sequence[float]) -> float:
+    thickness = [layer.thickness for layer in own.known.stretches]
+    for key, value in zip(own.keys, values, strict=True):
+        if key.name == "thickness":
+            for n in key.layers:
+                thickness[n] = float(value)
+    return math.fsum(thickness[1:-1])

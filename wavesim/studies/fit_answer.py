@@ -1,0 +1,241 @@
+"""What a fit of a case's parameters says: values, errors, what is not told, how well it fits."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesim.case.load import Case
+from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.measured import Measured
+from wavesim.studies import medium_fit
+from wavesim.studies.comparison import Comparison, compare
+from wavesim.studies.least_squares import FitError, Solution
+from wavesim.studies.waveform_fit import (
+    GAIN,
+    LAG,
+    QUALITY,
+    Waveforms,
+    fit_waveforms,
+    targets,
+    under,
+    with_values,
+)
+
+# More than this of the record left over says that the case is another than what was measured.
+_LARGEST_RESIDUAL = 0.5
+
+
+@dataclass(frozen=True)
+class FitAnswer:
+    """A fit.
+
+    Attributes:
+        values, errors: {key: value and standard error}, SI; NaN where the data don't tell.
+        nuisances: {gain, lag: (value, standard error)}.
+        degenerate: directions that the data don't tell, {key: part} each.
+        residual: what is left over the record's rms, –; or χ² over degrees of freedom of points.
+        kind: "waveforms" or "points".
+        evaluations, converged, at_limits, notes: how it went.
+        correlation: {(key, key): correlation} of the strongest pairs.
+        comparison: the record beside the fitted case; None for points.
+    """
+
+    values: dict[str, float]
+    errors: dict[str, float]
+    nuisances: dict[str, tuple[float, float]]
+    degenerate: tuple[dict[str, float], ...]
+    residual: float
+    kind: str
+    evaluations: int
+    converged: bool
+    at_limits: tuple[str, ...]
+    correlation: dict[tuple[str, str], float]
+    notes: tuple[str, ...]
+    comparison: Comparison | None = None
+
+    def reason(self, key: str) -> str:
+        """Why a value does not count, or ""."""
+        if not np.isfinite(self.errors[key]):
+            others = sorted({k for one in self.degenerate if key in one for k in one} - {key})
+            with_what = f" apart from {', '.join(others)}" if others else ""
+            return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
+        if key in self.at_limits:
+            return "it ended at the limit of what is admissible"
+        if not self.converged:
+            return "the fit did not settle: begin closer, with --set"
+        if self.kind == "waveforms" and self.residual > _LARGEST_RESIDUAL:
+            return (
+                f"{self.residual:.0%} of the record is left over: the case is another than what "
+                "was measured, or the first guess too far off"
+            )
+        return ""
+
+    def summary(self) -> dict[str, Any]:
+        """As plain data, SI."""
+        parameters = {
+            key: {
+                "value": value,
+                "error": self.errors[key],
+                "valid": not self.reason(key),
+                "reason": self.reason(key),
+            }
+            for key, value in self.values.items()
+        }
+        return {
+            "kind": self.kind,
+            "parameters": parameters,
+            "nuisances": {k: {"value": v, "error": e} for k, (v, e) in self.nuisances.items()},
+            "degenerate": [dict(one) for one in self.degenerate],
+            "correlations": [
+                {"keys": list(pair), "value": value} for pair, value in self.correlation.items()
+            ],
+            "residual": self.residual,
+            "evaluations": self.evaluations,
+            "valid": all(one["valid"] for one in parameters.values()),
+            "notes": list(self.notes),
+        }
+
+
+def of_waveforms(
+    case: Case, measured: Measured, keys: Sequence[str], lag: float | None, gain: float | None
+) -> FitAnswer:
+    """Fit a case's parameters to waveforms.
+
+    Args:
+        case: the case; its values begin the fit.
+        measured: the record laid beside it.
+        keys: what to fit, such as "medium.anisotropy".
+        lag, gain: stated, s and –; fitted where None.
+
+    Raises:
+        FitError: it can't be done.
+    """
+    varied = targets(case, keys)
+    data = Waveforms(case, varied, measured, lag, gain)
+    solution = fit_waveforms(data)
+    wanted = [one.key for one in varied]
+    layers, law = with_values(
+        case.simulation.layers, varied, [solution.values[key] for key in wanted]
+    )
+    layers = under(layers, law) if any(one.name == QUALITY for one in varied) else layers
+    fitted = replace(case, simulation=replace(case.simulation, layers=layers))
+    scale = data.scale_of(solution.values)
+    beside = compare(fitted, measured, lag if lag is not None else solution.values[LAG], scale)
+    nuisances = {
+        key: (solution.values[key], solution.errors[key]) for key in (GAIN, LAG)
+        if key in solution.values
+    }  # fmt: skip
+    if GAIN in nuisances:
+        share = scale / solution.values[GAIN]
+        nuisances[GAIN] = (scale, solution.errors[GAIN] * abs(share))
+    return FitAnswer(
+        {key: solution.values[key] for key in wanted},
+        {key: solution.errors[key] for key in wanted},
+        nuisances,
+        solution.degenerate,
+        beside.residual,
+        "waveforms",
+        solution.evaluations,
+        solution.converged,
+        solution.at_limits,
+        _correlations(solution),
+        measured.notes,
+        beside,
+    )
+
+
+def _correlations(solution: Solution) -> dict[tuple[str, str], float]:
+    """Pairs of parameters whose errors hang together by more than 0.9."""
+    keys, cov = list(solution.values), solution.covariance
+    size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    matrix = cov / size[:, None] / size
+    return {
+        (keys[i], keys[j]): float(matrix[i, j])
+        for i in range(len(keys)) for j in range(i)
+        if abs(matrix[i, j]) > 0.9 and np.isfinite([solution.errors[keys[i]]]).all()
+    }  # fmt: skip
+
+
+_IN_TIME = ("k_rad_per_m", "omega_rad_per_s", "omega_error_rad_per_s")
+_IN_SPACE = ("omega_rad_per_s", "sigma_rad_per_s", "k_real_rad_per_m", "k_imag_rad_per_m",
+             "k_error_rad_per_m")  # fmt: skip
+
+
+def is_points(path: Path) -> bool:
+    """Whether a file is a table of points, as wavesim dispersion or attenuation writes it."""
+    if not path.is_file() or path.suffix.lower() not in (".csv", ".txt"):
+        return False
+    with path.open(encoding="utf-8", errors="replace") as file:
+        heading = file.readline(4096)
+    names = [name.strip() for name in heading.split(",")]
+    return all(n in names for n in _IN_TIME) or all(n in names for n in _IN_SPACE)
+
+
+def of_points(path: Path, case: Case, keys: Sequence[str], sector: str) -> FitAnswer:
+    """Fit a case's medium to points that ``wavesim dispersion`` or ``attenuation`` wrote.
+
+    Args:
+        path: of the table of points.
+        case: the case, of one uniform medium, which begins the fit.
+        keys: what to fit: medium.NAME.
+        sector: which sector's waves the points are of.
+
+    Raises:
+        FitError: it can't be done.
+    """
+    varied = targets(case, keys)
+    odd = next((v for v in varied if v.name == QUALITY or not v.key.startswith("medium.")), None)
+    if odd is not None or not case.simulation.layers.uniform:
+        raise FitError(
+            f"--vary {odd.key if odd else keys[0]}: points tell of one lossless medium: name its "
+            "parameters, such as medium.anisotropy, or give the waveforms"
+        )
+    points = _points(path)
+    (block, *_) = case.medium.family.blocks_of(sector)
+    found = medium_fit.fit(
+        [medium_fit.Observed(block, points)], case.medium, [one.name for one in varied]
+    )
+    keyed = {one.name: one.key for one in varied}
+    return FitAnswer(
+        {keyed[n]: v for n, v in found.values.items()},
+        {keyed[n]: v for n, v in found.errors.items()},
+        {}, (), found.chi_square, "points", 0, True, (), {},
+        (f"{found.points} numbers of {sector} points, χ² per degree of freedom "
+         f"{found.chi_square:.3g}",),
+    )  # fmt: skip
+
+
+def _points(path: Path) -> BranchPoints:
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        rows = list(csv.DictReader(file))
+    in_space = all(name in (rows[0] if rows else {}) for name in _IN_SPACE)
+    needed = _IN_SPACE if in_space else _IN_TIME
+    try:
+        table = {n: np.array([float(row[n]) for row in rows]) for n in needed}
+        valid = np.array(
+            [row.get("valid", "True").strip().lower() in ("true", "1") for row in rows]
+        )
+        branch = np.array([int(float(row.get("branch") or 0)) for row in rows])
+    except (ValueError, TypeError, KeyError) as wrong:
+        raise FitError(f"{path}: a row of points holds no number: {wrong}") from None
+    if not valid.any():
+        raise FitError(f"{path}: holds no valid point")
+    n = len(rows)
+    if in_space:
+        k = table["k_real_rad_per_m"] + 1j * table["k_imag_rad_per_m"]
+        omega: Any = table["omega_rad_per_s"] + 1j * table["sigma_rad_per_s"]
+        error = table["k_error_rad_per_m"]
+    else:
+        k, omega = table["k_rad_per_m"], table["omega_rad_per_s"]
+        error = table["omega_error_rad_per_s"]
+    zero, nothing = np.zeros(n), np.full(n, "", object)
+    return BranchPoints(
+        method="space" if in_space else "harmonic", k=k, omega=omega, decay=zero, amplitude=zero,
+        error=error, residual=zero, valid=valid, reason=nothing, branch=branch,
+    ).take(valid)  # fmt: skip

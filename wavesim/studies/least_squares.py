@@ -1,0 +1,190 @@
+"""Least squares for a case's parameters: uncertainties, and what the data can't tell apart.
+
+    minimise Σ_i |r_i(θ, ν)|²
+
+over the parameters θ that are wanted and nuisances ν (gain, lag) that are not, by scipy's trust
+region with exact derivatives. Errors come from the residuals themselves, in groups that share a
+disturbance (all receivers at one time share its jitter):
+
+    cov = (JᵀJ)⁻¹ (Σ_g J_gᵀ r_g r_gᵀ J_g) (JᵀJ)⁻¹,
+
+or s²(JᵀJ)⁻¹ where that is more; s² is what is left over. A direction of (θ, ν), each in units of
+its own size, along which J hardly changes is one that the data do not tell: it is named, and what
+lies along it has no error bar. Liang & Zeger, Biometrika 73, 13 (1986).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+
+# A direction is not told where J along it is this part of its largest; or where one standard error
+# is more than this many times the parameters themselves.
+_CONDITION = 1e-7
+_UNKNOWN = 3.0
+# Parts of a direction below this are not named.
+_NAMED = 0.15
+_MOST_EVALUATIONS = 60
+
+
+class FitError(ValueError):
+    """A fit can't be made; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What is fitted.
+
+    Attributes:
+        key: such as "medium.anisotropy", or the name of a nuisance.
+        start: first guess, SI.
+        low, high: limits, SI.
+        scale: a change of it that matters, SI, > 0.
+        wanted: whether it is a parameter, not a nuisance.
+    """
+
+    key: str
+    start: float
+    low: float
+    high: float
+    scale: float
+    wanted: bool = True
+
+
+class Data(Protocol):
+    """What a fit needs of its data: waveforms, points, velocities. Anything with these will do."""
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """Parameters and nuisances, in the order of the columns."""
+        ...
+
+    def residuals(self, values: Mapping[str, float]) -> tuple[Float, Float, NDArray[np.int_]]:
+        """Residuals, shape (n,), derivatives by the parameters, shape (n, p), and groups, (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A fit.
+
+    Attributes:
+        values: {key: value}, SI, of parameters and nuisances.
+        errors: {key: standard error}, SI; NaN where the data don't tell.
+        covariance: shape (p, p), in the order of values, of what is told.
+        misfit: root of the mean square of the residuals.
+        count: number of residuals.
+        evaluations: of them.
+        degenerate: directions that the data don't tell, {key: part of the direction} each.
+        at_limits: keys that ended at a limit.
+        converged: whether the iteration came to its end.
+    """
+
+    values: dict[str, float]
+    errors: dict[str, float]
+    covariance: Float
+    misfit: float
+    count: int
+    evaluations: int
+    degenerate: tuple[dict[str, float], ...]
+    at_limits: tuple[str, ...]
+    converged: bool
+
+
+def solve(data: Data, start: Mapping[str, float] | None = None) -> Solution:
+    """Fit.
+
+    Args:
+        data: the data.
+        start: values to begin with, in place of the parameters' own.
+
+    Returns:
+        The solution.
+
+    Raises:
+        FitError: there are fewer residuals than parameters, or the residuals are not finite.
+    """
+    from scipy.optimize import least_squares  # slow to import, and only a fit needs it
+
+    known = data.parameters
+    keys = [one.key for one in known]
+    scale = np.array([one.scale for one in known])
+    low, high = (np.array([getattr(p, n) for p in known]) / scale for n in ("low", "high"))
+    first = np.array([(start or {}).get(p.key, p.start) for p in known]) / scale
+    margin = 1e-9 * np.maximum(1, np.abs(first))
+    first = np.clip(first, low + margin, high - margin)
+    kept: dict[bytes, Any] = {}
+
+    def at(x: Float) -> Any:
+        if x.tobytes() not in kept:
+            kept.clear()
+            kept[x.tobytes()] = data.residuals(dict(zip(keys, (x * scale).tolist(), strict=True)))
+        return kept[x.tobytes()]
+
+    r, _, _ = at(first)
+    if len(r) <= len(known):
+        raise FitError(f"{len(r)} numbers for {len(known)} parameters: more data are needed")
+    if not np.isfinite(r).all():
+        raise FitError("the first guess gives values that are not finite: begin closer")
+    answer = least_squares(
+        lambda x: at(x)[0], first, jac=lambda x: at(x)[1] * scale, bounds=(low, high),
+        x_scale="jac", xtol=1e-8, ftol=1e-8, gtol=1e-10, max_nfev=_MOST_EVALUATIONS,
+    )  # fmt: skip
+    x = answer.x
+    r, J, groups = at(x)
+    covariance, directions = _uncertainty(r, J * scale, groups, np.maximum(np.abs(x), 1.0))
+    told = covariance * scale[:, None] * scale
+    errors = np.sqrt(np.maximum(np.diag(told), 0.0))
+    named = []
+    for direction in directions:
+        parts = {k: float(v) for k, v in zip(keys, direction, strict=True) if abs(v) > _NAMED}
+        named.append(parts)
+        for j, key in enumerate(keys):
+            if key in parts:
+                errors[j] = np.nan
+    ends = tuple(
+        key for key, v, a, b, m in zip(keys, x, low, high, margin, strict=True)
+        if v - a <= 10 * m or b - v <= 10 * m
+    )  # fmt: skip
+    return Solution(
+        dict(zip(keys, (x * scale).tolist(), strict=True)),
+        dict(zip(keys, errors.tolist(), strict=True)),
+        told,
+        float(np.sqrt(np.mean(r**2))),
+        len(r),
+        int(answer.nfev),
+        tuple(named),
+        ends,
+        bool(answer.success),
+    )
+
+
+def _uncertainty(
+    r: Float, J: Float, groups: NDArray[np.int_], size: Float
+) -> tuple[Float, list[Float]]:
+    """Covariance of what is told, and directions that are not, in units of the parameters' size."""
+    n, p = J.shape
+    U, s, Vt = np.linalg.svd(J * size, full_matrices=False)
+    variance = float(np.sum(r**2)) / (n - p)
+    with np.errstate(divide="ignore"):
+        error = np.sqrt(variance) / s
+    told = (s > _CONDITION * s[0]) & (error < _UNKNOWN)
+    inverse = np.where(told, 1 / np.where(told, s, 1.0), 0.0)
+    plain = (Vt.T * inverse**2) @ Vt * variance
+    # Scores of each group, in the directions that are told.
+    scores = np.zeros((int(groups.max()) + 1, p))
+    np.add.at(scores, groups, (U * r[:, None]) * inverse)
+    count = len(np.unique(groups))
+    grouped = Vt.T @ (scores.T @ scores) @ Vt * count / max(count - p, 1)
+    # Each parameter's variance is the larger of the two.
+    ratio = np.sqrt(np.maximum(np.diag(grouped) / np.maximum(np.diag(plain), 1e-300), 1.0))
+    covariance = plain * ratio[:, None] * ratio
+    return covariance * size[:, None] * size, [
+        row for row, ok in zip(Vt, told, strict=True) if not ok
+    ]

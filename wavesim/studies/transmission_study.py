@@ -1,0 +1,210 @@
+"""T and R of a case's layers at real frequencies, without a simulation, as data. No jax."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavesim.case.layered_case import BarLayers
+from wavesim.layered.specimen import Specimen, specimen
+from wavesim.material.layers import Layer
+from wavesim.planewave.band_edges import asymptotes, gaps
+
+POINTS = 400
+# Where the band begins and ends by default, over the first asymptote of the half-spaces.
+_FROM, _TO = 0.05, 0.99
+
+
+@dataclass(frozen=True)
+class Curve:
+    """T and R of one sector at real ω; planes at the specimen's faces.
+
+    Attributes:
+        sector: of the wave.
+        frequency: Hz, shape (n,).
+        T, R: amplitude of the macro-field over the incident one, from the left, complex, (n,).
+        transmitted, reflected: energy over the incident one, (n,); NaN where the incident wave
+            carries none, in a gap of the half-space or with losses in it.
+        told: where there is an answer: not where a graded layer without losses has its asymptote.
+    """
+
+    sector: str
+    frequency: Any
+    T: Any
+    R: Any
+    transmitted: Any
+    reflected: Any
+    told: Any
+
+
+@dataclass(frozen=True)
+class Study:
+    """What layers let through.
+
+    Attributes:
+        title: of the case.
+        specimen: with the half-spaces.
+        curves: one for each sector in which waves travel.
+        gaps: [(layers by number from 1, sector, name, lower, upper edge in Hz)], of each medium.
+    """
+
+    title: str
+    specimen: Specimen
+    curves: tuple[Curve, ...]
+    gaps: tuple[tuple[str, str, str, float, float], ...]
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader should know beside the numbers."""
+        found = []
+        ends = [self.specimen.layers.layers[n].medium for n in (0, -1)]
+        if any(medium.damping for medium in ends):
+            found.append(
+                "a half-space has losses, so that what comes in carries no energy of its own: "
+                "T and R are amplitudes at the faces, and there is no energy"
+            )
+        for curve in self.curves:
+            dark = curve.told & ~np.isfinite(curve.transmitted)
+            if dark.any() and not any(medium.damping for medium in ends):
+                found.append(
+                    f"{curve.sector}: in {_spans(curve.frequency, dark)} the half-space that the "
+                    "wave comes from has a gap; nothing travels there"
+                )
+            if not curve.told.all():
+                found.append(
+                    f"{curve.sector}: in {_spans(curve.frequency, ~curve.told)} a graded layer "
+                    "without losses has its asymptote, where waves pile up, and there is no "
+                    "answer; give it a quality_factor, or look at a run, at ω + iσ"
+                )
+        return found
+
+    def summary(self) -> dict[str, Any]:
+        """All of it as JSON has it; what is not a number is null."""
+        sectors = {
+            curve.sector: {
+                "frequency": curve.frequency.tolist(),
+                "T": _pairs(curve.T),
+                "R": _pairs(curve.R),
+                "T_dB": _plain(decibels(curve.T)),
+                "R_dB": _plain(decibels(curve.R)),
+                "transmitted": _plain(curve.transmitted),
+                "reflected": _plain(curve.reflected),
+            }
+            for curve in self.curves
+        }
+        edges = [
+            {"layers": where, "sector": sector, "name": name, "lower": low, "upper": high}
+            for where, sector, name, low, high in self.gaps
+        ]
+        return {"title": self.title, "sectors": sectors, "gaps": edges, "notes": self.notes}
+
+    def table(self) -> tuple[list[str], Any]:
+        """Headings and columns for a CSV file."""
+        heads, columns = ["frequency_Hz"], [self.curves[0].frequency]
+        for curve in self.curves:
+            for name, value in (
+                ("T_real", curve.T.real),
+                ("T_imag", curve.T.imag),
+                ("R_real", curve.R.real),
+                ("R_imag", curve.R.imag),
+                ("T_dB", decibels(curve.T)),
+                ("R_dB", decibels(curve.R)),
+                ("transmitted", curve.transmitted),
+                ("reflected", curve.reflected),
+            ):
+                heads.append(f"{curve.sector}_{name}")
+                columns.append(value)
+        return heads, np.stack(columns, axis=1)
+
+
+def transmission_study(
+    known: BarLayers, band: tuple[float, float] | None = None, points: int = POINTS
+) -> Study:
+    """T and R of a case's layers between its first and its last.
+
+    Args:
+        known: its material.
+        band: lowest and highest frequency, Hz; by default what the half-spaces' first band holds.
+        points: number of frequencies, evenly spaced, both ends among them.
+
+    Raises:
+        ValueError: there is nothing between half-spaces, or no such band.
+    """
+    if known.layers is None:
+        raise ValueError("layers: there are none to be passed; add [[layers]]")
+    own = specimen(known.layers)
+    family = known.medium.family
+    low, high = band or _default_band(own, family.travelling)
+    if not 0 < low < high < np.inf:
+        raise ValueError(f"band {low:g} {high:g}: must be two frequencies in Hz, 0 < F1 < F2")
+    frequency = np.linspace(low, high, points)
+    curves = []
+    for sector in family.travelling:
+        found, told = own.at_real(sector, 2 * np.pi * frequency)
+        curves.append(
+            Curve(sector, frequency, found.T, found.R, found.power_T, found.power_R, told)
+        )
+    return Study(known.title, own, tuple(curves), tuple(_gaps(known)))
+
+
+def _default_band(own: Specimen, sectors: tuple[str, ...]) -> tuple[float, float]:
+    ends = [own.layers.layers[n].medium for n in (0, -1)]
+    edge = max(float(asymptotes(m, sector)[0]) for m in ends for sector in sectors) / (2 * np.pi)
+    return _FROM * edge, _TO * edge
+
+
+def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
+    """Open gaps of every medium of the bar, with the layers that have it."""
+    media: dict[Any, list[int]] = {}
+    for number, layer in enumerate(known.stretches, start=1):
+        for medium in _ends(layer):
+            media.setdefault(medium, []).append(number)
+    found = []
+    for medium, numbers in media.items():
+        where = _ranges(sorted(set(numbers)))
+        for sector in medium.family.sectors:
+            found += [
+                (where, sector, gap.name, gap.lower / (2 * np.pi), gap.upper / (2 * np.pi))
+                for gap in gaps(medium, sector)
+                if gap.upper > gap.lower
+            ]
+    return found
+
+
+def _ends(layer: Layer) -> tuple[Any, ...]:
+    return (layer.medium,) if layer.last is None else (layer.medium, layer.last)
+
+
+def _ranges(numbers: list[int]) -> str:
+    """ "2, 4, 6" and the like, cut where it is long."""
+    shown = ", ".join(map(str, numbers[:4]))
+    return f"{shown}, …" if len(numbers) > 4 else shown
+
+
+def decibels(amplitude: Any) -> Any:
+    """20 log₁₀ |amplitude|, no lower than −6000 dB."""
+    return 20 * np.log10(np.maximum(np.abs(amplitude), 1e-300))
+
+
+def _spans(frequency: Any, chosen: Any) -> str:
+    """As "300 to 420 and 510 to 530 kHz"."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
+    spans = [
+        f"{frequency[a] / 1e3:.4g} to {frequency[b - 1] / 1e3:.4g}"
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
+    return f"{', '.join(spans)} kHz"
+
+
+def _pairs(values: Any) -> list[list[float | None]]:
+    return [[_or_null(z.real), _or_null(z.imag)] for z in values.tolist()]
+
+
+def _plain(values: Any) -> list[float | None]:
+    return [_or_null(value) for value in np.asarray(values).tolist()]
+
+
+def _or_null(value: float) -> float | None:
+    return value if np.isfinite(value) else None

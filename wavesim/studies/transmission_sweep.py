@@ -1,0 +1,260 @@
+"""T and R of all stacks of a sweep, as batches in jax; without a simulation.
+
+What a key does to the stack is found by making two members that differ in it alone, and taken for
+linear in its value, as parameters and thicknesses are; some members are made to make sure. Stacks
+of which that is not so, and those that the batch does not serve (a graded layer without losses,
+whose asymptotes are looked for, or a gradient term that counts), are solved one by one by
+``layered``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.case.layered_case import BarLayers, bar_layers
+from wavesim.case.schema import CaseError, CaseFile
+from wavesim.differentiable.stack_transmission import transmission
+from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
+from wavesim.layered.specimen import specimen
+from wavesim.studies.sweep_case import SweptCase, check_matters
+from wavesim.studies.sweep_store import Layout, Variable
+from wavesim.studies.swept_media import SweptMedia, swept_media
+from wavesim.studies.transmission_study import transmission_study
+from wavesim.studies.variation import SweepError
+
+jax.config.update("jax_enable_x64", True)
+# What follows a line does so to rounding, and a bit more.
+_LINEAR = 1e-9
+_MADE = 8  # members that are made to make sure
+_BLOCK = 500
+_ONE_BY_ONE = 8
+_LOOKED_AT = "the layers and their media"
+_OVER = ("sector", "frequency")
+_VARIABLES = {
+    "T": Variable(_OVER, "1", "transmitted over incident amplitude, at the faces", "c16"),
+    "R": Variable(_OVER, "1", "reflected over incident amplitude, at the faces", "c16"),
+    "transmitted": Variable(_OVER, "1", "transmitted over incident energy"),
+    "reflected": Variable(_OVER, "1", "reflected over incident energy"),
+}
+
+
+def _file(file: CaseFile, name: str) -> BarLayers:
+    return bar_layers(file, name)
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """How the arrays of a stack depend on the keys: base + Σ slope (value − anchor).
+
+    Attributes:
+        tree: the anchor's stack, whose arrays are those of ``base``.
+        base: arrays.
+        slopes: of each key, by array.
+        anchor: values of the keys there.
+    """
+
+    tree: Any
+    base: list[Any]
+    slopes: list[list[Any]]
+    anchor: NDArray[np.float64]
+
+    def arrays(self, values: NDArray[np.float64]) -> list[Any]:
+        """Those of members, shape (members, …) each."""
+        away = values - self.anchor
+        found = []
+        for n, base in enumerate(self.base):
+            slopes = np.stack([slope[n] for slope in self.slopes])
+            found.append(base + np.tensordot(away, slopes, 1))
+        return found
+
+
+@dataclass(frozen=True)
+class TransmissionMeasure:
+    """T and R of a case's specimen over frequencies.
+
+    Attributes:
+        swept: the sweep.
+        media: its media.
+        rule: how stacks depend on the keys; None where they are solved one by one.
+        sectors: in which waves are looked at.
+        frequency: Hz, shape (n,).
+    """
+
+    swept: SweptCase
+    media: SweptMedia
+    rule: _Rule | None
+    sectors: tuple[str, ...]
+    frequency: NDArray[np.float64]
+
+    @property
+    def layout(self) -> Layout:
+        """What is stored."""
+        coordinates = {"sector": (list(self.sectors), "1"), "frequency": (self.frequency, "Hz")}
+        return Layout(_VARIABLES, coordinates, _ONE_BY_ONE if self.rule is None else _BLOCK)
+
+    def prepare(self, values: NDArray[np.float64]) -> Any:
+        """Values of the keys; or the stacks of members, or why there is none."""
+        if self.rule is not None:
+            return values
+        made: list[Any] = []
+        for member in values:
+            try:
+                made.append(bar_layers(self.swept.file(member), self.swept.name))
+            except CaseError as error:
+                made.append(str(error))
+        return made
+
+    def work(self, prepared: Any) -> tuple[dict[str, Any], list[str]]:
+        """T and R, and why members have none."""
+        if self.rule is None:
+            return self._one_by_one(prepared)
+        _, messages = self.media.families(prepared)
+        arrays = self.rule.arrays(prepared)
+        stack: TracedLayers = jax.tree.unflatten(self.rule.tree, arrays)
+        for member in np.flatnonzero((stack.thickness[:, 1:-1] <= 0).any(axis=1)):
+            least = float(stack.thickness[member, 1:-1].min())
+            messages[member] = messages[member] or (
+                f"thickness = {least:g}: must be greater than 0 m in every layer"
+            )
+        failed = np.array([message != "" for message in messages])
+        if failed.all():
+            return {}, messages
+        # A member that can't be is another, so that the batch keeps its shape.
+        stand_in = int(np.argmin(failed))
+        chosen = np.where(failed, stand_in, np.arange(len(failed)))
+        chosen = np.append(chosen, np.full(max(0, _BLOCK - len(chosen)), stand_in))
+        batch = jax.tree.map(lambda a: np.asarray(a)[chosen], stack)
+        found: dict[str, list[Any]] = {"T": [], "R": [], "transmitted": [], "reflected": []}
+        for sector in self.sectors:
+            made = _batch(batch, 2 * np.pi * self.frequency, sector)
+            parts = made.T, made.R, made.power_T, made.power_R
+            for own, value in zip(found.values(), parts, strict=True):
+                own.append(np.array(value)[: len(failed)])
+        whole = {name: np.stack(of, axis=1) for name, of in found.items()}
+        for values in whole.values():
+            values[failed] = np.nan
+        return whole, messages
+
+    def _one_by_one(self, stacks: list[Any]) -> tuple[dict[str, Any], list[str]]:
+        low, high = float(self.frequency[0]), float(self.frequency[-1])
+        shape = len(stacks), len(self.sectors), len(self.frequency)
+        found = {name: np.full(shape, np.nan, dtype=one.kind) for name, one in _VARIABLES.items()}
+        messages = []
+        for member, stack in enumerate(stacks):
+            message = stack if isinstance(stack, str) else ""
+            if not message:
+                try:
+                    study = transmission_study(stack, (low, high), len(self.frequency))
+                except ValueError as error:
+                    message = f"{self.swept.name}: {error}"
+                else:
+                    curves = {curve.sector: curve for curve in study.curves}
+                    for place, sector in enumerate(self.sectors):
+                        for name, values in found.items():
+                            values[member, place] = getattr(curves[sector], name)
+            messages.append(message)
+        return found, messages
+
+
+@functools.partial(jax.jit, static_argnames=("sector",))
+def _batch(stack: TracedLayers, omega: Any, sector: str) -> Any:
+    return jax.vmap(lambda one: transmission(one, sector, omega))(stack)
+
+
+def _stack(bar: BarLayers) -> TracedLayers | None:
+    """A specimen between half-spaces of no length, as arrays; None where a batch does not serve."""
+    own = specimen(bar.layers).layers  # type: ignore[arg-type]
+    if any(layer.last is not None and not layer.medium.damping for layer in own.layers):
+        return None
+    try:
+        made = traced_layers(own)
+    except ValueError:
+        return None
+    made = jax.tree.map(np.asarray, made)
+    thickness = np.array(made.thickness)
+    thickness[[0, -1]] = 0.0
+    return dataclasses.replace(made, thickness=thickness)
+
+
+def _rule(swept: SweptCase) -> tuple[_Rule | None, list[bool]]:
+    """How stacks depend on the keys, None where not linearly; and which keys matter to them."""
+    anchor, first = swept.anchor(_file)
+    others = [swept.other(_file, anchor, number) for number in range(len(anchor))]
+    matters = [
+        other is None or (other[1].stretches != first.stretches or other[1].medium != first.medium)
+        for other in others
+    ]
+    base = _stack(first)
+    if base is None:
+        return None, matters
+    arrays = jax.tree.leaves(base)
+    tree: Any = jax.tree.structure(base)
+    slopes = []
+    for number, other in enumerate(others):
+        if other is None:
+            slopes.append([np.zeros_like(array) for array in arrays])
+            continue
+        value, bar = other
+        made = _stack(bar)
+        if made is None or jax.tree.structure(made) != tree:
+            return None, matters
+        step = value - anchor[number]
+        pairs = zip(jax.tree.leaves(made), arrays, strict=True)
+        slopes.append([np.nan_to_num((one - two) / step) for one, two in pairs])
+    rule = _Rule(tree, arrays, slopes, np.array(anchor))
+    return (rule if _holds(rule, swept) else None), matters
+
+
+def _holds(rule: _Rule, swept: SweptCase) -> bool:
+    """Whether some members are what the rule says."""
+    chosen = np.linspace(0, swept.varied.count - 1, _MADE).astype(int)
+    for values in swept.varied.values[chosen]:
+        try:
+            made = _stack(bar_layers(swept.file(values), swept.name))
+        except CaseError:
+            continue
+        if made is None or jax.tree.structure(made) != rule.tree:
+            return False
+        for one, two in zip(jax.tree.leaves(made), rule.arrays(values[None]), strict=True):
+            size = np.nanmax(np.abs(one), initial=0.0)
+            if (np.abs(np.nan_to_num(one - two[0])) > _LINEAR * size).any():
+                return False
+    return True
+
+
+def transmission_measure(
+    swept: SweptCase, band: tuple[float, float] | None = None, points: int = 200
+) -> TransmissionMeasure:
+    """How the transmission of a sweep is measured.
+
+    Args:
+        swept: the sweep.
+        band: lowest and highest frequency, Hz; by default what the half-spaces' first band holds.
+        points: number of frequencies, evenly spaced.
+
+    Raises:
+        SweepError: no member can be made, nothing stands between half-spaces, a key does not matter
+            to the stack, or there is no such band.
+    """
+    _, first = swept.anchor(_file)
+    if points < 2:
+        raise SweepError(f"--points {points}: must be 2 or greater")
+    try:
+        study = transmission_study(first, band, 2)
+    except ValueError as error:
+        where = f"--{error}" if str(error).startswith("band") else f"{swept.name}: {error}"
+        raise SweepError(where) from None
+    rule, matters = _rule(swept)
+    for axis, does in zip(swept.varied.axes, matters, strict=True):
+        check_matters(axis.key, does, "transmission", _LOOKED_AT)
+    ends = study.curves[0].frequency
+    frequency = np.linspace(float(ends[0]), float(ends[-1]), points)
+    sectors = tuple(curve.sector for curve in study.curves)
+    return TransmissionMeasure(swept, swept_media(swept)[0], rule, sectors, frequency)

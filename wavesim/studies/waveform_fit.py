@@ -1,0 +1,394 @@
+"""A case's parameters fitted to recorded waveforms.
+
+    r_ij = [u_ij − s φ(x_j, t_i − t₀; θ) − c_j]/rms(u)
+
+with a gain s and a lag t₀ that are fitted unless they are stated, and an offset c_j of each
+receiver that is projected out. φ and ∂φ/∂θ are those of a run of the case: jax carries the
+derivatives forward through the time domain, so that they are exact, those of a quality factor
+included. One plan serves until a parameter makes waves faster than it allows, or relaxes otherwise;
+then another is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.case.load import Case
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.layers import Layer, Layers
+from wavesim.material.medium import Medium
+from wavesim.readings.measured import Measured, resampling
+from wavesim.simulation.simulation import Simulation
+from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
+
+Float = NDArray[Any]
+
+GAIN, LAG = "gain", "lag"
+QUALITY = "quality_factor"
+# A plan is made for waves faster by the root of this.
+_ROOM = 1.4
+# Step of the law's own derivative by Q, over Q.
+_LAW_STEP = 1e-4
+# A first guess that leaves this part of the power is followed by way of low frequencies.
+_FAR = 0.3
+# Low frequencies, over the centre of the record's spectrum.
+_LOW_PASS = 0.6
+
+
+@dataclass(frozen=True)
+class Target:
+    """A parameter that is varied: of which layers, which of their medium's."""
+
+    key: str
+    name: str
+    layers: tuple[int, ...]
+
+
+def targets(case: Case, keys: Sequence[str]) -> list[Target]:
+    """What keys of a case name.
+
+    Args:
+        case: the case.
+        keys: "medium.NAME", "layers.N.NAME" (from 0), or NAME for medium.NAME.
+
+    Raises:
+        FitError: a key names no parameter of a medium.
+    """
+    allowed = (*case.medium.known(), QUALITY)
+    layers = case.simulation.layers.layers
+    found: list[Target] = []
+    for key in keys:
+        parts = key.split(".")
+        name, table = parts[-1], parts[:-1] or ["medium"]
+        if name not in allowed:
+            raise FitError(f"--vary {key}: must end in one of {', '.join(allowed)}")
+        if table == ["medium"]:
+            if name == QUALITY:
+                own = tuple(range(len(layers)))
+            else:
+                base = getattr(case.medium, name)
+                own = tuple(i for i, one in enumerate(layers) if getattr(one.medium, name) == base)
+        elif len(table) == 2 and table[0] == "layers" and table[1].isdigit():
+            number = int(table[1])
+            if name == QUALITY:
+                raise FitError(
+                    f"--vary {key}: one quality factor is fitted for all layers: name "
+                    f"medium.{QUALITY}"
+                )
+            if number >= len(layers):
+                raise FitError(f"--vary {key}: the case has {len(layers)} layers, from 0 on")
+            own = (number,)
+        else:
+            raise FitError(f"--vary {key}: must be medium.NAME or layers.N.NAME, N from 0")
+        if not own:
+            raise FitError(f"--vary {key}: layers have values of their own; name layers.N.{name}")
+        full = ".".join([*table, name])
+        if any(one.key == full for one in found):
+            raise FitError(f"--vary {key}: is named twice")
+        found.append(Target(full, name, own))
+    if not found:
+        raise FitError("--vary: name what to fit, such as medium.anisotropy")
+    return found
+
+
+@dataclass
+class Waveforms:
+    """Recorded waveforms as data of a least-squares fit.
+
+    Args:
+        case: the case, which holds the first guess.
+        varied: what is fitted.
+        measured: the record laid beside the case.
+        lag, gain: stated, s and –; fitted where None.
+        known: the field at the receivers, shape (frames, m), where nothing of it is varied.
+        low_pass: frequency up to which both are compared, Hz; 0 for all.
+    """
+
+    case: Case
+    varied: list[Target]
+    measured: Measured
+    lag: float | None = None
+    gain: float | None = None
+    known: Float | None = None
+    low_pass: float = 0.0
+    _plan: _Plan | None = field(default=None, repr=False)
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """Parameters of media, then the gain and the lag that are fitted."""
+        found = [self._parameter(one) for one in self.varied]
+        if self.gain is None:
+            found.append(Parameter(GAIN, 1.0, -np.inf, np.inf, 1.0, False))
+        if self.lag is None:
+            reach = 0.25 * self.case.simulation.duration
+            found.append(Parameter(LAG, 0.0, -reach, reach, self.time_scale, False))
+        return found
+
+    @property
+    def time_scale(self) -> float:
+        """A tenth of a period of the centre of the record's spectrum, s."""
+        return 0.1 / self.centre
+
+    @property
+    def centre(self) -> float:
+        """Centre of the record's spectrum, Hz."""
+        u = self.measured.values - self.measured.values.mean(axis=0)
+        power = np.sum(np.abs(np.fft.rfft(u, axis=0)) ** 2, axis=1)
+        f = np.fft.rfftfreq(len(u), self.measured.interval)
+        # Noise has no centre: only what stands out counts.
+        power = np.where(power > 0.02 * power.max(), power, 0.0)
+        return float(np.sum(f * power) / np.sum(power))
+
+    def _parameter(self, one: Target) -> Parameter:
+        medium = self.case.simulation.layers.layers[one.layers[0]].medium
+        if one.name == QUALITY:
+            made = medium.damping.made
+            if made is None:
+                raise FitError(
+                    f"--vary {one.key}: the case has none: give {QUALITY} and quality_band in "
+                    "[medium] to begin with"
+                )
+            return Parameter(one.key, made[0], 2.0, 1e5, made[0])
+        known = medium.known()[one.name]
+        start = float(getattr(medium, one.name) or 0.0)
+        tiny = 1e-6 * abs(start) if start else 0.0
+        low = known.low + tiny if known.open else known.low
+        size = abs(start) or min(known.high, 1.0)
+        return Parameter(one.key, start, low, known.high, size)
+
+    def simulated(self, values: Mapping[str, float]) -> Float:
+        """The field at the receivers at given parameters, shape (frames, m)."""
+        return self._at(values)[0]
+
+    def residuals(self, values: Mapping[str, float]) -> tuple[Float, Float, NDArray[np.int_]]:
+        """Residuals over the record's rms, derivatives, and the frame of each."""
+        frames, slopes = self._at(values)
+        lag = self.lag if self.lag is not None else values[LAG]
+        gain = self.gain if self.gain is not None else values[GAIN] * self.unit(frames)
+        sim = self.case.simulation
+        t = self.measured.t - lag
+        # Before its start the bar is at rest; after its end nothing is known.
+        inside = t <= sim.duration
+        W = resampling(sim.frames, sim.interval, t)
+        columns = [gain * (W @ one) for one in slopes]
+        there = W @ frames
+        if self.gain is None:
+            columns.append(there * self.unit(frames))
+        if self.lag is None:
+            columns.append(-gain * (resampling(sim.frames, sim.interval, t, True) @ frames))
+        left = gain * there - self.measured.values
+        parts = [self._projected(part, inside) for part in (left, *columns)]
+        size = float(np.sqrt(np.mean(self._projected(self.measured.values, inside) ** 2)))
+        r, *J = (np.where(inside[:, None], part, 0.0).ravel() / size for part in parts)
+        columns_of = np.stack(J, axis=1) if J else np.zeros((len(r), 0))
+        return r, columns_of, np.repeat(np.arange(len(t)), left.shape[1])
+
+    def laid_over(self, values: Mapping[str, float]) -> tuple[Float, Float]:
+        """The simulated signals on the record's times, in its unit, offsets in them, and residuals.
+
+        Args:
+            values: of all parameters, gain and lag.
+
+        Returns:
+            (signals, record less signals), each of shape (nt, m); NaN after the simulation's end.
+        """
+        frames, _ = self._at(values)
+        lag = self.lag if self.lag is not None else values[LAG]
+        gain = self.gain if self.gain is not None else values[GAIN] * self.unit(frames)
+        sim = self.case.simulation
+        t = self.measured.t - lag
+        there = gain * (resampling(sim.frames, sim.interval, t) @ frames)
+        there[t > sim.duration] = np.nan
+        there += np.nanmean(self.measured.values - there, axis=0)
+        return there, self.measured.values - there
+
+    def scale_of(self, values: Mapping[str, float]) -> float:
+        """The record's unit over the field's: the gain in full."""
+        if self.gain is not None:
+            return self.gain
+        return values[GAIN] * self.unit(self._at(values)[0])
+
+    def beginning(self) -> dict[str, float]:
+        """First values: the case's, and the lag and gain that lay its field on the record best."""
+        first = {one.key: one.start for one in self.parameters}
+        frames = self.simulated(first)
+        sim, best, found = self.case.simulation, -1.0, (0.0, 1.0)
+        recorded = self.measured.values - self.measured.values.mean(axis=0)
+        reach = 0.0 if self.lag is not None else 1.5 / self.centre
+        base = self.lag or 0.0
+        for lag in base + np.arange(-reach, reach + 1e-30, self.time_scale / 2):
+            t = self.measured.t - lag
+            there = resampling(sim.frames, sim.interval, t) @ frames
+            there = np.where((t <= sim.duration)[:, None], there, 0.0)
+            there -= there.mean(axis=0)
+            power = float(np.sum(there**2)) or 1.0
+            gain = float(np.sum(there * recorded)) / power
+            if gain**2 * power > best:
+                best, found = gain**2 * power, (float(lag), gain)
+        if self.lag is None:
+            first[LAG] = found[0]
+        if self.gain is None:
+            first[GAIN] = found[1] / self.unit(frames)
+        return first
+
+    def unit(self, frames: Float) -> float:
+        """The record's rms over the simulated one's: the gain's own size."""
+        if not hasattr(self, "_unit"):
+            recorded = self.measured.values - self.measured.values.mean(axis=0)
+            ratio = float(np.sqrt(np.mean(recorded**2)) / (np.sqrt(np.mean(frames**2)) or 1.0))
+            self._unit = ratio
+        return self._unit
+
+    def _projected(self, values: Float, inside: NDArray[np.bool_]) -> Float:
+        """Without each receiver's offset, and without high frequencies where that is asked for."""
+        values = values - values[inside].mean(axis=0)
+        if not self.low_pass:
+            return values
+        f = np.fft.rfftfreq(2 * len(values), self.measured.interval)
+        keep = np.exp(-((f / self.low_pass) ** 2))[:, None]
+        spectrum = np.fft.rfft(values, 2 * len(values), axis=0) * keep
+        return np.fft.irfft(spectrum, 2 * len(values), axis=0)[: len(values)]
+
+    def _at(self, values: Mapping[str, float]) -> tuple[Float, list[Float]]:
+        if self.known is not None:
+            return self.known, []
+        theta = np.array([values[one.key] for one in self.varied])
+        if self._plan is None or not self._plan.serves(theta):
+            self._plan = _plan(self.case.simulation, self.varied, theta, self.measured)
+        return self._plan.run(theta)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """A simulation compiled for media no faster than some."""
+
+    planned: Simulation
+    varied: list[Target]
+    highest: float
+    rates: tuple[float, ...]
+    compiled: Callable[..., Any]
+
+    def serves(self, theta: Float) -> bool:
+        layers, law = with_values(self.planned.layers, self.varied, theta)
+        return _highest(self.planned, layers) <= self.highest and law.rates == self.rates
+
+    def run(self, theta: Float) -> tuple[Float, list[Float]]:
+        _, law = with_values(self.planned.layers, self.varied, theta)
+        by_quality = np.zeros(1 + len(law.strengths))
+        for one, value in zip(self.varied, theta.tolist(), strict=True):
+            if one.name == QUALITY:
+                by_quality = _law_slope(value, law)
+        tangents = np.stack([
+            by_quality if one.name == QUALITY else np.zeros_like(by_quality) for one in self.varied
+        ])  # fmt: skip
+        given = np.array([law.unrelaxed, *law.strengths])
+        u, slopes = self.compiled(theta, given, np.eye(len(theta)), tangents)
+        return np.asarray(u), list(np.asarray(slopes))
+
+
+def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> tuple[Layers, Damping]:
+    """Layers with parameters laid over, and the law of their losses."""
+    made: list[Layer] = list(layers.layers)
+    law = made[0].medium.damping
+    for one, value in zip(varied, theta, strict=True):
+        if one.name == QUALITY:
+            assert law.made is not None
+            law = constant_quality(float(value), law.made[1])
+            continue
+        for number in one.layers:
+            layer = made[number]
+            ends = [layer.medium] + ([] if layer.last is None else [layer.last])
+            ends = [replace(medium, **{one.name: value}) for medium in ends]
+            made[number] = replace(layer, medium=ends[0], last=ends[1] if ends[1:] else None)
+    return Layers(tuple(made)), law
+
+
+def under(layers: Layers, law: Damping) -> Layers:
+    def lossy(medium: Medium) -> Medium:
+        return replace(medium, damping=law)
+
+    return Layers(tuple(
+        replace(one, medium=lossy(one.medium), last=None if one.last is None else lossy(one.last))
+        for one in layers.layers
+    ))  # fmt: skip
+
+
+def _law_slope(quality: float, law: Damping) -> Float:
+    """∂(m_U, Y)/∂Q; the law is a smooth function of Q while the same rates serve."""
+    assert law.made is not None
+    for step in (_LAW_STEP, -_LAW_STEP, 0.1 * _LAW_STEP, -0.1 * _LAW_STEP):
+        ends = [constant_quality(quality * (1 + s * step), law.made[1]) for s in (1, -1)]
+        if all(end.rates == law.rates for end in ends):
+            up, down = (np.array([end.unrelaxed, *end.strengths]) for end in ends)
+            return np.asarray((up - down) / (2 * step * quality))
+    # At the very Q where other rates begin to serve: all losses in proportion to 1/Q.
+    return -np.array([law.unrelaxed - 1, *law.strengths]) / quality
+
+
+def _highest(planned: Simulation, layers: Layers) -> float:
+    """Highest frequency of a bar, over that of the plan's units."""
+    from wavesim.timedomain.time_step import highest_frequency
+
+    return highest_frequency(planned, layers)
+
+
+def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: Measured) -> _Plan:
+    """Compile a run of media about some parameters, with room for faster ones."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from wavesim.timedomain.gradient import traced_fields
+
+    layers, law = with_values(simulated.layers, varied, theta)
+    layers = under(layers, law) if law else layers
+    planned = replace(simulated, layers=layers, solver="chebyshev")
+
+    def faster(medium: Medium) -> Medium:
+        changed: dict[str, Any] = {"density": medium.density / _ROOM}
+        return replace(medium, **changed)
+
+    fastest = Layers(tuple(
+        replace(one, medium=faster(one.medium), last=None if one.last is None else faster(one.last))
+        for one in layers.layers
+    ))  # fmt: skip
+    plain = [one for one in varied if one.name != QUALITY]
+    columns = [i for i, one in enumerate(varied) if one.name != QUALITY]
+    relaxes = bool(law.strengths)
+
+    def field_of(values: Any, given: Any) -> Any:
+        own, _ = with_values(planned.layers, plain, [values[i] for i in columns])
+        fields = traced_fields(
+            own, planned, measured.positions, fastest=fastest, forward=True,
+            law=(given[0], given[1:]) if relaxes else None,
+        )  # fmt: skip
+        return fields[measured.field]
+
+    def both(values: Any, given: Any, directions: Any, tangents: Any) -> Any:
+        def along(direction: Any, tangent: Any) -> Any:
+            return jax.jvp(field_of, (values, given), (direction, tangent))
+
+        return jax.vmap(along, out_axes=(None, 0))(directions, tangents)
+
+    return _Plan(planned, varied, _highest(planned, fastest), law.rates, jax.jit(both))
+
+
+def fit_waveforms(data: Waveforms) -> Solution:
+    """Fit, by way of low frequencies where the first guess is far off.
+
+    Raises:
+        FitError: it can't be done.
+    """
+    start = data.beginning()
+    r, _, _ = data.residuals(start)
+    if np.mean(r**2) > _FAR:
+        data.low_pass = _LOW_PASS * data.centre
+        try:
+            start = solve(data, start).values
+        finally:
+            data.low_pass = 0.0
+    return solve(data, start)
