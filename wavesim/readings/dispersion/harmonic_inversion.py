@@ -285,7 +285,7 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
     bins = np.arange(power.shape[-1]) * count / search.padded
     distance = np.abs(bins - (found.omega * count / (2 * np.pi))[..., None])
     near = ((distance >= _NEAR[0]) & (distance <= _NEAR[1])).astype(float)
-    # An error of ω is Σ t n(t) e^{iωt}, which hears noise at Δ bins from ω by ((sin x/x)′)², x = πΔ,
+    # An error of ω is Σ t n(t) e^{iωt}, which hears noise Δ bins from ω by ((sin x/x)′)², x = πΔ,
     # of area 1/3: nearly all from close by, and 1/2x² of what is far.
     far = np.where(distance > _NEAR[1], 3 / (2 * (np.pi * np.maximum(distance, 1)) ** 2), 0.0)
     far *= count / search.padded
