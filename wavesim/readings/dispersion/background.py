@@ -36,7 +36,7 @@ _LOBE_BINS = 3.0
 def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     """Median of the noise about each frequency, as the lower quartile within 32 bins tells it.
 
-    Lines may take up to three quarters of those bins.
+    Lines may take up to three quarters of those bins; the highest of three such stretches counts.
 
     Args:
         power: periodograms, shape (n, nω).
@@ -54,13 +54,9 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     # |noise|² of each channel is distributed exponentially, and so their sum as Γ(channels).
     to_median = float(gammaincinv(channels, 0.5) / gammaincinv(channels, 0.25))
     quartile = np.partition(inner, size // 4, axis=2)[:, :, size // 4] * to_median
-    middle = (np.arange(blocks) + 0.5) * size
-    at = np.arange(count)
-    low = np.clip(np.searchsorted(middle, at, side="right") - 1, 0, blocks - 1)
-    high = np.minimum(low + 1, blocks - 1)
-    gap = np.maximum(middle[high] - middle[low], 1)
-    part = np.clip((at - middle[low]) / gap, 0, 1)
-    local = quartile[:, low] * (1 - part) + quartile[:, high] * part
+    # Where noise ends within a block, its neighbour tells how high it is.
+    higher = maximum_filter1d(quartile, 3, axis=1, mode="nearest")
+    local = higher[:, np.minimum(np.arange(count) // size, blocks - 1)]
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 

@@ -56,7 +56,7 @@ UNLIKE = (
 )
 _NYQUIST = 0.97
 # Left over up to so many times the noise's power is noise; of more, this part is added.
-_NOISE_SPREAD, _ALIKE = 1.5, 1.25
+_NOISE_SPREAD, _ALIKE = 1.5, 3.0
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
 # Part of the frames at rest that is worth leaving out.
