@@ -343,8 +343,9 @@ def test_resolved_case_repeats_itself(solver, samples):
 
 def test_resolved_case_leaves_nothing_to_default():
     tables = tomllib.loads(case_of().resolved("chebyshev", 1e-7))
-    assert set(tables) == set(CaseFile.model_fields)
-    for name, model in CaseFile.model_fields.items():
+    of_a_run = {key: kind for key, kind in CaseFile.model_fields.items() if key != "design"}
+    assert set(tables) == set(of_a_run)
+    for name, model in of_a_run.items():
         fields = getattr(model.annotation, "model_fields", None)
         if fields is not None:
             # None stands for nothing here: a lossless medium, no absorbing end.

@@ -127,6 +127,11 @@ def test_a_run_writes_one_picture_and_draws_the_rest_on_demand(small_case, small
     assert (result.exit_code, result.output) == (0, "")
     made = {path.stem for path in (tmp_path / "figures").glob("*.png")}
     assert made == {*DRAWN}
+    # Those of an earlier run are not taken for the next one's; what else lies there is left.
+    (tmp_path / "figures" / "mine.png").write_bytes(b"")
+    short = ("--set", "time.duration=1e-5", "--quiet", "--out", tmp_path)
+    assert call("run", small_case, *short).exit_code in (0, 1)
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["mine.png"]
 
 
 @pytest.mark.parametrize(

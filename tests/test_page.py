@@ -4,6 +4,7 @@ import json
 import math
 import re
 
+import h5py
 import numpy as np
 import pytest
 from browser import chromium, opened
@@ -212,6 +213,13 @@ def test_page_of_a_bar_shows_measured_beside_exact(browser, shipped):
         there = np.interp(measured["x"], exact["x"], exact["y"])
         off = np.abs(10 ** (np.array(measured["y"]) / 20) - 10 ** (there / 20))
         assert off.max() <= 1e-2  # a line between points of the exact solution
+        real = trace(page, "transmission", "T exact, real ω")
+        with h5py.File(run.result) as file:
+            known = file["transmission/longitudinal"]
+            omega, T = known["omega"][()], known["T_real"][()]
+        np.testing.assert_allclose(real["x"], omega / 2e3 / np.pi, rtol=1e-12)
+        level = 20 * np.log10(np.maximum(np.abs(T), 1e-15))
+        np.testing.assert_allclose(np.array(real["y"], float), level, atol=1e-5)
         names = page.evaluate("document.getElementById('signals').data.map(t => t.name)")
         assert "exact" in names
 

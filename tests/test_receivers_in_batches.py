@@ -38,8 +38,6 @@ def layers(p=(0.3, 6.0), thicknesses=THICK, host=HOST):
 CASES = {
     # all twelve fields, free ends, Γ too small to count
     "free": (HOST, ("free", "free"), ("phi1", "phi2", "phi3", "B23", "B22"), "body"),
-    # a gradient term that counts; a ring
-    "ring": (dataclasses.replace(HOST, G_n_g=0.5), ("periodic", "periodic"), ("phi1",), "body"),
     "one": (HOST, ("free", "free"), ("phi1",), "body"),
     # equations that are not symmetric; an end that is turned
     "printed": (
@@ -62,10 +60,10 @@ def stepped(plan):
     return {name: np.stack([field.at(x, name) for x in SEEN], axis=1) for name in field.names}
 
 
-@pytest.mark.parametrize("name", ["free", "ring", "printed"])
+@pytest.mark.parametrize("name", ["free", "printed"])
 def test_a_batch_at_receivers_is_a_loop_of_runs(name):
-    """Each field at each receiver, to 1e-9 of its largest value where Γ is left out at a share of
-    1e-12, else 1e-11; measured 2e-11 and 8e-13. Members: the plan itself, and softer ones."""
+    """Each field at each receiver, to 1e-9 of its largest value, as Γ, of a share of 1e-12, is left
+    out; measured 2e-11. Members: the plan itself, and softer ones."""
     plan, host = planned(name), CASES[name][0]
     members = jnp.asarray([[0.5, 9.0], [0.1, 9.0], [0.4, 4.0]])
     batch = jax.jit(
@@ -77,12 +75,11 @@ def test_a_batch_at_receivers_is_a_loop_of_runs(name):
         for field, values in expected.items():
             size = np.abs(values).max()
             assert size > 0
-            bound = 1e-11 if name == "ring" else 1e-9
-            assert np.abs(batch[field][number] - values).max() <= bound * size, field
+            assert np.abs(batch[field][number] - values).max() <= 1e-9 * size, field
 
 
 def test_an_initial_field_at_receivers():
-    """Beside a source, on a ring; to 1e-11 of the largest value."""
+    """Beside a source, on a ring, with a Γ that counts; to 1e-11 of the largest value."""
     bar = ws.Bar(96, 2.5e-4, 4)
     sources = (ws.Ricker("phi1", 3e-3, 5e5, amplitude=1e4), ws.InitialField("phi1", 9e-3, 1e-3))
     medium = dataclasses.replace(HOST, G_n_g=0.5)

@@ -12,10 +12,12 @@ from wavesim.material.family import known_field
 from wavesim.material.rotation import ROTATION
 from wavesim.runner import measure
 
-NAMES = ["free_bar", "lossy", "pulse_test", "rainbow", "slab", "stack"]
+NAMES = ["band_stop", "bragg_mirror", "free_bar", "lossy", "pulse_test", "rainbow", "slab", "stack"]
 LONGITUDINAL = ("phi1", "B11", "B22", "B33")
 # Figures beside those of every bar.
 FIGURES = {
+    "band_stop": {"transmission_longitudinal"},
+    "bragg_mirror": {"transmission_longitudinal", "bloch_longitudinal"},
     "free_bar": {"eigenfrequencies_longitudinal", "eigenfrequencies_transverse2"},
     "lossy": {"arrivals_phi1", "velocities_phi1", "loss_phi1"},
     "pulse_test": {"arrivals_phi1", "velocities_phi1", "loss_phi1"},
@@ -177,3 +179,17 @@ def test_a_bar_with_ends_is_no_ring_to_the_laboratory(command, shipped):
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"wavesim: {file}: is of a bar with layers or ends")
     assert "summary.json" in line
+
+
+def test_a_run_says_what_its_slab_is_as_a_filter(shipped):
+    """T and R at real ω, stored beside those at ω + iσ, by a transfer matrix in SI, to 1e-9."""
+    from test_transmission_command import transfer
+
+    done = shipped("slab")
+    with h5py.File(done.folder / "result.h5") as file:
+        group = file["transmission/longitudinal"]
+        omega, T, R = (group[name][()] for name in ("omega", "T_real", "R_real"))
+    layers = done.field.layers
+    clear = np.abs(omega / 2 / np.pi - 7.37e5) > 1e4  # the slab's asymptote
+    for found, exact in zip((T, R), transfer(layers, "longitudinal", omega), strict=True):
+        assert np.abs(found - exact)[clear].max() <= 1e-9

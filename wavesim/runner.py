@@ -25,6 +25,10 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
+# What a picture's name begins with, and what it ends with.
+_FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
+_FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
+_PICTURES = (".png", ".pdf", ".svg")
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
@@ -182,6 +186,9 @@ def _run(
     # An earlier run's verdict must not be taken for this one's.
     for name in ("summary.json", "report.html", "overview.png"):
         (folder / name).unlink(missing_ok=True)
+    for picture in (folder / "figures").glob("*.*"):
+        if picture.stem.partition("_")[0] in _FIGURES and picture.suffix in _PICTURES:
+            picture.unlink(missing_ok=True)
     storage.write_whole(folder / "resolved.toml", resolved.encode())
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
@@ -318,19 +325,59 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         held = [hold(field, m, case.k_range) for m in measured]
         checks = judge(field, held)
         found = tables(held)
-        told = notes(case.simulation, checks)
-        return Found(checks, of_endless(field, held), held, found, {}, told)
+        passing, said = pulse_tests(field)
+        told = notes(case.simulation, checks) + said
+        return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known)
-    summary = {"pulse_tests": [rows(test) for test in reading.pulses]}
+    summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
     checks = judge_bar(field, reading)
     answers = of_bar(field, reading)
     told = bar_notes(reading, field)
     return Found(checks, answers, reading, reading.tables(), summary, told)
+
+
+def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
+    """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
+
+    Returns:
+        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a line for each
+        velocity); nothing where there are no such receivers.
+    """
+    from wavesim.readings.pulse.answers import answer
+    from wavesim.readings.pulse.array_reading import read_array
+    from wavesim.readings.pulse.signals import PulseError
+    from wavesim.records.content import RecordError
+    from wavesim.records.of_pulse_test import of_field
+
+    if len(field.receivers) < 2:
+        return {}, []
+    readings = []
+    try:
+        for test in of_field(field, "run"):
+            if test.placed:
+                given = test.signals, test.positions, test.sent
+                readings.append(read_array(test.name, test.t, *given))
+    except (RecordError, PulseError):
+        # Receivers on both sides, or where nothing came: nothing that could be read.
+        pass
+    if not readings:
+        return {}, []
+    told = answer(readings, None)
+    for one in told["records"]:
+        one.pop("frequencies", None)
+    said = [
+        f"pulse test on {one.file.rpartition(' ')[2]}, {len(one.receivers)} receivers: "
+        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}; "
+        "wavesim pulse reads more of the folder"
+        for one in readings
+        if one.best.valid
+    ]
+    return {"pulse": told}, said
 
 
 def _begin(folder: Path) -> None:

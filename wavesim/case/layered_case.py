@@ -65,6 +65,11 @@ def builder(name: str) -> Callable[..., Any]:
             return make(*arguments)
         except ValueError as error:
             raise CaseError(f"{name}: {place(where)} {error}") from None
+        except ArithmeticError:
+            raise CaseError(
+                f"{name}: {place(where)} its numbers are too large, or too small, to reckon with; "
+                "see that they are in SI units"
+            ) from None
 
     return build
 

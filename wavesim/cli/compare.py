@@ -59,7 +59,7 @@ def stated(option: str, value: float | None) -> float | None:
 @click.option(
     "--field",
     metavar="NAME",
-    help="What the record is of, phi1 … B33; the driven rotation where not given.",
+    help="What the record is of, such as phi1 or u1; what is driven where not given.",
 )
 @click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given.")
 @click.option(

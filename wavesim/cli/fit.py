@@ -19,26 +19,34 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 @click.command()
 @click.argument("record", type=click.Path())
-@click.argument("case", type=click.Path())
+@click.argument("case", type=click.Path(), required=False)
 @click.argument("more", metavar="[KEY]…", nargs=-1)
 @click.option(
     "--vary",
     "keys",
     metavar="KEY",
     multiple=True,
-    required=True,
     help="What to fit: medium.anisotropy, medium.quality_factor, layers.0.density …",
 )
 @click.option(
     "--field",
     metavar="NAME",
-    help="What the record is of, phi1 … B33; the driven rotation where not given.",
+    help="What the record is of, such as phi1 or u1; what is driven where not given.",
 )
 @click.option(
     "--sector",
     type=click.Choice(("longitudinal", "transverse2", "transverse3")),
     default="longitudinal",
     help="Of points.",
+)
+@click.option(
+    "--speeds", nargs=2, type=float, metavar="V_P V_S", help="Of long waves, m/s: fit CASE to them."
+)
+@click.option(
+    "--speed-errors", nargs=2, type=float, metavar="E_P E_S", help="One standard error of each."
+)
+@click.option(
+    "--shear", metavar="FILE", help="pulse.json of S waves; RECORD is that of P waves then."
 )
 @click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given.")
 @click.option(
@@ -56,11 +64,14 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 @record_options
 def fit(
     record: str,
-    case: str,
+    case: str | None,
     more: tuple[str, ...],
     keys: tuple[str, ...],
     field: str | None,
     sector: str,
+    speeds: tuple[float, float] | None,
+    speed_errors: tuple[float, float] | None,
+    shear: str | None,
     lag: float | None,
     scale: float | None,
     out: str | None,
@@ -70,7 +81,18 @@ def fit(
 ) -> None:
     """Fit parameters of CASE, named by --vary KEY…, to RECORD: waveforms at its receivers, or the
     points that wavesim dispersion or attenuation wrote.
+
+    From speeds of P and S waves to K_n_a and stiffness_ratio of a medium of the translation family:
+    wavesim fit CASE --speeds V_P V_S, or, of two series of pulse tests, wavesim fit P.json CASE
+    --shear S.json.
     """
+    if speeds or shear:
+        _of_speeds(record, case, speeds, speed_errors, shear, out, as_json, overrides)
+        return
+    if case is None:
+        stop("CASE: required after RECORD, but not given; add it", BAD_INPUT)
+    if not keys:
+        stop("--vary: required, but not given; name what to fit, as medium.anisotropy", BAD_INPUT)
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
     lag, scale = stated("--lag", lag), stated("--scale", scale)
     from wavesim.readings.pulse.answers import plain
@@ -101,6 +123,53 @@ def fit(
         sys.exit(FELL_SHORT)
 
 
+def _of_speeds(
+    record: str,
+    case: str | None,
+    speeds: tuple[float, float] | None,
+    errors: tuple[float, float] | None,
+    shear: str | None,
+    out: str | None,
+    as_json: bool,
+    overrides: tuple[str, ...],
+) -> None:
+    from wavesim.cli.fit_speeds import of_pair, of_series, show
+    from wavesim.readings.pulse.answers import plain
+    from wavesim.studies.least_squares import FitError
+
+    if speeds and (shear or case is not None):
+        stop("--speeds: takes CASE alone, without RECORD and --shear", BAD_INPUT)
+    if shear and case is None:
+        stop(
+            "--shear: takes RECORD, pulse.json of P waves, and CASE; add what is missing", BAD_INPUT
+        )
+    path = case or record
+    start = _material(path, overrides)
+    try:
+        found = of_pair(speeds, errors, start) if speeds else of_series(record, shear or "", start)
+    except FitError as error:
+        stop(str(error), BAD_INPUT)
+    answer = plain(found)
+    if as_json:
+        click.echo(json.dumps(answer, ensure_ascii=False))
+    else:
+        show(answer)
+    if out:
+        _write(answer, None, path, overrides, Path(out), as_json)
+    if not answer["valid"]:
+        sys.exit(FELL_SHORT)
+
+
+def _material(case: str, overrides: tuple[str, ...]) -> Any:
+    from wavesim.case.layered_case import load_layers
+    from wavesim.case.schema import CaseError
+
+    try:
+        return load_layers(case, overrides).medium
+    except CaseError as error:
+        stop(str(error), BAD_INPUT)
+
+
 def _case(case: str, overrides: tuple[str, ...]) -> Any:
     from wavesim.case.load import load
     from wavesim.case.schema import CaseError
@@ -120,7 +189,7 @@ def _write(
         text = json.dumps(answer, ensure_ascii=False, indent=1)
         (folder / "fit.json").write_text(text + "\n", encoding="utf-8")
         (folder / "fitted.toml").write_text(_fitted(case, overrides, answer), encoding="utf-8")
-        if found.comparison is not None:
+        if found is not None and found.comparison is not None:
             from wavesim.figures.comparison import write
 
             write(found.comparison, folder / "fit.png")
@@ -141,5 +210,7 @@ def _fitted(case: str, overrides: tuple[str, ...], answer: Any) -> str:
     for override in overrides:
         lay_over(tables, override)
     for key, one in answer["parameters"].items():
+        if one["value"] is None:  # a fit without an answer
+            continue
         lay_over(tables, f"{key}={one['value']!r}")
     return tomli_w.dumps(tables)

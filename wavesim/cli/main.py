@@ -62,6 +62,8 @@ def _planned(case: str, loaded: Any) -> Any:
         return time_step(loaded.simulation)
     except ValueError as error:
         _stop(f"{case}: [time] {error}", BAD_INPUT)
+    except ArithmeticError:
+        _stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
 
 
 def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> None:

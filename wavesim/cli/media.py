@@ -143,10 +143,14 @@ def gaps(
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png.
 
-    CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
-    own: gap_map_1, gap_map_2, …
+    CASE needs no more than [medium]. Where there are layers, or families, each distinct medium has
+    a map of its own: gap_map_1, gap_map_2, …
     """
-    media = distinct(_layers(case, overrides))
+    media = [
+        (f"{place} {part.family.name}".strip() if len(medium.parts) > 1 else place, at, part)
+        for place, at, medium in distinct(_layers(case, overrides))
+        for part in medium.parts
+    ]
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure

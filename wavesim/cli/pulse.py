@@ -280,7 +280,11 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
             "in m",
             BAD_INPUT,
         )
-    return transmission_record(test.t, signal, test.sent, test.name), distance
+    record = transmission_record(test.t, signal, test.sent, test.name)
+    if test.sent is None:
+        said = "what was sent was not recorded: it is taken to begin at t = 0"
+        record = replace(record, notes=(*record.notes, said))
+    return record, distance
 
 
 def _write(

@@ -11,7 +11,7 @@ import click
 from wavesim.cli.interrupts import farewell
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-_LOST = 3
+_STOPPED = 3
 
 
 @click.command()
@@ -54,6 +54,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     check.
     """
     from wavesim.case.schema import CaseError
+    from wavesim.io.result_reader import StorageError
     from wavesim.studies.sweep import sweep as described
     from wavesim.studies.variation import SweepError
 
@@ -64,7 +65,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     try:
         asked = described(case, folder=folder, judge=_judge, **{n: options[n] for n in named})
         data = _measured(asked, options, quiet, folder)
-    except (CaseError, SweepError) as error:
+    except (CaseError, SweepError, StorageError) as error:
         stop(str(error), BAD_INPUT)
     except OSError as error:
         where = error.filename or folder
@@ -80,7 +81,7 @@ def _judge(case: Any, field: Any) -> Any:
 
 def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) -> Any:
     from wavesim.report.progress import members
-    from wavesim.studies.sweep_workers import LostSchedulerError
+    from wavesim.studies.sweep_workers import SweepStoppedError
 
     workers, address = options["workers"], options["scheduler"]
     if workers is None and address is None and options["measure"] == "run":
@@ -89,12 +90,9 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
     try:
         with members(asked.count, quiet) as tell, farewell(lambda: carried_on):
             return asked.go(options["resume"], workers, address, tell)
-    except LostSchedulerError:
-        stop(
-            f"--scheduler {address or 'on this machine'}: it is gone; what was done is in "
-            f"{folder}, --resume carries on",
-            _LOST,
-        )
+    except SweepStoppedError as error:
+        where = f"--scheduler {address}: " if address else ""
+        stop(f"{where}{error}; {carried_on}", _STOPPED)
 
 
 def _cores() -> int:

@@ -37,6 +37,7 @@ from wavesim.verdict.bar import SIGNAL_TOLERANCE
 
 _POINT: dict[str, Any] = {"ms": 3.2, "mfc": "white", "mew": 0.8, "ls": ""}
 _REFLECTED = "#2f6f9f"
+_REAL = "#8fae3c"
 _DEEPEST = -80.0
 _MOST_LABELS = 12
 _STYLES = ("-", "--", "-.", ":")
@@ -68,7 +69,7 @@ def transmission(field: Field, found: Scattered) -> Figure:
     lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
               ylabel="|measured − exact|")  # fmt: skip
     second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
-    figure.legend(loc="outside upper center", ncols=5)
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
@@ -79,13 +80,16 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     if len(media) == 1:  # the gaps of several are no specimen's
         shade(axes, gap_edges(media[0], found.sector))
     fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
+    if len(lines) > 2:
+        level = 20 * np.log10(np.maximum(np.abs(lines[2]), 1e-15))
+        axes.plot(fine * KHZ, level, "-", color=_REAL, lw=0.9, label="T at real ω, as a filter")
     for label, value, curve, colour, mark in (
         ("T", found.T, lines[0], FOUND, "o"),
         ("R", found.R, lines[1], _REFLECTED, "s"),
     ):
         level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
         axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
-                  label=f"{label}, exact")  # fmt: skip
+                  label=f"{label}, exact at ω + iσ")  # fmt: skip
         seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
         axes.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -81,6 +82,10 @@ class Bar(Shown):
 
     def __post_init__(self) -> None:
         difference_weights(self.order)
+        if not isinstance(self.cells, numbers.Integral):
+            raise ValueError(f"cells = {self.cells!r}: must be a whole number")
+        if not isinstance(self.spacing, numbers.Real):
+            raise ValueError(f"spacing = {self.spacing!r}: must be a number in m")
         if not (self.spacing > 0 and math.isfinite(self.spacing)):
             raise ValueError(f"spacing = {self.spacing:g} m: must be greater than 0, and finite")
         least = max(MINIMUM_CELLS, 2 * self.order)

@@ -93,8 +93,8 @@ class Family:
         force_units: of what acts on the one and on the other, per area of the section.
         drives: its words for what drives an end, {word: "surface" or "prescribed"}: what loads a
             free end, and what moves a fixed one.
+        waves: what those who measure call the waves of a sector, {sector: such as "P"}.
         time: the unit of time as a formula.
-        axial: whether a macro-field with one index is an axial vector, as a rotation is.
     """
 
     name: str
@@ -109,8 +109,8 @@ class Family:
     drives: Mapping[str, Acts] = field(
         default_factory=lambda: {"surface": "surface", "prescribed": "prescribed"}
     )
+    waves: Mapping[str, str] = field(default_factory=dict)
     time: str = "τ"
-    axial: bool = False
 
     @property
     def fields(self) -> tuple[str, ...]:

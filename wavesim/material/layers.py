@@ -249,6 +249,10 @@ def as_layers(medium: Medium | Layers | Sequence[Layer], length: float) -> Layer
     """
     if isinstance(medium, Medium):
         return Layers((Layer(0.0, length, medium),))
+    if not isinstance(medium, Layers) and not (
+        isinstance(medium, Sequence) and all(isinstance(layer, Layer) for layer in medium)
+    ):
+        raise ValueError(f"medium = {medium!r}: must be a Medium, Layers, or a list of Layer")
     layers = medium if isinstance(medium, Layers) else Layers(tuple(medium))
     check_follow(layers.layers, length, whole=True)
     return layers

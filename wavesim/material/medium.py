@@ -154,6 +154,8 @@ class Medium(Shown, metaclass=_ByFamily):
             value = getattr(self, name)
             if isinstance(value, numbers.Real):
                 _check(name, float(value), known)
+            elif isinstance(value, str | bytes | list | tuple | dict | complex):
+                raise ValueError(f"{name} = {value!r}: must be a number")
 
     def __repr__(self) -> str:
         made = {"family": self.family.name} if self.family.name != next(iter(_MEDIA)) else {}

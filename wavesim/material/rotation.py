@@ -39,7 +39,6 @@ ROTATION = Family(
     force_units=("N·m/m²", "N"),
     drives={"moment": "surface", "rotation": "prescribed"},
     time="√(4πρR⁵/3Gₙᵃ)",
-    axial=True,
 )
 
 # Relative stiffness in Eqs. (29)–(37) as printed: row field, column field of D = κ − B, and the

@@ -37,6 +37,7 @@ def _joined(families: tuple[Family, ...]) -> Family:
             " or ".join(one.words[0] for one in families),
             " or ".join(one.words[1] for one in families),
         ),
+        waves={f"{one.name}-{s}": wave for one in families for s, wave in one.waves.items()},
         time=families[0].time,
     )
 
@@ -166,9 +167,7 @@ def together(*media: Medium) -> Medium:
     """
     names = [medium.family.name for medium in media]
     if len(set(names)) < len(names):
-        raise ValueError(
-            f"family = {', '.join(names)}: must be different families, one medium each"
-        )
+        raise ValueError(f"family = {', '.join(names)}: must differ; give one medium of each")
     if any(medium.closure == "appendix_c" for medium in media):
         raise ValueError('closure = "appendix_c": has no wave equations to stand beside others')
     if any(medium.damping != media[0].damping for medium in media):

@@ -35,6 +35,7 @@ TRANSLATION = Family(
     words=("displacement", "micro-strain"),
     force_units=("N/m²", "N/m"),
     drives={"traction": "surface", "displacement": "prescribed"},
+    waves={"longitudinal": "P", "transverse2": "S", "transverse3": "S"},
     time="√(4πρR³/3Kₙᵃ)",
 )
 

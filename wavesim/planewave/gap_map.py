@@ -112,6 +112,8 @@ def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) 
     Raises:
         ValueError: a name is unknown or used twice, or a value is not admissible.
     """
+    if len(medium.parts) > 1:
+        raise ValueError(f"family = {medium.family.name}: a map is of one family; take a part")
     for name, _ in (x, y):
         if name not in medium.known():
             raise ValueError(f"parameter {name!r}: must be one of {', '.join(medium.known())}")

@@ -16,6 +16,9 @@ from wavesim.records.files import HDF5, read
 
 Float = NDArray[Any]
 
+# More missing frames than this part are no small gap.
+_MOST_MISSING = 0.01
+
 
 @dataclass(frozen=True)
 class PulseTestRecord:
@@ -67,15 +70,20 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
             "with --values"
         )
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
-    columns = {label: record.values[0, :, j] for j, label in enumerate(labels)}
+    values, notes = record.values[0], record.notes
+    missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
+    if missing.any():
+        if missing.sum() > _MOST_MISSING * len(missing):
+            raise RecordError(
+                f"{path}: {missing.sum()} of {len(missing)} frames are missing; a pulse test needs "
+                "them: leave out what broke off, or record again"
+            )
+        own = np.flatnonzero(~missing)
+        values = np.stack([np.interp(np.arange(len(missing)), own, u[own]) for u in values.T], 1)
+        notes = (*notes, f"{missing.sum()} missing frames bridged by straight lines")
+    columns = {label: values[:, j] for j, label in enumerate(labels)}
     places = dict(zip(labels, record.x.tolist(), strict=True))
-    missing = int(record.missing.sum()) if len(record.missing) else 0
-    if missing:
-        raise RecordError(
-            f"{path}: {missing} frames hold values that are missing; a pulse test needs every one: "
-            "leave out what broke off, or record again"
-        )
-    whole = PulseTestRecord(str(path), record.t, columns, places, record.input, record.notes)
+    whole = PulseTestRecord(str(path), record.t, columns, places, record.input, notes)
     if whole.placed or len(labels) == 1:
         return [whole]
     return [

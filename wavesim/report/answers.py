@@ -20,6 +20,7 @@ KINDS: dict[str, tuple[float, str, int]] = {
     "wavenumber": (1e-3, "rad/mm", 4),
     "level": (1.0, "dB", 5),
     "number": (1.0, "", 5),
+    "time": (1e6, "µs", 5),
 }
 
 
@@ -110,6 +111,17 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("exact", "frequency_exact", "frequency"),
         ),
         "",
+    ),
+    "arrival": (
+        "First breaks at the farthest receiver",
+        (
+            Column("arrival", "arrival"),
+            Column("field", "field"),
+            Column("receiver", "receiver"),
+            Column("simulated", "time", "time"),
+            Column("ahead", "ahead", "time"),
+        ),
+        "A precursor comes ahead of the wave that the test is after, of another kind.",
     ),
     "by": (
         "Velocity of the pulse between receivers",

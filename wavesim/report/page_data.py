@@ -231,8 +231,7 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             for name, curve in (("T", line[1]), ("R", line[2]))
         }
         own = found["transmission"][one.sector]
-        for name in ("T", "R"):  # at real ω, where the reading has it
-            real = getattr(one, f"{name}_real", None)
+        for name, real in (("T", one.T_real), ("R", one.R_real)):
             if real is not None:
                 own["real_frequency"] = (one.omega * _HERTZ).tolist()
                 own[name]["real"] = _levels(real)

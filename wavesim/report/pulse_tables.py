@@ -14,6 +14,7 @@ from rich.table import Table
 from wavesim.readings.pulse.reading import Reading, Series
 
 _CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")
+_WIDE = 110
 # More notes than this are told by their number alone.
 _MOST_NOTES = 12
 
@@ -59,9 +60,11 @@ def _single(
     table.add_column("record", overflow="fold")
     if series is not None:
         table.add_column(series.parameter, justify="right")
-    table.add_column(f"travel time ({unit})", justify="right")
-    table.add_column("velocity (m/s)", justify="right")
-    for name in _CONVENTIONS[:4]:
+    table.add_column(f"travel time ({unit})", justify="right", no_wrap=True)
+    table.add_column("velocity (m/s)", justify="right", no_wrap=True)
+    # A narrow terminal has room for the answer alone.
+    shown = _CONVENTIONS[:4] if console.width >= _WIDE else ()
+    for name in shown:
         table.add_column(name, justify="right")
     for one in alone:
         row = [one.file]
@@ -74,15 +77,13 @@ def _single(
         else:
             row += ["–", "refused"]
         found = one.receivers[0].arrivals
-        for name in _CONVENTIONS[:4]:
+        for name in shown:
             time = found[name].time if name in found else math.nan
             row.append(f"{time * scale:.4g}" if math.isfinite(time) else "–")
         table.add_row(*row)
     console.print(table)
-    console.print(
-        "± is one standard error: noise, and what the conventions leave open. Conventions' times "
-        "include the system's delay."
-    )
+    said = "± is one standard error: noise, and what the conventions leave open."
+    console.print(said + (" Conventions' times include the system's delay." if shown else ""))
     reasons = Counter(one.best.reason for one in alone if not one.best.valid)
     for reason, count in reasons.items():
         console.print(f"{count} refused: {reason}.", markup=False)

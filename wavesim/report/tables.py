@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wavesim.case.load import Case, highest_frequency
+from wavesim.case.load import Case
 from wavesim.grid.bar import Bar
 from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
@@ -19,6 +19,7 @@ from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
+from wavesim.simulation.carried import highest_frequency
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
@@ -85,22 +86,21 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
     console.print(sentence(summary), soft_wrap=True)
     for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
         alike = [check for check in short if check.get("remedy", "") == remedy]
-        for check in alike[:_MOST_SHORT]:
-            console.print(Text("FAIL", "bold red"), _short_line(check), soft_wrap=True)
+        names = [short_name(check["name"]) for check in alike[:_MOST_SHORT]]
+        told = ", ".join(dict.fromkeys(names)) + (f": {remedy}." if remedy else "")
+        console.print(Text("FAIL", "bold red"), told, soft_wrap=True)
+        for check, name in zip(alike, names, strict=False):
+            console.print(f"     {name} is {_off(check)}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
-        if remedy:
-            console.print(f"     To mend it: {remedy}.", soft_wrap=True)
 
 
-def _short_line(check: dict[str, Any]) -> str:
+def _off(check: dict[str, Any]) -> str:
     """What was measured where a check fell short, and what was allowed."""
     reference = f"{number(check['reference'])} ± " if check["reference"] else ""
     unit = "" if check["unit"] == "–" else f" {check['unit']}"
-    return (
-        f"{short_name(check['name'])}: {number(check['measured'])}{unit}, allowed "
-        f"{reference}{number(check['tolerance'])}{unit}"
-    )
+    measured, allowed = number(check["measured"]), number(check["tolerance"])
+    return f"{measured}{unit}, allowed {reference}{allowed}{unit}"
 
 
 def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:

@@ -167,8 +167,20 @@ class Field(Shown):
         return self.part(name)
 
     def part(self, name: str, frames: slice = WHOLE, points: slice = WHOLE) -> Float:
-        """Some frames of one field at some points, shape (frames, points); no more is read."""
+        """Some frames of one field at some points, shape (frames, points); no more is read.
+
+        Raises:
+            ValueError: there is no such field.
+        """
+        self._check(name)
         return np.asarray(self.values[name][frames, points], np.float64)
+
+    def _check(self, name: str) -> None:
+        if name not in self.values:
+            raise ValueError(
+                f"name = {name!r}: must be one of the fields that the sources set in motion, "
+                f"{', '.join(self.names)}"
+            )
 
     def positions(self, name: str) -> Float:
         """Grid positions of one field, shape (nx,), m."""
@@ -210,8 +222,10 @@ class Field(Shown):
             Shape (nt,) or of t, in the field's unit.
 
         Raises:
-            ValueError: the position is outside the bar.
+            ValueError: the position is outside the bar, a time outside the record, or there is no
+                such field.
         """
+        self._check(name)
         weights, indices = self.bar.sampling(position, staggered=not is_macro(name))
         # On a ring the points may be at both its ends.
         runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
@@ -219,6 +233,14 @@ class Field(Shown):
         signal = np.concatenate(near, axis=1) @ weights
         if t is None:
             return signal
+        first, last = float(self.t[0]), float(self.t[-1])
+        asked = np.asarray(t, float)
+        slack = 1e-9 * (last - first)
+        if asked.size and not (asked.min() >= first - slack and asked.max() <= last + slack):
+            raise ValueError(
+                f"t = {asked.min():g} to {asked.max():g} s: must be within the record, {first:g} "
+                f"to {last:g} s; simulate for longer, or ask for less"
+            )
         return between(signal, (np.asarray(t) - self.t[0]) / self.interval)
 
     @staticmethod

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
+import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -33,6 +34,10 @@ SOLVERS: tuple[str, ...] = (
     "Dopri5",
     "Dopri8",
 )
+
+
+# A run of fewer frames by default shows nothing.
+_FEWEST_FRAMES = 6
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,10 +71,12 @@ class Simulation(Shown):
     def __post_init__(self) -> None:
         if not self.sources:
             raise ValueError("sources = []: at least one source is needed")
-        if not self.duration > 0:
-            raise ValueError(f"duration = {self.duration:g} s: must be greater than 0")
-        if self.samples is not None and self.samples < 2:
-            raise ValueError(f"samples = {self.samples}: must be at least 2")
+        if not (isinstance(self.duration, numbers.Real) and 0 < self.duration < math.inf):
+            raise ValueError(f"duration = {self.duration} s: must be greater than 0, and finite")
+        if self.samples is not None and not (
+            isinstance(self.samples, numbers.Integral) and self.samples >= 2
+        ):
+            raise ValueError(f"samples = {self.samples}: must be a whole number, at least 2")
         if self.step is not None and not self.step > 0:
             raise ValueError(f"step = {self.step:g} s: must be greater than 0")
         if self.solver not in SOLVERS:
@@ -85,11 +92,22 @@ class Simulation(Shown):
                 f"layers: {layers} given for a grid of {stretches} stretches; make the bar with "
                 "layered_bar(layers, spacing)"
             )
+        for name, position in self.receivers.items():
+            try:
+                self.bar.sampling(position, False)
+            except ValueError as error:
+                raise ValueError(f"receivers, {name!r}: {error}") from None
         for medium in self.layers.media:
             if medium.family is not self.medium.family:
                 raise ValueError("layers: the media of a bar must be of one family")
             check_hyperbolic(medium)
         self.blocks  # noqa: B018  (says which source drives none)
+        if self.samples is None and self.frames < _FEWEST_FRAMES:
+            raise ValueError(
+                f"duration = {self.duration:g}: holds only {self.frames} frames of signals so "
+                "slow; lengthen it, give samples, or see that frequencies are in Hz and the times "
+                "of a recorded signal in seconds"
+            )
 
     def told(self) -> dict[str, str]:
         """Bar, sources, receivers and time."""

@@ -10,7 +10,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from wavesim.sources.source import EXCITED, Extent, Source, check_place, namespace
+from wavesim.sources.source import (
+    EXCITED,
+    Extent,
+    Source,
+    check_place,
+    check_positive,
+    namespace,
+)
 
 
 @functools.cache
@@ -61,8 +68,7 @@ class DerivativeOfGaussian(Source):
 
     def __post_init__(self) -> None:
         check_place(self)
-        if not self.peak_frequency > 0:
-            raise ValueError(f"peak_frequency = {self.peak_frequency:g} Hz: must be > 0")
+        check_positive(self, ("peak_frequency", "Hz"))
 
     @property
     def span(self) -> tuple[float, float, float]:

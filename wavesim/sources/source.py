@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import math
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, cast
@@ -186,7 +187,11 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
         ValueError: a value is not admissible; the message names it.
     """
     family = known_field(source.field).family
-    if source.width < 0:
+    for name, unit in (("position", "m"), ("width", "m"), ("amplitude", "")):
+        value: Any = getattr(source, name)
+        if not isinstance(value, numbers.Real) or not math.isfinite(value):
+            raise ValueError(f"{name} = {value!r}{f' {unit}' if unit else ''}: must be a number")
+    if float(source.width) < 0:
         raise ValueError(f"width = {source.width:g} m: must be 0 (a point) or greater")
     if source.drive not in (allowed := family.words_for(acts)):
         raise ValueError(
@@ -216,8 +221,10 @@ def check_positive(source: Source, *units: tuple[str, str]) -> None:
         ValueError: one is not; the message names it.
     """
     for name, unit in units:
-        value = getattr(source, name)
-        if not (value > 0 and math.isfinite(value)):
+        value: Any = getattr(source, name)
+        if not isinstance(value, numbers.Real):
+            raise ValueError(f"{name} = {value!r}: must be a number in {unit}")
+        if not (float(value) > 0 and math.isfinite(value)):
             raise ValueError(f"{name} = {value:g} {unit}: must be > 0")
 
 

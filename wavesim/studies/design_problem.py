@@ -21,6 +21,8 @@ from wavesim.material.layers import Layers
 from wavesim.material.medium import PARAMETERS
 from wavesim.planewave.complex_wavenumber import wavenumber
 
+# Slices of order 16 of a graded layer.
+_SLICES = 6
 # Frequencies of each wish at which the band is checked against the half-spaces.
 _LOOKED_AT = 400
 
@@ -82,6 +84,11 @@ class Problem:
     length_at_most: float | None
     tolerance: float
 
+    @property
+    def graded(self) -> bool:
+        """Whether a layer is graded, which costs as much as a hundred others."""
+        return any(grading is not None for grading in self.stack.gradings)
+
     def values(self, x: Any) -> Any:
         """The variables in their units, of x from 0 to 1."""
         return self.low + (self.high - self.low) * x
@@ -103,7 +110,7 @@ class Problem:
         for sector in dict.fromkeys(wish.sector for wish in self.wishes):
             own = [n for n, wish in enumerate(self.wishes) if wish.sector == sector]
             omega = np.concatenate([self.wishes[n].frequencies(count) for n in own]) * 2 * np.pi
-            level = transmission(stack, sector, omega).level
+            level = transmission(stack, sector, omega, _SLICES).level
             for place, n in enumerate(own):
                 found[n] = level[place * count : (place + 1) * count]
         return found
@@ -233,10 +240,13 @@ def expanded(key: str, known: BarLayers) -> list[str]:
     """
     if "*" not in key:
         return [key]
-    *_, name = key.split(".")
+    parts = key.split(".")
+    # Of a graded parameter each end has a key.
+    count = 2 if parts[-1] in ("0", "1") and not parts[-2].isdigit() else 1
+    name = parts[-count:]
     pattern = re.compile(re.escape(key).replace(r"\*", r"\d+"))
     inner = [place for place in known.places if place.where[0] != "bar"]
-    found = dict.fromkeys(".".join((*place.where, name)) for place in inner)
+    found = dict.fromkeys(".".join((*place.where, *name)) for place in inner)
     own = [one for one in found if pattern.fullmatch(one)]
     if not own:
         some = ", ".join(list(found)[:4])

@@ -1,12 +1,13 @@
 """The search for a stack: from many starts of a Sobol sequence downhill by L-BFGS-B.
 
-The misfit of a stack is the mean over each wish's frequencies of the squared shortfall,
+The misfit of a stack is the shortfall of each wish averaged over its frequencies, squared (p = 2)
+or with the worst of them minded most (p = 8),
 
-    Σ_w weight_w ⟨max(0, ±(L − limit) + margin)²⟩/(1 + |limit|/10)²,    L = 20 log₁₀|T| in dB,
+    Σ_w weight_w ⟨max(0, ±(L − limit) + margin)^p⟩^(2/p) / (1 + |limit|/10)²,
 
-and that of its length. Its gradient is jax's. Starts are taken in the order of their misfit, a few
-side by side, until one keeps every wish on a finer net of frequencies; it is then moved on to keep
-them with more and more margin.
+with L = 20 log₁₀|T| in dB, and that of its length. Its gradient is jax's. Starts are taken in the
+order of their misfit, a few side by side, until one keeps every wish on a finer net of frequencies;
+it is then moved on to keep them with more and more margin.
 """
 
 from __future__ import annotations
@@ -26,11 +27,15 @@ from wavesim.studies.design_problem import Problem
 # Frequencies of a wish: of the search, and of the last word.
 COARSE, FINE = 96, 801
 SCREENED = 1024
+# The same where a layer is graded, and dear.
+_DEAR_COARSE, _DEAR_FINE, _DEAR_SCREENED = 48, 201, 128
 # Starts that go side by side: a fixed number, so that a seed gives one answer on any machine.
 _TOGETHER = 4
 _MOST_STARTS = 400
 SECONDS = 50.0
 _MARGIN = 0.4
+# The power of a shortfall that is averaged: of the search, and where the worst counts.
+_MEAN, _WORST, _NOTHING = 2.0, 8.0, 1e-30
 # A miss by less than this (dB) is followed up, so many times.
 _NEAR, _MISSES = 4.0, 3
 _MARGINS = (1.0, 2.0, 4.0)
@@ -68,17 +73,21 @@ class Search:
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.evaluations = problem, 0
-        self._worst = problem.compiled(FINE)
-        self._value = jax.jit(jax.vmap(self._misfit, in_axes=(0, None, None)))
+        dear = problem.graded
+        self.coarse, self.screens = (_DEAR_COARSE, _DEAR_SCREENED) if dear else (COARSE, SCREENED)
+        self._worst = problem.compiled(_DEAR_FINE if dear else FINE)
+        self._value = jax.jit(jax.vmap(self._misfit, in_axes=(0, None, None, None)))
         self._gradient = jax.jit(jax.value_and_grad(self._misfit))
 
-    def _misfit(self, x: Any, margin: Any, weights: Any) -> Any:
+    def _misfit(self, x: Any, margin: Any, weights: Any, power: Any) -> Any:
         own = self.problem
         values, total = own.values(x), jnp.zeros(())
-        for n, (wish, level) in enumerate(zip(own.wishes, own.levels(values, COARSE), strict=True)):
+        for n, (wish, level) in enumerate(
+            zip(own.wishes, own.levels(values, self.coarse), strict=True)
+        ):
             over = (level - wish.limit) if wish.most else (wish.limit - level)
             off = jnp.maximum(over + margin, 0.0) / (1 + abs(wish.limit) / 10)
-            total = total + weights[n] * jnp.mean(off**2)
+            total = total + weights[n] * (jnp.mean(off**power) + _NOTHING) ** (2 / power)
         if own.length_at_most is not None:
             over = own.length(values) / own.length_at_most - 1 + _ROOM
             total = total + _LENGTH_WEIGHT * jnp.maximum(over, 0.0) ** 2
@@ -102,17 +111,18 @@ class Search:
     def screened(self, x: Any) -> Any:
         """Misfit of many starts, shape (members,)."""
         self.evaluations += len(x)
-        return np.asarray(self._value(jnp.asarray(x), _MARGIN, self.weights))
+        return np.asarray(self._value(jnp.asarray(x), _MARGIN, self.weights, _MEAN))
 
-    def downhill(self, x: Any, margin: float, weights: Any = None) -> Any:
-        """Where L-BFGS-B ends from a start, x from 0 to 1, shape (n,)."""
+    def downhill(self, x: Any, margin: float, weights: Any = None, power: float = _MEAN) -> Any:
+        """Where L-BFGS-B ends from a start, x from 0 to 1, shape (n,); a power above 2 minds the
+        worst frequencies more than the rest."""
         from scipy.optimize import minimize
 
         own = self.weights if weights is None else weights
 
         def at(x: Any) -> tuple[float, Any]:
             self.evaluations += 1
-            value, slope = self._gradient(jnp.asarray(x), margin, own)
+            value, slope = self._gradient(jnp.asarray(x), margin, own, power)
             slope = np.asarray(slope)
             if not (np.isfinite(value) and np.isfinite(slope).all()):
                 return 1e12, np.zeros_like(x)
@@ -129,11 +139,10 @@ class Search:
         for _ in range(_MISSES):
             if not 0 < best[0] < _NEAR:
                 break
-            x = self.downhill(best[2], _MARGIN + 1.5 * best[0])
-            again = (*self.score(x), x)
-            if again[0] >= best[0]:
-                break
-            best = again
+            for power in (_WORST, _MEAN):
+                x = self.downhill(best[2], _MARGIN + 0.5 * best[0], power=power)
+                again = (*self.score(x), x)
+                best = min(best, again, key=lambda one: one[0])
         short, reached, x = best
         return short, x, reached
 
@@ -163,7 +172,7 @@ def search(own: Search, seed: int, seconds: float = SECONDS, tell: Tell | None =
     from scipy.stats import qmc
 
     begun, say = time.perf_counter(), tell or (lambda stage, short: None)
-    starts = qmc.Sobol(len(own.problem.keys), seed=seed).random(SCREENED)
+    starts = qmc.Sobol(len(own.problem.keys), seed=seed).random(own.screens)
     order = np.argsort(own.screened(starts), kind="stable")[:_MOST_STARTS]
     best: tuple[float, Any, Any] = (np.inf, starts[order[0]], None)
     done = 0
@@ -201,7 +210,7 @@ def _with_margin(own: Search, x: Any, reached: Any) -> tuple[Any, Any]:
     for margin in _MARGINS:
         # A pass band has no room above 0 dB.
         asked = min([margin, *(0.7 * room for room in most)])
-        new = own.downhill(x, asked)
+        new = own.downhill(x, asked, power=_WORST)
         short, there = own.score(new)
         if short > 0 or _margin(own, there) <= _margin(own, reached):
             break

@@ -10,8 +10,8 @@ from wavesim.studies.design_search import Search
 
 # Relative offsets of one variable that are looked at, and members of a yield.
 _OFFSETS = np.geomspace(1e-4, 0.3, 25)
-MEMBERS = 1000
-_TOGETHER = 500
+MEMBERS, _DEAR_MEMBERS = 1000, 200
+_TOGETHER = 100
 # By what the weight of one side of a trade-off is multiplied.
 _FACTORS = (0.03, 0.3, 3.0, 30.0)
 
@@ -64,7 +64,8 @@ def yield_of(own: Search, values: Any, tolerance: float, seed: int) -> float:
         tolerance: relative.
         seed: of the sample.
     """
-    spread = np.random.default_rng(seed).uniform(-1, 1, (MEMBERS, len(values)))
+    members = _DEAR_MEMBERS if own.problem.graded else MEMBERS
+    spread = np.random.default_rng(seed).uniform(-1, 1, (members, len(values)))
     return float(np.mean(_short(own, values * (1 + tolerance * spread)) == 0))
 
 

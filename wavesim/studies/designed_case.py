@@ -12,6 +12,8 @@ from wavesim.studies.design_problem import Problem
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
 _SOURCE, _AWAY = 12, 5
+# Cells to a branch length, the fewest of a layer at order 8, a source's width in branch lengths.
+_CELLS, _FEWEST, _WIDTH = 16, 16, 0.5
 # Periods of the middle of the bands that a run lasts.
 _PERIODS = 120
 
@@ -43,12 +45,18 @@ def designed_tables(
     low = min(wish.low for wish in own.wishes)
     high = max(wish.high for wish in own.wishes)
     middle = (low + high) / 2
+    _fine(tables["bar"], unit, _thinnest(own, values))
     if "sources" not in tables:
         family = own.known.medium.family
         sectors = dict.fromkeys(wish.sector for wish in own.wishes)
         macro = {block.sector: next(iter(block.macro[0])) for block in family.blocks if block.macro}
         tables["sources"] = [
-            {"field": macro[s], "position": _SOURCE * unit, "peak_frequency": _short(middle)}
+            {
+                "field": macro[s],
+                "position": _SOURCE * unit,
+                "peak_frequency": _short(middle),
+                "width": _WIDTH * unit,
+            }
             for s in sectors
         ]
     if "receivers" not in tables:
@@ -59,6 +67,24 @@ def designed_tables(
     tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
     order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
     return {k: tables[k] for k in order if k in tables} | tables
+
+
+def _fine(bar: dict[str, Any], unit: float, thinnest: float) -> None:
+    """Cells as small as the verdict on signals asks, where no spacing is given.
+
+    Layers much thinner than that are left to the default, which gives each cells of its own.
+    """
+    if "spacing" in bar or "cells" in bar:
+        return
+    finest = unit / _CELLS
+    if thinnest >= _FEWEST * finest:
+        bar["spacing"] = finest
+    elif thinnest >= _FEWEST * finest / 2:
+        bar["spacing"] = _short(0.999 * thinnest / _FEWEST)
+
+
+def _thinnest(own: Problem, values: Sequence[float]) -> float:
+    return min(_thicknesses(own, values))
 
 
 def _short(value: float, digits: int = 6) -> float:
@@ -93,9 +119,15 @@ def _ends(tables: dict[str, Any], unit: float, known: BarLayers) -> tuple[float,
 
 
 def _thickness(own: Problem, values: Sequence[float]) -> float:
+    """Of all between the half-spaces, m."""
+    return math.fsum(_thicknesses(own, values))
+
+
+def _thicknesses(own: Problem, values: Sequence[float]) -> list[float]:
+    """Of each layer between the half-spaces, m."""
     thickness = [layer.thickness for layer in own.known.stretches]
     for key, value in zip(own.keys, values, strict=True):
         if key.name == "thickness":
             for n in key.layers:
                 thickness[n] = float(value)
-    return math.fsum(thickness[1:-1])
+    return thickness[1:-1]

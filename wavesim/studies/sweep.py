@@ -10,11 +10,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from wavesim.io.folder_lock import locked
 from wavesim.studies.gap_sweep import gap_measure
 from wavesim.studies.run_sweep import Judge, run_measure
 from wavesim.studies.sweep_case import SweptCase, swept_case
 from wavesim.studies.sweep_store import Store
-from wavesim.studies.sweep_workers import here, pool
+from wavesim.studies.sweep_workers import SweepStoppedError, here, pool
 from wavesim.studies.variation import Axis, Region, SweepError, variation
 
 MEASURES = ("gaps", "transmission", "run")
@@ -62,8 +63,9 @@ class Sweep:
 
         Raises:
             SweepError: there is nothing to carry on, or no workers.
-            LostSchedulerError: the scheduler is gone; what was written stays.
-            OSError: the dataset can't be written.
+            SweepStoppedError: the scheduler is gone, or nothing more can be written.
+            StorageError: another run or sweep writes there.
+            OSError: the dataset can't be begun.
         """
         store, tell = self.store, progress or (lambda done, failed, of: None)
         with ExitStack() as until_the_end:
@@ -71,10 +73,11 @@ class Sweep:
             if scheduler is not None or workers is not None:
                 work = until_the_end.enter_context(pool(workers, scheduler))
             done = 0
+            store.path.parent.mkdir(parents=True, exist_ok=True)
+            until_the_end.enter_context(locked(store.path.parent))
             if resume:
                 done = store.carry_on()
             else:
-                store.path.parent.mkdir(parents=True, exist_ok=True)
                 store.create()
             tell(done, store.failed, self.count)
             jobs = ((region, self._prepared(region)) for region in store.pending)
@@ -86,7 +89,11 @@ class Sweep:
                     (found, messages), seconds = result
                 if members == len(messages) and any(messages) and members == 1:
                     found = {}
-                store.write(region, found, messages, seconds / members, time.time())
+                try:
+                    store.write(region, found, messages, seconds / members, time.time())
+                except OSError as error:
+                    told = f"{store.path}: can't be written: {error.strerror}"
+                    raise SweepStoppedError(told) from error
                 done += members
                 tell(done, store.failed, self.count)
         return store.open()

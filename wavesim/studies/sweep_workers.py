@@ -27,8 +27,8 @@ Job = tuple[Any, Any]  # what is worked on, and its argument
 Result = tuple[Any, Any]  # the same, and what came of it or an exception
 
 
-class LostSchedulerError(RuntimeError):
-    """The scheduler is gone, and what was under way with it; what was written stays."""
+class SweepStoppedError(RuntimeError):
+    """A sweep can't go on; the message says why, and what was written stays."""
 
 
 def here(function: Callable[[Any], Any], jobs: Iterable[Job]) -> Iterator[Result]:
@@ -55,7 +55,7 @@ class Pool:
         """Work on jobs, as many at a time as keep the workers busy; results as they come.
 
         Raises:
-            LostSchedulerError: the scheduler is gone.
+            SweepStoppedError: the scheduler is gone.
         """
         from concurrent.futures import CancelledError
 
@@ -80,14 +80,18 @@ class Pool:
             for future in done:
                 name = names.pop(future.key)
                 if future.cancelled() or future.status == "lost":
-                    raise LostSchedulerError
+                    raise _gone()
                 error = future.exception()
                 result = future.result() if error is None else error
                 future.release()
                 submit()
                 yield name, result
         except (CancelledError, CommClosedError, OSError, TimeoutError) as error:
-            raise LostSchedulerError from error
+            raise _gone() from error
+
+
+def _gone() -> SweepStoppedError:
+    return SweepStoppedError("the scheduler is gone, and what was under way with it")
 
 
 @contextmanager

@@ -138,12 +138,15 @@ def losses(
     Args:
         layers: what the bar is made of; parameters may be traced by jax.
         bar: its grid.
-        block: one of those that it is for, whose inertias weigh the laws of layers that meet.
+        block: one of those that it is for: absorbers and what layers that meet are to it differ by
+            family.
         reference: the medium whose units to scale by.
         plain: layers of plain numbers, for the absorbers, where the others are traced.
         sizes: as of :func:`coefficients`; absorbers stay as they are.
     """
     time = float(scales(reference).time)
+    layers = layers.mapped(lambda medium: medium.part(block))
+    plain = layers if plain is None else plain.mapped(lambda medium: medium.part(block))
     laws = [layer.medium.damping for layer in layers.layers]
     count, points = max(len(law.rates) for law in laws), len(bar.nodes)
     mass_half, stiffness = np.zeros(points), np.zeros(points)
@@ -158,13 +161,13 @@ def losses(
             rates[number, cells], strengths[number, cells] = rate * time, strength
         # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
         ends = [layer.at(position) for position in x[[0, -1]]]
-        of_ends = [end.part(block).inertias[0] for end in ends]
+        of_ends = [end.inertias[0] for end in ends]
         at = np.append(np.zeros(len(x) - 1, int), 1)
         xp = module(*of_ends)
         own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
         drag, inertia = drag + law.mass * time * own, inertia + own
-    at_node, _ = absorption(plain or layers, bar, bar.nodes)
-    inner, calm = absorption(plain or layers, bar, bar.half_nodes)
+    at_node, _ = absorption(plain, bar, bar.nodes)
+    inner, calm = absorption(plain, bar, bar.half_nodes)
     mass_node = _joined(bar, drag) / _joined(bar, inertia)
     return Losses(
         mass_node=mass_node,

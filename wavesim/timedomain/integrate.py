@@ -18,6 +18,7 @@ from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
+from wavesim.simulation.carried import check_carried
 from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.simulation import Simulation, simulation
 from wavesim.sources import Source
@@ -337,4 +338,10 @@ def simulate(
         NotFiniteError: the integration failed.
     """
     known = medium, bar, sources, duration, samples, receivers, solver, step
-    return integrate(simulation(*known), progress, timing, at_most)
+    simulated = simulation(*known)
+    for number, source in enumerate(simulated.sources):
+        try:
+            check_carried(source, simulated.layers.media, bar)
+        except ValueError as error:
+            raise ValueError(f"sources[{number}]: {error}") from None
+    return integrate(simulated, progress, timing, at_most)

@@ -19,7 +19,7 @@ from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
-from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.verdict.endless import Held
 
@@ -31,8 +31,6 @@ _DECIBELS = 20 / math.log(10)
 _MOST_MODES = 5
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
 _STOPPED, _FLOOR = -20.0, -120.0
-# A source this many times as high gets a finer grid.
-_HIGHER = 1.2
 # The key that says how high a source goes, by its kind.
 _PITCH = {
     "ricker": "peak_frequency",
@@ -110,10 +108,6 @@ def _closer(field: Field, sector: str, gap: Gap) -> str:
         if source.field in fields and source.kind in _PITCH
     ]
     if any(source.field in fields for source in field.sources):
-        now = max(source.peak_frequency for source in field.sources if source.field in fields)
-        if sets and not field.simulation.endless and pitch > _HIGHER * now:
-            # Signals are held to more than waves on a ring, and shorter waves need finer cells.
-            sets.append(f"--set bar.spacing={field.bar.spacing / math.ceil(pitch / now):.6g}")
         return " ".join(sets)
     return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {pitch:.4g}'
 
@@ -147,12 +141,15 @@ def of_bar(field: Field, reading: Reading) -> Answers:
     Returns:
         "transmission": each band where T is below −20 dB, its ends measured and exact (Hz) and the
         level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes;
-        "eigenfrequencies": the lowest (Hz); "velocities": of a pulse by each convention (m/s);
-        "quality": median Q between receivers, and that of the loss law.
+        "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
+        receiver by their first breaks (s), what comes before another as its precursor;
+        "velocities": of a pulse by each convention (m/s); "quality": median Q between
+        receivers, and that of the loss law.
     """
     found: Answers = {
         "transmission": [row for one in reading.scattered for row in _levels(field, one)],
         "eigenfrequencies": [row for one in reading.ringing for row in _modes(one)],
+        "arrivals": _arrivals(field, reading),
         "velocities": [row for one in reading.pulses for row in _speeds(one)],
         "quality": [row for one in reading.pulses for row in _quality(one)],
     }
@@ -165,6 +162,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     if not judged.any():
         return []
     level, exact = _level(found.T), _level(found.T_exact)
+    real = None if found.T_real is None else _level(found.T_real)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
     inner = field.layers.layers[1:-1] or field.layers.layers
@@ -197,18 +195,9 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": _at_real(field, found.sector, found.omega[at]),
+            "level_at_real_frequency": None if real is None else _number(real[at]),
         }
     return rows
-
-
-def _at_real(field: Field, sector: str, omega: float) -> float | None:
-    """Level of T at real ω, dB; None where a graded layer has an asymptote there."""
-    try:
-        T, _ = exact_scattering(field.layers, sector, np.array([omega + 0j]))
-    except ValueError:
-        return None
-    return float(_level(T)[0])
 
 
 def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float]]:
@@ -256,6 +245,32 @@ def _speeds(test: PulseTest) -> list[Row]:
         }
         for convention, one in test.result.velocities.items()
         if math.isfinite(one.velocity)
+    ]
+
+
+def _arrivals(field: Field, reading: Reading) -> list[Row]:
+    """Waves by name at the farthest receiver, in the order in which they arrive."""
+    waves = field.medium.family.waves
+    found = []
+    for test in (one for one in reading.pulses if one.sector in waves):
+        times = test.result.arrivals["first break"].time
+        if np.isfinite(times).any():
+            last = int(np.nanargmax(times))
+            name = test.result.record.names[last]
+            found.append((float(times[last]), waves[test.sector], test.name, name))
+    found.sort()
+    if len({wave for _, wave, _, _ in found}) < 2:
+        return []
+    latest, main, *_ = found[-1]
+    return [
+        {
+            "arrival": f"{wave} wave" if wave == main else f"{wave} precursor",
+            "field": name,
+            "receiver": receiver,
+            "time": time,
+            "ahead": latest - time,
+        }
+        for time, wave, name, receiver in found
     ]
 
 

@@ -53,10 +53,11 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     if not reading.moved:
         return []
     checks = []
+    sent_back = _sent_back(field)
     for receiver, errors in reading.error.items():
         worst = _worst(errors)
         label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
-        remedy = remedies.of_signal(field, receiver)
+        remedy = remedies.of_signal(field, receiver, sent_back)
         checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE, remedy=remedy))
     for scattered in reading.scattered:
         checks += _scattered_checks(field, scattered)
@@ -255,7 +256,18 @@ def _too_short(reading: Reading, field: Field) -> list[str]:
 
 
 def _near_cutoffs(field: Field) -> list[str]:
-    """Where absorbing ends send back more than a thousandth of what the sources drive.
+    """The note on what absorbing ends send back."""
+    told = _sent_back(field)
+    if not told:
+        return []
+    return [
+        "an absorbing end sends back more than 1e-3 of waves just above a cutoff, which are long: "
+        f"{told}; keep the sources' band off them, or take stiffer media at the ends"
+    ]
+
+
+def _sent_back(field: Field) -> str:
+    """Where absorbing ends send back more than a thousandth of what the sources drive, or "".
 
     A wave of phase velocity c comes back with R^(c_∞/c): a long wave just above a cutoff, whose
     phase velocity is high, all but whole.
@@ -275,10 +287,4 @@ def _near_cutoffs(field: Field) -> list[str]:
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
                     until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
                     told.append(f"{block.sector} {cutoff * _KHZ:.5g} to {until * _KHZ:.5g} kHz")
-    if not told:
-        return []
-    return [
-        "an absorbing end sends back more than 1e-3 of waves just above a cutoff, which are long: "
-        + ", ".join(dict.fromkeys(told))
-        + "; keep the sources' band off them, or take stiffer media at the ends"
-    ]
+    return ", ".join(dict.fromkeys(told))

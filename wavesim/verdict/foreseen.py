@@ -8,11 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wavesim.case.load import Case, largest_phase
+from wavesim.case.load import Case
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.medium import fastest_speed
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
+from wavesim.simulation.carried import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.time_step import TimeStep

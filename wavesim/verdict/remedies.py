@@ -158,8 +158,19 @@ def lower(field: Field) -> str:
     return f"[[sources]] {key} below {value:g}"
 
 
-def of_signal(field: Field, receiver: str) -> str:
-    """Where a receiver's signal is off."""
+def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
+    """Where a receiver's signal is off.
+
+    Args:
+        field: the field.
+        receiver: its name.
+        sent_back: frequencies that absorbing ends send back, which no grid mends; "" for none.
+    """
+    if sent_back:
+        return (
+            f"take {lower(field)}, or stiffer media at the absorbing ends, which send back some of "
+            f"{sent_back}; if that is not it, {of_grid(field)}"
+        )
     bar, layers = field.bar, field.layers
     faces = list(layers.interfaces)
     faces += [] if bar.periodic else [0.0, bar.length]

@@ -62,7 +62,7 @@ class Reading:
         for group, members in parts:
             for member in members:
                 for name, value in vars(member).items():
-                    if name not in ("sector", "line"):
+                    if name not in ("sector", "line") and value is not None:
                         path = f"{group}/{member.sector}/{name}"
                         found[path] = np.asarray(value), _UNITS.get(name, "–")
         for test in self.pulses:

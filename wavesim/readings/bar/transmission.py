@@ -45,7 +45,9 @@ class Specimen:
         T, R: of the exact solver at ω + iσ, at the faces, shape (n,).
         judged: where the source has more than 1 % of its peak spectrum and the wave in the buffers
             propagates, shape (n,).
-        line: ω, T and R once more on a line fine enough to be drawn.
+        line: ω, T and R once more on a line fine enough to be drawn, and T at real ω there.
+        T_real, R_real: of the exact solver at real ω, shape (n,); NaN where a graded layer without
+            losses has its asymptote, and there is none.
     """
 
     sector: str
@@ -58,7 +60,9 @@ class Specimen:
     T: Complex
     R: Complex
     judged: NDArray[np.bool_]
-    line: tuple[NDArray[Any], Complex, Complex]
+    line: tuple[NDArray[Any], Complex, Complex, Complex]
+    T_real: Complex
+    R_real: Complex
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,10 @@ class Scattered:
         T_exact, R_exact: the same of the exact solver at ω + iσ.
         judged: where they count, see :class:`Specimen`, and the incident wave stands so far above
             what the record's end and rounding may add that T and R can be told to 1e-4.
-        line: ω, T and R of the exact solver on a line fine enough to be drawn; empty without.
+        line: ω, T and R of the exact solver on a line fine enough to be drawn, and T at real ω;
+            empty without.
+        T_real, R_real: of the exact solver at real ω, which a stack is judged by as a filter; what
+            is measured of a record is compared at ω + iσ.
     """
 
     sector: str
@@ -85,6 +92,8 @@ class Scattered:
     R_exact: Complex
     judged: NDArray[np.bool_]
     line: tuple[Any, ...] = ()
+    T_real: Complex | None = None
+    R_real: Complex | None = None
 
 
 def _amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
@@ -140,6 +149,7 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
     k = tuple(wavenumber(layer.medium, block.sector, s) for layer in (first, last))
     carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
     T, R = exact_scattering(layers, block.sector, np.concatenate([s, fine + 1j * sigma]))
+    real, _ = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
     count = len(omega)
     return Specimen(
         block.sector,
@@ -152,7 +162,9 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
         T[:count],
         R[:count],
         (size >= JUDGED) & carried,
-        (fine, T[count:], R[count:]),
+        (fine, T[count:], R[count:], real.T[count:]),
+        real.T[:count],
+        real.R[:count],
     )
 
 
@@ -180,7 +192,7 @@ def scattered(
     judged = known.judged & (np.abs(a) * _TOLD >= hidden)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing came there is no ratio
         T, R = c / a, b / a
-    exact = known.T, known.R, judged, known.line
+    exact = known.T, known.R, judged, known.line, known.T_real, known.R_real
     return Scattered(known.sector, omega, sigma, T, R, *exact)
 
 

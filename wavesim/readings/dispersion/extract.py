@@ -62,7 +62,16 @@ def extract(
 
     Returns:
         One entry for each block that the sources set in motion.
+
+    Raises:
+        ValueError: the bar has layers or ends, where waves have no k of one medium.
     """
+    if not field.simulation.endless:
+        raise ValueError(
+            f"field: of a bar of {len(field.layers.layers)} layers with ends "
+            f"{field.bar.left!r} and {field.bar.right!r}; extract is for a ring of one medium: "
+            "take read_bar, or record its receivers"
+        )
     if k_max is None:
         k_max = np.pi / field.medium.length_scale
     nyquist = np.pi / field.interval

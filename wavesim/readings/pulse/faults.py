@@ -60,8 +60,10 @@ def flat_tops(values: Float) -> int:
     The top of a rounded signal is flat too, but leaves its level by a step or two; a clipped one
     falls off steeply.
     """
-    # A top of noise may be flat by chance: a clipped one falls off by more than neighbours differ.
-    least = 2.5 * step_of_digitiser(values) + 5 * float(np.median(np.abs(np.diff(values))))
+    # A rounded top of noise may be flat by chance: a clipped one falls off by more than neighbours
+    # differ. Without rounding no four values are equal.
+    step = step_of_digitiser(values)
+    least = 2.5 * step + 5 * float(np.median(np.abs(np.diff(values)))) if step else 0.0
     most = 0
     for sign in (1, -1):
         u = sign * values
@@ -70,7 +72,7 @@ def flat_tops(values: Float) -> int:
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[0], top.astype(int), [0]])))
         for first, last in edges.reshape(-1, 2):
-            outside = [u[i] for i in (first - 1, last) if 0 <= i < len(u)]
+            outside = [u[i] for i in (first - 2, last + 1) if 0 <= i < len(u)]
             drop = u.max() - max(outside) if outside else 0.0
             if last - first >= _FLAT and drop > least:
                 most = max(most, int(last - first))

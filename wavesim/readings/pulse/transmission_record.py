@@ -31,7 +31,7 @@ _OVER = 0.1
 _LENGTHS = 1.5
 # The band about the central frequency, over and in multiples of it.
 _LOW, _HIGH = 5.0, 8.0
-_FEWEST_BEFORE = 16
+_FEWEST_BEFORE, _FEWEST_AFTER = 16, 64
 
 
 @dataclass(frozen=True)
@@ -109,23 +109,23 @@ def transmission_record(
         PulseError: times or values can't be used, or nothing was sent or received.
     """
     time, notes = even_time_axis(t)
-    u = checked(f"{name}: receiver", received, time)
+    u = checked("receiver", received, time)
     at = faults.overload(u)
     if at is not None:
         raise PulseError(
-            f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
+            f"{u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
             "no signal: record it again with less gain"
         )
     length, v = 0.0, None
     if sent is not None:
-        v = checked(f"{name}: transmitter", sent, time)
-        start, length, v = _sent(time, v, name)
+        v = checked("transmitter", sent, time)
+        start, length, v = _sent(time, v)
     before = int(np.searchsorted(time, start - 0.5 * (time[1] - time[0])))
     early = u[1:before]
     known = len(early) >= _FEWEST_BEFORE
     raw = u - float(np.median(early if known else u))
     if not np.abs(raw).max() > 0:
-        raise PulseError(f"{name}: the receiver's signal is constant: is its column the right one?")
+        raise PulseError("the receiver's signal is constant: is its column the right one?")
     step = faults.step_of_digitiser(u)
     noise = max(_deviation(early), step / np.sqrt(12)) if known else np.nan
     clipped = bool(faults.flat_tops(u))
@@ -156,12 +156,12 @@ def _deviation(part: Float) -> float:
     return float(np.std(part - np.polynomial.Polynomial.fit(n, part, 2)(n), ddof=3))
 
 
-def _sent(t: Float, v: Float, name: str) -> tuple[float, float, Float]:
+def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
     """Start and length of what is sent, and it without its base."""
     v = v - float(np.median(v[: max(4, len(v) // 50)]))
     peak = float(np.abs(v).max())
     if not peak > 0:
-        raise PulseError(f"{name}: the transmitter's signal is constant: is --input its column?")
+        raise PulseError("the transmitter's signal is constant: is --input its column?")
     above = np.flatnonzero(np.abs(v) >= _SENT * peak)
     first, last = int(above[0]), int(above[-1])
     if last > 0.8 * len(v):
@@ -178,6 +178,7 @@ def _sent(t: Float, v: Float, name: str) -> tuple[float, float, Float]:
 def _ready(found: TransmissionRecord) -> TransmissionRecord:
     """Without crosstalk and creep."""
     t, raw, dt = found.t, found.raw, found.interval
+    _check_length(found, found.start + _LENGTHS * found.length)
     rough = _central_period(found, found.start + _LENGTHS * found.length)
     band = _band(raw, dt, rough)
     size = envelope(band)
@@ -187,7 +188,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     inside = (t >= found.start) & (t <= found.start + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part = found.start, 0.0
-    if found.sent is not None and peak > max(_HEARD * noise, _LEAST * float(size.max())):
+    if found.start > t[0] and peak > max(_HEARD * noise, _LEAST * float(size.max())):
         latest = found.start + max(_LENGTHS * found.length, rough)
         ends = np.flatnonzero((t > found.start + found.length) & (size < _OVER * peak))
         blank = min(float(t[ends[0]]) if len(ends) else latest, latest)
@@ -203,11 +204,8 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
         blank: s.
     """
     t, dt = found.t, found.interval
+    _check_length(found, blank)
     first = int(np.searchsorted(t, blank))
-    if first > len(t) - 64:
-        raise PulseError(
-            f"{found.name}: only {len(t) - first} samples follow what was sent: record longer"
-        )
     u = found.raw.copy()
     early = int(np.searchsorted(t, found.start))
     level = float(np.median(u[first : first + max(3, int(0.2 * found.period / dt))]))
@@ -219,6 +217,15 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     got[:first] = 0.0
     part = found.crosstalk / float(np.abs(got).max() or 1.0) if found.crosstalk else 0.0
     return replace(found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period)
+
+
+def _check_length(found: TransmissionRecord, after: float) -> None:
+    count = int(np.sum(found.t >= after))
+    if count < _FEWEST_AFTER:
+        raise PulseError(
+            f"only {count} samples follow what was sent, at least {_FEWEST_AFTER} are needed: "
+            "record longer, or look whether --input is the transmitter's column"
+        )
 
 
 def _band(u: Float, dt: float, period: float) -> Float:

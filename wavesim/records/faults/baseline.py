@@ -24,6 +24,8 @@ _MAINS = (50.0, 60.0)
 # Fewer periods than this of the mains are a drift.
 _PERIODS = 1.5
 _HUM = 5.0
+# Parts of the record that may lie before its signal, and what of their power may be no hum.
+_BEGINNINGS, _ALONE = (0.5, 0.25, 0.12, 0.06), 0.2
 # A rest shorter than this many times the fewest samples, off by this part of the peak, is doubted.
 _SHORT, _STEP = 4, 0.05
 
@@ -206,38 +208,118 @@ def _line(v: Float) -> Float | None:
     return np.full(len(v), mean)
 
 
+def without_early_hum(
+    values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
+) -> Float:
+    """One component without the mains' hum that its beginning shows, in place.
+
+    With a hum no start is at rest, so it goes before anything is looked for; what is left of it is
+    fitted again over all that is at rest.
+
+    Args:
+        values: shape (nt, nx), NaN where missing.
+        t, x, labels: times, positions and names of the receivers.
+        found: findings, added to.
+    """
+    which, most = [], 0.0
+    for j in range(values.shape[1]):
+        v = values[:, j]
+        for part in _BEGINNINGS:
+            stop = int(part * len(v))
+            if not _humming(v[:stop], float(t[1] - t[0]), 1 - 2 * _ALONE):
+                continue
+            own = np.isfinite(v) & (np.arange(len(v)) < stop)
+            fit = _mains(v, t, own)
+            if fit is None:
+                continue
+            power, amplitude, wave = fit
+            left = v[own] - wave[own]
+            alone = np.abs(left - left.mean()).max() <= 7 * np.std(left)
+            if alone and power < _ALONE * np.var(v[own]):
+                v -= wave
+                which.append(j)
+                most = max(most, amplitude)
+                break
+    if which:
+        where = places(x, which, labels)
+        found.append(Finding("hum", where, f"{most:.3g}", CURED,
+                             f"hum of up to {most:.3g} taken out ({where})"))  # fmt: skip
+    return values
+
+
 def _hum(v: Float, t: Float, mask: Mask, peak: float) -> Float | None:
     """A sinusoid of the mains' frequency at rest, carried on through the signal."""
     own = mask & np.isfinite(v)
-    span = float(t[-1] - t[0])
-    inside = t[own]
-    if len(inside) < 4 * FEWEST:
+    stop = int(np.argmin(mask)) or len(v)
+    if own.sum() < 4 * FEWEST or not _humming(v[:stop], float(t[1] - t[0]), 0.2):
         return None
-    # Only as far as the rest before the signal holds its phase is it known within.
-    covered = float(inside.max() - inside.min())
-    best: tuple[float, Float] | None = None
+    fit = _mains(v, t, own)
+    if fit is None:
+        return None
+    power, amplitude, wave = fit
+    error = np.sqrt(2 * power / own.sum())
+    above = amplitude > max(_HUM * error, 1e-4 * peak)
+    return wave if above and power < 0.7 * np.var(v[own]) else None
+
+
+def _humming(v: Float, interval: float, share: float) -> bool:
+    """Whether so much of a stretch's power lies about a mains' frequency and its triple."""
+    span = len(v) * interval
+    if span * _MAINS[0] < _PERIODS or len(v) < 4 * FEWEST:
+        return False
+    filled = np.nan_to_num(v - np.nanmean(v))
+    power = np.abs(np.fft.rfft(filled)) ** 2
+    f = np.arange(len(power)) / span
+    near = np.zeros(len(power), bool)
     for mains in _MAINS:
-        if covered * mains < _PERIODS or span * mains < _PERIODS:
+        for line in (mains, 3 * mains):
+            near |= np.abs(f - line) <= 0.01 * line + 2 / span
+    whole = float(power[1:].sum())
+    return whole > 0 and float(power[near].sum()) > share * whole
+
+
+def _mains(v: Float, t: Float, own: Mask) -> tuple[float, float, Float] | None:
+    """Power left, amplitude and course of the best sinusoid near a mains' frequency."""
+    covered = float(np.ptp(t[own])) if own.any() else 0.0
+    # A frequency so low is found by some samples a period; what it is there by all.
+    every = max(1, int(5e-4 / float(t[1] - t[0])), int(own.sum()) // 20_000)
+    at = np.flatnonzero(own)[::every]
+    part, times = v[at], t[at] - t[0]
+    best: tuple[float, float, Float] | None = None
+    for mains in _MAINS:
+        if covered * mains < _PERIODS or len(at) < 4 * FEWEST:
             continue
-        tried = [_sinusoid(v, t, own, f) for f in mains * (1 + np.linspace(-0.01, 0.01, 21))]
-        power, amplitude, error, wave = min(tried, key=lambda one: one[0])
-        whole = float(np.var(v[own]))
-        if (
-            amplitude > _HUM * error
-            and power < 0.7 * whole
-            and amplitude > 1e-4 * peak
-            and (best is None or power < best[0])
-        ):
-            best = power, wave
-    return None if best is None else best[1]
+        # Fine enough that the residual is a parabola between three of them.
+        count = 2 * int(np.ceil(0.01 * mains * covered * 8)) + 3
+        tried = mains * (1 + np.linspace(-0.01, 0.01, count))
+        left = np.array([_fitted(part, times, f)[0] for f in tried])
+        grain = tried[1] - tried[0]
+        f = _vertex(tried, left)
+        tried = f + grain / 4 * np.arange(-1, 2)
+        f = _vertex(tried, np.array([_fitted(v[own], t[own] - t[0], g)[0] for g in tried]))
+        power, found = _fitted(v[own], t[own] - t[0], f)
+        if best is None or power < best[0]:
+            wave = _tones(t - t[0], f)[:, 1:] @ found[1:]
+            best = power, float(np.hypot(found[1], found[2])), wave
+    return best
 
 
-def _sinusoid(v: Float, t: Float, own: Mask, f: float) -> tuple[float, float, float, Float]:
-    """Power left, amplitude, its standard error, and the wave, of frequency f and its triple."""
-    angle = 2 * np.pi * f * (t - t[0])
-    basis = np.stack([np.ones(len(t)), np.cos(angle), np.sin(angle), np.cos(3 * angle),
-                      np.sin(3 * angle)], axis=1)  # fmt: skip
-    found, *_ = np.linalg.lstsq(basis[own], v[own], rcond=None)
-    power = float(np.mean((v[own] - basis[own] @ found) ** 2))
-    error = float(np.sqrt(2 * power / own.sum()))
-    return power, float(np.hypot(found[1], found[2])), error, basis[:, 1:] @ found[1:]
+def _vertex(f: Float, left: Float) -> float:
+    """Where the parabola through the least of evenly spaced values and its neighbours is lowest."""
+    i = int(np.clip(np.argmin(left), 1, len(f) - 2))
+    bend = left[i - 1] - 2 * left[i] + left[i + 1]
+    shift = 0.5 * (left[i - 1] - left[i + 1]) / bend if bend > 0 else 0.0
+    return float(f[i] + np.clip(shift, -1, 1) * (f[1] - f[0]))
+
+
+def _fitted(part: Float, times: Float, f: float) -> tuple[float, Float]:
+    """Power left by a level and sinusoids of f and 3f, and their amplitudes."""
+    basis = _tones(times, f)
+    found = np.linalg.solve(basis.T @ basis, basis.T @ part)
+    return float(np.mean((part - basis @ found) ** 2)), found
+
+
+def _tones(times: Float, f: float) -> Float:
+    angle = 2 * np.pi * f * times
+    return np.stack([np.ones(len(times)), np.cos(angle), np.sin(angle), np.cos(3 * angle),
+                     np.sin(3 * angle)], axis=1)  # fmt: skip

@@ -1,0 +1,117 @@
+"""The command ``pulse``: records of files and of runs, what it prints, writes and refuses."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from transducers import record
+
+from wavesim.cli.main import main
+
+STRESS = np.array([5, 10, 20, 40, 80.0])
+SPEED = 60 * STRESS**0.27
+
+
+def pulse(*words):
+    return CliRunner().invoke(main, ["pulse", *map(str, words)])
+
+
+def test_q_of_the_pulse_test_comes_back_from_its_receivers(shipped):
+    """The law has Q = 60: to 5 %, within the bars; the spectral ratio (34) is refused."""
+    run = shipped("pulse_test")
+    (one,) = json.loads(pulse(run.folder, "--json").output)["records"]
+    q = one["quality"]
+    assert q["valid"]
+    assert q["value"] == pytest.approx(60, rel=0.05)
+    assert abs(q["value"] - 60) <= 2 * q["error"]
+    assert not one["spectral_ratio"]["valid"]
+    assert "the velocity changes by" in one["spectral_ratio"]["reason"]
+    told = run.summary["pulse"]["records"][0]
+    assert told["quality"] == q
+
+
+def test_q_holds_with_one_per_cent_of_noise(shipped, tmp_path):
+    """Ten seeds, within two errors in eight or more; those are below 10 %."""
+    field = shipped("pulse_test").field
+    u = np.stack([field.at(x, "phi1") for x in field.receivers.values()], axis=1)
+    heading = ",".join(["t_s", *(f"x={1e3 * x:g} mm" for x in field.receivers.values())])
+    inside = 0
+    for seed in range(10):
+        noise = 0.01 * np.abs(u).max() * np.random.default_rng(seed).standard_normal(u.shape)
+        file = tmp_path / "noisy.csv"
+        table = np.column_stack([field.t, u + noise])
+        np.savetxt(file, table, delimiter=",", header=heading, comments="")
+        q = json.loads(pulse(file, "--json").output)["records"][0]["quality"]
+        assert q["valid"]
+        assert q["error"] <= 6
+        inside += abs(q["value"] - 60) <= 2 * q["error"]
+    assert inside >= 8
+
+
+def test_a_series_may_be_columns_of_one_file(tmp_path):
+    """Columns without places are records of one receiver, in their order."""
+    made = [record(c, seed=i) for i, c in enumerate(SPEED)]
+    (t, sent, _), file = made[0], tmp_path / "all.csv"
+    table = np.column_stack([1e3 * t, sent, *(got for _, _, got in made)])
+    heading = "Time (ms);Input (V);" + ";".join(f"{s:g} kPa (mV)" for s in STRESS)
+    np.savetxt(file, table, "%.7g", ";", header=heading, comments="")
+    given = ["--input", "Input (V)", "--distance", 0.12, "--against", "stress=5,10,20,40,80"]
+    answer = pulse(file, *given, "--json", "--out", tmp_path / "out")
+    assert answer.exit_code == 0, answer.output
+    found = json.loads(answer.output)
+    speed = np.array([one["best"]["velocity"] for one in found["records"]])
+    assert np.abs(speed / SPEED - 1).max() <= 0.05
+    assert found["records"][2]["file"].endswith("20 kPa (mV)")
+    assert found["series"]["parameter"] == "stress"
+    assert found["series"]["fit"]["b"] == pytest.approx(0.27, abs=0.02)
+    assert found["series"]["outliers"] == []
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "pulse.json", "pulse_records.png", "pulse_series.png"
+    }  # fmt: skip
+
+
+def test_one_bad_file_of_a_series_is_refused_and_the_others_read(tmp_path):
+    files = []
+    for i, c in enumerate(SPEED):
+        files.append(tmp_path / f"{i}.csv")
+        np.savetxt(files[-1], np.column_stack(record(c, seed=i)), "%.7g", ",")
+    files[3].write_text("no numbers\nat all\n")
+    answer = pulse(*files, "--input", 2, "--distance", 0.12, "--against",
+                   "stress=5,10,20,40,80", "--json")  # fmt: skip
+    assert answer.exit_code == 0
+    found = json.loads(answer.output)
+    valid = [one["best"]["valid"] for one in found["records"]]
+    assert valid == [True, True, True, False, True]
+    assert "3.csv" in found["records"][3]["best"]["reason"]
+    assert found["series"]["fit"]["b"] == pytest.approx(0.27, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--input", "7"], "--input 7: no such column"),
+        (["--input", "2"], "holds one receiver and no position: give --distance"),
+        (["--input", "2", "--distance", "0"], "--distance 0: must be greater than 0"),
+        (["--input", "2", "--distance", "1,2"], "--distance: 2 values for 1 records"),
+        (["--input", "2", "--distance", "1", "--against", "stress"], "must be NAME=V1,V2"),
+        (["--input", "2", "--distance", "1", "--against", "s=1,2"], "2 values for 1 records"),
+        (["--input", "2", "--distance", "1", "--delay", "1", "--face-to-face", "x"], "one of the"),
+    ],
+)
+def test_what_is_asked_wrongly_is_one_line(words, message, tmp_path):
+    file = tmp_path / "r.csv"
+    np.savetxt(file, np.column_stack(record(120.0)), "%.7g", ",")
+    answer = pulse(file, *words)
+    assert answer.exit_code == 2
+    assert message in answer.output
+    assert answer.output.count("\n") == 1
+
+
+def test_nothing_but_noise_ends_with_one(tmp_path):
+    file, (t, sent, _) = tmp_path / "r.csv", record(120.0)
+    noise = np.random.default_rng(3).standard_normal(len(t))
+    np.savetxt(file, np.column_stack([t, sent, noise]), "%.7g", ",")
+    answer = pulse(file, "--input", 2, "--distance", 0.12)
+    assert answer.exit_code == 1
+    assert "refused" in answer.output

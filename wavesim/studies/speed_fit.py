@@ -1,0 +1,185 @@
+"""From measured P and S speeds to contact stiffness and η: long waves of the translation family.
+
+At long waves grains move with the mean, so that the average stiffness K_n^a and η alone are felt,
+
+    ρ V_P² = l²N_p K_n^a (A + B η)/105,   A = 21 + 12a, B = 14 + 2a,
+    ρ V_S² = l²N_p K_n^a (C + D η)/105,   C = 7 + a,    D = 28 + 13a,
+
+of which the ratio of speeds gives η and V_S then K_n^a. At a = 0 V_P²/V_S² = (21 + 14η)/(7 + 28η).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavesim.material.medium import Medium
+from wavesim.studies.least_squares import FitError
+
+KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
+NOT_TOLD = (
+    "two speeds of long waves tell K_n_a and stiffness_ratio alone, with anisotropy, "
+    "branch_length, contact_density and density as given: a denser or finer packing of stiffer "
+    "contacts has the same; K_n_r, K_n_g and strain_inertia are not felt by them, frequencies "
+    "near the gaps are"
+)
+
+
+@dataclass(frozen=True)
+class SpeedFit:
+    """What a P and an S speed say of a medium.
+
+    Attributes:
+        K_n_a, stiffness_ratio: found, N/m and –; K_n_r goes along with K_n_a.
+        K_n_a_error, stiffness_ratio_error: one standard error each; NaN without those of speeds.
+        correlation: of the two errors.
+        reason: why it does not count, or "".
+        parameter: what the state is named by in a series, such as a stress; None of one pair.
+    """
+
+    K_n_a: float
+    K_n_a_error: float
+    stiffness_ratio: float
+    stiffness_ratio_error: float
+    correlation: float
+    reason: str = ""
+    parameter: float | None = None
+
+    def medium(self, start: Medium) -> Medium:
+        """The medium with what was found; K_n_r in its ratio to K_n_a as before."""
+        changed: dict[str, Any] = {
+            "K_n_a": self.K_n_a,
+            "K_n_r": start.K_n_r * self.K_n_a / start.K_n_a,
+            "stiffness_ratio": self.stiffness_ratio,
+        }
+        return dataclasses.replace(start, **changed)
+
+    def summary(self) -> dict[str, Any]:
+        """As plain data, as other fits have it."""
+        both = (self.K_n_a, self.K_n_a_error), (self.stiffness_ratio, self.stiffness_ratio_error)
+        parameters = {
+            key: {"value": value, "error": error, "valid": not self.reason, "reason": self.reason}
+            for key, (value, error) in zip(KEYS, both, strict=True)
+        }
+        return {
+            "kind": "speeds",
+            "parameters": parameters,
+            "nuisances": {},
+            "degenerate": [],
+            "correlations": [{"keys": list(KEYS), "value": self.correlation}],
+            "residual": 0.0,
+            "valid": not self.reason,
+            "notes": [NOT_TOLD],
+        }
+
+
+def fit_speeds(
+    v_p: float,
+    v_s: float,
+    start: Medium,
+    errors: tuple[float, float] = (math.nan, math.nan),
+    parameter: float | None = None,
+) -> SpeedFit:
+    """K_n_a and η of a granular medium from its P and S speeds, anisotropy held.
+
+    Args:
+        v_p, v_s: speeds of long waves along the axis, m/s.
+        start: a medium of the translation family; gives all that is held.
+        errors: one standard error of each, m/s, unlike each other's; NaN where not known.
+        parameter: what the state is named by.
+
+    Returns:
+        Both with first-order errors: dη/η′ = 2√((δ_P/V_P)² + (δ_S/V_S)²).
+
+    Raises:
+        FitError: a speed is not positive, or the medium is of another family.
+    """
+    start = next((part for part in start.parts if part.family.name == "translation"), start)
+    if start.family.name != "translation":
+        raise FitError(
+            f"family = {start.family.name!r}: P and S waves are the translation family's; "
+            'give a case with [medium] family = "translation"'
+        )
+    if not (v_p > 0 and v_s > 0 and math.isfinite(v_p + v_s)):
+        raise FitError(f"speeds = {v_p:g}, {v_s:g} m/s: must be greater than 0")
+    a = float(start.anisotropy)
+    A, B, C, D = 21 + 12 * a, 14 + 2 * a, 7 + a, 28 + 13 * a
+    q = (v_p / v_s) ** 2
+    eta = (A - q * C) / (q * D - B)
+    eta = eta if abs(eta) > 1e-12 else 0.0
+    slope = (C * B - A * D) / (q * D - B) ** 2  # dη/dq
+    unit = 105 * float(start.density) / float(start.per_contacts)
+    stiffness = unit * v_s**2 / (C + D * eta)
+    if not (q * D > B and eta >= -1e-12):
+        limit = math.sqrt(A / C if q * D > B else B / D)
+        side = "above" if q * D > B else "below"
+        reason = (
+            f"V_P/V_S = {v_p / v_s:.4g} is {side} {limit:.4g}, which no stiffness_ratio ≥ 0 has at "
+            f"anisotropy = {a:g}: another fabric, or a speed misread"
+        )
+        return SpeedFit(math.nan, math.nan, math.nan, math.nan, math.nan, reason, parameter)
+    # Derivatives by ln V_P and ln V_S.
+    of_eta = np.array([2 * q * slope, -2 * q * slope])
+    of_stiffness = np.array([0.0, 2 * stiffness]) - stiffness * D / (C + D * eta) * of_eta
+    relative = np.array(errors) / (v_p, v_s)
+    covariance = np.array([of_stiffness, of_eta]) * relative
+    covariance = covariance @ covariance.T
+    sizes = np.sqrt(np.diag(covariance))
+    correlation = float(covariance[0, 1] / sizes.prod()) if sizes.prod() > 0 else math.nan
+    return SpeedFit(stiffness, float(sizes[0]), eta, float(sizes[1]), correlation, "", parameter)
+
+
+def fit_series(
+    p: dict[str, Any], s: dict[str, Any], start: Medium
+) -> tuple[list[SpeedFit], dict[str, float] | None]:
+    """Each state of two series, as ``wavesim pulse --json`` writes them, and how K_n_a follows.
+
+    Args:
+        p, s: of P and of S pulses, whose records are of the same states in the same order.
+        start: as of :func:`fit_speeds`.
+
+    Returns:
+        A fit for each state that both have, and K_n_a = c · parameter^b, {"c", "b", "b_error"};
+        None with fewer than three states.
+
+    Raises:
+        FitError: the series have no states in common.
+    """
+    known = [_speeds(one) for one in (p, s)]
+    both = [key for key in known[0] if key in known[1]]
+    if not both:
+        raise FitError("the two series have no state in common: give them the same --against")
+    fits = []
+    for key in both:
+        (v_p, e_p), (v_s, e_s) = known[0][key], known[1][key]
+        fits.append(fit_speeds(v_p, v_s, start, (e_p, e_s), key))
+    good = [one for one in fits if not one.reason and one.parameter and one.parameter > 0]
+    return fits, _power_law(good) if len(good) > 2 else None
+
+
+def _speeds(series: dict[str, Any]) -> dict[float, tuple[float, float]]:
+    """{parameter: (velocity, its error)} of the records that hold."""
+    records = series["records"]
+    told = series.get("series") or {}
+    values: Sequence[float] = told.get("values") or range(1, len(records) + 1)
+    found = {}
+    for value, record in zip(values, records, strict=True):
+        best = record.get("best") or {}
+        if best.get("valid") and best.get("velocity"):
+            error = best.get("velocity_error")
+            found[float(value)] = (float(best["velocity"]), math.nan if error is None else error)
+    return found
+
+
+def _power_law(fits: Sequence[SpeedFit]) -> dict[str, float]:
+    x = np.log(np.array([f.parameter for f in fits], float))
+    y = np.log([f.K_n_a for f in fits])
+    (b, c), residual, *_ = np.polyfit(x, y, 1, full=True)
+    left = float(residual[0]) if len(residual) else 0.0
+    error = math.sqrt(left / max(len(x) - 2, 1) / ((x - x.mean()) ** 2).sum())
+    return {"c": float(np.exp(c)), "b": float(b), "b_error": error}
