@@ -97,6 +97,23 @@ def test_a_fault_costs_nothing_and_is_said(name):
     assert one.origin.record.notes
 
 
+@pytest.mark.parametrize("size", [0.1, 1.0])
+def test_hum_of_many_periods_is_taken_out(size):
+    t, x = np.arange(4000) * 1e-4, 2 + 0.25 * np.arange(N)
+    clean = ricker(t[:, None] - 0.15 - x / 300, 200.0)
+    clean = clean + 1e-3 * np.random.default_rng(3).standard_normal(clean.shape)
+    hum = size * np.sin(2 * np.pi * 49.97 * t + 0.3)[:, None]
+    errors = []
+    for values in (clean, clean + hum):
+        found = from_arrays({"t": t, "x": x, "values": values})
+        (one,) = attenuation([RecordOfMedium("a", found)], (60.0, 400.0), 24)
+        points = one.points.take(one.points.valid)
+        assert len(points) >= 22
+        errors.append(np.median(np.abs(points.k * 300 / points.omega - 1)))
+    assert errors[1] < 2 * errors[0]
+    assert "hum" in {f.what for f in found.findings}
+
+
 def test_no_fault_is_found_where_there_is_none():
     assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()
 
@@ -177,6 +194,18 @@ def test_a_ring_with_faults_is_read_as_without(fault):
     points = one.points.take(one.points.valid)
     assert len(points) == 8
     assert np.abs(points.omega / (2000 * points.k) - 1).max() < 1e-5
+
+
+def test_channels_round_a_ring_are_held_against_its_waves():
+    t, x, u = ring()
+    u[:, 7] *= -1
+    found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
+    assert [(f.what, f.where) for f in found.findings] == [("reversed", "x = 0.007 m")]
+    u[:, 7] *= -1
+    u[:, [3, 9]] = u[:, [9, 3]]
+    found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
+    with pytest.raises(RecordError, match=r"receivers at x = 0\.003, 0\.009 m do not fit"):
+        dispersion([RecordOfMedium("ring", found)])
 
 
 def test_a_ring_driven_within_the_record_asks_when_it_is_free():

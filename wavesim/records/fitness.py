@@ -62,6 +62,12 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
             f"flat tops at {where}: the samples are cut off at the digitiser's range, which makes "
             "waves that are none; turn the gain down and record again"
         )
+    if len(record.misfit) and record.misfit.any():
+        where = places(record.x, record.misfit, record.labels)
+        raise RecordError(
+            f"receivers at {where} do not fit the waves round the ring that all others show: "
+            "exchanged, delayed or disturbed; put them right, or take the rest as a stretch"
+        )
     still = record.driven and at_rest_first(record)
     # What enters a stretch at its ends is refused for that, or taken by the FFT.
     if still and (record.ring or (harmonic and not _entered(record))):

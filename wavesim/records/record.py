@@ -64,6 +64,7 @@ class Record:
         whole: the values with those receivers' gaps and all else in its place; None where none are.
         clipped: receivers with flat tops, shape (nx,).
         begun: receivers at which the signal is there already when the record begins, shape (nx,).
+        misfit: receivers round a ring that do not fit the waves of all others, shape (nx,).
         source_seen: where a source that nobody named stands among the receivers, by the earliest
             arrivals, m; None where none does.
         driven: whether it is not known from when on no source acts.
@@ -90,6 +91,7 @@ class Record:
     whole: Float | None = None
     clipped: Mask = field(default_factory=lambda: np.zeros(0, bool))
     begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    misfit: Mask = field(default_factory=lambda: np.zeros(0, bool))
     source_seen: float | None = None
     driven: bool = False
     findings: tuple[Finding, ...] = ()
@@ -140,6 +142,7 @@ class Record:
             broken=self.broken[kept] if len(self.broken) else self.broken,
             clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
             begun=self.begun[kept] if len(self.begun) else self.begun,
+            misfit=self.misfit[kept] if len(self.misfit) else self.misfit,
             whole=None if self.whole is None else self.whole[..., kept],
         )
 
@@ -282,9 +285,10 @@ def record(
             "a stretch instead, or give --spacing where they are"
         )
     within, place = np.zeros(len(x), bool), None
+    odd = np.zeros(len(x), bool)
     if not trusted:
         seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
-        mended, within, place = together(
+        mended, odd, within, place = together(
             seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring, found
         )
         if mended.any:
@@ -293,6 +297,7 @@ def record(
             if whole is not None:
                 whole = (whole[..., mended.order] * mended.factor)[..., kept]
             x, channels, within, broken = x[kept], channels.take(kept), within[kept], broken[kept]
+            odd = odd[kept]
     components = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
     return Record(
         t,
@@ -315,6 +320,7 @@ def record(
         whole=whole,
         clipped=channels.flat,
         begun=within,
+        misfit=odd,
         source_seen=place if not sources else None,
         driven=quiet_from is None,
         findings=tuple(found),

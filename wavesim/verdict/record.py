@@ -144,6 +144,7 @@ def attenuation(
         record, medium = origin.record, origin.medium
         if band is not None:
             low, high = (2 * np.pi * f for f in band)
+            _check_band(low, record)
         elif medium is not None:
             low, high = 0.2 / float(medium.time_scale), 2.0 / float(medium.time_scale)
             high = min(high, 0.8 * np.pi / record.interval)
@@ -164,6 +165,17 @@ def attenuation(
     if not results:
         raise RecordError("no wave travels in any of its sectors: there is no k to measure")
     return results
+
+
+def _check_band(low: float, record: Record) -> None:
+    """Refuse a band that the frames do not reach, most often for a unit of time."""
+    nyquist = 0.5 / record.interval
+    if low >= 2 * np.pi * nyquist:
+        raise RecordError(
+            f"--band {low / (2 * np.pi):g} Hz: above the Nyquist frequency, {nyquist:.4g} Hz with "
+            f"frames {record.interval:.4g} s apart: name a lower band, or the unit of the times "
+            "with --time-unit"
+        )
 
 
 def checks(results: Sequence[Recovered]) -> list[Check]:

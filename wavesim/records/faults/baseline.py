@@ -281,7 +281,7 @@ def _humming(v: Float, interval: float, share: float) -> bool:
 def _mains(v: Float, t: Float, own: Mask) -> tuple[float, float, Float] | None:
     """Power left, amplitude and course of the best sinusoid near a mains' frequency."""
     covered = float(np.ptp(t[own])) if own.any() else 0.0
-    # A frequency so low needs no more samples than some hundreds a period.
+    # A frequency so low is found by some samples a period; what it is there by all.
     every = max(1, int(5e-4 / float(t[1] - t[0])), int(own.sum()) // 20_000)
     at = np.flatnonzero(own)[::every]
     part, times = v[at], t[at] - t[0]
@@ -293,15 +293,23 @@ def _mains(v: Float, t: Float, own: Mask) -> tuple[float, float, Float] | None:
         count = 2 * int(np.ceil(0.01 * mains * covered * 8)) + 3
         tried = mains * (1 + np.linspace(-0.01, 0.01, count))
         left = np.array([_fitted(part, times, f)[0] for f in tried])
-        i = int(np.clip(np.argmin(left), 1, count - 2))
-        bend = left[i - 1] - 2 * left[i] + left[i + 1]
-        shift = 0.5 * (left[i - 1] - left[i + 1]) / bend if bend > 0 else 0.0
-        f = tried[i] + float(np.clip(shift, -1, 1)) * (tried[1] - tried[0])
-        power, found = _fitted(part, times, f)
+        grain = tried[1] - tried[0]
+        f = _vertex(tried, left)
+        tried = f + grain / 4 * np.arange(-1, 2)
+        f = _vertex(tried, np.array([_fitted(v[own], t[own] - t[0], g)[0] for g in tried]))
+        power, found = _fitted(v[own], t[own] - t[0], f)
         if best is None or power < best[0]:
             wave = _tones(t - t[0], f)[:, 1:] @ found[1:]
             best = power, float(np.hypot(found[1], found[2])), wave
     return best
+
+
+def _vertex(f: Float, left: Float) -> float:
+    """Where the parabola through the least of evenly spaced values and its neighbours is lowest."""
+    i = int(np.clip(np.argmin(left), 1, len(f) - 2))
+    bend = left[i - 1] - 2 * left[i] + left[i + 1]
+    shift = 0.5 * (left[i - 1] - left[i + 1]) / bend if bend > 0 else 0.0
+    return float(f[i] + np.clip(shift, -1, 1) * (f[1] - f[0]))
 
 
 def _fitted(part: Float, times: Float, f: float) -> tuple[float, Float]:

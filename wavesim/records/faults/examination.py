@@ -17,6 +17,7 @@ from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.moveout import FASTEST, arrivals, begun, source_within, speed
 from wavesim.records.faults.quiet import FEWEST, Rest, rest
+from wavesim.records.faults.ring_channels import ring_misfits
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -107,7 +108,7 @@ def together(
     unsure: Mask,
     ring: bool,
     found: list[Finding],
-) -> tuple[Mended, Mask, float | None]:
+) -> tuple[Mended, Mask, Mask, float | None]:
     """Channels beside each other: which do not fit, which have begun, where a source stands.
 
     Args:
@@ -120,15 +121,18 @@ def together(
         found: findings, added to.
 
     Returns:
-        What to do to the channels; receivers at which the record begins inside the signal; the
-        place of a source among them, m.
+        What to do to the channels; those round a ring that do not fit; receivers at which the
+        record begins inside the signal; the place of a source among them, m.
     """
     nx = values.shape[2]
     values = _filled(values, missing)
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
     own = rest(values[strongest], quantum)
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
-    if len(values) == 1 and not ring:
+    odd = np.zeros(nx, bool)
+    if len(values) == 1 and ring:
+        mended, odd = ring_misfits(values[0], x, labels, found)
+    elif len(values) == 1:
         mended = misfits(values[0], t, x, labels, own, unsure, found)
     if nx == values.shape[1] and np.isfinite(x).all():
         found.append(
@@ -154,7 +158,7 @@ def together(
                     "the record begins inside the signal at "
                     f"{int(within.sum())} of {nx} receivers ({places(x, within, labels)})")
         )  # fmt: skip
-    return mended, within, place
+    return mended, odd, within, place
 
 
 def _filled(values: Float, missing: Mask) -> Float:
