@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from pathlib import Path
 
@@ -29,6 +30,13 @@ def found(case: str | Path) -> Path:
     if str(case) == path.name and not path.suffix and not path.exists():
         return shipped().get(str(case), path)
     return path
+
+
+def like(case: str | Path) -> str:
+    """What to name in place of a case that is not there, in words."""
+    near = difflib.get_close_matches(Path(case).stem, shipped(), 1)
+    meant = f"; did you mean {near[0]}, which comes with wavesim?" if near else ""
+    return f"a case file, or a shipped case (wavesim cases lists them){meant}"
 
 
 def title(path: Path) -> str:
