@@ -91,11 +91,12 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     make(("bar",), _check_half_spaces, bar, file.layers)
     places = make(("layers",), _with_buffers, bar, file.layers, float(medium.length_scale))
     stretches: list[Layer] = []
+    sound = {medium}  # each medium is looked at once
     for one in places:
         layer = make(one.where, one.table.build, file.medium, one.start, one.end)
-        if layer not in stretches[-2:]:
-            for end in layer.sampled(2):
-                make(one.where, check_hyperbolic, end)
+        for end in set(layer.sampled(2)) - sound:
+            make(one.where, check_hyperbolic, end)
+            sound.add(end)
         stretches.append(layer)
         make(one.where, check_follow, stretches, max(one.end, stretches[-1].end))
     if len(stretches) == 1 and stretches[0].last is None:
