@@ -66,7 +66,7 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
         where = places(record.x, record.misfit, record.labels)
         raise RecordError(
             f"receivers at {where} do not fit the waves round the ring that all others show: "
-            "exchanged, delayed or disturbed; put them right, or take the rest as a stretch"
+            "dead, mis-scaled, exchanged or delayed; put them right, or take the rest as a stretch"
         )
     still = record.driven and at_rest_first(record)
     # What enters a stretch at its ends is refused for that, or taken by the FFT.
