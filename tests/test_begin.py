@@ -71,6 +71,7 @@ def test_a_shipped_case_is_found_by_its_name_from_anywhere(tmp_path, monkeypatch
     done = call("cases", "free_bar", "--out", "here", *short)
     assert done.exit_code in (0, 1)
     assert (tmp_path / "here" / "report.html").exists()
+    assert "did you mean slab" in call("check", "slap").stderr
     # A file of that name comes first.
     (tmp_path / "slab").write_text("title = 5")
     assert call("bands", "slab").exit_code == 2

@@ -59,7 +59,9 @@ def driven(make, length=None):
         make(field="phi1", position=0.0, amplitude=1e-3, drive="rotation"),
         make(field="B11", position=1.3e-3, amplitude=1e-3),
     ]
-    return sources + [make(field="phi1", position=length, drive="moment")] * (length is not None)
+    if length is not None:
+        sources.append(make(field="phi1", position=length, drive="moment"))
+    return sources
 
 
 @pytest.mark.parametrize("signal", KINKED)

@@ -1,4 +1,4 @@
-"""wavesim: rotation waves in granular media with microstructure, in time and by plane waves.
+"""wavesim: waves in granular media with microstructure, in time and by plane waves.
 
     import wavesim as ws
 

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from wavesim.case.design_tables import DesignTable
 from wavesim.case.medium_tables import LayerTable, MediumTable
 from wavesim.case.messages import sentence
-from wavesim.case.shipped import found
+from wavesim.case.shipped import found, like
 from wavesim.case.source_tables import SourceTable
 from wavesim.case.table import Name, NotNegative, Positive, Table, Text
 from wavesim.case.toml_text import CaseError as CaseError
@@ -195,7 +195,7 @@ def tables_of(path: str | Path, overrides: Sequence[str] = ()) -> tuple[dict[str
 def _text(path: str | Path) -> tuple[Path, str]:
     try:
         file = found(path)
-        return file, text_of(file, "a case file, or a shipped case (wavesim cases lists them)")
+        return file, text_of(file, like(path))
     except ValueError as error:  # a NUL in the path among them
         raise CaseError(f"{path}: {error}") from None
 

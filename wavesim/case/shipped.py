@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import os
 import tomllib
 from pathlib import Path
 
@@ -26,9 +28,16 @@ def found(case: str | Path) -> Path:
         case: a path, or a name such as "slab".
     """
     path = Path(case)
-    if str(case) == path.name and not path.suffix and not path.exists():
+    if str(case) == path.name and not path.suffix and not os.path.exists(path):
         return shipped().get(str(case), path)
     return path
+
+
+def like(case: str | Path) -> str:
+    """What to name in place of a case that is not there, in words."""
+    near = difflib.get_close_matches(Path(case).stem, shipped(), 1)
+    meant = f"; did you mean {near[0]}, which comes with wavesim?" if near else ""
+    return f"a case file, or a shipped case (wavesim cases lists them){meant}"
 
 
 def title(path: Path) -> str:

@@ -69,8 +69,12 @@ def cases(context: click.Context, name: str | None, show: bool, options: tuple[s
 
     known = shipped()
     if name is None:
+        from rich.table import Table
+
+        table = Table(box=None, show_header=False, pad_edge=False)
         for one, path in known.items():
-            console().print(f"{one:<18} {title(path)}")
+            table.add_row(one, title(path))
+        console().print(table)
         click.echo("\nRun one by its name: wavesim run slab. Print one: wavesim cases slab --show")
         return
     if name not in known:

@@ -72,11 +72,12 @@ class Simulation(Shown):
         if not self.sources:
             raise ValueError("sources = []: at least one source is needed")
         if not (isinstance(self.duration, numbers.Real) and 0 < self.duration < math.inf):
-            raise ValueError(f"duration = {self.duration} s: must be greater than 0, and finite")
-        if self.samples is not None and not (
-            isinstance(self.samples, numbers.Integral) and self.samples >= 2
-        ):
-            raise ValueError(f"samples = {self.samples}: must be a whole number, at least 2")
+            told = f"{self.duration:g}" if isinstance(self.duration, numbers.Real) else "no number"
+            raise ValueError(f"duration = {told} s: must be greater than 0, and finite")
+        if not isinstance(self.samples, numbers.Integral | None):
+            raise ValueError(f"samples = {self.samples}: must be a whole number")
+        if self.samples is not None and self.samples < 2:
+            raise ValueError(f"samples = {self.samples}: must be at least 2")
         if self.step is not None and not self.step > 0:
             raise ValueError(f"step = {self.step:g} s: must be greater than 0")
         if self.solver not in SOLVERS:

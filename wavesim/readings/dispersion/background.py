@@ -20,8 +20,11 @@ Float = NDArray[Any]
 _BLOCK_BINS = 32
 # Side lobes in time, over their wave's own power, that are no leakage: of Blackman–Harris.
 _SIDE_LOBES = 1e-8
-# A wavenumber is looked at for leakage where its waves are above this part of the strongest.
+# Leakage is looked for at frequencies where a wave is above this part of the strongest.
 _STRONG = 1e-4
+_FEWEST_WAVENUMBERS = 8
+# Below this part of a line close by, a wavenumber's power is that line's flank.
+_FLANK = 0.03
 # Leakage above this part is none that can be told from waves that hardly depend on k.
 _MOST_LEAKAGE = 3e-3
 # Leakage is above this many times its own median at one of hundreds of wavenumbers.
@@ -33,7 +36,7 @@ _LOBE_BINS = 3.0
 def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     """Median of the noise about each frequency, as the lower quartile within 32 bins tells it.
 
-    Lines may take up to three quarters of those bins.
+    Lines may take up to three quarters of those bins; the highest of three such stretches counts.
 
     Args:
         power: periodograms, shape (n, nω).
@@ -51,13 +54,9 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     # |noise|² of each channel is distributed exponentially, and so their sum as Γ(channels).
     to_median = float(gammaincinv(channels, 0.5) / gammaincinv(channels, 0.25))
     quartile = np.partition(inner, size // 4, axis=2)[:, :, size // 4] * to_median
-    middle = (np.arange(blocks) + 0.5) * size
-    at = np.arange(count)
-    low = np.clip(np.searchsorted(middle, at, side="right") - 1, 0, blocks - 1)
-    high = np.minimum(low + 1, blocks - 1)
-    gap = np.maximum(middle[high] - middle[low], 1)
-    part = np.clip((at - middle[low]) / gap, 0, 1)
-    local = quartile[:, low] * (1 - part) + quartile[:, high] * part
+    # Where noise ends within a block, its neighbour tells how high it is.
+    higher = maximum_filter1d(quartile, 3, axis=1, mode="nearest")
+    local = higher[:, np.minimum(np.arange(count) // size, blocks - 1)]
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 
@@ -65,8 +64,8 @@ def leakage(power: Float, per_bin: float) -> Float:
     """Power at each frequency that the waves of one wavenumber leave at all others, shape (nω,).
 
     Receivers of unequal gain, or a dead one among them, multiply the field by g(x), so that a wave
-    at k′ shows at every k with |ĝ(k − k′)|² of its power. How much that is, is told where one
-    wavenumber is far above all others: the median over k of what those have there.
+    at k′ shows at every k with |ĝ(k − k′)|² of its power. How much that is at a frequency, is told
+    where one wavenumber is far above the others: the median over k of what those have there.
 
     Args:
         power: of all wavenumbers of a ring, windowed in time, shape (n, nω).
@@ -75,24 +74,18 @@ def leakage(power: Float, per_bin: float) -> Float:
     Returns:
         The power below which a peak may be another wavenumber's; 0 where nothing leaks.
     """
-    n = len(power)
+    n, count = power.shape
     top = power.max(axis=0)
-    if n < 8 or not top.max() > 0:
-        return np.zeros(power.shape[1])
-    owner = power.argmax(axis=0)
-    inner = np.zeros(power.shape[1], bool)
-    inner[1:-1] = (top[1:-1] >= top[:-2]) & (top[1:-1] >= top[2:])
-    lines = np.flatnonzero(inner & (top > _STRONG * top.max()))
+    if n < _FEWEST_WAVENUMBERS or not top.max() > 0:
+        return np.zeros(count)
+    near = 2 * round(_LOBE_BINS * per_bin) + 1
+    # What stands on the flank of a wavenumber's own line is that line's.
+    own = power < _FLANK * maximum_filter1d(power, near, axis=1)
     noise = np.median(power, axis=1) + _SIDE_LOBES * power.max(axis=1)
-    ratios = []
-    for line in lines:
-        others = np.abs(np.arange(n) - owner[line]) > 2
-        above = power[others, line] - 2 * noise[others]
-        ratios.append(max(float(np.median(above)), 0.0) / top[line])
-    if not ratios:
-        return np.zeros(power.shape[1])
-    part = float(np.quantile(ratios, 0.25))
-    if part >= _MOST_LEAKAGE:
-        return np.zeros(power.shape[1])
-    near = maximum_filter1d(top, 2 * round(_LOBE_BINS * per_bin) + 1)
-    return np.asarray(_ABOVE_MEDIAN * part * near)
+    above = np.where(own, np.nan, np.maximum(power - 2 * noise[:, None], 0.0))
+    enough = np.isfinite(above).sum(axis=0) >= _FEWEST_WAVENUMBERS
+    usual = np.zeros(count)
+    usual[enough] = np.nanmedian(above[:, enough], axis=0)
+    usual[usual > _MOST_LEAKAGE * top] = 0.0
+    usual[top < _STRONG * top.max()] = 0.0
+    return np.asarray(_ABOVE_MEDIAN * maximum_filter1d(usual, near))

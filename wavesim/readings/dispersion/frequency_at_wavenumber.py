@@ -20,7 +20,7 @@ from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.waves_along_line import along_line
-from wavesim.records.record import Record, RecordError
+from wavesim.records.record import FEWEST_FRAMES, Record, RecordError
 
 Float = NDArray[Any]
 
@@ -38,6 +38,8 @@ _PEAK_FLOOR = 1e-8
 _ABOVE_MEDIAN = 40.0
 _ABOVE_CONTINUUM = 20.0
 _PADDING = 2
+# So many frames at the end that are all alike are padding.
+_PADDED = 4
 # A wave weaker than this part of the record's strongest is rounding.
 ROUNDING = 1e-12
 _CYCLES = 1.0
@@ -125,7 +127,7 @@ def in_time(
     """
     if method not in METHODS:
         raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    quiet = record.since(record.quiet_from)
+    quiet = _live(record.since(record.quiet_from))
     if method == "auto":
         method = chosen_method(quiet)
     if method == "fft" and not record.ring:
@@ -151,6 +153,17 @@ def in_time(
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
     return _with_rounding(points, quiet)
+
+
+def _live(record: Record) -> Record:
+    """Without the frames at its end in which nothing changes at any receiver: padding."""
+    changes = np.flatnonzero((np.diff(record.values, axis=1) != 0).any(axis=(0, 2)))
+    last = int(changes[-1]) + 2 if len(changes) else len(record.t)
+    if last >= len(record.t) - _PADDED or last < FEWEST_FRAMES:
+        return record
+    missing = record.missing[:last] if len(record.missing) else record.missing
+    kept = replace(record, t=record.t[:last], values=record.values[:, :last], missing=missing)
+    return replace(kept, whole=None if record.whole is None else record.whole[:, :last])
 
 
 def chosen_method(record: Record) -> str:

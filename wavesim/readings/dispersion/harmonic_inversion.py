@@ -285,7 +285,12 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
     bins = np.arange(power.shape[-1]) * count / search.padded
     distance = np.abs(bins - (found.omega * count / (2 * np.pi))[..., None])
     near = ((distance >= _NEAR[0]) & (distance <= _NEAR[1])).astype(float)
-    level = np.einsum("ncf,npf->ncp", power, near) / near.sum(axis=-1)[:, None]
+    # An error of ω is Σ t n(t) e^{iωt}, which hears noise Δ bins from ω by ((sin x/x)′)², x = πΔ,
+    # of area 1/3: nearly all from close by, and 1/2x² of what is far.
+    far = np.where(distance > _NEAR[1], 3 / (2 * (np.pi * np.maximum(distance, 1)) ** 2), 0.0)
+    far *= count / search.padded
+    heard = near * ((1 - far.sum(axis=-1)) / near.sum(axis=-1))[..., None] + far
+    level = np.einsum("ncf,npf->ncp", power, heard)
     # What the fit's own parameters took out of the residual.
     samples = count if search.weight is None else search.weight.sum()
     level = level * samples / max(samples - 2 * p - (2 * p if search.damped else p) / channels, 1)

@@ -183,5 +183,5 @@ def fit(
         last.residual,
         last.parts,
         unit,
-        np.sqrt((spread[:, :p] + spread[:, p:]) / 2),
+        np.sqrt(np.maximum(spread[:, :p] + spread[:, p:], 0) / 2),
     )

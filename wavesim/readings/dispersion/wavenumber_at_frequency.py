@@ -55,6 +55,8 @@ UNLIKE = (
     "each other; wavesim dispersion reads phases alone"
 )
 _NYQUIST = 0.97
+# Left over up to so many times the noise's power is noise; of more, this part is added.
+_NOISE_SPREAD, _ALIKE = 1.5, 3.0
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
 # Part of the frames at rest that is worth leaving out.
@@ -264,7 +266,9 @@ def _chosen(
     }
     for i in range(n):
         pairs, both, one = fits[chosen[i]]
-        noise = np.sqrt(max(one.residual[i], level[i] ** 2))
+        # What noise does not explain may be alike at neighbouring receivers.
+        excess = max(one.residual[i] - _NOISE_SPREAD * level[i] ** 2, 0.0)
+        noise = np.sqrt(max(one.residual[i], level[i] ** 2) + _ALIKE * excess)
         few = count[i] < unknowns(pairs, both)
         for p in range(pairs):
             columns["omega"].append(omega[i])
