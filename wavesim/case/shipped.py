@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import tomllib
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def found(case: str | Path) -> Path:
         case: a path, or a name such as "slab".
     """
     path = Path(case)
-    if str(case) == path.name and not path.suffix and not path.exists():
+    if str(case) == path.name and not path.suffix and not os.path.exists(path):
         return shipped().get(str(case), path)
     return path
 

@@ -75,7 +75,7 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
         where = places(record.x, record.misfit, record.labels)
         raise RecordError(
             f"receivers at {where} do not fit the waves round the ring that all others show: "
-            "exchanged, delayed or disturbed; put them right, or take the rest as a stretch"
+            "dead, mis-scaled, exchanged or delayed; put them right, or take the rest as a stretch"
         )
     return record
 
