@@ -62,18 +62,20 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
             f"flat tops at {where}: the samples are cut off at the digitiser's range, which makes "
             "waves that are none; turn the gain down and record again"
         )
-    if len(record.misfit) and record.misfit.any():
-        where = places(record.x, record.misfit, record.labels)
-        raise RecordError(
-            f"receivers at {where} do not fit the waves round the ring that all others show: "
-            "exchanged, delayed or disturbed; put them right, or take the rest as a stretch"
-        )
     still = record.driven and at_rest_first(record)
     # What enters a stretch at its ends is refused for that, or taken by the FFT.
     if still and (record.ring or (harmonic and not _entered(record))):
         raise RecordError(
             "all receivers are at rest at the record's beginning and move later, so that a source "
             "acts within it: name the time from which on none does with --quiet-from (s)"
+        )
+    # While a source acts, the waves round a ring are not its own.
+    free = record.quiet_from <= record.t[0]
+    if free and len(record.misfit) and record.misfit.any():
+        where = places(record.x, record.misfit, record.labels)
+        raise RecordError(
+            f"receivers at {where} do not fit the waves round the ring that all others show: "
+            "dead, mis-scaled, exchanged or delayed; put them right, or take the rest as a stretch"
         )
     return record
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.channels import Mended
-from wavesim.records.faults.finding import CURED, TOLD, WIDENED, Finding, places
+from wavesim.records.faults.finding import CURED, TOLD, Finding, places
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -66,46 +66,25 @@ def ring_misfits(
     off &= left > _BESIDE * left.max()
     if not off.any() or off.mean() > _MOST:
         return mended, odd
-    factors = {}
     for j in np.flatnonzero(off):
         expected = waves[:, j]
         factor = float(np.real(np.vdot(expected, U[:, j])) / np.real(np.vdot(expected, expected)))
         rest = float(np.sum(np.abs(U[:, j] - factor * expected) ** 2))
-        power = float(np.sum(np.abs(U[:, j]) ** 2))
-        if power < _PART * whole:
-            continue  # a dead one adds to no wave what its error bar does not hold
-        if rest > (1 - _ALONE) * power:
-            odd[j] = True
-        elif abs(factor + 1) < _ALIKE:
+        alone = rest < (1 - _ALONE) * float(np.sum(np.abs(U[:, j]) ** 2))
+        if alone and abs(factor + 1) < _ALIKE:
             mended.factor[j] = -1
-        elif abs(factor - 1) > _ALIKE:
-            factors[int(j)] = factor
+        elif not (alone and abs(factor - 1) < _ALIKE):
+            odd[j] = True
     turned = mended.factor < 0
     if turned.any():
         where = places(x, turned, labels)
-        found.append(
-            Finding(
-                "reversed",
-                where,
-                "polarity",
-                CURED,
-                f"of reversed polarity, as the ring's waves say: turned round ({where})",
-            )
-        )
-    if factors:
-        # The factor is known to a per cent or so, which would be a fault of its own.
-        where = places(x, list(factors), labels)
-        listed = ", ".join(f"{f:.2g}" for f in list(factors.values())[:6])
-        found.append(
-            Finding("mis-scaled", where, f"by a factor {listed}", WIDENED,
-                    f"larger by a factor of about {listed} than the ring's waves say: its part in "
-                    f"all others is in their bars ({where})")
-        )  # fmt: skip
+        said = f"of reversed polarity, as the ring's waves say: turned round ({where})"
+        found.append(Finding("reversed", where, "polarity", CURED, said))
     if odd.any():
         where = places(x, odd, labels)
-        found.append(
-            Finding("misfit", where, f"{int(odd.sum())} of {nx}", TOLD,
-                    "exchanged, delayed or disturbed: they do not fit the waves that all others "
-                    f"show ({where})")
-        )  # fmt: skip
+        said = (
+            "dead, mis-scaled, exchanged or delayed: they do not fit the waves that all others "
+            f"show ({where})"
+        )
+        found.append(Finding("misfit", where, f"{int(odd.sum())} of {nx}", TOLD, said))
     return mended, odd
