@@ -12,14 +12,27 @@ from wavesim.material.family import known_field
 from wavesim.material.rotation import ROTATION
 from wavesim.runner import measure
 
-NAMES = ["band_stop", "bragg_mirror", "free_bar", "lossy", "pulse_test", "rainbow", "slab", "stack"]
+NAMES = [
+    "band_stop",
+    "bender_element",
+    "bragg_mirror",
+    "free_bar",
+    "lossy",
+    "p_wave_filter",
+    "pulse_test",
+    "rainbow",
+    "slab",
+    "stack",
+]
 LONGITUDINAL = ("phi1", "B11", "B22", "B33")
 # Figures beside those of every bar.
 FIGURES = {
     "band_stop": {"transmission_longitudinal"},
+    "bender_element": {"arrivals_u2"},
     "bragg_mirror": {"transmission_longitudinal", "bloch_longitudinal"},
     "free_bar": {"eigenfrequencies_longitudinal", "eigenfrequencies_transverse2"},
     "lossy": {"arrivals_phi1", "velocities_phi1", "loss_phi1"},
+    "p_wave_filter": {"transmission_longitudinal"},
     "pulse_test": {"arrivals_phi1", "velocities_phi1", "loss_phi1"},
     "rainbow": {"transmission_longitudinal"},
     "slab": {"transmission_longitudinal"},
