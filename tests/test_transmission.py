@@ -169,7 +169,7 @@ def test_wave_that_arrives_too_weak_is_not_a_number():
 
 
 def test_block_without_a_rotation_is_refused():
-    with pytest.raises(ValueError, match="no rotation: no wave travels in it"):
+    with pytest.raises(ValueError, match="has no macro-field: no wave travels in it"):
         attenuation(empty_field(at(0.05, field="B23")), ROTATION.blocks[3], np.array([1e6]), 18.0)
 
 
