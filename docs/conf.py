@@ -28,6 +28,8 @@ autodoc_typehints = "description"
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "undoc-members": False}
 napoleon_use_ivar = True
+# A word of a docstring that two classes have as an attribute, such as time, is no reference.
+suppress_warnings = ["ref.python"]
 
 
 def setup(app):
