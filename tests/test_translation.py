@@ -12,6 +12,7 @@ from runs import call
 
 import wavesim as ws
 from wavesim import planewave
+from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.medium import fastest_speed
 from wavesim.planewave.angle_of_travel import frequencies as at_an_angle
@@ -154,7 +155,8 @@ def test_a_bar_of_soil_rings_at_its_eigenfrequencies():
 
 
 def test_an_interface_passes_what_impedances_say():
-    """One interface at long waves: T of displacement is 2Z₁/(Z₁ + Z₂), Z = ρω/k, 1e-9."""
+    """One interface at long waves: T of displacement is 2Z₁/(Z₁ + Z₂), Z = ρω/k, 1e-9. In jax
+    families that share a density share its value."""
     other = dataclasses.replace(SOIL, K_n_a=3e6, K_n_r=3e6, density=2100.0)
     layers = ws.Layers((ws.Layer(0.0, 1e-3, SOIL), ws.Layer(1e-3, 2e-3, other)))
     omega = 2 * np.pi * np.array([1e4, 5e4, 1e5])
@@ -163,6 +165,8 @@ def test_an_interface_passes_what_impedances_say():
     Z = [m.density * omega / own for m, own in zip((SOIL, other), k, strict=True)]
     np.testing.assert_allclose(np.abs(found.T), 2 * Z[0] / (Z[0] + Z[1]), rtol=1e-9)
     np.testing.assert_allclose(found.power_T + found.power_R, 1.0, rtol=1e-12)
+    with pytest.raises(ValueError, match="density: must be one for all"):
+        traced_layers(layers.mapped(lambda m: ws.together(ws.Medium(closure="consistent"), m)))
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +209,8 @@ def test_families_in_one_bar_do_not_feel_each_other(both):
     checks = ws.judge_bar(field, ws.read_bar(field))
     assert [check.name for check in checks if not check.passed] == []
     for sector in ("rotation-longitudinal", "translation-transverse2"):
-        of_it = [check for check in checks if check.name.startswith((f"{sector} T:", f"{sector} R:"))]
+        names = (f"{sector} T:", f"{sector} R:")
+        of_it = [check for check in checks if check.name.startswith(names)]
         assert [check.tolerance for check in of_it] == [1e-3, 1e-3]
 
 
@@ -251,6 +256,17 @@ def test_speeds_that_no_medium_has_are_told():
     assert "above 1.732" in found.reason
     with pytest.raises(FitError, match="translation"):
         fit_speeds(400.0, 300.0, ws.Medium())
+
+
+def test_a_parameter_laid_over_media_of_both_families_reaches_each_that_has_it():
+    law = ws.Damping(mass=1.0)
+    both = ws.together(ws.Medium(closure="consistent"), SOIL)
+    changed = dataclasses.replace(both, anisotropy=0.3, K_n_r=2e6, damping=law)
+    assert changed.parts[0] == ws.Medium(closure="consistent", anisotropy=0.3, damping=law)
+    assert changed.parts[1] == dataclasses.replace(SOIL, anisotropy=0.3, K_n_r=2e6, damping=law)
+    assert (changed.anisotropy, changed.K_n_r, changed.G_n_a) == (0.3, 2e6, 5.0)
+    with pytest.raises(TypeError, match="strength: is no parameter"):
+        dataclasses.replace(both, strength=1.0)
 
 
 def test_series_of_speeds_go_to_a_law(tmp_path):
