@@ -347,6 +347,28 @@ def test_the_bender_element_case_finds_the_s_wave_and_names_its_precursor(shippe
     assert ahead["ahead"] > 0
 
 
+@pytest.mark.parametrize("named", [[], ["--medium", "bender_element"]], ids=["alone", "medium"])
+def test_a_receiver_that_feels_both_ways_hears_the_precursor(shipped, named, tmp_path):
+    """u₂ and u₁ of the bender element's far receiver in one channel, with noise of 1e-3: the P wave
+    is named; S speed within two standard errors."""
+    field = shipped("bender_element").field
+    (sent,) = (source.signal(field.t) for source in field.sources if source.field == "u2")
+    x, early = field.receivers["far"], np.zeros(200)
+    heard = np.concatenate([early, field.at(x, "u2") + field.at(x, "u1")])
+    heard += 1e-3 * np.abs(heard).max() * np.random.default_rng(1).standard_normal(len(heard))
+    t = np.arange(-200, len(field.t)) * field.interval
+    file = tmp_path / "bender.csv"
+    rows = np.column_stack([t, np.concatenate([early, sent]), heard])
+    np.savetxt(file, rows, delimiter=",", header="time (s),sent,heard", comments="")
+    result = call("pulse", file, "--input", "sent", "--distance", "0.08", "--json", *named)
+    assert result.exit_code == 0, result.output
+    (one,) = json.loads(result.stdout)["records"]
+    assert [p["name"] for p in one["packets"][:2]] == ["P precursor", "direct"]
+    assert one["packets"][1]["wave"] == ("S" if named else "")
+    S = planewave.long_wave_speed(field.medium, "transverse2")
+    assert abs(one["best"]["velocity"] - S) <= 2 * one["best"]["velocity_error"]
+
+
 def test_the_filter_case_stops_p_waves_where_bloch_waves_do(shipped):
     """Two bands below −20 dB in 20 to 80 kHz; in the middle of each real ω is stopped as well."""
     rows = shipped("p_wave_filter").summary["answers"]["transmission"]
