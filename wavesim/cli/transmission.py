@@ -79,10 +79,15 @@ def _tell(study: Any) -> None:
 
     out = console()
     table = Table(box=None, pad_edge=False)
-    for head in ("kHz", *(f"{curve.sector} T, dB" for curve in study.curves)):
+    alike: dict[bytes, list[Any]] = {}
+    for curve in study.curves:
+        alike.setdefault(curve.T.tobytes(), []).append(curve)
+    # Of several families the family stands above its sectors.
+    names = ["\n".join(curve.sector for curve in own).replace("-", "\n") for own in alike.values()]
+    for head in ("kHz", *(f"{name}\nT, dB" for name in names)):
         table.add_column(head, justify="right")
     frequency = study.curves[0].frequency
-    levels = [decibels(curve.T) for curve in study.curves]
+    levels = [decibels(own[0].T) for own in alike.values()]
     for n in np.unique(np.linspace(0, len(frequency) - 1, _ROWS).round().astype(int)):
         table.add_row(f"{frequency[n] / 1e3:.1f}", *(f"{level[n]:.2f}" for level in levels))
     out.print(table)
