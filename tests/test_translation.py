@@ -12,9 +12,11 @@ from runs import call
 
 import wavesim as ws
 from wavesim import planewave
+from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.medium import fastest_speed
 from wavesim.planewave.angle_of_travel import frequencies as at_an_angle
+from wavesim.readings.bar.eigenfrequencies import ringing
 from wavesim.studies.least_squares import FitError
 from wavesim.studies.speed_fit import fit_speeds
 
@@ -130,15 +132,22 @@ def test_the_paper_prints_no_equations_for_it():
 
 
 def test_a_bar_of_soil_rings_at_its_eigenfrequencies():
-    """Free ends, in every band up to above the gaps: k L = nπ and ω(k) of plane waves, 1e-7, as
-    half the digits of the lowest ω² are the eigensolver's; at θ = 0 waves are those of the axis."""
-    length = 0.02
+    """Free ends, below the gaps: k L = nπ and ω(k) of plane waves, 1e-11 (measured 1e-12, as Γ is
+    left out of the one); a run's receivers hear those that stand clear within 1e-6 of them
+    (measured 5e-7, of 1.6 ms); at θ = 0 waves are those of the axis."""
+    length = 0.016
     layers = ws.Layers((ws.Layer(0.0, length, SOIL),))
-    top = 2 * np.pi * 1.9e5
-    found = resonances(layers, "free", "free", "longitudinal", (2e4, top))
+    top = 2 * np.pi * 1.6e5
+    found = resonances(layers, "free", "free", "transverse2", (2e4, top))
     k = np.arange(1, 60) * np.pi / length
-    lowest = planewave.frequencies(SOIL, "longitudinal", k)[:, 0]
-    np.testing.assert_allclose(found, lowest[lowest < top], rtol=1e-7)
+    lowest = planewave.frequencies(SOIL, "transverse2", k)[:, 0]
+    np.testing.assert_allclose(found, lowest[lowest < top], rtol=1e-11)
+    pulse = ws.Ricker("u2", position=0.0037, peak_frequency=6e4, width=4e-4)
+    bar = ws.Bar(cells=128, spacing=1.25e-4, left="free", right="free")
+    ends = {"a": 0.0009, "b": 0.0147}
+    field = ws.simulate(SOIL, bar, [pulse], 1.6e-3, receivers=ends)
+    heard = ringing(field, field.blocks[0], lowest[:12])
+    np.testing.assert_allclose(heard.found, lowest[:12], rtol=1e-6)
     every = at_an_angle(SOIL, 0.0, k[:5])
     for sector in ("longitudinal", "transverse2"):
         along = planewave.frequencies(SOIL, sector, k[:5])
@@ -146,7 +155,8 @@ def test_a_bar_of_soil_rings_at_its_eigenfrequencies():
 
 
 def test_an_interface_passes_what_impedances_say():
-    """One interface at long waves: T of displacement is 2Z₁/(Z₁ + Z₂), Z = ρω/k, 1e-9."""
+    """One interface at long waves: T of displacement is 2Z₁/(Z₁ + Z₂), Z = ρω/k, 1e-9. In jax
+    families that share a density share its value."""
     other = dataclasses.replace(SOIL, K_n_a=3e6, K_n_r=3e6, density=2100.0)
     layers = ws.Layers((ws.Layer(0.0, 1e-3, SOIL), ws.Layer(1e-3, 2e-3, other)))
     omega = 2 * np.pi * np.array([1e4, 5e4, 1e5])
@@ -155,11 +165,13 @@ def test_an_interface_passes_what_impedances_say():
     Z = [m.density * omega / own for m, own in zip((SOIL, other), k, strict=True)]
     np.testing.assert_allclose(np.abs(found.T), 2 * Z[0] / (Z[0] + Z[1]), rtol=1e-9)
     np.testing.assert_allclose(found.power_T + found.power_R, 1.0, rtol=1e-12)
+    with pytest.raises(ValueError, match="density: must be one for all"):
+        traced_layers(layers.mapped(lambda m: ws.together(ws.Medium(closure="consistent"), m)))
 
 
 @pytest.fixture(scope="module")
 def both():
-    """Two layers of both families, the second with other grains, driven at an end and absorbed."""
+    """Two layers of both families, the second with other grains, between ends that absorb."""
 
     def made(**given):
         law = ws.Damping(mass=1e4)
@@ -169,30 +181,37 @@ def both():
         )
 
     layers = ws.Layers(
-        (ws.Layer(0, 0.02, made()), ws.Layer(0.02, 0.035, made(particle_radius=4e-4, density=2e3)))
+        (
+            ws.Layer(0, 0.022, made()),
+            ws.Layer(0.022, 0.036, made(particle_radius=4e-4, density=2e3)),
+        )
     )
-    bar = ws.layered_bar(layers, 1.25e-4, 8, "free", "absorbing", 0.008)
+    bar = ws.layered_bar(layers, 1.25e-4, 8, "absorbing", "absorbing", 0.008)
     pulses = [
-        ws.Ricker("phi1", position=0.0, peak_frequency=2e5, drive="moment"),
-        ws.Ricker("u2", position=0.0, peak_frequency=6e4, drive="traction"),
+        ws.Ricker("phi1", position=0.0105, peak_frequency=2e5),
+        ws.Ricker("u2", position=0.0105, peak_frequency=6e4),
     ]
-    return layers, bar, pulses, {"a": 0.008, "b": 0.024}
+    return layers, bar, pulses, {"a": 0.017, "b": 0.025}
 
 
 def test_families_in_one_bar_do_not_feel_each_other(both):
-    """Each field as in a run of its family alone, to rounding; and the verdict on both."""
+    """Each field as in a run of its family alone, to rounding; and the verdict on both: signals to
+    1e-4, T and R to 1e-3, measured 1e-7 and 2e-6 (rotation), 6e-5 and 9e-5 (translation)."""
     layers, bar, pulses, receivers = both
-    field = ws.simulate(layers, bar, pulses, 1e-4, samples=400, receivers=receivers)
+    field = ws.simulate(layers, bar, pulses, 1.5e-4, samples=400, receivers=receivers)
     assert field.names == ("phi1", "B11", "B22", "B33", "u2", "A21", "A12")
     for number, pulse in enumerate(pulses):
         alone = layers.mapped(lambda medium, number=number: medium.parts[number])
-        one = ws.simulate(alone, bar, [pulse], 1e-4, samples=400, receivers=receivers)
+        one = ws.simulate(alone, bar, [pulse], 1.5e-4, samples=400, receivers=receivers)
         for name in one.names:
             largest = np.abs(one[name]).max()
             assert np.abs(field[name] - one[name]).max() <= 1e-9 * largest, name
     checks = ws.judge_bar(field, ws.read_bar(field))
     assert [check.name for check in checks if not check.passed] == []
-    assert len(checks) >= 6
+    for sector in ("rotation-longitudinal", "translation-transverse2"):
+        names = (f"{sector} T:", f"{sector} R:")
+        of_it = [check for check in checks if check.name.startswith(names)]
+        assert [check.tolerance for check in of_it] == [1e-3, 1e-3]
 
 
 def test_families_in_one_bar_are_told_apart(both):
@@ -237,6 +256,17 @@ def test_speeds_that_no_medium_has_are_told():
     assert "above 1.732" in found.reason
     with pytest.raises(FitError, match="translation"):
         fit_speeds(400.0, 300.0, ws.Medium())
+
+
+def test_a_parameter_laid_over_media_of_both_families_reaches_each_that_has_it():
+    law = ws.Damping(mass=1.0)
+    both = ws.together(ws.Medium(closure="consistent"), SOIL)
+    changed = dataclasses.replace(both, anisotropy=0.3, K_n_r=2e6, damping=law)
+    assert changed.parts[0] == ws.Medium(closure="consistent", anisotropy=0.3, damping=law)
+    assert changed.parts[1] == dataclasses.replace(SOIL, anisotropy=0.3, K_n_r=2e6, damping=law)
+    assert (changed.anisotropy, changed.K_n_r, changed.G_n_a) == (0.3, 2e6, 5.0)
+    with pytest.raises(TypeError, match="strength: is no parameter"):
+        dataclasses.replace(both, strength=1.0)
 
 
 def test_series_of_speeds_go_to_a_law(tmp_path):

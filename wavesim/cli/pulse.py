@@ -5,7 +5,6 @@ Exit codes: 0 all well; 1 no record could be answered; 2 bad input.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -15,7 +14,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.record_options import record_options
+from wavesim.cli.arguments import INPUT, JSON, WRITTEN, record_options
+from wavesim.cli.shared import print_json, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -31,12 +31,7 @@ class _Set:
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(), required=True)
-@click.option(
-    "--input",
-    "column",
-    metavar="COLUMN",
-    help="The transmitter's column: its heading, or its number from 1 (times are 1).",
-)
+@INPUT
 @click.option(
     "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
 )
@@ -58,8 +53,8 @@ class _Set:
     metavar="F C",
     help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.",
 )
-@click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@WRITTEN
+@JSON
 @record_options
 def pulse(
     files: tuple[str, ...],
@@ -86,7 +81,7 @@ def pulse(
     readings, series = _readings(files, tests, refused, setup, expected)
     found = answer(readings, series)
     if as_json:
-        click.echo(json.dumps(found, ensure_ascii=False))
+        print_json(found)
     else:
         from wavesim.report.pulse_tables import show
 
@@ -292,12 +287,8 @@ def _write(
 ) -> None:
     from wavesim.figures.pulse_records import write
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(found, ensure_ascii=False, indent=1)
-        (folder / "pulse.json").write_text(text + "\n", encoding="utf-8")
+    with writing(folder):
+        write_json(folder / "pulse.json", found)
         written = write(readings, series, folder)
-    except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
     if not quiet:
         click.echo(f"pulse.json, {', '.join(written)} in {folder}")
