@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.measurement import PulseResult
-from wavesim.readings.pulse.power_law import PowerLaw, power_law
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
     STRESS_POWER,
     Followed,
+    PowerLaw,
     clearest,
     follow,
+    power_law,
 )
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
