@@ -51,8 +51,9 @@ def end_all() -> None:
 class Answer:
     """What a worker was asked for, once it is there."""
 
-    def __init__(self) -> None:
-        self.told: Future[Told] = Future()
+    def __init__(self, pickled: bool = True) -> None:
+        self.told: Future[Any] = Future()
+        self._pickled = pickled
 
     def result(self, timeout: float | None = None) -> list[Any]:
         """What the jobs returned, in their order.
@@ -69,7 +70,7 @@ class Answer:
             Exception: what a job, or what makes them, raised.
         """
         wrong, parts = self.told.result(timeout)
-        found = [pickle.loads(part) for part in parts]
+        found = [pickle.loads(part) for part in parts] if self._pickled else parts
         if wrong:
             raise found[0]
         return found
@@ -153,6 +154,26 @@ class Worker:
         for answer in self._asked:
             if not answer.told.done():
                 answer.told.set_exception(self._gone())
+
+
+class Here:
+    """In place of a worker: does what it is told at once, in this process, which alone knows it."""
+
+    def each(self, jobs: str, *arguments: Any) -> Answer:
+        """As of a worker."""
+        return self._done("each", jobs, arguments)
+
+    def one(self, function: str, *arguments: Any) -> Answer:
+        """As of a worker."""
+        return self._done("one", function, arguments)
+
+    def _done(self, how: str, name: str, arguments: Sequence[Any]) -> Answer:
+        answer = Answer(pickled=False)
+        try:
+            answer.told.set_result((False, [job() for job in _jobs(how, name, arguments)]))
+        except Exception as error:
+            answer.told.set_result((True, [error]))
+        return answer
 
 
 def _jobs(how: str, name: str, arguments: Sequence[Any]) -> list[Job]:
