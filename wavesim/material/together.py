@@ -137,6 +137,11 @@ class Together(Medium):
         return all(part.conserves_energy for part in self.parts)
 
     @property
+    def stable(self) -> bool:
+        """Whether each is."""
+        return all(part.stable for part in self.parts)
+
+    @property
     def in_words(self) -> str:
         """What is said of each in a line."""
         return "; ".join(part.in_words for part in self.parts)
