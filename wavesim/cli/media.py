@@ -75,7 +75,21 @@ def print_all_bands(known: Any) -> None:
             if len(medium.parts) > 1:
                 click.echo(f"\n{part.family.name.capitalize()}:")
             print_bands(part)
+        if len(medium.parts) > 1:
+            _print_full_gaps(medium)
     _leave_out(len(found))
+
+
+def _print_full_gaps(medium: Any) -> None:
+    """Where no wave of any of its families propagates."""
+    from wavesim.planewave.dispersion_relation import full_gaps
+
+    to_kHz = 1 / (2e3 * math.pi)
+    free = [f"{low * to_kHz:.2f} – {high * to_kHz:.2f} kHz" for low, high in full_gaps(medium)]
+    if free:
+        click.echo(f"\nNo wave of any family propagates between {', '.join(free)}.")
+    else:
+        click.echo("\nAt every frequency some wave of one family or another propagates.")
 
 
 def _leave_out(media: int) -> None:
@@ -153,14 +167,10 @@ def gaps(
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png.
 
-    CASE needs no more than [medium]. Where there are layers, or families, each medium has
-    a map of its own: gap_map_1, gap_map_2, …
+    CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
+    own: gap_map_1, gap_map_2, …
     """
-    media = [
-        (f"{place} {part.family.name}".strip() if len(medium.parts) > 1 else place, at, part)
-        for place, at, medium in distinct(_layers(case, overrides))
-        for part in medium.parts
-    ]
+    media = distinct(_layers(case, overrides))
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure

@@ -141,21 +141,24 @@ class Medium(Shown, metaclass=_ByFamily):
         if isinstance(vars(cls).get("family"), Family):
             register(cls.family)
             _MEDIA[cls.family.name] = cls
-            PARAMETERS.update(cls.known())
+            PARAMETERS.update(cls.declared())
 
     def __post_init__(self) -> None:
-        if type(self) not in _USED:
-            _USED.append(type(self))
-            for act in _LISTENERS:
-                act(type(self))
+        self._used()
         if self.closure not in self.closures:
             raise ValueError(self.closure_missing(self.closure))
-        for name, known in self.known().items():
+        for name, known in self.declared().items():
             value = getattr(self, name)
             if isinstance(value, numbers.Real):
                 _check(name, float(value), known)
             elif isinstance(value, str | bytes | list | tuple | dict | complex):
                 raise ValueError(f"{name} = {value!r}: must be a number")
+
+    def _used(self) -> None:
+        if type(self) not in _USED:
+            _USED.append(type(self))
+            for act in _LISTENERS:
+                act(type(self))
 
     def __repr__(self) -> str:
         made = {"family": self.family.name} if self.family.name != next(iter(_MEDIA)) else {}
@@ -183,13 +186,17 @@ class Medium(Shown, metaclass=_ByFamily):
 
     @classmethod
     @functools.cache
-    def known(cls) -> dict[str, Parameter]:
-        """What is known of its parameters, by name."""
+    def declared(cls) -> dict[str, Parameter]:
+        """What is known of the parameters of its class, by name."""
         return {
             name: hint.__metadata__[0]
             for name, hint in get_type_hints(cls, include_extras=True).items()
             if get_origin(hint) is Annotated and isinstance(hint.__metadata__[0], Parameter)
         }
+
+    def known(self) -> dict[str, Parameter]:
+        """What is known of its parameters, by name."""
+        return self.declared()
 
     def flux_form(self) -> FluxForm:
         """The coefficients of its equations, for waves along x₁; each family has its own.

@@ -70,8 +70,10 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
     Raises:
         ValueError: a parameter is outside its admissible range.
     """
+    every = [getattr(part, name) for part in medium.parts for name in part.known()]
+    shape = np.broadcast_shapes(*map(np.shape, every))
+    medium = medium.part(block)
     _check(medium)
-    shape = np.broadcast_shapes(*(np.shape(getattr(medium, n)) for n in medium.known()))
     if not isinstance(medium, GranularMedium):
         return _one_by_one(medium, block, shape)
     a, eta = np.asarray(medium.anisotropy, float), np.asarray(medium.stiffness_ratio, float)
@@ -129,6 +131,8 @@ def growing(medium: Medium, count: int) -> np.ndarray:
         Shape (count,).
     """
     found = np.zeros(count, bool)
+    if len(medium.parts) > 1:
+        return np.any([growing(part, count) for part in medium.parts], axis=0)
     if medium.stable:
         return found
     shares = [np.broadcast_to(getattr(medium, n), count) for n in ("anisotropy", "stiffness_ratio")]
