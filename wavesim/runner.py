@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.worker import Answer, Worker
+from wavesim.worker import Answer, Here, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
     from wavesim.case.load import Case
@@ -75,6 +75,14 @@ def begun_beside() -> Worker:
     return beside
 
 
+def reached(simulation: Simulation, beside: Worker) -> Worker | Here:
+    """The process beside a run; this one in its place for a family of a program's own, whose class
+    no other process finds."""
+    media = [part for medium in simulation.layers.media for part in medium.parts]
+    ours = all(type(medium).__module__.startswith("wavesim.") for medium in media)
+    return beside if ours else Here()
+
+
 def run(
     case: Case,
     folder: Path,
@@ -115,7 +123,8 @@ def run(
             if folder.is_dir():
                 until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
-            return _run(case, folder, resume, tell, begun, own, figures, rerun)
+            at_work = reached(case.simulation, own)
+            return _run(case, folder, resume, tell, begun, at_work, figures, rerun)
     except StorageError as error:
         raise RunError(str(error), False, not isinstance(error, WriteError)) from error
     except OSError as error:
@@ -143,7 +152,7 @@ def _run(
     resume: bool,
     tell: Progress,
     clock: float,
-    beside: Worker,
+    beside: Worker | Here,
     figures: bool,
     rerun: str,
 ) -> Outcome:

@@ -21,6 +21,7 @@ from wavesim.material.granular import GranularMedium
 from wavesim.material.medium import Medium, check_parameter
 from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import spectral_form, stiffness
+from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
 
 # Wavenumbers at which media are looked at for waves that grow, scaled.
 _LOOKED_AT = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 49)])
@@ -146,6 +147,8 @@ def growing(medium: Medium, count: int) -> np.ndarray:
         return np.any([growing(part, count) for part in medium.parts], axis=0)
     if medium.stable:
         return found
+    if not isinstance(medium, GranularMedium):
+        return np.array([_unstable(one) for one in _each(medium, (count,))])
     shares = [np.broadcast_to(getattr(medium, n), count) for n in ("anisotropy", "stiffness_ratio")]
     outside = np.any([(share < 0) | (share > 1) for share in shares], axis=0)
     outside |= medium.stiffnesses[2] > _FELT * medium.stiffnesses[1]
@@ -161,6 +164,14 @@ def growing(medium: Medium, count: int) -> np.ndarray:
             form = block_forms(part, block)
             found[some] |= _grows([np.asarray(getattr(form, n)) for n in _NAMES])
     return found
+
+
+def _unstable(medium: Medium) -> bool:
+    try:
+        check_hyperbolic(medium)
+    except NotHyperbolicError:
+        return True
+    return False
 
 
 def _grows(form: list[np.ndarray]) -> np.ndarray:
