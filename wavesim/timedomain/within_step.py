@@ -27,6 +27,18 @@ from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
 _AT_ONCE = 64
 
 
+def picked(values: Any, points: Any, axis: int = -1) -> Any:
+    """Values at some points of an axis.
+
+    Args:
+        values: an array.
+        points: numbers of points, of 32 bits: others jax converts, each by a loop of its own.
+        axis: which.
+    """
+    where = (slice(None),) * (axis % values.ndim) + (points,)
+    return values.at[where].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
 def window(group: Group, points: np.ndarray) -> Group:
     """A group on some consecutive points alone: its matrix is that part of the group's.
 
@@ -49,7 +61,7 @@ def window(group: Group, points: np.ndarray) -> Group:
         factors = np.where(columns >= 0, difference.factors[own], 0.0)
         return dataclasses.replace(
             difference,
-            weights=cut(difference.weights),
+            weights=None if difference.stencil else cut(difference.weights),
             scale=cut(difference.scale),
             rows=place[difference.rows[own]],
             columns=np.maximum(columns, 0),

@@ -21,7 +21,7 @@ import numpy as np
 from wavesim.timedomain.equation import Equation, rates
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of
-from wavesim.timedomain.within_step import Driven, readings
+from wavesim.timedomain.within_step import Driven, picked, readings
 
 
 class Felt(eqx.Module):
@@ -67,10 +67,10 @@ class Work(eqx.Module):
             factors = jnp.concatenate([signals, turned])
         total = jnp.zeros(())
         for part in self.felt:
-            near = [jnp.ravel(array[..., part.points]) for array in y[part.group] if array.size]
+            near = [jnp.ravel(picked(array, part.points)) for array in y[part.group] if array.size]
             felt = part.rows @ jnp.concatenate(near)
-            felt = felt + jnp.tensordot(part.own, signals[part.sources], 2)
-            total = total + jnp.sum(self.weights * factors[part.factors] * felt)
+            felt = felt + jnp.tensordot(part.own, picked(signals, part.sources, 0), 2)
+            total = total + jnp.sum(self.weights * picked(factors, part.factors, 0) * felt)
         return total
 
 
@@ -94,8 +94,8 @@ def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
         own = step.step * np.einsum("nmk,emi->enik", convolved, of_signals, optimize=True)
         count = equation.sources.count
         held = [count + turned.index(j) for j in part.sources if j in turned]
-        factors = np.array(part.sources + held, np.uint32)
-        sources, points = np.array(part.sources, np.uint32), part.points.astype(np.uint32)
+        factors = np.array(part.sources + held, np.int32)
+        sources, points = np.array(part.sources, np.int32), part.points.astype(np.int32)
         felt.append(Felt(part.group, points, sources, factors, rows, own))
     return Work(tuple(felt), step.step * risen, weights, turned)
 
