@@ -291,8 +291,6 @@ def integrate(
         if progress is not None:
             progress((chunk.first + chunk.count) / simulated.frames)
     step = time_step(simulated)
-    names = ("kinetic", "potential", "work")
-    parts = ([getattr(chunk.energy, name) for chunk in chunks] for name in names)
     return Field(
         simulation=simulated,
         t=simulated.times,
@@ -300,7 +298,7 @@ def integrate(
             name: np.concatenate([chunk.values[name] for chunk in chunks])
             for name in simulated.fields
         },
-        energy=Energy(*map(np.concatenate, parts)),
+        energy=Energy.joined([chunk.energy for chunk in chunks]),
         stepper=step.solver,
         step=step.step * float(scales(simulated.medium).time),
     )
