@@ -9,7 +9,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -172,7 +172,7 @@ def _run(
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
     from wavesim.timedomain.cost import in_memory
-    from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
+    from wavesim.timedomain.integrate import Chunk, NotFiniteError, Timing, stream
     from wavesim.timedomain.time_step import time_step
 
     lap("import")
@@ -204,22 +204,24 @@ def _run(
     loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
     # A chunk is written while the next one is integrated, and the last one while it is analysed.
     writer = until_the_end.enter_context(ThreadPoolExecutor(1))
-    writing: Future[None] | None = None
+    keeping = writing = writer.submit(lambda: None)
     energies = []
+
+    def keep(chunk: Chunk) -> None:
+        for name, values in kept.items():
+            values[chunk.first : chunk.first + chunk.count] = chunk.values[name]
+
     try:
         for chunk in stream(simulated, start, spent, loading.start):
-            if writing is not None:
-                writing.result()
+            writing.result()
+            keeping = writer.submit(keep, chunk)
             writing = writer.submit(
                 results.append, chunk.first, chunk.values, chunk.energy, chunk.state
             )
-            for name, values in kept.items():
-                values[chunk.first : chunk.first + chunk.count] = chunk.values[name]
             energies.append(chunk.energy)
             tell("integrate", (chunk.first + chunk.count) / frames)
     except NotFiniteError as error:
-        if writing is not None:
-            writing.result()
+        writing.result()
         results.finish("failed")
         raise RunError(str(error), True) from None
     lap("integrate")
@@ -230,11 +232,11 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     if kept:
+        keeping.result()
         stored = simulated.times, kept, Energy.joined(energies)
         field = Field(simulated, *stored, steps.solver, seconds)
     else:
-        if writing is not None:
-            writing.result()
+        writing.result()
         field = resultfile.read(results.path, simulated)
     shown = beside.one(f"{_PAGE_DATA}.of_field", field)
     drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
@@ -249,8 +251,7 @@ def _run(
     if figures:
         asked = folder / "figures", field, found.shown
         drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
-    if writing is not None:
-        writing.result()
+    writing.result()
     with results.gathering():
         if not kept:  # the file is read until all is drawn: only then may another take its place
             for one in (*drawn, shown, measured):

@@ -2,8 +2,9 @@
 
 No file that a reader may see is ever changed in place: the frames of a run go to parts beside
 result.h5, packed and written once each, and result.h5 itself, which presents them as one array, is
-written anew after each chunk and moved into place; it holds the last frames, which fill no whole
-chunk of a part. A run that is killed, at whatever instant, so leaves a whole file of whole chunks.
+written anew after a chunk, twice a second at most, and moved into place; it holds the last frames,
+which fill no whole chunk of a part. A run that is killed, at whatever instant, so leaves a whole
+file of whole chunks.
 At the end the parts are gathered into result.h5, by a thread, while figures are drawn.
 """
 
@@ -13,8 +14,10 @@ import datetime
 import functools
 import importlib.metadata
 import io
+import math
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -40,6 +43,8 @@ from wavesim.sources import parameters
 
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
+# result.h5 is written anew after a chunk, but not sooner than so after the time before, s.
+_EVERY = 0.5
 # Arrays of more numbers than this are packed.
 _LONG = 65536
 _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
@@ -72,6 +77,7 @@ class Results:
         self._series: dict[str, np.ndarray] = {}
         self._state: Sequence[np.ndarray] = ()
         self._gathering: Gathering | None = None
+        self._presented = -math.inf
 
     def create(self) -> None:
         """Begin anew, replacing what an earlier run left."""
@@ -106,6 +112,10 @@ class Results:
                 for name, data in series.items()
             }
             self._state = state
+            now = time.monotonic()
+            if now - self._presented < _EVERY and end < self.simulation.frames:
+                return
+            self._presented = now
             with _written(self.path) as file:
                 self._lay_out(file, "running")
                 for name in values:
