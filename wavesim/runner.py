@@ -9,7 +9,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -29,6 +29,8 @@ _EXPECTED = "wavesim.readings.bar.reading.expected"
 _FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
 _FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
 _PICTURES = (".png", ".pdf", ".svg")
+# result.h5 shows what is stored no sooner than so after the time before, s.
+_SHOWN_EVERY = 0.5
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
@@ -171,6 +173,7 @@ def _run(
     keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
+    from wavesim.io.result_reader import StorageError
     from wavesim.timedomain.cost import in_memory
     from wavesim.timedomain.integrate import Chunk, NotFiniteError, Timing, stream
     from wavesim.timedomain.time_step import time_step
@@ -202,28 +205,36 @@ def _run(
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
     loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
-    # A chunk is written while the next one is integrated, and the last one while it is analysed.
-    writer = until_the_end.enter_context(ThreadPoolExecutor(1))
-    keeping = writing = writer.submit(lambda: None)
     energies = []
+    shown_at = -math.inf
 
-    def keep(chunk: Chunk) -> None:
+    def store(chunk: Chunk) -> None:
+        nonlocal shown_at
         for name, values in kept.items():
             values[chunk.first : chunk.first + chunk.count] = chunk.values[name]
+        due = time.monotonic() - shown_at > _SHOWN_EVERY or chunk.first + chunk.count == frames
+        shown_at = time.monotonic() if due else shown_at
+        results.append(chunk.first, chunk.values, chunk.energy, chunk.state, due)
 
     try:
-        for chunk in stream(simulated, start, spent, loading.start):
+        # A chunk is written while the next one is integrated.
+        with ThreadPoolExecutor(1) as writer:
+            writing: Future[None] | None = None
+            for chunk in stream(simulated, start, spent, loading.start):
+                if writing is not None:
+                    writing.result()
+                writing = writer.submit(store, chunk)
+                energies.append(chunk.energy)
+                tell("integrate", (chunk.first + chunk.count) / frames)
+        if writing is not None:
             writing.result()
-            keeping = writer.submit(keep, chunk)
-            writing = writer.submit(
-                results.append, chunk.first, chunk.values, chunk.energy, chunk.state
-            )
-            energies.append(chunk.energy)
-            tell("integrate", (chunk.first + chunk.count) / frames)
     except NotFiniteError as error:
-        writing.result()
         results.finish("failed")
         raise RunError(str(error), True) from None
+    except BaseException:
+        with suppress(StorageError):
+            results.present()
+        raise
     lap("integrate")
     timing["compile"] = spent.compile
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
@@ -232,11 +243,10 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     if kept:
-        keeping.result()
+        until_the_end.enter_context(results.gathering())
         stored = simulated.times, kept, Energy.joined(energies)
         field = Field(simulated, *stored, steps.solver, seconds)
     else:
-        writing.result()
         field = resultfile.read(results.path, simulated)
     shown = beside.one(f"{_PAGE_DATA}.of_field", field)
     drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
@@ -251,14 +261,14 @@ def _run(
     if figures:
         asked = folder / "figures", field, found.shown
         drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
-    writing.result()
-    with results.gathering():
-        if not kept:  # the file is read until all is drawn: only then may another take its place
-            for one in (*drawn, shown, measured):
-                one.wait()
-            lap("figures")
-        tell("store", 0.0)
-        results.finish("complete", found.tables)
+    if not kept:
+        # The file is read until all is drawn: only then may another take its place.
+        until_the_end.enter_context(results.gathering())
+        for one in (*drawn, shown, measured):
+            one.wait()
+        lap("figures")
+    tell("store", 0.0)
+    results.finish("complete", found.tables)
     lap("store")
     tell("figures", 0.0)
     undrawn = []

@@ -2,7 +2,7 @@
 
 No file that a reader may see is ever changed in place: the frames of a run go to parts beside
 result.h5, packed and written once each, and result.h5 itself, which presents them as one array, is
-written anew after a chunk, twice a second at most, and moved into place; it holds the last frames,
+written anew after a chunk and moved into place; it holds the last frames,
 which fill no whole chunk of a part. A run that is killed, at whatever instant, so leaves a whole
 file of whole chunks.
 At the end the parts are gathered into result.h5, by a thread, while figures are drawn.
@@ -14,10 +14,8 @@ import datetime
 import functools
 import importlib.metadata
 import io
-import math
 import os
 import shutil
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -43,8 +41,6 @@ from wavesim.sources import parameters
 
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
-# result.h5 is written anew after a chunk, but not sooner than so after the time before, s.
-_EVERY = 0.5
 # Arrays of more numbers than this are packed.
 _LONG = 65536
 _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
@@ -77,7 +73,6 @@ class Results:
         self._series: dict[str, np.ndarray] = {}
         self._state: Sequence[np.ndarray] = ()
         self._gathering: Gathering | None = None
-        self._presented = -math.inf
 
     def create(self) -> None:
         """Begin anew, replacing what an earlier run left."""
@@ -86,7 +81,12 @@ class Results:
             self._parts.mkdir(parents=True)
 
     def append(
-        self, first: int, values: dict[str, np.ndarray], energy: Energy, state: Sequence[np.ndarray]
+        self,
+        first: int,
+        values: dict[str, np.ndarray],
+        energy: Energy,
+        state: Sequence[np.ndarray],
+        present: bool = True,
     ) -> None:
         """Append frames and the state after them.
 
@@ -95,6 +95,7 @@ class Results:
             values: {field: (frames, N)}, SI.
             energy: of these frames.
             state: arrays to carry on from after the last of them.
+            present: whether result.h5 is to show them now, or when :meth:`present` is called.
         """
         end = first + len(energy.work)
         names = [part.name for part in fields(energy)]
@@ -112,15 +113,19 @@ class Results:
                 for name, data in series.items()
             }
             self._state = state
-            now = time.monotonic()
-            if now - self._presented < _EVERY and end < self.simulation.frames:
-                return
-            self._presented = now
+        if present:
+            self.present()
+
+    def present(self) -> None:
+        """Write result.h5 anew, so that it shows all that was appended."""
+        if self._stored == self._frames:
+            return
+        with self._writing():
             with _written(self.path) as file:
                 self._lay_out(file, "running")
-                for name in values:
-                    self._present(file, name)
-            self._stored = end
+                for name in self.simulation.fields:
+                    self._show(file, name)
+            self._stored = self._frames
 
     def _keep(self, values: Mapping[str, np.ndarray]) -> None:
         """Put frames into a part as far as they fill whole chunks, with those left before."""
@@ -298,7 +303,7 @@ class Results:
         for number, array in enumerate(self._state):
             _put(file, f"restart/state/{number}", np.asarray(array), "")
 
-    def _present(self, file: h5py.File, name: str) -> None:
+    def _show(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
         points = len(self._axis(name)[1])
         layout = h5py.VirtualLayout((self._frames, points), np.float64)
