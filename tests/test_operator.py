@@ -18,7 +18,7 @@ from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
-from wavesim.timedomain.equation import energy
+from wavesim.timedomain.energy import energy
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
 

@@ -226,6 +226,43 @@ def test_families_in_one_bar_are_told_apart(both):
         ws.together(SOIL, SOIL)
 
 
+BOTH_FAMILIES = """\
+medium = { family = ["rotation", "translation"], closure = "consistent" }
+bar.length = 0.064
+sources = [{ field = "u1", position = 0.032, peak_frequency = 2e5 }]
+time.duration = 1e-4
+"""
+
+
+@pytest.mark.parametrize(
+    ("sector", "key", "value", "named"),
+    [
+        ("translation-longitudinal", "K_n_a", 7e5, []),  # by the file's name
+        ("translation-transverse2", "K_n_a", 7e5, ["--sector", "transverse2"]),  # by the key
+        ("rotation-longitudinal", "stiffness_ratio", 0.6, ["--sector", "rotation-longitudinal"]),
+    ],
+)
+def test_points_of_one_of_two_families_are_fitted(sector, key, value, named, tmp_path):
+    """Points of ω(k) of the plane-wave solver, back to the parameter they were made with; 1e-7."""
+    case, points = tmp_path / "both.toml", tmp_path / f"points_{'of' if named else sector}.csv"
+    case.write_text(BOTH_FAMILIES)
+    family, own = sector.split("-")
+    more = {"closure": "consistent"} if family == "rotation" else {}
+    k = np.linspace(200.0, 2000.0, 12)
+    omega = planewave.frequencies(ws.Medium(family=family, **{key: value}, **more), own, k)
+    rows = [(b, k[i], w, 1e-6 * w) for i, at in enumerate(omega) for b, w in enumerate(at)]
+    text = ["branch,k_rad_per_m,omega_rad_per_s,omega_error_rad_per_s"]
+    points.write_text("\n".join([*text, *(",".join(map(repr, map(float, r))) for r in rows)]))
+    result = call("fit", points, case, "--vary", f"medium.{key}", *named, "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)["parameters"][f"medium.{key}"]
+    assert found["value"] == pytest.approx(value, rel=1e-7)
+    if named:
+        refused = call("fit", points, case, "--vary", "medium.anisotropy")
+        assert refused.exit_code == 2
+        assert "--sector longitudinal: must be one of rotation-longitudinal" in refused.output
+
+
 @pytest.mark.parametrize(("a", "eta"), [(0.0, 0.13), (0.0, 0.0), (0.8, 0.5), (-0.5, 1.1)])
 def test_two_speeds_give_the_medium_back(a, eta):
     """The long-wave speeds of the plane-wave solver, back to K_n and η; 1e-9."""
@@ -308,6 +345,28 @@ def test_the_bender_element_case_finds_the_s_wave_and_names_its_precursor(shippe
     assert (ahead["arrival"], ahead["field"]) == ("P precursor", "u1")
     assert (main["arrival"], main["field"]) == ("S wave", "u2")
     assert ahead["ahead"] > 0
+
+
+@pytest.mark.parametrize("named", [[], ["--medium", "bender_element"]], ids=["alone", "medium"])
+def test_a_receiver_that_feels_both_ways_hears_the_precursor(shipped, named, tmp_path):
+    """u₂ and u₁ of the bender element's far receiver in one channel, with noise of 1e-3: the P wave
+    is named; S speed within two standard errors."""
+    field = shipped("bender_element").field
+    (sent,) = (source.signal(field.t) for source in field.sources if source.field == "u2")
+    x, early = field.receivers["far"], np.zeros(200)
+    heard = np.concatenate([early, field.at(x, "u2") + field.at(x, "u1")])
+    heard += 1e-3 * np.abs(heard).max() * np.random.default_rng(1).standard_normal(len(heard))
+    t = np.arange(-200, len(field.t)) * field.interval
+    file = tmp_path / "bender.csv"
+    rows = np.column_stack([t, np.concatenate([early, sent]), heard])
+    np.savetxt(file, rows, delimiter=",", header="time (s),sent,heard", comments="")
+    result = call("pulse", file, "--input", "sent", "--distance", "0.08", "--json", *named)
+    assert result.exit_code == 0, result.output
+    (one,) = json.loads(result.stdout)["records"]
+    assert [p["name"] for p in one["packets"][:2]] == ["P precursor", "direct"]
+    assert one["packets"][1]["wave"] == ("S" if named else "")
+    S = planewave.long_wave_speed(field.medium, "transverse2")
+    assert abs(one["best"]["velocity"] - S) <= 2 * one["best"]["velocity_error"]
 
 
 def test_the_filter_case_stops_p_waves_where_bloch_waves_do(shipped):

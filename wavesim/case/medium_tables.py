@@ -260,11 +260,12 @@ class LayerTable(_LayerKeys):
         }
         whole = medium.model_dump() | given
         law = damping({key: whole.pop(key) for key in LOSSES})
+        graded = any(key in PARAMETERS and isinstance(value, list) for key, value in whole.items())
         ends = [
             _made({key: _at_end(key, value, n) for key, value in whole.items()}, law)
-            for n in (0, 1)
+            for n in ((0, 1) if graded else (0,))
         ]
-        last = None if ends[0] == ends[1] else ends[1]
+        last = None if ends[0] == ends[-1] else ends[-1]
         return Layer(start, end, ends[0], last, self.grading)
 
 

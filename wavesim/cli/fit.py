@@ -33,9 +33,9 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 @BESIDE
 @click.option(
     "--sector",
-    type=click.Choice(("longitudinal", "transverse2", "transverse3")),
-    default="longitudinal",
-    help="Of points.",
+    metavar="NAME",
+    help="Of points, such as transverse2 or translation-longitudinal; as the file's name ends, or "
+    "longitudinal, where not given.",
 )
 @click.option(
     "--speeds", nargs=2, type=float, metavar="V_P V_S", help="Of long waves, m/s: fit CASE to them."
@@ -56,7 +56,7 @@ def fit(
     more: tuple[str, ...],
     keys: tuple[str, ...],
     field: str | None,
-    sector: str,
+    sector: str | None,
     speeds: tuple[float, float] | None,
     speed_errors: tuple[float, float] | None,
     shear: str | None,

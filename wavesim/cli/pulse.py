@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from wavesim.cli.arguments import INPUT, JSON, WRITTEN, record_options
-from wavesim.cli.shared import print_json, write_json, writing
+from wavesim.cli.shared import print_json, read_layers, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -53,6 +53,11 @@ class _Set:
     metavar="F C",
     help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.",
 )
+@click.option(
+    "--medium",
+    metavar="CASE",
+    help="A case whose medium's P and S speeds say which packet is which wave.",
+)
 @WRITTEN
 @JSON
 @record_options
@@ -64,6 +69,7 @@ def pulse(
     face_to_face: str | None,
     against: str | None,
     expected: tuple[float, float] | None,
+    medium: str | None,
     out: str | None,
     as_json: bool,
     layout: Any,
@@ -76,7 +82,12 @@ def pulse(
     from wavesim.readings.pulse.answers import answer
 
     layout = replace(layout, input=_column(column))
+    if medium is not None and against is not None:
+        stop("--medium: not beside --against, as speeds change from state to state", BAD_INPUT)
+    speeds = None if medium is None else _speeds(medium)
     tests, refused = _read(files, layout)
+    if speeds is not None:
+        tests = [test and replace(test, speeds=speeds) for test in tests]
     setup = _setup(distance, delay, face_to_face, against, layout, column)
     readings, series = _readings(files, tests, refused, setup, expected)
     found = answer(readings, series)
@@ -90,6 +101,21 @@ def pulse(
         _write(found, readings, series, Path(out), as_json)
     if not any(one.best.valid for one in readings):
         sys.exit(FELL_SHORT)
+
+
+def _speeds(case: str) -> dict[str, float]:
+    """P and S speeds of a case's medium."""
+    from wavesim.planewave.dispersion_relation import wave_speeds
+
+    medium = read_layers(case).medium
+    found = wave_speeds(medium)
+    if not found:
+        stop(
+            f"--medium {case}: waves of family {medium.family.name} have no names in a pulse test; "
+            'name a case with [medium] family = "translation"',
+            BAD_INPUT,
+        )
+    return found
 
 
 def _column(column: str | None) -> str | int | None:
@@ -226,7 +252,8 @@ def _readings(
             found[i] = refusal(test.name, "receiver", distance, str(error))
     if setup.parameter is None:
         for i, (record, distance) in single.items():
-            found[i] = _noted(read_one(record, distance, setup.delays), tests[i])
+            one = read_one(record, distance, setup.delays, tests[i].speeds)
+            found[i] = _noted(one, tests[i])
         return found, None
     values = np.array(setup.values)
     if single:

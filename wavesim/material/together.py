@@ -176,6 +176,11 @@ class Together(Medium):
         return all(part.conserves_energy for part in self.parts)
 
     @property
+    def stable(self) -> bool:
+        """Whether each is."""
+        return all(part.stable for part in self.parts)
+
+    @property
     def settings(self) -> str:
         """Those of each."""
         return ", ".join(dict.fromkeys(part.settings for part in self.parts))

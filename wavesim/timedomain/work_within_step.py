@@ -18,7 +18,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.equation import Equation, rates
+from wavesim.timedomain.energy import rates
+from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of
 from wavesim.timedomain.within_step import Driven, picked, readings
