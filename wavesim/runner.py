@@ -162,7 +162,8 @@ def _run(
     known: Answer | None = None
     if not case.simulation.endless:
         table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
-        known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
+        read = table.frequencies, table.damping, table.bands
+        known = beside.one(_EXPECTED, to_come, *read)
     from wavesim.timedomain.compiled import keep_compiled
 
     keep_compiled()
@@ -333,7 +334,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
-    reading = read_bar(field, table.frequencies, table.damping, known)
+    reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
     checks = judge_bar(field, reading)
     answers = of_bar(field, reading)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from wavesim.case.design_tables import DesignTable
+from wavesim.case.design_tables import BandTable, DesignTable
 from wavesim.case.medium_tables import LayerTable, MediumTable
 from wavesim.case.messages import sentence
 from wavesim.case.shipped import found, like
@@ -117,13 +117,14 @@ class AnalysisTable(Table):
 
     k_min, k_max (rad/m) bound the branches that are judged, k̄ = 0.02 and 0.5 by default;
     frequencies is the number of frequencies of the attenuation curve; damping is σT of its
-    exponential window.
+    exponential window. bands are those in which the transmission of layers is judged.
     """
 
     k_min: Positive | None = None
     k_max: Positive | None = None
     frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
     damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+    bands: list[BandTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _ordered(self) -> AnalysisTable:

@@ -20,8 +20,8 @@ _AGREES = 1e-3
 @CASE
 @click.option("--out", type=click.Path(), help="Folder; outputs/<case> by default.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
-@click.option("--seconds", type=click.FloatRange(1), default=50.0, show_default=True,
-              help="After which no further start is made.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(1), default=40.0, show_default=True,
+              help="After which no further round is begun.")  # fmt: skip
 @click.option("--verify", is_flag=True, help="Run the design in the time domain too.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @SET

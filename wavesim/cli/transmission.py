@@ -34,16 +34,19 @@ def transmission(
     T and R are amplitudes over the incident wave, at the faces of what stands between the first and
     the last layer, which go on for ever. Writes transmission.json, .csv and .png.
     """
-    from wavesim.case.layered_case import load_layers
-    from wavesim.case.schema import CaseError
+    from wavesim.case.design_tables import distinct
+    from wavesim.case.layered_case import bar_layers
+    from wavesim.case.schema import CaseError, read
     from wavesim.studies.transmission_study import transmission_study
 
     try:
-        known = load_layers(case, overrides)
+        file = read(case, overrides)
+        known = bar_layers(file, case)
     except CaseError as error:
         stop(str(error), BAD_INPUT)
     try:
-        study = transmission_study(known, band, points)
+        asked = distinct([*file.analysis.bands, *file.design.bands])
+        study = transmission_study(known, band, points, asked)
     except ValueError as error:
         where = f"--{error}" if str(error).startswith("band") else f"{case}: {error}"
         stop(where, BAD_INPUT)
@@ -64,6 +67,7 @@ def _write(study: Any, answer: str, folder: Path) -> None:
     from wavesim.figures.style import write
     from wavesim.figures.transmission import transmission_figure
 
+    masks = [band for band, *_ in study.bands]
     heads, columns = study.table()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +75,7 @@ def _write(study: Any, answer: str, folder: Path) -> None:
         np.savetxt(
             folder / "transmission.csv", columns, delimiter=",", header=",".join(heads), comments=""
         )
-        write({"transmission": lambda: transmission_figure(study)}, folder)
+        write({"transmission": lambda: transmission_figure(study, masks)}, folder)
     except OSError as error:
         stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
 
@@ -81,7 +85,7 @@ def _tell(study: Any) -> None:
     import numpy as np
     from rich.table import Table
 
-    from wavesim.studies.transmission_study import decibels
+    from wavesim.studies.transmission_study import decibels, kept
 
     out = console()
     table = Table(box=None, pad_edge=False)
@@ -96,5 +100,17 @@ def _tell(study: Any) -> None:
     for where, sector, name, low, high in study.gaps:
         gaps.add_row(where, sector, name, f"{low / 1e3:.2f}", f"{high / 1e3:.2f}")
     out.print(gaps)
+    if study.bands:
+        bands = Table("band", "from kHz", "to kHz", "dB", "T from", "to dB", "", box=None,
+                      pad_edge=False)  # fmt: skip
+        for band, highest, lowest in study.bands:
+            limits = [f"at most {band.at_most:g}"] if band.at_most is not None else []
+            limits += [f"at least {band.at_least:g}"] if band.at_least is not None else []
+            word = "kept" if kept(band, highest[0], lowest[0]) else "missed"
+            ends = f"{band.low / 1e3:g}", f"{band.high / 1e3:g}"
+            span = f"{lowest[0]:.2f}", f"{highest[0]:.2f}"
+            told = ", ".join(limits) or "–"
+            bands.add_row(band.sector, *ends, told, *span, word if limits else "")
+        out.print(bands)
     for note in study.notes:
         out.print(f"Note: {note}.")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from wavesim.case.design_tables import BandTable
 from wavesim.case.layered_case import BarLayers
 from wavesim.layered.specimen import Specimen, specimen
 from wavesim.material.layers import Layer
@@ -48,12 +50,15 @@ class Study:
         specimen: with the half-spaces.
         curves: one for each sector in which waves travel.
         gaps: [(layers by number from 1, sector, name, lower, upper edge in Hz)], of each medium.
+        bands: of each band that the case asks for what it is, and the highest and the lowest level
+            of T in it, (dB, Hz).
     """
 
     title: str
     specimen: Specimen
     curves: tuple[Curve, ...]
     gaps: tuple[tuple[str, str, str, float, float], ...]
+    bands: tuple[tuple[BandTable, tuple[float, float], tuple[float, float]], ...] = ()
 
     @property
     def notes(self) -> list[str]:
@@ -98,7 +103,14 @@ class Study:
             {"layers": where, "sector": sector, "name": name, "lower": low, "upper": high}
             for where, sector, name, low, high in self.gaps
         ]
-        return {"title": self.title, "sectors": sectors, "gaps": edges, "notes": self.notes}
+        bands = [
+            band.model_dump(by_alias=True)
+            | {"highest": _or_null(highest[0]), "lowest": _or_null(lowest[0])}
+            | {"kept": kept(band, highest[0], lowest[0])}
+            for band, highest, lowest in self.bands
+        ]
+        found = {"title": self.title, "sectors": sectors, "gaps": edges, "bands": bands}
+        return found | {"notes": self.notes}
 
     def table(self) -> tuple[list[str], Any]:
         """Headings and columns for a CSV file."""
@@ -120,7 +132,10 @@ class Study:
 
 
 def transmission_study(
-    known: BarLayers, band: tuple[float, float] | None = None, points: int = POINTS
+    known: BarLayers,
+    band: tuple[float, float] | None = None,
+    points: int = POINTS,
+    bands: Sequence[BandTable] = (),
 ) -> Study:
     """T and R of a case's layers between its first and its last.
 
@@ -128,6 +143,7 @@ def transmission_study(
         known: its material.
         band: lowest and highest frequency, Hz; by default what the half-spaces' first band holds.
         points: number of frequencies, evenly spaced, both ends among them.
+        bands: those that the case asks for.
 
     Raises:
         ValueError: there is nothing between half-spaces, or no such band.
@@ -146,7 +162,21 @@ def transmission_study(
         curves.append(
             Curve(sector, frequency, found.T, found.R, found.power_T, found.power_R, told)
         )
-    return Study(known.title, own, tuple(curves), tuple(_gaps(known)))
+    for asked in bands:
+        if asked.sector not in family.travelling:
+            raise ValueError(
+                f'bands: sector = "{asked.sector}": must be one of {", ".join(family.travelling)}; '
+                "in others nothing travels"
+            )
+    judged = [(one, *own.extremes(one.sector, one.low, one.high)) for one in bands]
+    return Study(known.title, own, tuple(curves), tuple(_gaps(known)), tuple(judged))
+
+
+def kept(band: BandTable, highest: float, lowest: float) -> bool:
+    """Whether levels (dB) are within a band's limits."""
+    most = np.inf if band.at_most is None else band.at_most
+    least = -np.inf if band.at_least is None else band.at_least
+    return bool(highest <= most and lowest >= least)
 
 
 def _default_band(own: Specimen, sectors: tuple[str, ...]) -> tuple[float, float]:
