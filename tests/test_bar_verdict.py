@@ -16,7 +16,7 @@ from madeup import (
     reading_of,
 )
 
-from wavesim.case.design_tables import BandTable
+from wavesim.case.schema import BandTable
 from wavesim.material.damping import quality
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing

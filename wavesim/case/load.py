@@ -13,11 +13,10 @@ import tomli_w
 
 from wavesim.case import medium_tables as casemedia
 from wavesim.case import source_tables as casesources
-from wavesim.case.design_tables import BandTable
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.medium_tables import Placed
 from wavesim.case.messages import place
-from wavesim.case.schema import AnalysisTable, BarTable, CaseError, CaseFile, read
+from wavesim.case.schema import AnalysisTable, BandTable, BarTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow

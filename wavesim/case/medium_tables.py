@@ -146,7 +146,7 @@ def _made(given: dict[str, Any], law: Damping) -> Medium:
     given = {key: value for key, value in given.items() if value is not None}
     family, closure = given.pop("family"), given.pop("closure", None)
     names = family if isinstance(family, list) else [family]
-    known = {name: medium_of(name).known() for name in names}
+    known = {name: medium_of(name).declared() for name in names}
     for key in given:
         if not any(key in own for own in known.values()):
             apart = [name for own in known.values() for name in own if _only(name)]
@@ -171,7 +171,7 @@ def _at_end(key: str, value: Any, end: int) -> Any:
 
 def _only(name: str) -> bool:
     """Whether a parameter is one family's alone."""
-    return sum(name in medium_of(family).known() for family in families()) == 1
+    return sum(name in medium_of(family).declared() for family in families()) == 1
 
 
 class LayerTable(_LayerKeys):
@@ -260,11 +260,12 @@ class LayerTable(_LayerKeys):
         }
         whole = medium.model_dump() | given
         law = damping({key: whole.pop(key) for key in LOSSES})
+        graded = any(key in PARAMETERS and isinstance(value, list) for key, value in whole.items())
         ends = [
             _made({key: _at_end(key, value, n) for key, value in whole.items()}, law)
-            for n in (0, 1)
+            for n in ((0, 1) if graded else (0,))
         ]
-        last = None if ends[0] == ends[1] else ends[1]
+        last = None if ends[0] == ends[-1] else ends[-1]
         return Layer(start, end, ends[0], last, self.grading)
 
 

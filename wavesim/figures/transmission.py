@@ -16,15 +16,15 @@ _REFLECTED = "#2f6f9f"
 _DEEPEST = -120.0
 
 
-def transmission_figure(study: Study, masks: Sequence[Any] = ()) -> Figure:
+def transmission_figure(study: Study) -> Figure:
     """T and R in dB against frequency, one panel for each sector.
 
     Curves that are alike, as those of the two transverse sectors, share a panel.
 
     Args:
-        study: what is drawn.
-        masks: bands with their sector, to be shown, see :func:`draw_masks`.
+        study: what is drawn, with its bands.
     """
+    masks = [band for band, *_ in study.bands]
     panels: list[tuple[list[str], Curve]] = []
     for curve in study.curves:
         for names, other in panels:

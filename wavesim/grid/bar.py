@@ -152,7 +152,7 @@ class Bar(Shown):
         """Whether all cells are of one stretch."""
         return len(self.stretches) <= 1
 
-    @property
+    @functools.cached_property
     def length(self) -> float:
         """L, m: of a periodic bar x = L is x = 0 again."""
         if self.stretches:

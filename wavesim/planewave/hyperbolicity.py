@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -108,6 +109,15 @@ def fastest_growth(form: BlockCoefficients) -> tuple[float, float]:
     return best, -float(slowness(np.array([best]))[0])
 
 
+@functools.lru_cache(maxsize=20_000)
+def _worst(medium: Medium) -> tuple[tuple[float, float], Block]:
+    """The block of fastest growth."""
+    return max(
+        ((fastest_growth(spectral_form(medium, block)), block) for block in medium.family.blocks),
+        key=lambda found: found[0][1],
+    )
+
+
 def check_hyperbolic(medium: Medium) -> None:
     """Look for a real k with an ω that is not real.
 
@@ -117,11 +127,12 @@ def check_hyperbolic(medium: Medium) -> None:
     Raises:
         NotHyperbolicError: one was found; it says where growth is fastest, and how fast.
     """
-    worst = max(
-        ((fastest_growth(spectral_form(medium, block)), block) for block in medium.family.blocks),
-        key=lambda found: found[0][1],
-    )
-    (k, growth), block = worst
+    if medium.stable:
+        return
+    try:
+        (k, growth), block = _worst(medium)
+    except TypeError:  # numbers that jax holds have no hash
+        (k, growth), block = _worst.__wrapped__(medium)
     if growth > 0:
         raise NotHyperbolicError(
             block.sector, k / float(medium.length_scale), growth / float(medium.time_scale), medium

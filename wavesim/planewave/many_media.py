@@ -25,6 +25,8 @@ from wavesim.planewave.eigenproblem import spectral_form, stiffness
 _LOOKED_AT = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 49)])
 # Times that a local minimum between them is followed down, by a quarter each.
 _ROUNDS = 8
+# Gradient stiffness over the relative one, below which nothing grows for it.
+_FELT = 1e-6
 # What of a matrix of size 1 is rounding.
 _ROUNDING = 1e-13
 # Media looked at together, for the memory they take.
@@ -68,8 +70,10 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
     Raises:
         ValueError: a parameter is outside its admissible range.
     """
+    every = [getattr(part, name) for part in medium.parts for name in part.known()]
+    shape = np.broadcast_shapes(*map(np.shape, every))
+    medium = medium.part(block)
     _check(medium)
-    shape = np.broadcast_shapes(*(np.shape(getattr(medium, n)) for n in medium.known()))
     if not isinstance(medium, GranularMedium):
         return _one_by_one(medium, block, shape)
     a, eta = np.asarray(medium.anisotropy, float), np.asarray(medium.stiffness_ratio, float)
@@ -117,7 +121,7 @@ def growing(medium: Medium, count: int) -> np.ndarray:
 
     ω² are complex where the discriminant of the characteristic polynomial is negative, often over
     a very short range of k: its local minima are followed down. They are looked for only where
-    they are possible, with closure "printed" and a or η outside 0 to 1.
+    they are possible, with closure "printed" and a or η outside 0 to 1, or a gradient that is felt.
 
     Args:
         medium: parameters that are numbers, or arrays of shape (count,).
@@ -127,10 +131,13 @@ def growing(medium: Medium, count: int) -> np.ndarray:
         Shape (count,).
     """
     found = np.zeros(count, bool)
-    if medium.closure == "consistent":
+    if len(medium.parts) > 1:
+        return np.any([growing(part, count) for part in medium.parts], axis=0)
+    if medium.stable:
         return found
     shares = [np.broadcast_to(getattr(medium, n), count) for n in ("anisotropy", "stiffness_ratio")]
     outside = np.any([(share < 0) | (share > 1) for share in shares], axis=0)
+    outside |= medium.stiffnesses[2] > _FELT * medium.stiffnesses[1]
     for first in range(0, int(outside.sum()), _TOGETHER):
         some = np.flatnonzero(outside)[first : first + _TOGETHER]
         own: dict[str, Any] = {

@@ -11,9 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.case.design_tables import DesignTable, VariableTable
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
-from wavesim.case.schema import CaseError, CaseFile
+from wavesim.case.schema import CaseError, CaseFile, DesignTable, VariableTable
 from wavesim.case.varied_key import VariedKey, varied_key
 from wavesim.differentiable.graded_slices import uniform_slices
 from wavesim.differentiable.level_slopes import level_and_slopes

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from wavesim.case.design_tables import BandTable
 from wavesim.case.layered_case import BarLayers
+from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import Specimen, specimen
 from wavesim.material.layers import Layer
 from wavesim.planewave.band_edges import asymptotes, gaps
@@ -132,10 +131,7 @@ class Study:
 
 
 def transmission_study(
-    known: BarLayers,
-    band: tuple[float, float] | None = None,
-    points: int = POINTS,
-    bands: Sequence[BandTable] = (),
+    known: BarLayers, band: tuple[float, float] | None = None, points: int = POINTS
 ) -> Study:
     """T and R of a case's layers between its first and its last.
 
@@ -143,7 +139,6 @@ def transmission_study(
         known: its material.
         band: lowest and highest frequency, Hz; by default what the half-spaces' first band holds.
         points: number of frequencies, evenly spaced, both ends among them.
-        bands: those that the case asks for.
 
     Raises:
         ValueError: there is nothing between half-spaces, or no such band.
@@ -162,13 +157,13 @@ def transmission_study(
         curves.append(
             Curve(sector, frequency, found.T, found.R, found.power_T, found.power_R, told)
         )
-    for asked in bands:
+    for asked in known.bands:
         if asked.sector not in family.travelling:
             raise ValueError(
-                f'bands: sector = "{asked.sector}": must be one of {", ".join(family.travelling)}; '
-                "in others nothing travels"
+                f'[[analysis.bands]] sector = "{asked.sector}": must be one of '
+                f"{', '.join(family.travelling)}; in others nothing travels"
             )
-    judged = [(one, *own.extremes(one.sector, one.low, one.high)) for one in bands]
+    judged = [(one, *own.extremes(one.sector, one.low, one.high)) for one in known.bands]
     return Study(known.title, own, tuple(curves), tuple(_gaps(known)), tuple(judged))
 
 

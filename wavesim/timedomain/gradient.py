@@ -149,7 +149,7 @@ def _integrated(equation: _Recorded, start: Any, step: TimeStep, forward: bool) 
         equation,
         ChebyshevSeries(series(step)),
         (begun, None),
-        0,
+        0.0,
         step.step,
         step.frames - 1,
         step.per_frame,

@@ -143,7 +143,7 @@ def _travel(simulated: Simulation, low: float, high: float) -> float:
 def _on_the_grid(simulated: Simulation) -> Iterator[str]:
     """Waves at a source's strongest frequency that are shorter than the grid carries."""
     bar, told = simulated.bar, set()
-    limit = largest_phase(bar)
+    limit = largest_phase(bar.order)
     sizes = [size for _, size in bar.all_stretches]
     for layer, size in zip(simulated.layers.layers, sizes, strict=True):
         for source in (s for s in simulated.sources if s.acts != "initial"):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.design_tables import BandTable
+from wavesim.case.schema import BandTable
 from wavesim.layered.signals import signals
 from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.design_tables import BandTable
+from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import specimen as between
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
