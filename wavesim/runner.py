@@ -167,7 +167,8 @@ def _run(
     to_come = Field(case.simulation, case.simulation.times, {})
     if not case.simulation.endless:
         table = case.analysis
-        known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
+        read = table.frequencies, table.damping, table.bands
+        known = beside.one(_EXPECTED, to_come, *read)
     from wavesim.timedomain.compiled import keep_compiled
 
     keep_compiled()
@@ -369,7 +370,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
-    reading = read_bar(field, table.frequencies, table.damping, known)
+    reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
     checks = judge_bar(field, reading)
     answers = of_bar(field, reading)
