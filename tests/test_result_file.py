@@ -388,15 +388,6 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
     def append(*arguments):
         raise error
 
-    def stream(*arguments):
-        class Chunk:
-            first, count, values, energy, state = 0, 1, {}, None, ()
-
-        yield Chunk()
-
-    from wavesim.timedomain import integrate
-
-    monkeypatch.setattr(integrate, "stream", stream)
     monkeypatch.setattr(storage.Results, "append", append)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path / "out")

@@ -10,14 +10,14 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.worker import Answer, Here, Worker
+from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
     from wavesim.case.load import Case
@@ -29,6 +29,8 @@ _EXPECTED = "wavesim.readings.bar.reading.expected"
 _FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
 _FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
 _PICTURES = (".png", ".pdf", ".svg")
+# result.h5 shows what is stored no sooner than so after the time before, s.
+_SHOWN_EVERY = 0.5
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
@@ -124,7 +126,8 @@ def run(
                 until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
             at_work = reached(case.simulation, own)
-            return _run(case, folder, resume, tell, begun, at_work, figures, rerun)
+            known = case, folder, resume, tell, begun, at_work, figures, rerun
+            return _run(until_the_end, *known)
     except StorageError as error:
         raise RunError(str(error), False, not isinstance(error, WriteError)) from error
     except OSError as error:
@@ -147,6 +150,7 @@ def run(
 
 
 def _run(
+    until_the_end: ExitStack,
     case: Case,
     folder: Path,
     resume: bool,
@@ -161,23 +165,27 @@ def _run(
     def lap(stage: str) -> None:
         nonlocal clock
         now = time.perf_counter()
-        timing[stage], clock = now - clock, now
+        timing[stage], clock = timing.get(stage, 0.0) + now - clock, now
 
     from wavesim.material.scaling import scales
     from wavesim.report.answers import verdict
     from wavesim.report.page import page
-    from wavesim.simulation.field import Field
+    from wavesim.simulation.field import Energy, Field
 
     known: Answer | None = None
+    to_come = Field(case.simulation, case.simulation.times, {})
     if not case.simulation.endless:
-        table, to_come = case.analysis, Field(case.simulation, case.simulation.times, {})
-        known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
+        table = case.analysis
+        read = table.frequencies, table.damping, table.bands
+        known = beside.one(_EXPECTED, to_come, *read)
     from wavesim.timedomain.compiled import keep_compiled
 
     keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
-    from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
+    from wavesim.io.result_reader import StorageError
+    from wavesim.timedomain.cost import in_memory
+    from wavesim.timedomain.integrate import Chunk, NotFiniteError, Timing, stream
     from wavesim.timedomain.time_step import time_step
 
     lap("import")
@@ -199,9 +207,25 @@ def _run(
         if picture.stem.partition("_")[0] in _FIGURES and picture.suffix in _PICTURES:
             picture.unlink(missing_ok=True)
     storage.write_whole(folder / "resolved.toml", resolved.encode())
+    kept: dict[str, SharedArray] = {}
+    if start is None and in_memory(simulated):
+        sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
+        with suppress(OSError):
+            kept = {name: beside.array((frames, size)) for name, size in sizes.items()}
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
     loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
+    energies = []
+    shown_at = -math.inf
+
+    def store(chunk: Chunk) -> None:
+        nonlocal shown_at
+        for name, values in kept.items():
+            values[chunk.first : chunk.first + chunk.count] = chunk.values[name]
+        due = time.monotonic() - shown_at > _SHOWN_EVERY or chunk.first + chunk.count == frames
+        shown_at = time.monotonic() if due else shown_at
+        results.append(chunk.first, chunk.values, chunk.energy, chunk.state, due)
+
     try:
         # A chunk is written while the next one is integrated.
         with ThreadPoolExecutor(1) as writer:
@@ -209,15 +233,18 @@ def _run(
             for chunk in stream(simulated, start, spent, loading.start):
                 if writing is not None:
                     writing.result()
-                writing = writer.submit(
-                    results.append, chunk.first, chunk.values, chunk.energy, chunk.state
-                )
+                writing = writer.submit(store, chunk)
+                energies.append(chunk.energy)
                 tell("integrate", (chunk.first + chunk.count) / frames)
         if writing is not None:
             writing.result()
     except NotFiniteError as error:
         results.finish("failed")
         raise RunError(str(error), True) from None
+    except BaseException:
+        with suppress(StorageError):
+            results.present()
+        raise
     lap("integrate")
     timing["compile"] = spent.compile
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
@@ -225,7 +252,12 @@ def _run(
 
     loading.join()
     tell("analyse", 0.0)
-    field = resultfile.read(results.path, simulated)
+    if kept:
+        until_the_end.enter_context(results.gathering())
+        stored = simulated.times, kept, Energy.joined(energies)
+        field = Field(simulated, *stored, steps.solver, seconds)
+    else:
+        field = resultfile.read(results.path, simulated)
     shown = beside.one(f"{_PAGE_DATA}.of_field", field)
     drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
     found = measure(case, field, *(known.result() if known else ()))
@@ -239,23 +271,28 @@ def _run(
     if figures:
         asked = folder / "figures", field, found.shown
         drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
-    undrawn = []
-    with results.gathering():
-        # The file is read until all is drawn; only then may another take its place.
-        for one in drawn:
-            try:
-                one.result()
-            except Exception as error:  # a picture that fails takes nothing else with it
-                undrawn.append(error)
-        data = None
-        try:
-            data = shown.result()[0] | measured.result()[0]
-        except Exception as error:
-            undrawn.append(error)
+    if not kept:
+        # The file is read until all is drawn: only then may another take its place.
+        until_the_end.enter_context(results.gathering())
+        for one in (*drawn, shown, measured):
+            one.wait()
         lap("figures")
-        tell("store", 0.0)
-        results.finish("complete", found.tables)
-    timing["store"] += time.perf_counter() - clock
+    tell("store", 0.0)
+    results.finish("complete", found.tables)
+    lap("store")
+    tell("figures", 0.0)
+    undrawn = []
+    for one in drawn:
+        try:
+            one.result()
+        except Exception as error:  # a picture that fails takes nothing else with it
+            undrawn.append(error)
+    data = None
+    try:
+        data = shown.result()[0] | measured.result()[0]
+    except Exception as error:
+        undrawn.append(error)
+    lap("figures")
     summary = {
         "title": case.title,
         "checks": rows,
@@ -342,7 +379,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
-    reading = read_bar(field, table.frequencies, table.damping, known)
+    reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
     checks = judge_bar(field, reading)
     answers = of_bar(field, reading)
