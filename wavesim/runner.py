@@ -171,7 +171,8 @@ def _run(
     to_come = Field(case.simulation, case.simulation.times, {})
     if not case.simulation.endless:
         table = case.analysis
-        known = beside.one(_EXPECTED, to_come, table.frequencies, table.damping)
+        read = table.frequencies, table.damping, table.bands
+        known = beside.one(_EXPECTED, to_come, *read)
     from wavesim.timedomain.compiled import keep_compiled
 
     keep_compiled()

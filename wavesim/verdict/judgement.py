@@ -66,7 +66,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
 
-    reading = read_bar(field, table.frequencies, table.damping, known)
+    reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
     checks = judge_bar(field, reading)
     answers = of_bar(field, reading)
