@@ -23,6 +23,8 @@ _PLAIN = {
     "less_than_equal": "must be {le:g} or less",
 }
 _LONGEST = 60
+# Tables whose from and to are no lengths: the key whose unit they have.
+_OWN_UNIT = {"bands": "frequency", "variables": "key"}
 
 
 def place(parts: Sequence[Any]) -> str:
@@ -63,6 +65,8 @@ def _as_number(text: str, error: Any, path: Sequence[Any]) -> str:
     value, key = error["input"], str(path[-1])
     if isinstance(path[-1], int) and len(path) > 2:
         key = str(path[-2])
+    if len(path) > 2 and path[-3] in _OWN_UNIT and key in ("from", "to"):
+        key = _OWN_UNIT[path[-3]]
     if not isinstance(value, str) or "must be a number" not in text:
         return text
     if '"' in text.split("must be a number")[1] and not value.strip()[:1].isdigit():

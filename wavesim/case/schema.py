@@ -25,31 +25,53 @@ from wavesim.material.medium import Medium
 from wavesim.sources.signal_file import text_of
 
 
-class WishTable(Table):
-    """[[design.bands]]: sector; from, to (Hz); at_most or at_least (dB of |T|, or both); weight."""
+class BandTable(Table):
+    """[[analysis.bands]]: sector; from, to (Hz); at_most, at_least (dB of |T|), either or both."""
 
     sector: Text = "longitudinal"
     low: Annotated[Positive, Field(alias="from")]
     high: Annotated[Positive, Field(alias="to")]
     at_most: Finite | None = None
     at_least: Finite | None = None
-    weight: Positive = 1.0
 
     @model_validator(mode="after")
-    def _asks(self) -> WishTable:
+    def _holds(self) -> BandTable:
         if self.high <= self.low:
             raise ValueError(
                 f"to = {self.high:g}: must be greater than from = {self.low:g}; a band has a width"
-            )
-        if self.at_most is None and self.at_least is None:
-            raise ValueError(
-                "at_most, at_least: neither is given; say how much is to pass, in dB, such as "
-                "at_most = -40"
             )
         if self.at_most is not None and self.at_least is not None and self.at_most < self.at_least:
             raise ValueError(
                 f"at_most = {self.at_most:g}: is below at_least = {self.at_least:g} of the same "
                 "band; nothing can be both"
+            )
+        return self
+
+    @property
+    def told(self) -> str:
+        """As "longitudinal T from 600 to 700 kHz"."""
+        return f"{self.sector} T from {self.low / 1e3:.6g} to {self.high / 1e3:.6g} kHz"
+
+
+def distinct(bands: Sequence[BandTable]) -> tuple[BandTable, ...]:
+    """Bands without weights, each once."""
+    plain = [
+        BandTable.model_validate(b.model_dump(by_alias=True, exclude={"weight"})) for b in bands
+    ]
+    return tuple(band for n, band in enumerate(plain) if band not in plain[:n])
+
+
+class WishTable(BandTable):
+    """[[design.bands]]: a band with one limit at least, and its weight against others."""
+
+    weight: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _asks(self) -> WishTable:
+        if self.at_most is None and self.at_least is None:
+            raise ValueError(
+                "at_most, at_least: neither is given; say how much is to pass, in dB, such as "
+                "at_most = -40"
             )
         return self
 
@@ -176,13 +198,14 @@ class AnalysisTable(Table):
 
     k_min, k_max (rad/m) bound the branches that are judged, k̄ = 0.02 and 0.5 by default;
     frequencies is the number of frequencies of the attenuation curve; damping is σT of its
-    exponential window.
+    exponential window. bands are those in which the transmission of layers is judged.
     """
 
     k_min: Positive | None = None
     k_max: Positive | None = None
     frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
     damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+    bands: list[BandTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _ordered(self) -> AnalysisTable:

@@ -14,6 +14,7 @@ UNITS = (
     | dict.fromkeys(("duration", "step", "delay", "start", "times", "stiffness_damping"), "s")
     | dict.fromkeys(("peak_frequency", "frequency", "low", "high", "quality_band"), "Hz")
     | dict.fromkeys(("k_min", "k_max"), "rad/m")
+    | dict.fromkeys(("at_most", "at_least"), "dB")
     | {"mass_damping": "1/s"}
     | {name: known.unit for name, known in PARAMETERS.items() if known.unit}
 )  # fmt: skip

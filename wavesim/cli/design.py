@@ -20,8 +20,8 @@ _AGREES = 1e-3
 @CASE
 @OUT
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
-@click.option("--seconds", type=click.FloatRange(1), default=50.0, show_default=True,
-              help="After which no further start is made.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(1), default=40.0, show_default=True,
+              help="After which no further round is begun.")  # fmt: skip
 @click.option("--verify", is_flag=True, help="Run the design in the time domain too.")
 @QUIET
 @SET
@@ -92,7 +92,7 @@ def _draw(found: Any, folder: Path) -> None:
     own = {wish.sector for wish in wishes}
     curves = tuple(curve for curve in study.curves if curve.sector in own)
     study = dataclasses.replace(study, curves=curves)
-    write({"design": lambda: transmission_figure(study, wishes)}, folder)
+    write({"design": lambda: transmission_figure(study)}, folder)
 
 
 def _tell(shown: Any, found: Any) -> None:

@@ -75,7 +75,7 @@ def _tell(study: Any) -> None:
     import numpy as np
     from rich.table import Table
 
-    from wavesim.studies.transmission_study import decibels
+    from wavesim.studies.transmission_study import decibels, kept
 
     out = console()
     table = Table(box=None, pad_edge=False)
@@ -95,5 +95,17 @@ def _tell(study: Any) -> None:
     for where, sector, name, low, high in study.gaps:
         gaps.add_row(where, sector, name, f"{low / 1e3:.2f}", f"{high / 1e3:.2f}")
     out.print(gaps)
+    if study.bands:
+        bands = Table("band", "from kHz", "to kHz", "dB", "T from", "to dB", "", box=None,
+                      pad_edge=False)  # fmt: skip
+        for band, highest, lowest in study.bands:
+            limits = [f"at most {band.at_most:g}"] if band.at_most is not None else []
+            limits += [f"at least {band.at_least:g}"] if band.at_least is not None else []
+            word = "kept" if kept(band, highest[0], lowest[0]) else "missed"
+            ends = f"{band.low / 1e3:g}", f"{band.high / 1e3:g}"
+            span = f"{lowest[0]:.2f}", f"{highest[0]:.2f}"
+            told = ", ".join(limits) or "–"
+            bands.add_row(band.sector, *ends, told, *span, word if limits else "")
+        out.print(bands)
     for note in study.notes:
         out.print(f"Note: {note}.")

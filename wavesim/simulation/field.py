@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,12 @@ class Energy:
     kinetic: Float
     potential: Float
     work: Float
+
+    @classmethod
+    def joined(cls, parts: Sequence[Energy]) -> Energy:
+        """That of consecutive frames as one."""
+        names = [part.name for part in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     @property
     def total(self) -> Float:

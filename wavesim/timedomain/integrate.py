@@ -213,14 +213,22 @@ def stream(
     known = (equation, stepper, carried, np.asarray(0.0), h)
     run = compiled(advance, known, meanwhile, frames=size, per_frame=step.per_frame)
     timing.compile += time.perf_counter() - begun
+
+    def integrated(frame: int, carried: Any) -> Any:
+        """What jax is at work on from here on, if there is any more."""
+        if frame >= last:
+            return None
+        return run(equation, stepper, carried, np.asarray(float(frame * step.per_frame)), h)
+
+    ahead = integrated(frame, carried)
     if carry_on is None:
         yield _chunk(simulated, 0, _seen_at_start(equation, motion), 1, carried)
     while frame < last:
         begun = time.perf_counter()
-        made, carried = run(
-            equation, stepper, carried, np.asarray(float(frame * step.per_frame)), h
-        )
+        made, carried = ahead
         wanted = min(size, last - frame)
+        # The next chunk is integrated while this one is put into SI, and stored.
+        ahead = integrated(frame + wanted, carried)
         chunk = _chunk(simulated, frame + 1, made, wanted, carried)
         timing.integrate += time.perf_counter() - begun
         frame += wanted
@@ -291,8 +299,6 @@ def integrate(
         if progress is not None:
             progress((chunk.first + chunk.count) / simulated.frames)
     step = time_step(simulated)
-    names = ("kinetic", "potential", "work")
-    parts = ([getattr(chunk.energy, name) for chunk in chunks] for name in names)
     return Field(
         simulation=simulated,
         t=simulated.times,
@@ -300,7 +306,7 @@ def integrate(
             name: np.concatenate([chunk.values[name] for chunk in chunks])
             for name in simulated.fields
         },
-        energy=Energy(*map(np.concatenate, parts)),
+        energy=Energy.joined([chunk.energy for chunk in chunks]),
         stepper=step.solver,
         step=step.step * float(scales(simulated.medium).time),
     )

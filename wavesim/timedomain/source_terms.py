@@ -68,8 +68,8 @@ class SourceTerms(eqx.Module):
         amplitude: of each source that has a signal, an initial field has none; shape (sources,).
         time: s in one scaled unit of time.
         signals: their signals at amplitude 1, each once; which: of them is each source's.
-        turning: sources that prescribe φ at an end and do work by it: of two that turn
-            one end, one.
+        turning: sources that prescribe φ at an end, those of one end together: it moves by the sum
+            of their signals, and the first stands for the work.
     """
 
     points: tuple[tuple[Points, Points], ...]
@@ -77,7 +77,7 @@ class SourceTerms(eqx.Module):
     time: Any
     signals: tuple[Source, ...] = eqx.field(static=True)
     which: tuple[int, ...] = eqx.field(static=True)
-    turning: tuple[int, ...] = eqx.field(static=True)
+    turning: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @property
     def count(self) -> int:
@@ -187,12 +187,13 @@ def source_terms(
     signals = list(dict.fromkeys(alone))
     which = tuple(signals.index(one) for one in alone)
     amplitude = np.array([source.amplitude for source in kept])
-    turned: dict[tuple[str, float], int] = {}
+    turned: dict[tuple[str, float], list[int]] = {}
     for j, source in enumerate(kept):
         if source.acts == "prescribed":
-            turned.setdefault((source.field, source.position), j)
+            turned.setdefault((source.field, source.position), []).append(j)
+    turning = tuple(map(tuple, turned.values()))
     time = np.asarray(float(scales(medium).time))
-    return SourceTerms(points, amplitude, time, tuple(signals), which, tuple(turned.values()))
+    return SourceTerms(points, amplitude, time, tuple(signals), which, turning)
 
 
 def _line(

@@ -150,7 +150,8 @@ def _driven(equation: Equation, number: int, sources: list[int], points: np.ndar
             at, weight = _entries(own, source, place, size, start)
             row[at] += weight
     felt = [*(pushed * weights)]
-    turned = [source for source in sources if source in equation.sources.turning]
+    stand = [ends[0] for ends in equation.sources.turning]
+    turned = [source for source in sources if source in stand]
     if turned:
         free = dataclasses.replace(cut, free=1 / np.asarray(cut.c.node_mass))
         held = sparse_matrix(free)
