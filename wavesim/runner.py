@@ -351,7 +351,7 @@ class _Pictures:
         field: what was simulated.
     """
 
-    def __init__(self, beside: Worker, folder: Path, figures: bool, field: Field) -> None:
+    def __init__(self, beside: Worker | Here, folder: Path, figures: bool, field: Field) -> None:
         self._beside, self._field, self._overview = beside, field, folder / "overview.png"
         self._folder = folder / "figures" if figures else None
         self._data = [beside.one(f"{_PAGE_DATA}.of_field", field)]
