@@ -50,7 +50,10 @@ def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
     for part in parts:
         if isinstance(part, bool) or not isinstance(part, numbers.Real):
             raise ValueError("must be a number, or a pair [at from, at to]")
-        _held(info.field_name, float(part))
+        try:
+            _held(info.field_name, float(part))
+        except OverflowError:
+            raise ValueError("must be finite") from None
     return [float(part) for part in parts] if isinstance(value, list) else float(value)
 
 

@@ -126,7 +126,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         return f"{given}: must be a table, [{key}]"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
-        if isinstance(value, dict):
+        if isinstance(value, dict) and _is_table(schema, error["loc"]):
             return f"{place(parts)} {text}"
         if isinstance(value, list) and len(parts) == 1:
             return f"[[{key}]] {text}"
@@ -165,6 +165,16 @@ def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
             model = _table(model.model_fields[part].annotation)
     assert isinstance(model, type)
     return model
+
+
+def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
+    """Whether a table belongs at a path, rather than a value that was given as one."""
+    inside = _model(schema, loc[:-1])
+    known = inside.model_fields.get(str(loc[-1])) if isinstance(loc[-1], str) else None
+    if known is None:
+        return True
+    table = _table(known.annotation)
+    return isinstance(table, type) and issubclass(table, BaseModel)
 
 
 def _table(annotation: Any) -> Any:
