@@ -222,6 +222,8 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     if kept:
+        for values in kept.values():
+            values.freeze()
         until_the_end.enter_context(results.gathering())
         stored = simulated.times, kept, Energy.joined(energies)
         field = Field(simulated, *stored, steps.solver, seconds)

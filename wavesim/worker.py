@@ -73,6 +73,10 @@ class SharedArray:
     def __setitem__(self, key: Any, values: Any) -> None:
         self._values[key] = values
 
+    def freeze(self) -> None:
+        """From here on nothing is written into it."""
+        self._values.flags.writeable = False
+
     def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
         return self._values.__array__(dtype, copy=copy)
 

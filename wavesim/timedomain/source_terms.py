@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import spread
 from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
@@ -215,7 +216,7 @@ def _line(
         if not source.staggered:
             force = jnp.where(jnp.asarray(held_nodes(bar))[own], 0.0, force)
         return own, force
-    density, indices = bar.spread(source.position, source.width, source.staggered)
+    density, indices = spread(bar, source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
     unit = float(units.force(source.field) * units.length)
