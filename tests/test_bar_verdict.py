@@ -16,10 +16,11 @@ from madeup import (
     reading_of,
 )
 
+from wavesim.case.schema import BandTable
 from wavesim.material.damping import quality
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
-from wavesim.readings.bar.transmission import Scattered
+from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.simulation.field import Energy
 from wavesim.verdict.bar import bar_notes, judge_bar
 
@@ -78,6 +79,33 @@ def test_every_check_of_waves_can_fail(right, wrong, fails):
     ((kind, (one,)),) = right.items()
     checks = judge_bar(field, reading_of(**{kind: (dataclasses.replace(one, **wrong),)}))
     failed = [check.name for check in checks if not check.passed]
+    assert len(failed) == len(fails), failed
+    assert all(text in name for text, name in zip(fails, failed, strict=True))
+
+
+def band_of(low, high, worst, **limits):
+    """A band from one frequency of RIGHT_T to another, the exact levels in it as given, dB."""
+    ends = OMEGA[[low, high]] / (2 * np.pi)
+    asked = BandTable.model_validate({"from": ends[0], "to": ends[1], **limits})
+    return Band(asked, (worst, ends[0]), (worst, ends[0]))
+
+
+@pytest.mark.parametrize(
+    ("band", "wrong", "fails"),
+    [
+        (band_of(2, 5, -30.0, at_most=-30.0, at_least=-30.0), {}, []),
+        (band_of(2, 5, -30.0), {"T": bent(DEEP, 1.1e-3)}, ["incident wave"]),
+        (band_of(2, 5, -30.0), {"T": bent(DEEP, 1.1e-3, at=6)}, []),
+        (band_of(2, 11, -30.0), {}, ["frequencies that the run tells of"]),
+        (band_of(2, 5, -29.9, at_most=-30.0), {}, ["at most -30 dB"]),
+        (band_of(2, 5, -30.1, at_least=-30.0), {}, ["at least -30 dB"]),
+        (band_of(2, 5, float("nan"), at_most=-30.0), {}, ["at most -30 dB"]),
+    ],
+)
+def test_a_band_is_held_to_what_the_run_tells_to_the_exact_t_and_to_its_limits(band, wrong, fails):
+    found = dataclasses.replace(RIGHT_T, bands=(band,), **wrong)
+    checks = judge_bar(plain_field(), reading_of(scattered=(found,)))
+    failed = [c.name for c in checks if "kHz" in c.name and not c.passed]
     assert len(failed) == len(fails), failed
     assert all(text in name for text, name in zip(fails, failed, strict=True))
 

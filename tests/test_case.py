@@ -132,6 +132,9 @@ BAD = [
     ("analysis.k_max=250", "[analysis] k_max = 250", "raise k_max, or lengthen the bar"),
     ("analysis.frequencies=3", "[analysis] frequencies = 3", "8 or greater"),
     ("analysis.damping=50", "[analysis] damping = 50", "30 or less"),
+    ("analysis.bands=[{from=1e5,to=9e4}]", "[[analysis.bands]] number 1:", "greater than from"),
+    ("analysis.bands=[{from='300kHz',to=9e5}]", "in Hz", "300000.0"),
+    ("analysis.bands=[{from=1e5,to=9e5}]", "number 1: from = 100000", "between half-spaces"),
     ("analysis.damping=nan", "[analysis] damping = nan", "finite"),
 ]
 

@@ -12,8 +12,9 @@ from wavesim import planewave
 from wavesim.figures import gap_map as surveyfigures
 from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION, SPECTRAL_CLOSURES
+from wavesim.material.together import together
 from wavesim.planewave.eigenproblem import spectral_form
-from wavesim.planewave.gap_map import gap_map, table
+from wavesim.planewave.gap_map import edge_families, gap_map, table
 from wavesim.planewave.many_media import block_forms
 
 
@@ -85,6 +86,41 @@ def test_a_map_is_drawn_with_a_panel_for_each_gap():
     )
     titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
     assert titles == ["RLB1", "RLB2", "RTB1", "RTB2", "RSB", "widest full gap"]
+
+
+@pytest.fixture(scope="module")
+def both():
+    """Of two families at once, over a parameter of both and one of translation alone."""
+    medium = together(Medium(closure="consistent"), Medium(family="translation", K_n_a=1.2e7))
+    x, y = ("anisotropy", np.array([0.0, 0.6])), ("K_n_r", np.array([5e5, 2e6, 1.2e7]))
+    return gap_map(medium, x, y)
+
+
+def test_a_map_of_two_families_holds_the_gaps_of_either(both):
+    """Against planewave.gaps of each medium of its own family, and full_gaps of both; 1e-12."""
+    for i, K in enumerate((5e5, 2e6, 1.2e7)):
+        for j, a in enumerate((0.0, 0.6)):
+            moved = Medium(family="translation", anisotropy=a, K_n_a=1.2e7, K_n_r=K)
+            turned = Medium(closure="consistent", anisotropy=a)
+            for one in (moved, turned):
+                for sector in one.family.sectors:
+                    for gap in planewave.gaps(one, sector):
+                        assert both.lower[gap.name][i, j] == pytest.approx(gap.lower, rel=1e-12)
+                        assert both.upper[gap.name][i, j] == pytest.approx(gap.upper, rel=1e-12)
+            full = {f"{one.family.name}-full": one for one in (moved, turned)}
+            for name, one in (full | {"full": together(turned, moved)}).items():
+                widest = max((b - a for a, b in planewave.full_gaps(one)), default=0.0)
+                assert both.width(name)[i, j] == pytest.approx(widest, rel=1e-9, abs=1e-6)
+    assert both.width("full").max() > 0
+
+
+def test_a_map_of_two_families_names_them(both):
+    assert edge_families(both.medium)["DSB"] == "translation"
+    titles = [axes.get_title() for axes in surveyfigures.gap_map_figure(both).axes]
+    assert {"RLB1, rotation", "DLB1, translation", "widest full gap, translation"} <= set(titles)
+    header, _ = table(both)
+    assert header[1] == "K_n_r (N/m)"
+    assert "DTB2_upper (kHz)" in header
 
 
 def test_bad_axes_are_refused():

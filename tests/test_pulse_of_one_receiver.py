@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from transducers import record
 
-from wavesim.readings.pulse.power_law import power_law
 from wavesim.readings.pulse.reading import read_one, read_series
+from wavesim.readings.pulse.series import power_law
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.readings.pulse.travel_time import face_to_face
@@ -34,6 +34,34 @@ def test_the_direct_wave_is_read_beside_crosstalk_precursor_and_a_stronger_guide
     assert names.count("direct") == 1
     guided = [p for p in reading.packets if p.name == "guided or reflected"]
     assert guided[0].begins == pytest.approx(L / (0.72 * 120), rel=0.05)
+
+
+@pytest.mark.parametrize("speeds", [None, {"P": 204.0, "S": 120.0}], ids=["unknown", "known"])
+@pytest.mark.parametrize("part", [0.05, 0.12])
+def test_a_p_wave_ahead_of_the_s_wave_is_named(part, speeds):
+    """A wave 1.7 times as fast, of some hundredths or tenths of the S wave: by the ratio of times,
+    or by the speeds that a medium has. Its time by tops is within 4 % of L/V_P."""
+    reading = read_one(made(120.0, precursor=part, guided=0.6, crosstalk=0.1), L, {}, speeds)
+    ahead, own = reading.packets[:2]
+    assert (ahead.name, ahead.wave, own.name) == ("P precursor", "P", "direct")
+    assert own.wave == ("S" if speeds else "")
+    assert own.begins - (own.top - ahead.top) == pytest.approx(L / 204, rel=0.04)
+    assert any("a P precursor of" in note for note in reading.notes)
+
+
+def test_known_speeds_tell_which_of_two_large_packets_the_test_is_after():
+    """A P wave half as large as its S wave: alone the first counts, with the other told of; by the
+    speeds it is the precursor of the larger. Of a P wave that is the largest the S wave follows."""
+    half = made(120.0, precursor=0.3, guided=0.6, crosstalk=0.1)
+    alone = read_one(half, L, {})
+    assert alone.best.velocity == pytest.approx(204, rel=0.05)
+    assert any("a larger packet follows at 1.7" in note for note in alone.notes)
+    told = read_one(half, L, {}, {"P": 204.0, "S": 120.0})
+    assert told.best.velocity == pytest.approx(120, rel=0.05)
+    assert [one.name for one in told.packets[:2]] == ["P precursor", "direct"]
+    most = made(120.0, precursor=0.9, guided=0.6, crosstalk=0.1)
+    after = read_one(most, L, {}, {"P": 204.0, "S": 120.0})
+    assert [(p.name, p.wave) for p in after.packets[:2]] == [("direct", "P"), ("S wave", "S")]
 
 
 def test_crosstalk_is_the_same_at_any_distance_and_left_out():

@@ -56,13 +56,11 @@ def error(medium, bar, sources, receivers=RECEIVERS, duration=DURATION):
     return worst
 
 
-@pytest.mark.parametrize(
-    "ends",
-    [("free", "fixed"), ("fixed", "absorbing"), ("absorbing", "free"), ("periodic", "periodic")],
-)
+@pytest.mark.parametrize("ends", [("free", "fixed"), ("absorbing", "fixed")])
 def test_ends(ends):
-    """Every end on either side, echoes included, on cells of l/8; 1e-5, measured 2e-7 to 6e-7 (the
-    grid's dispersion and, where it absorbs, what the absorber sends back near cutoffs)."""
+    """Ends of every kind, echoes included, on cells of l/8; 1e-5, measured 2e-7 to 6e-7 (the grid's
+    dispersion and, where it absorbs, what the absorber sends back near cutoffs). The other sides,
+    and the ring, are those of tests below."""
     bar = uniform(*ends)
     if "absorbing" in ends:  # the absorber is a part of the bar
         bar = dataclasses.replace(bar, cells=192)
@@ -71,29 +69,23 @@ def test_ends(ends):
     assert error(SOFT, bar, [source], receivers) <= 1e-5
 
 
-# Amplitudes such that at each receiver each source alone makes a fair part of the whole.
-TOGETHER = {
-    "body moments": (
-        ws.Ricker("B11", 0.0071, 5e5, amplitude=1e-3),
-        ws.Ricker("B22", 0.0091, 4.5e5, width=4e-4, amplitude=1.5e-2),
-        ws.GaussianDerivative("phi1", 0.0081, 5e5, width=4e-4, amplitude=1.0),
-    ),
-    "moments at ends": (
-        ws.Ricker("phi1", 0.0, 5e5, drive="moment"),
-        ws.Ricker("phi1", LENGTH, 4e5, drive="moment", amplitude=-1.0),
-        ws.ToneBurst("phi1", 0.0, 4e5, cycles=2, window="cos4", drive="moment"),
-    ),
-    "initial fields": (
-        ws.InitialField("phi1", 0.0076, 9e-4, 1e-3),
-        ws.InitialField("B11", 0.0083, 9e-4, 2.0),
-    ),
-}
+# Amplitudes such that at each receiver each source alone makes a fair part of the whole: body
+# moments, moments at ends, initial fields.
+TOGETHER = (
+    ws.Ricker("B11", 0.0071, 5e5, amplitude=1e-3),
+    ws.Ricker("B22", 0.0091, 4.5e5, width=4e-4, amplitude=1.5e-2),
+    ws.GaussianDerivative("phi1", 0.0081, 5e5, width=4e-4, amplitude=1.0),
+    ws.Ricker("phi1", 0.0, 5e5, drive="moment"),
+    ws.Ricker("phi1", LENGTH, 4e5, drive="moment", amplitude=-1.0),
+    ws.ToneBurst("phi1", 0.0, 4e5, cycles=2, window="cos4", drive="moment"),
+    ws.InitialField("phi1", 0.0076, 9e-4, 1e-6),
+    ws.InitialField("B11", 0.0083, 9e-4, 2e-3),
+)
 
 
-@pytest.mark.parametrize("kind", TOGETHER)
-def test_sources_on_a_free_bar(kind):
-    """Body moments, surface moments, initial fields; 3e-5, measured 1e-7 to 8e-6."""
-    assert error(SOFT, uniform("free", "free"), TOGETHER[kind]) <= 3e-5
+def test_sources_on_a_free_bar():
+    """Body moments, surface moments, initial fields; 3e-5, measured 5e-6."""
+    assert error(SOFT, uniform("free", "free"), TOGETHER) <= 3e-5
 
 
 @pytest.mark.parametrize("medium", [SOFT, lossy(SOFT)], ids=["lossless", "lossy"])
@@ -132,12 +124,10 @@ def test_a_prescribed_end_does_not_drift():
 @pytest.mark.parametrize(
     ("damping", "ends"),
     [
-        (ws.Damping(mass=2e5), ("free", "fixed")),
-        (ws.Damping(stiffness=5e-9), ("free", "fixed")),
-        (SOLIDS, ("free", "fixed")),
-        (EVERYTHING, ("periodic", "periodic")),
+        (ws.Damping(mass=2e5, stiffness=5e-9), ("free", "fixed")),
+        (SOLIDS, ("periodic", "periodic")),
     ],
-    ids=["mass", "stiffness", "solids", "all"],
+    ids=["friction", "solids"],
 )
 def test_losses(damping, ends):
     """Every loss law, in echoes and all round a ring; 1e-5, measured 1e-8 to 3e-7."""
@@ -161,10 +151,9 @@ GRADED = (SOFT, dataclasses.replace(SOFT, anisotropy=0.55, density=1900.0))
     ("closure", "damping", "right"),
     [
         ("printed", None, "fixed"),
-        ("consistent", None, "free"),
         ("consistent", EVERYTHING, "absorbing"),
     ],
-    ids=["printed", "consistent", "lossy"],
+    ids=["lossless", "lossy"],
 )
 def test_layers(closure, damping, right):
     """Interfaces on no multiple of the cell, jumps of everything, a graded layer, a lossy layer
@@ -213,22 +202,19 @@ def test_signals_converge():
     assert fine <= coarse / 32
 
 
-@pytest.mark.parametrize("damping", [None, EVERYTHING], ids=["lossless", "lossy"])
-def test_reciprocity(damping):
-    """Law: with a symmetric closure, losses and absorbers or not, source and receiver exchange:
-    a moment on φ₁ here felt in B₁₁ there is a double moment on B₁₁ there felt in φ₁ here. Across
-    an interface and a graded layer, off the grid's points; 1e-10 of the peak, measured 4e-13."""
-    soft, graded = SOFT, GRADED
-    if damping:
-        soft, graded = lossy(SOFT), tuple(lossy(one) for one in GRADED)
+def test_reciprocity():
+    """Law: with a symmetric closure, losses and absorbers too, source and receiver exchange: a
+    moment on φ₁ here felt in B₁₁ there is a double moment on B₁₁ there felt in φ₁ here. Across an
+    interface and a graded layer, off the grid's points; 1e-10 of the peak, measured 4e-13. (Of a
+    ring without losses it is held in test_simulate_rings.)"""
+    soft, graded = lossy(SOFT), tuple(lossy(one) for one in GRADED)
     layers = bar_of(soft, graded, soft, edges=(0.0, 0.0053, 0.0104, LENGTH))
-    bar = layered(layers, "free", "absorbing" if damping else "fixed")
+    bar = layered(layers, "free", "absorbing")
     here, there = 2.53e-3, 11.37e-3
-    signal = {
-        (name, at): ws.simulate(layers, bar, [ws.Ricker(name, at, 5e5)], DURATION, FRAMES)
-        for name, at in (("phi1", here), ("B11", there))
-    }
-    one, other = signal["phi1", here].at(there, "B11"), signal["B11", there].at(here, "phi1")
+    one, other = (
+        ws.simulate(layers, bar, [ws.Ricker(name, at, 5e5)], DURATION, FRAMES).at(far, heard)
+        for name, at, heard, far in (("phi1", here, "B11", there), ("B11", there, "phi1", here))
+    )
     assert np.abs(one).max() > 0
     assert np.abs(one - other).max() <= 1e-10 * np.abs(one).max()
 

@@ -47,13 +47,10 @@ ASTRIDE = (
 )
 # (closure, bar, sources, duration, frames, solver)
 CASES = {
-    "every field": ("consistent", ws.Bar(64, CELL, 8), EVERY, DURATION, 13, "auto"),
-    "short steps": ("printed", ws.Bar(64, CELL, 8), SOURCES, DURATION, 97, "chebyshev"),
+    "every field": ("printed", ws.Bar(64, CELL, 8), EVERY, DURATION, 13, "auto"),
+    "short steps": ("printed", ws.Bar(256, CELL, 2), ASTRIDE, DURATION, 97, "chebyshev"),
     "long steps": ("consistent", ws.Bar(64, CELL, 8), SOURCES, DURATION, 13, "chebyshev"),
-    "order 2": ("printed", ws.Bar(256, CELL, 2), ASTRIDE, DURATION, 97, "auto"),
-    "odd, order 12": ("printed", ws.Bar(257, CELL, 12), SOURCES[1:3], DURATION, 25, "propagator"),
-    "propagator": ("consistent", ws.Bar(384, CELL / 2, 8), SOURCES[:2], DURATION, 41, "propagator"),
-    "one long interval": ("printed", ws.Bar(384, CELL / 2, 8), SOURCES[:2], 90e-6, 2, "auto"),
+    "propagator": ("consistent", ws.Bar(257, CELL, 12), SOURCES[:3], DURATION, 25, "propagator"),
 }
 CONSERVING = [name for name, case in CASES.items() if case[0] == "consistent"]
 
@@ -185,21 +182,15 @@ def contact_energy(medium, length, kappa, B, slope):
     return 0.5 * medium.contact_density * total.mean() * length
 
 
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        {"anisotropy": -0.8, "stiffness_ratio": 1.7, "G_n_g": 1.25e-11},
-        {"anisotropy": 1.6, "branch_length": 1.3e-3, "density": 900.0, "G_n_a": 9.0, "G_n_g": 6.0},
-    ],
-    ids=["no gradient", "gradient"],
-)
-def test_potential_energy_is_what_the_contacts_store(parameters):
+def test_potential_energy_is_what_the_contacts_store():
     """Law: the deformation energy is that of the contacts, all twelve fields moving.
 
     Wide sources, so that derivatives of the fields by FFT and the differences of order 12 agree;
-    the gradient term from nothing to as large as the rest. To 1e-9; measured 1e-13 to 1e-11.
+    the gradient term as large as the rest. (Without it, it is the work less the kinetic energy,
+    both held above.) To 1e-9; measured 1e-13 to 1e-11.
     """
-    medium = ws.Medium(closure="consistent", **parameters)
+    given = {"branch_length": 1.3e-3, "density": 900.0, "G_n_a": 9.0, "G_n_g": 6.0}
+    medium = ws.Medium(closure="consistent", anisotropy=1.6, **given)
     bar = ws.Bar(96, CELL, 12)
     sources = [dataclasses.replace(source, width=1.2e-3) for source in EVERY]
     field = ws.simulate(medium, bar, sources, 8e-6, 5)
@@ -220,9 +211,8 @@ def test_potential_energy_is_what_the_contacts_store(parameters):
         )
         expected = contact_energy(medium, bar.length, kappa, B, slope)
         assert field.energy.potential[frame] == pytest.approx(expected, rel=1e-9)
-    if medium.G_n_g > 1:
-        without = dataclasses.replace(medium, G_n_g=0.0)
-        assert contact_energy(without, bar.length, kappa, B, slope) < 0.99 * expected
+    without = dataclasses.replace(medium, G_n_g=0.0)
+    assert contact_energy(without, bar.length, kappa, B, slope) < 0.99 * expected
 
 
 def test_reciprocity():

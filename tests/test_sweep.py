@@ -96,6 +96,35 @@ G_n_a = GRADED
 """
 
 
+BOTH = """\
+[medium]
+family = ["rotation", "translation"]
+closure = "consistent"
+K_n_a = 8.0e6
+"""
+
+
+def test_gaps_of_a_sweep_of_two_families_bear_their_names(tmp_path):
+    """Each as planewave.gaps has it of a medium of its family alone; to 1e-12."""
+    case = tmp_path / "both.toml"
+    case.write_text(BOTH)
+    vary = ["medium.anisotropy=0:1:3", "medium.K_n_r=1e6:2e6:2"]
+    data = ws.sweep(case, vary, folder=tmp_path).go().load()
+    assert dict(zip(data["gap"].values, data["family"].values, strict=True))["DSB"] == "translation"
+    for a in data["medium.anisotropy"].values.tolist():
+        for K in data["medium.K_n_r"].values.tolist():
+            one = data.sel({"medium.anisotropy": a, "medium.K_n_r": K})
+            turned = Medium(closure="consistent", anisotropy=a)
+            moved = Medium(family="translation", anisotropy=a, K_n_a=8e6, K_n_r=K)
+            for medium in (turned, moved):
+                for sector in medium.family.sectors:
+                    for gap in planewave.gaps(medium, sector):
+                        edges = one.sel(gap=gap.name)
+                        assert edges["family"] == medium.family.name
+                        assert float(edges["lower"]) == pytest.approx(gap.lower, rel=1e-12)
+                        assert float(edges["upper"]) == pytest.approx(gap.upper, rel=1e-12)
+
+
 @pytest.mark.parametrize("G", ["10.0", "[10.0, 12.0]"], ids=["uniform", "graded"])
 def test_transmission_of_a_sweep_is_that_of_each_stack(G, tmp_path):
     """As batches in jax, and one by one by the exact solver; to 1e-9 of the incident wave. Of

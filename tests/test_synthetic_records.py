@@ -8,10 +8,9 @@ from media import MEDIUM
 from scipy.integrate import quad
 
 from wavesim.material.rotation import ROTATION
-from wavesim.records.oscillator import driven
 from wavesim.records.record import RecordError
 from wavesim.records.relations import Beam, Diatomic, Given, MassInMass, OfMedium
-from wavesim.records.synthetic import Pulse, Spoil, positions, synthesize
+from wavesim.records.synthetic import Pulse, Spoil, driven, positions, synthesize
 
 CHAIN = MassInMass(0.01, 1e6, 0.01, 2e5, 0.005)
 PAIR = Diatomic(0.01, 1e6, 0.01, 0.005)

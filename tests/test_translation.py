@@ -12,9 +12,11 @@ from runs import call
 
 import wavesim as ws
 from wavesim import planewave
+from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.medium import fastest_speed
 from wavesim.planewave.angle_of_travel import frequencies as at_an_angle
+from wavesim.readings.bar.eigenfrequencies import ringing
 from wavesim.studies.least_squares import FitError
 from wavesim.studies.speed_fit import fit_speeds
 
@@ -130,15 +132,22 @@ def test_the_paper_prints_no_equations_for_it():
 
 
 def test_a_bar_of_soil_rings_at_its_eigenfrequencies():
-    """Free ends, in every band up to above the gaps: k L = nπ and ω(k) of plane waves, 1e-7, as
-    half the digits of the lowest ω² are the eigensolver's; at θ = 0 waves are those of the axis."""
-    length = 0.02
+    """Free ends, below the gaps: k L = nπ and ω(k) of plane waves, 1e-11 (measured 1e-12, as Γ is
+    left out of the one); a run's receivers hear those that stand clear within 1e-6 of them
+    (measured 5e-7, of 1.6 ms); at θ = 0 waves are those of the axis."""
+    length = 0.016
     layers = ws.Layers((ws.Layer(0.0, length, SOIL),))
-    top = 2 * np.pi * 1.9e5
-    found = resonances(layers, "free", "free", "longitudinal", (2e4, top))
+    top = 2 * np.pi * 1.6e5
+    found = resonances(layers, "free", "free", "transverse2", (2e4, top))
     k = np.arange(1, 60) * np.pi / length
-    lowest = planewave.frequencies(SOIL, "longitudinal", k)[:, 0]
-    np.testing.assert_allclose(found, lowest[lowest < top], rtol=1e-7)
+    lowest = planewave.frequencies(SOIL, "transverse2", k)[:, 0]
+    np.testing.assert_allclose(found, lowest[lowest < top], rtol=1e-11)
+    pulse = ws.Ricker("u2", position=0.0037, peak_frequency=6e4, width=4e-4)
+    bar = ws.Bar(cells=128, spacing=1.25e-4, left="free", right="free")
+    ends = {"a": 0.0009, "b": 0.0147}
+    field = ws.simulate(SOIL, bar, [pulse], 1.6e-3, receivers=ends)
+    heard = ringing(field, field.blocks[0], lowest[:12])
+    np.testing.assert_allclose(heard.found, lowest[:12], rtol=1e-6)
     every = at_an_angle(SOIL, 0.0, k[:5])
     for sector in ("longitudinal", "transverse2"):
         along = planewave.frequencies(SOIL, sector, k[:5])
@@ -146,7 +155,8 @@ def test_a_bar_of_soil_rings_at_its_eigenfrequencies():
 
 
 def test_an_interface_passes_what_impedances_say():
-    """One interface at long waves: T of displacement is 2Z₁/(Z₁ + Z₂), Z = ρω/k, 1e-9."""
+    """One interface at long waves: T of displacement is 2Z₁/(Z₁ + Z₂), Z = ρω/k, 1e-9. In jax
+    families that share a density share its value."""
     other = dataclasses.replace(SOIL, K_n_a=3e6, K_n_r=3e6, density=2100.0)
     layers = ws.Layers((ws.Layer(0.0, 1e-3, SOIL), ws.Layer(1e-3, 2e-3, other)))
     omega = 2 * np.pi * np.array([1e4, 5e4, 1e5])
@@ -155,11 +165,13 @@ def test_an_interface_passes_what_impedances_say():
     Z = [m.density * omega / own for m, own in zip((SOIL, other), k, strict=True)]
     np.testing.assert_allclose(np.abs(found.T), 2 * Z[0] / (Z[0] + Z[1]), rtol=1e-9)
     np.testing.assert_allclose(found.power_T + found.power_R, 1.0, rtol=1e-12)
+    with pytest.raises(ValueError, match="density: must be one for all"):
+        traced_layers(layers.mapped(lambda m: ws.together(ws.Medium(closure="consistent"), m)))
 
 
 @pytest.fixture(scope="module")
 def both():
-    """Two layers of both families, the second with other grains, driven at an end and absorbed."""
+    """Two layers of both families, the second with other grains, between ends that absorb."""
 
     def made(**given):
         law = ws.Damping(mass=1e4)
@@ -169,30 +181,37 @@ def both():
         )
 
     layers = ws.Layers(
-        (ws.Layer(0, 0.02, made()), ws.Layer(0.02, 0.035, made(particle_radius=4e-4, density=2e3)))
+        (
+            ws.Layer(0, 0.022, made()),
+            ws.Layer(0.022, 0.036, made(particle_radius=4e-4, density=2e3)),
+        )
     )
-    bar = ws.layered_bar(layers, 1.25e-4, 8, "free", "absorbing", 0.008)
+    bar = ws.layered_bar(layers, 1.25e-4, 8, "absorbing", "absorbing", 0.008)
     pulses = [
-        ws.Ricker("phi1", position=0.0, peak_frequency=2e5, drive="moment"),
-        ws.Ricker("u2", position=0.0, peak_frequency=6e4, drive="traction"),
+        ws.Ricker("phi1", position=0.0105, peak_frequency=2e5),
+        ws.Ricker("u2", position=0.0105, peak_frequency=6e4),
     ]
-    return layers, bar, pulses, {"a": 0.008, "b": 0.024}
+    return layers, bar, pulses, {"a": 0.017, "b": 0.025}
 
 
 def test_families_in_one_bar_do_not_feel_each_other(both):
-    """Each field as in a run of its family alone, to rounding; and the verdict on both."""
+    """Each field as in a run of its family alone, to rounding; and the verdict on both: signals to
+    1e-4, T and R to 1e-3, measured 1e-7 and 2e-6 (rotation), 6e-5 and 9e-5 (translation)."""
     layers, bar, pulses, receivers = both
-    field = ws.simulate(layers, bar, pulses, 1e-4, samples=400, receivers=receivers)
+    field = ws.simulate(layers, bar, pulses, 1.5e-4, samples=400, receivers=receivers)
     assert field.names == ("phi1", "B11", "B22", "B33", "u2", "A21", "A12")
     for number, pulse in enumerate(pulses):
         alone = layers.mapped(lambda medium, number=number: medium.parts[number])
-        one = ws.simulate(alone, bar, [pulse], 1e-4, samples=400, receivers=receivers)
+        one = ws.simulate(alone, bar, [pulse], 1.5e-4, samples=400, receivers=receivers)
         for name in one.names:
             largest = np.abs(one[name]).max()
             assert np.abs(field[name] - one[name]).max() <= 1e-9 * largest, name
     checks = ws.judge_bar(field, ws.read_bar(field))
     assert [check.name for check in checks if not check.passed] == []
-    assert len(checks) >= 6
+    for sector in ("rotation-longitudinal", "translation-transverse2"):
+        names = (f"{sector} T:", f"{sector} R:")
+        of_it = [check for check in checks if check.name.startswith(names)]
+        assert [check.tolerance for check in of_it] == [1e-3, 1e-3]
 
 
 def test_families_in_one_bar_are_told_apart(both):
@@ -205,6 +224,43 @@ def test_families_in_one_bar_are_told_apart(both):
                 assert own.lower == pytest.approx(known.lower, rel=1e-12)
     with pytest.raises(ValueError, match="must differ"):
         ws.together(SOIL, SOIL)
+
+
+BOTH_FAMILIES = """\
+medium = { family = ["rotation", "translation"], closure = "consistent" }
+bar.length = 0.064
+sources = [{ field = "u1", position = 0.032, peak_frequency = 2e5 }]
+time.duration = 1e-4
+"""
+
+
+@pytest.mark.parametrize(
+    ("sector", "key", "value", "named"),
+    [
+        ("translation-longitudinal", "K_n_a", 7e5, []),  # by the file's name
+        ("translation-transverse2", "K_n_a", 7e5, ["--sector", "transverse2"]),  # by the key
+        ("rotation-longitudinal", "stiffness_ratio", 0.6, ["--sector", "rotation-longitudinal"]),
+    ],
+)
+def test_points_of_one_of_two_families_are_fitted(sector, key, value, named, tmp_path):
+    """Points of ω(k) of the plane-wave solver, back to the parameter they were made with; 1e-7."""
+    case, points = tmp_path / "both.toml", tmp_path / f"points_{'of' if named else sector}.csv"
+    case.write_text(BOTH_FAMILIES)
+    family, own = sector.split("-")
+    more = {"closure": "consistent"} if family == "rotation" else {}
+    k = np.linspace(200.0, 2000.0, 12)
+    omega = planewave.frequencies(ws.Medium(family=family, **{key: value}, **more), own, k)
+    rows = [(b, k[i], w, 1e-6 * w) for i, at in enumerate(omega) for b, w in enumerate(at)]
+    text = ["branch,k_rad_per_m,omega_rad_per_s,omega_error_rad_per_s"]
+    points.write_text("\n".join([*text, *(",".join(map(repr, map(float, r))) for r in rows)]))
+    result = call("fit", points, case, "--vary", f"medium.{key}", *named, "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)["parameters"][f"medium.{key}"]
+    assert found["value"] == pytest.approx(value, rel=1e-7)
+    if named:
+        refused = call("fit", points, case, "--vary", "medium.anisotropy")
+        assert refused.exit_code == 2
+        assert "--sector longitudinal: must be one of rotation-longitudinal" in refused.output
 
 
 @pytest.mark.parametrize(("a", "eta"), [(0.0, 0.13), (0.0, 0.0), (0.8, 0.5), (-0.5, 1.1)])
@@ -237,6 +293,17 @@ def test_speeds_that_no_medium_has_are_told():
     assert "above 1.732" in found.reason
     with pytest.raises(FitError, match="translation"):
         fit_speeds(400.0, 300.0, ws.Medium())
+
+
+def test_a_parameter_laid_over_media_of_both_families_reaches_each_that_has_it():
+    law = ws.Damping(mass=1.0)
+    both = ws.together(ws.Medium(closure="consistent"), SOIL)
+    changed = dataclasses.replace(both, anisotropy=0.3, K_n_r=2e6, damping=law)
+    assert changed.parts[0] == ws.Medium(closure="consistent", anisotropy=0.3, damping=law)
+    assert changed.parts[1] == dataclasses.replace(SOIL, anisotropy=0.3, K_n_r=2e6, damping=law)
+    assert (changed.anisotropy, changed.K_n_r, changed.G_n_a) == (0.3, 2e6, 5.0)
+    with pytest.raises(TypeError, match="strength: is no parameter"):
+        dataclasses.replace(both, strength=1.0)
 
 
 def test_series_of_speeds_go_to_a_law(tmp_path):
@@ -278,6 +345,28 @@ def test_the_bender_element_case_finds_the_s_wave_and_names_its_precursor(shippe
     assert (ahead["arrival"], ahead["field"]) == ("P precursor", "u1")
     assert (main["arrival"], main["field"]) == ("S wave", "u2")
     assert ahead["ahead"] > 0
+
+
+@pytest.mark.parametrize("named", [[], ["--medium", "bender_element"]], ids=["alone", "medium"])
+def test_a_receiver_that_feels_both_ways_hears_the_precursor(shipped, named, tmp_path):
+    """u₂ and u₁ of the bender element's far receiver in one channel, with noise of 1e-3: the P wave
+    is named; S speed within two standard errors."""
+    field = shipped("bender_element").field
+    (sent,) = (source.signal(field.t) for source in field.sources if source.field == "u2")
+    x, early = field.receivers["far"], np.zeros(200)
+    heard = np.concatenate([early, field.at(x, "u2") + field.at(x, "u1")])
+    heard += 1e-3 * np.abs(heard).max() * np.random.default_rng(1).standard_normal(len(heard))
+    t = np.arange(-200, len(field.t)) * field.interval
+    file = tmp_path / "bender.csv"
+    rows = np.column_stack([t, np.concatenate([early, sent]), heard])
+    np.savetxt(file, rows, delimiter=",", header="time (s),sent,heard", comments="")
+    result = call("pulse", file, "--input", "sent", "--distance", "0.08", "--json", *named)
+    assert result.exit_code == 0, result.output
+    (one,) = json.loads(result.stdout)["records"]
+    assert [p["name"] for p in one["packets"][:2]] == ["P precursor", "direct"]
+    assert one["packets"][1]["wave"] == ("S" if named else "")
+    S = planewave.long_wave_speed(field.medium, "transverse2")
+    assert abs(one["best"]["velocity"] - S) <= 2 * one["best"]["velocity_error"]
 
 
 def test_the_filter_case_stops_p_waves_where_bloch_waves_do(shipped):

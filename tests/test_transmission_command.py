@@ -82,6 +82,19 @@ def test_losses_take_energy_and_a_graded_layer_has_no_answer_at_its_asymptote(pa
     assert any("asymptote" in note for note in found["notes"])
 
 
+def test_a_band_of_the_case_is_told_and_judged(path):
+    """Its highest and lowest level, by the transfer matrix; a limit between them is missed."""
+    bands = "analysis.bands=[{from=3e5,to=5e5,at_most=0.0},{from=3e5,to=5e5,at_least=-1.0}]"
+    found = json.loads(call("transmission", path, "--set", bands, "--json").stdout)
+    omega = 2 * np.pi * np.linspace(3e5, 5e5, 801)
+    level = 20 * np.log10(np.abs(transfer(load_layers(path).layers, "longitudinal", omega)[0]))
+    assert level.min() < -1
+    for band, kept in zip(found["bands"], (True, False), strict=True):
+        assert band["highest"] == pytest.approx(level.max(), abs=1e-8)
+        assert band["lowest"] == pytest.approx(level.min(), abs=1e-8)
+        assert band["kept"] == kept
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -8,12 +8,15 @@ do not survive a fork, and loads once what its forks need. Knows nothing of what
 from __future__ import annotations
 
 import gc
+import math
+import mmap
 import os
 import pickle
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -25,18 +28,23 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from threading import Thread
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # a process is begun before it is loaded
+    import numpy as np
 
 Job = Callable[[], Any]
 # Whether something went wrong, and what that was or else each answer, pickled.
 Told = tuple[bool, list[bytes]]
 
 _PROGRAM = (
-    "import sys; sys.path[:] = sys.argv[2:]; from wavesim.worker import serve; "
-    "serve(int(sys.argv[1]))"
+    "import sys; sys.path[:] = sys.argv[3:]; from wavesim.worker import serve; "
+    "serve(int(sys.argv[1]), int(sys.argv[2]))"
 )
 
 
+# In a worker: the file that holds what it shares with the run.
+_shared = -1
 # Process ids of the workers of this process.
 _RUNNING: set[int] = set()
 
@@ -48,11 +56,56 @@ def end_all() -> None:
             os.killpg(number, signal.SIGKILL)
 
 
+class SharedArray:
+    """An array of floats that a worker sees too: it travels there as no more than its place.
+
+    Args:
+        values: the array.
+        place: where it begins in what is shared, bytes.
+    """
+
+    def __init__(self, values: np.ndarray, place: int) -> None:
+        self._values, self._place = values, place
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        return self._values[key]
+
+    def __setitem__(self, key: Any, values: Any) -> None:
+        self._values[key] = values
+
+    def freeze(self) -> None:
+        """From here on nothing is written into it."""
+        self._values.flags.writeable = False
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return self._values.__array__(dtype, copy=copy)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _seen_by_worker, (self._place, self._values.shape)
+
+
+def _mapped(file: int, place: int, shape: tuple[int, ...], access: int) -> np.ndarray:
+    import numpy as np
+
+    size = max(8 * math.prod(shape), 1)
+    seen = mmap.mmap(file, size, access=access, offset=place)
+    return np.frombuffer(seen, count=math.prod(shape)).reshape(shape)
+
+
+def _seen_by_worker(place: int, shape: tuple[int, ...]) -> SharedArray:
+    return SharedArray(_mapped(_shared, place, shape, mmap.ACCESS_READ), place)
+
+
 class Answer:
     """What a worker was asked for, once it is there."""
 
-    def __init__(self) -> None:
-        self.told: Future[Told] = Future()
+    def __init__(self, pickled: bool = True) -> None:
+        self.told: Future[Any] = Future()
+        self._pickled = pickled
+
+    def wait(self) -> None:
+        """Wait until it is there, well or not."""
+        self.told.exception()
 
     def result(self, timeout: float | None = None) -> list[Any]:
         """What the jobs returned, in their order.
@@ -69,7 +122,7 @@ class Answer:
             Exception: what a job, or what makes them, raised.
         """
         wrong, parts = self.told.result(timeout)
-        found = [pickle.loads(part) for part in parts]
+        found = [pickle.loads(part) for part in parts] if self._pickled else parts
         if wrong:
             raise found[0]
         return found
@@ -80,14 +133,17 @@ class Worker:
 
     def __init__(self) -> None:
         here, there = socket.socketpair()
+        self._memory = _memory()
+        self._taken = 0
+        given = [there.fileno(), self._memory]
         with there:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _PROGRAM, str(there.fileno()), *sys.path],
+                [sys.executable, "-c", _PROGRAM, *map(str, given), *sys.path],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 # What goes wrong there is told by an answer.
                 stderr=None if os.environ.get("WAVESIM_TRACEBACK") else subprocess.DEVNULL,
-                pass_fds=[there.fileno()],
+                pass_fds=given,
                 start_new_session=True,  # an interrupt from the keyboard is the run's to deal with
             )
         _RUNNING.add(self._process.pid)
@@ -108,6 +164,18 @@ class Worker:
         _RUNNING.discard(self._process.pid)
         self._listener.join()
         self._line.close()
+        os.close(self._memory)  # arrays in it stay as long as anyone holds them
+
+    def array(self, shape: tuple[int, ...]) -> SharedArray:
+        """A new array of zeros that the worker sees too.
+
+        Raises:
+            OSError: there is no room for it.
+        """
+        place, size = self._taken, 8 * math.prod(shape)
+        self._taken += -(-size // mmap.ALLOCATIONGRANULARITY) * mmap.ALLOCATIONGRANULARITY
+        os.ftruncate(self._memory, self._taken)
+        return SharedArray(_mapped(self._memory, place, shape, mmap.ACCESS_WRITE), place)
 
     def each(self, jobs: str, *arguments: Any) -> Answer:
         """Have jobs done, each by a fork, as many at once as there are cores.
@@ -153,6 +221,40 @@ class Worker:
         for answer in self._asked:
             if not answer.told.done():
                 answer.told.set_exception(self._gone())
+
+
+class Here:
+    """In place of a worker: does what it is told at once, in this process, which alone knows it."""
+
+    def array(self, shape: tuple[int, ...]) -> SharedArray:
+        """As of a worker, of this process's own memory."""
+        import numpy as np
+
+        return SharedArray(np.zeros(shape), 0)
+
+    def each(self, jobs: str, *arguments: Any) -> Answer:
+        """As of a worker."""
+        return self._done("each", jobs, arguments)
+
+    def one(self, function: str, *arguments: Any) -> Answer:
+        """As of a worker."""
+        return self._done("one", function, arguments)
+
+    def _done(self, how: str, name: str, arguments: Sequence[Any]) -> Answer:
+        answer = Answer(pickled=False)
+        try:
+            answer.told.set_result((False, [job() for job in _jobs(how, name, arguments)]))
+        except Exception as error:
+            answer.told.set_result((True, [error]))
+        return answer
+
+
+def _memory() -> int:
+    """A file in memory, without a name, which so leaves nothing behind."""
+    if hasattr(os, "memfd_create"):
+        return os.memfd_create("wavesim")
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
 
 
 def _jobs(how: str, name: str, arguments: Sequence[Any]) -> list[Job]:
@@ -208,8 +310,15 @@ def _work(job: Job, answer: Connection, line: Connection) -> None:
         answer.send((True, _wrong(error)))
 
 
-def serve(descriptor: int) -> None:
-    """What the process does: fork for each job, and tell what came of them."""
+def serve(descriptor: int, shared: int) -> None:
+    """What the process does: fork for each job, and tell what came of them.
+
+    Args:
+        descriptor: of the line to the run.
+        shared: of the file that holds what both see.
+    """
+    global _shared
+    _shared = shared
     line = Connection(descriptor)
     waiting: deque[tuple[int, int, Job]] = deque()
     running: dict[Connection, tuple[int, int, _Fork]] = {}

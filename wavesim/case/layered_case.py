@@ -12,7 +12,15 @@ from typing import Any
 
 from wavesim.case.medium_tables import LayerTable, Placed, placed
 from wavesim.case.messages import place
-from wavesim.case.schema import HALF_SPACE, BarTable, CaseError, CaseFile, read
+from wavesim.case.schema import (
+    HALF_SPACE,
+    BandTable,
+    BarTable,
+    CaseError,
+    CaseFile,
+    distinct,
+    read,
+)
 from wavesim.material.layers import End, Layer, Layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.planewave.hyperbolicity import check_hyperbolic
@@ -32,6 +40,7 @@ class BarLayers:
         places: where the table of each layer stands; of a half-space's buffer, [bar].
         stretches: the layers; none where the case gives none.
         ends: of the bar; a half-space's buffer ends in an absorbing one.
+        bands: those of [analysis] and [design], each once.
     """
 
     title: str
@@ -39,6 +48,7 @@ class BarLayers:
     places: tuple[Placed, ...]
     stretches: tuple[Layer, ...]
     ends: tuple[End, End]
+    bands: tuple[BandTable, ...] = ()
 
     @property
     def layers(self) -> Layers | None:
@@ -102,7 +112,8 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     if len(stretches) == 1 and stretches[0].last is None:
         medium = stretches[0].medium
     ends = tuple("absorbing" if end == HALF_SPACE else end for end in (bar.left, bar.right))
-    return BarLayers(file.title, medium, tuple(places), tuple(stretches), ends)  # type: ignore[arg-type]
+    bands = distinct([*file.analysis.bands, *file.design.bands])
+    return BarLayers(file.title, medium, tuple(places), tuple(stretches), ends, bands)  # type: ignore[arg-type]
 
 
 def load_layers(path: str | Path, overrides: Sequence[str] = ()) -> BarLayers:

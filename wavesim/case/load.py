@@ -16,8 +16,9 @@ from wavesim.case import source_tables as casesources
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.medium_tables import Placed
 from wavesim.case.messages import place
-from wavesim.case.schema import AnalysisTable, BarTable, CaseError, CaseFile, read
+from wavesim.case.schema import AnalysisTable, BandTable, BarTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
+from wavesim.grid.points import sampling, spread
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
@@ -67,7 +68,9 @@ class Case:
         if self.simulation.endless:
             low, high = self.k_range
             tables["analysis"] = tables["analysis"] | {"k_min": low, "k_max": high}
-        tables["analysis"] = {k: v for k, v in tables["analysis"].items() if v is not None}
+        bands = [{k: v for k, v in b.items() if v is not None} for b in tables["analysis"]["bands"]]
+        own = tables["analysis"] | {"bands": bands}
+        tables["analysis"] = {k: v for k, v in own.items() if v is not None}
         return tomli_w.dumps(tables)
 
 
@@ -133,16 +136,18 @@ def build(file: CaseFile, name: str) -> Case:
         if source.acts in _DRIVEN_END:
             make(where, _check_end, source, entry, ends)
         else:
-            make(where, bar.spread, source.position, source.width, source.staggered)
+            make(where, spread, bar, source.position, source.width, source.staggered)
         make(where, check_carried, source, media, bar)
         sources.append(source)
     receivers = {}
     for number, receiver in enumerate(file.receivers):
         position = _within(receiver.position, file, bar)
-        make(("receivers", str(number)), bar.sampling, position, False)
+        make(("receivers", str(number)), sampling, bar, position, False)
         receivers[receiver.name] = position
     of_bar = layers or as_layers(medium, bar.length)
     simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)
+    for number, band in enumerate(file.analysis.bands):
+        make(("analysis", "bands", str(number)), _check_band, band, simulation)
     judged = (0.0, 0.0)
     if simulation.endless:
         judged = make(("analysis",), _judged, file.analysis, medium, bar)
@@ -214,6 +219,26 @@ def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, f
             f"lengthen the bar to {4 * math.pi / high:.3g} m"
         )
     return low, high
+
+
+def _check_band(band: BandTable, simulated: Simulation) -> None:
+    """Hold a band to a run that tells of T in it."""
+    bar, layers, family = simulated.bar, simulated.layers, simulated.medium.family
+    if band.sector not in family.travelling:
+        raise ValueError(
+            f'sector = "{band.sector}": must be one of {", ".join(family.travelling)}; in others '
+            "nothing travels"
+        )
+    driven = {b.sector for b in simulated.blocks if b.macro}
+    if band.sector not in driven:
+        raise ValueError(
+            f'sector = "{band.sector}": no source drives it; add [[sources]] of one of its fields'
+        )
+    if (bar.left, bar.right) != ("absorbing", "absorbing") or len(layers.layers) < 2:
+        raise ValueError(
+            f"from = {band.low:g}: nothing stands between half-spaces to let a band through; take "
+            'layers, and [bar] left = "half-space", right = "half-space"'
+        )
 
 
 def _resolved(

@@ -11,12 +11,14 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     ValidationInfo,
     create_model,
     field_validator,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 
 from wavesim.case.table import NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
@@ -32,6 +34,12 @@ def _held(name: str, value: float) -> float:
     except ValueError as error:
         raise ValueError(str(error).split(": ", 1)[1]) from None
     return value
+
+
+def _admissible(value: float | None, info: ValidationInfo) -> float | None:
+    """A parameter in [medium]."""
+    assert info.field_name is not None
+    return value if value is None else _held(info.field_name, value)
 
 
 def _one_number(value: Any, info: ValidationInfo) -> Any:
@@ -50,7 +58,10 @@ def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
     for part in parts:
         if isinstance(part, bool) or not isinstance(part, numbers.Real):
             raise ValueError("must be a number, or a pair [at from, at to]")
-        _held(info.field_name, float(part))
+        try:
+            _held(info.field_name, float(part))
+        except OverflowError:
+            raise ValueError("must be finite") from None
     return [float(part) for part in parts] if isinstance(value, list) else float(value)
 
 
@@ -96,14 +107,15 @@ LOSSES: dict[str, tuple[Any, Any]] = {
     "quality_band": (Band, None),
 }
 
-# Keys of all families; what is left out is as the family has it.
-_KEYS: dict[str, Any] = dict.fromkeys(PARAMETERS, (float | None, None))
-_KEYS = {"closure": (Closure | None, None)} | _KEYS | LOSSES
+# Parameters of all families, in [medium] and in a layer; what is left out is as the family has it.
+_ONE: Any = Annotated[float | None, AfterValidator(_admissible)]
+_ONE_OR_PAIR: Any = Annotated[Any, BeforeValidator(_number_or_pair)]
+_CLOSURE: dict[str, Any] = {"closure": (Closure | None, None)}
+_KEYS: dict[str, Any] = _CLOSURE | dict.fromkeys(PARAMETERS, (_ONE, None)) | LOSSES
 _MediumKeys: Any = create_model("_MediumKeys", __base__=Table, **_KEYS)
-_GRADED: dict[str, Any] = {
-    key: (Any if key in PARAMETERS else kind | None, None) for key, (kind, _) in _KEYS.items()
-}
-_LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_GRADED)
+_KEYS = _CLOSURE | dict.fromkeys(PARAMETERS, (_ONE_OR_PAIR, None))
+_KEYS |= {key: (kind | None, None) for key, (kind, _) in LOSSES.items()}
+_LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_KEYS)
 
 
 class MediumTable(_MediumKeys):
@@ -120,15 +132,13 @@ class MediumTable(_MediumKeys):
         names = value if isinstance(value, list) else [value]
         if not names or any(name not in families() for name in names):
             *first, last = (f'"{name}"' for name in families())
-            raise ValueError(f"must be {', '.join(first)} or {last}, or a list of them")
+            raise ValueError(
+                f"must be {', '.join(first)} or {last}, or a list of them; a family of your own is "
+                "known in the Python program that makes its class"
+            )
         if len(set(names)) < len(names):
             raise ValueError("must name each family once")
         return value
-
-    @field_validator(*PARAMETERS)
-    @classmethod
-    def _admissible(cls, value: float | None, info: Any) -> float | None:
-        return value if value is None else _held(info.field_name, value)
 
     def build(self) -> Medium:
         """The medium."""
@@ -146,7 +156,7 @@ def _made(given: dict[str, Any], law: Damping) -> Medium:
     given = {key: value for key, value in given.items() if value is not None}
     family, closure = given.pop("family"), given.pop("closure", None)
     names = family if isinstance(family, list) else [family]
-    known = {name: medium_of(name).known() for name in names}
+    known = {name: medium_of(name).declared() for name in names}
     for key in given:
         if not any(key in own for own in known.values()):
             apart = [name for own in known.values() for name in own if _only(name)]
@@ -171,7 +181,7 @@ def _at_end(key: str, value: Any, end: int) -> Any:
 
 def _only(name: str) -> bool:
     """Whether a parameter is one family's alone."""
-    return sum(name in medium_of(family).known() for family in families()) == 1
+    return sum(name in medium_of(family).declared() for family in families()) == 1
 
 
 class LayerTable(_LayerKeys):
@@ -189,7 +199,6 @@ class LayerTable(_LayerKeys):
     repeat: Annotated[int, Field(gt=0, le=MOST_REPEATS)] | None = None
     layers: list[LayerTable] = Field(default_factory=list)
 
-    _graded = field_validator(*PARAMETERS, mode="before")(_number_or_pair)
     _ungraded = field_validator(*LOSSES, mode="before")(_one_number)
 
     @property
@@ -260,15 +269,26 @@ class LayerTable(_LayerKeys):
         }
         whole = medium.model_dump() | given
         law = damping({key: whole.pop(key) for key in LOSSES})
+        graded = any(key in PARAMETERS and isinstance(value, list) for key, value in whole.items())
         ends = [
             _made({key: _at_end(key, value, n) for key, value in whole.items()}, law)
-            for n in (0, 1)
+            for n in ((0, 1) if graded else (0,))
         ]
-        last = None if ends[0] == ends[1] else ends[1]
+        last = None if ends[0] == ends[-1] else ends[-1]
         return Layer(start, end, ends[0], last, self.grading)
 
 
 _EXTENT = ("start", "end", "thickness", "grading", "repeat", "layers")
+
+
+def learn() -> bool:
+    """Make parameters of families that came since keys of both tables; whether any did."""
+    new = [name for name in PARAMETERS if name not in MediumTable.model_fields]
+    for table, kind in ((MediumTable, _ONE), (LayerTable, _ONE_OR_PAIR)) if new else ():
+        for name in new:
+            table.model_fields[name] = FieldInfo.from_annotated_attribute(kind, None)
+        table.model_rebuild(force=True)
+    return bool(new)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from wavesim.case.units import UNITS, numbered
+from wavesim.case.units import numbered, unit_of
 from wavesim.material.shown import printable
 
 _PLAIN = {
@@ -23,6 +23,8 @@ _PLAIN = {
     "less_than_equal": "must be {le:g} or less",
 }
 _LONGEST = 60
+# Tables whose from and to are no lengths: the key whose unit they have.
+_OWN_UNIT = {"bands": "frequency", "variables": "key"}
 
 
 def place(parts: Sequence[Any]) -> str:
@@ -63,6 +65,8 @@ def _as_number(text: str, error: Any, path: Sequence[Any]) -> str:
     value, key = error["input"], str(path[-1])
     if isinstance(path[-1], int) and len(path) > 2:
         key = str(path[-2])
+    if len(path) > 2 and path[-3] in _OWN_UNIT and key in ("from", "to"):
+        key = _OWN_UNIT[path[-3]]
     if not isinstance(value, str) or "must be a number" not in text:
         return text
     if '"' in text.split("must be a number")[1] and not value.strip()[:1].isdigit():
@@ -122,7 +126,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         return f"{given}: must be a table, [{key}]"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
-        if isinstance(value, dict):
+        if isinstance(value, dict) and _is_table(schema, error["loc"]):
             return f"{place(parts)} {text}"
         if isinstance(value, list) and len(parts) == 1:
             return f"[[{key}]] {text}"
@@ -133,7 +137,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         kinds = _quoted(error["ctx"]["expected_tags"])
         return f"{place(parts)} kind = {shown(value['kind'])}: must be one of {kinds}"
     if kind == "list_type" and len(parts) > 1:
-        unit = f" in {UNITS[key]}" if key in UNITS else ""
+        unit = f" in {unit_of(key)}" if unit_of(key) else ""
         return f"{given}: must be an array of numbers{unit}, […]"
     if kind == "literal_error":
         return f"{given}: must be {_quoted(error['ctx']['expected'])}"
@@ -161,6 +165,16 @@ def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
             model = _table(model.model_fields[part].annotation)
     assert isinstance(model, type)
     return model
+
+
+def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
+    """Whether a table belongs at a path, rather than a value that was given as one."""
+    inside = _model(schema, loc[:-1])
+    known = inside.model_fields.get(str(loc[-1])) if isinstance(loc[-1], str) else None
+    if known is None:
+        return True
+    table = _table(known.annotation)
+    return isinstance(table, type) and issubclass(table, BaseModel)
 
 
 def _table(annotation: Any) -> Any:

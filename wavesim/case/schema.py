@@ -12,18 +12,99 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from wavesim.case.design_tables import DesignTable
-from wavesim.case.medium_tables import LayerTable, MediumTable
+from wavesim.case.medium_tables import LayerTable, MediumTable, learn
 from wavesim.case.messages import sentence
 from wavesim.case.shipped import found, like
 from wavesim.case.source_tables import SourceTable
-from wavesim.case.table import Name, NotNegative, Positive, Table, Text
+from wavesim.case.table import Finite, Name, NotNegative, Positive, Table, Text
 from wavesim.case.toml_text import CaseError as CaseError
 from wavesim.case.toml_text import lay_over, toml_tables
 from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.medium import Medium
-from wavesim.sources.text_file import text_of
+from wavesim.sources.signal_file import text_of
+
+
+class BandTable(Table):
+    """[[analysis.bands]]: sector; from, to (Hz); at_most, at_least (dB of |T|), either or both."""
+
+    sector: Text = "longitudinal"
+    low: Annotated[Positive, Field(alias="from")]
+    high: Annotated[Positive, Field(alias="to")]
+    at_most: Finite | None = None
+    at_least: Finite | None = None
+
+    @model_validator(mode="after")
+    def _holds(self) -> BandTable:
+        if self.high <= self.low:
+            raise ValueError(
+                f"to = {self.high:g}: must be greater than from = {self.low:g}; a band has a width"
+            )
+        if self.at_most is not None and self.at_least is not None and self.at_most < self.at_least:
+            raise ValueError(
+                f"at_most = {self.at_most:g}: is below at_least = {self.at_least:g} of the same "
+                "band; nothing can be both"
+            )
+        return self
+
+    @property
+    def told(self) -> str:
+        """As "longitudinal T from 600 to 700 kHz"."""
+        return f"{self.sector} T from {self.low / 1e3:.6g} to {self.high / 1e3:.6g} kHz"
+
+
+def distinct(bands: Sequence[BandTable]) -> tuple[BandTable, ...]:
+    """Bands without weights, each once."""
+    plain = [
+        BandTable.model_validate(b.model_dump(by_alias=True, exclude={"weight"})) for b in bands
+    ]
+    return tuple(band for n, band in enumerate(plain) if band not in plain[:n])
+
+
+class WishTable(BandTable):
+    """[[design.bands]]: a band with one limit at least, and its weight against others."""
+
+    weight: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _asks(self) -> WishTable:
+        if self.at_most is None and self.at_least is None:
+            raise ValueError(
+                "at_most, at_least: neither is given; say how much is to pass, in dB, such as "
+                "at_most = -40"
+            )
+        return self
+
+
+class VariableTable(Table):
+    """[[design.variables]]: key, as of --set, with * for any number; from, to in its unit."""
+
+    key: Text
+    low: Annotated[Finite, Field(alias="from")]
+    high: Annotated[Finite, Field(alias="to")]
+
+    @model_validator(mode="after")
+    def _has_range(self) -> VariableTable:
+        if self.high <= self.low:
+            raise ValueError(
+                f"to = {self.high:g}: must be greater than from = {self.low:g}, or nothing varies"
+            )
+        return self
+
+
+class DesignTable(Table):
+    """[design]: limits and tolerance of a design, with its bands and variables.
+
+    length_at_most (m) is of all that stands between the half-spaces, thickness_at_least (m) of each
+    layer there; tolerance is relative, of each variable as it is made.
+    """
+
+    bands: list[WishTable] = Field(default_factory=list)
+    variables: list[VariableTable] = Field(default_factory=list)
+    length_at_most: Positive | None = None
+    thickness_at_least: Positive | None = None
+    tolerance: NotNegative = 0.01
+
 
 HALF_SPACE = "half-space"
 CaseEnd = Literal["half-space", "periodic", "fixed", "free", "absorbing"]
@@ -117,13 +198,14 @@ class AnalysisTable(Table):
 
     k_min, k_max (rad/m) bound the branches that are judged, k̄ = 0.02 and 0.5 by default;
     frequencies is the number of frequencies of the attenuation curve; damping is σT of its
-    exponential window.
+    exponential window. bands are those in which the transmission of layers is judged.
     """
 
     k_min: Positive | None = None
     k_max: Positive | None = None
     frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
     damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+    bands: list[BandTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _ordered(self) -> AnalysisTable:
@@ -136,7 +218,7 @@ class CaseFile(Table):
     """A whole case file; what only a simulation needs of it may be missing."""
 
     title: Text = ""
-    medium: MediumTable = MediumTable()
+    medium: MediumTable = Field(default_factory=MediumTable)
     bar: BarTable = BarTable()
     layers: list[LayerTable] = Field(default_factory=list)
     sources: Annotated[list[SourceTable], Field(min_length=1)] = []  # noqa: RUF012
@@ -159,6 +241,13 @@ class CaseFile(Table):
         """Headings of the tables that a simulation needs and this lacks."""
         needed = {"bar": "[bar]", "sources": "[[sources]]", "time": "[time]"}
         return tuple(needed[name] for name in needed if name not in self.model_fields_set)
+
+
+def learned() -> type[CaseFile]:
+    """The schema, with the keys of all families that there are by now."""
+    if learn():
+        CaseFile.model_rebuild(force=True)
+    return CaseFile
 
 
 def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
@@ -214,6 +303,7 @@ def parse(
     tables = toml_tables(text, name)
     for override in overrides:
         lay_over(tables, override)
+    learned()
     try:
         return CaseFile.model_validate(tables, context={"folder": Path(folder)})
     except ValidationError as error:

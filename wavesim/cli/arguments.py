@@ -1,10 +1,38 @@
-"""What several commands take: a case, and values laid over it."""
+"""What several commands take: a case and values laid over it, a record and what its file leaves
+unsaid; and how a shell completes them."""
 
 from __future__ import annotations
 
-import click
+import contextlib
+import functools
+from collections.abc import Callable
+from typing import Any
 
-from wavesim.cli.completion import cases, keys
+import click
+from click.shell_completion import CompletionItem
+
+from wavesim.report.terminal import BAD_INPUT, stop
+
+
+def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Names of shipped cases that begin so, and files."""
+    from wavesim.case.shipped import shipped
+
+    names = [CompletionItem(name) for name in shipped() if name.startswith(begun)]
+    return [*names, CompletionItem(begun, type="file")]
+
+
+def keys(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Keys of the case file's tables that begin so, as --set takes them."""
+    from wavesim.case.schema import CaseFile
+
+    found = []
+    for name in ("medium", "bar", "time", "analysis"):
+        table = CaseFile.model_fields[name].annotation
+        found += [f"{name}.{key}=" for key in getattr(table, "model_fields", ())]
+    found += [f"sources.0.{key}=" for key in ("field", "position", "peak_frequency", "width")]
+    return [CompletionItem(key) for key in found if key.startswith(begun)]
+
 
 CASE = click.argument("case", type=click.Path(), shell_complete=cases)
 SET = click.option(
@@ -15,3 +43,88 @@ SET = click.option(
     shell_complete=keys,
     help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
 )
+JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+OUT = click.option(
+    "--out", type=click.Path(), help="Folder for results; outputs/<case> by default."
+)
+WRITTEN = click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
+QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+INPUT = click.option(
+    "--input",
+    "column",
+    metavar="COLUMN",
+    help="The transmitter's column: its heading, or its number from 1 (times are 1).",
+)
+SOURCES = click.option("--source", "places", type=float, multiple=True, help="Position in m.")
+RING = click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")
+
+
+def options(*given: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Several options as one, in this order."""
+
+    def with_them(function: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(given):
+            function = option(function)
+        return function
+
+    return with_them
+
+
+# Of a command that lays signals of a case beside those of a record.
+BESIDE = options(
+    click.option(
+        "--field",
+        metavar="NAME",
+        help="What the record is of, such as phi1 or u1; what is driven where not given.",
+    ),
+    click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given."),
+    click.option(
+        "--scale",
+        type=float,
+        help="Unit of the record over that of the field; fitted where not given.",
+    ),
+)
+
+_OPTIONS = (
+    click.option("--values", metavar="NAME", help="Array of the record in the file."),
+    click.option("--time", metavar="NAME", help="Array of its times."),
+    click.option("--positions", metavar="NAME|X1,X2,…",
+                 help="Array of its receivers' positions, or the positions themselves, in m."),
+    click.option("--interval", type=float, help="Δt in s; stands before the file's times."),
+    click.option("--spacing", type=float,
+                 help="Receiver spacing in m; stands before the file's positions."),
+    click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
+    click.option("--position-unit", metavar="UNIT", help="Of the file's positions: m, mm, in …"),
+)  # fmt: skip
+NAMES = ("values", "time", "positions", "interval", "spacing", "time_unit", "position_unit")
+
+
+def record_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command these options; it gets them as one argument, ``layout``.
+
+    Other parts of a layout (sources, input, ring …) are the command's own:
+    ``dataclasses.replace(layout, input=column)``.
+    """
+
+    @functools.wraps(function)
+    def command(**given: Any) -> Any:
+        said = {name: given.pop(name) for name in NAMES}
+        return function(layout=layout(said), **given)
+
+    return options(*_OPTIONS)(command)
+
+
+def layout(said: dict[str, Any]) -> Any:
+    """The layout that options say; a wrong one ends the command with a line."""
+    from wavesim.records.arrays import Layout
+    from wavesim.records.content import RecordError
+
+    positions = said.get("positions")
+    if positions is not None:
+        parts = [part for part in positions.replace(";", ",").split(",") if part.strip()]
+        with contextlib.suppress(ValueError):  # else it is the name of an array
+            said = said | {"positions": tuple(float(part) for part in parts)}
+    try:
+        return Layout(**said)
+    except RecordError as error:
+        stop(str(error), BAD_INPUT)

@@ -1,4 +1,4 @@
-"""wavesim init, cases and schema: where a first case comes from, and what helps to write one."""
+"""wavesim init, cases, schema and completion: a first case, and what helps to write and type."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ import json
 from pathlib import Path
 
 import click
+from click.shell_completion import get_completion_class
 
 from wavesim.report.terminal import BAD_INPUT, console, stop
 
 _SCHEMA = "wavesim.schema.json"
+_WHERE = {
+    "bash": 'eval "$(wavesim completion bash)" in ~/.bashrc',
+    "zsh": 'eval "$(wavesim completion zsh)" in ~/.zshrc',
+    "fish": "wavesim completion fish | source in ~/.config/fish/config.fish",
+}
 
 
 def _write(path: Path, text: str) -> None:
@@ -88,3 +94,13 @@ def cases(context: click.Context, name: str | None, show: bool, options: tuple[s
     run = group.commands["run"]
     with run.make_context("run", [name, *options], parent=context.parent) as inner:
         run.invoke(inner)
+
+
+@click.command(epilog="\n\n".join(f"{shell}: {where}" for shell, where in _WHERE.items()))
+@click.argument("shell", type=click.Choice(tuple(_WHERE)))
+def completion(shell: str) -> None:
+    """Print what makes a SHELL complete commands, options, cases and keys of --set."""
+    made = get_completion_class(shell)
+    assert made is not None
+    whole = click.get_current_context().find_root().command
+    click.echo(made(whole, {}, "wavesim", "_WAVESIM_COMPLETE").source())

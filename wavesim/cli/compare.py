@@ -5,7 +5,6 @@ Exit codes: 0 all well; 1 more is left than --tolerance allows; 2 bad input.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from dataclasses import replace
@@ -14,22 +13,18 @@ from typing import Any
 
 import click
 
-from wavesim.cli.record_options import record_options
+from wavesim.cli.arguments import BESIDE, JSON, SET, WRITTEN, record_options
+from wavesim.cli.shared import print_json, read_case, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
 def laid_beside(record: str, case: str, field: str | None, overrides: Any, layout: Any) -> Any:
     """A case and a record matched to its receivers; what is wrong ends the command with a line."""
-    from wavesim.case.load import load
-    from wavesim.case.schema import CaseError
     from wavesim.readings.measured import MatchError, matched
     from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
 
-    try:
-        loaded = load(case, overrides)
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+    loaded = read_case(case, overrides)
     try:
         tests = of_pulse_file(record, layout)
     except RecordError as error:
@@ -56,25 +51,11 @@ def stated(option: str, value: float | None) -> float | None:
 @click.command()
 @click.argument("record", type=click.Path())
 @click.argument("case", type=click.Path())
-@click.option(
-    "--field",
-    metavar="NAME",
-    help="What the record is of, such as phi1 or u1; what is driven where not given.",
-)
-@click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given.")
-@click.option(
-    "--scale", type=float, help="Unit of the record over that of the field; fitted where not given."
-)
+@BESIDE
 @click.option("--tolerance", type=float, help="Exit with 1 where the residual is more, –.")
-@click.option("--out", type=click.Path(), help="Folder for numbers and the figure.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="TABLE.KEY=VALUE",
-    help="Lay a value over the case's.",
-)
+@WRITTEN
+@JSON
+@SET
 @record_options
 def compare(
     record: str,
@@ -101,7 +82,7 @@ def compare(
         stop(f"{case}: {error}", BAD_INPUT)
     answer = plain(found.summary())
     if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False))
+        print_json(answer)
     else:
         from wavesim.report.fit_tables import show_comparison
 
@@ -115,12 +96,8 @@ def compare(
 def _write(answer: Any, found: Any, folder: Path, quiet: bool) -> None:
     from wavesim.figures.comparison import write
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(answer, ensure_ascii=False, indent=1)
-        (folder / "compare.json").write_text(text + "\n", encoding="utf-8")
+    with writing(folder):
+        write_json(folder / "compare.json", answer)
         write(found, folder / "compare.png")
-    except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
     if not quiet:
         click.echo(f"compare.json, compare.png in {folder}")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, SET
+from wavesim.cli.arguments import CASE, OUT, QUIET, SET
+from wavesim.cli.shared import folder_for, read_case, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop
 
 # What T of the time domain may differ by from the exact one.
@@ -18,12 +18,12 @@ _AGREES = 1e-3
 
 @click.command()
 @CASE
-@click.option("--out", type=click.Path(), help="Folder; outputs/<case> by default.")
+@OUT
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
-@click.option("--seconds", type=click.FloatRange(1), default=50.0, show_default=True,
-              help="After which no further start is made.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(1), default=40.0, show_default=True,
+              help="After which no further round is begun.")  # fmt: skip
 @click.option("--verify", is_flag=True, help="Run the design in the time domain too.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@QUIET
 @SET
 def design(
     case: str,
@@ -41,7 +41,7 @@ def design(
     from wavesim.case.schema import CaseError
     from wavesim.timedomain.compiled import keep_compiled
 
-    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    folder = folder_for(out, case)
     shown = console(quiet)
     keep_compiled()
     from wavesim.studies.design import design as designed
@@ -60,25 +60,18 @@ def design(
     except CaseError as error:
         stop(str(error), BAD_INPUT)
     answer = found.summary()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
         (folder / "design.toml").write_text(found.text, encoding="utf-8")
-        _write(answer, folder)
+        write_json(folder / "design.json", answer)
         _draw(found, folder)
-    except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}; name another", BAD_INPUT)
     _tell(shown, found)
     agrees = True
     if verify:
         agrees = _verify(shown, folder, answer)
-        _write(answer, folder)
+        write_json(folder / "design.json", answer)
     shown.print(f"design.toml, design.json and design.png in {folder}")
     if not (found.met and agrees):
         sys.exit(FELL_SHORT)
-
-
-def _write(answer: dict[str, Any], folder: Path) -> None:
-    (folder / "design.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
 
 
 def _draw(found: Any, folder: Path) -> None:
@@ -99,7 +92,7 @@ def _draw(found: Any, folder: Path) -> None:
     own = {wish.sector for wish in wishes}
     curves = tuple(curve for curve in study.curves if curve.sector in own)
     study = dataclasses.replace(study, curves=curves)
-    write({"design": lambda: transmission_figure(study, wishes)}, folder)
+    write({"design": lambda: transmission_figure(study)}, folder)
 
 
 def _tell(shown: Any, found: Any) -> None:
@@ -141,13 +134,9 @@ def _tell(shown: Any, found: Any) -> None:
 def _verify(shown: Any, folder: Path, answer: dict[str, Any]) -> bool:
     """Run the design; whether its T is the exact one, at ω + iσ where the source drives it."""
     from wavesim import runner
-    from wavesim.case.load import load
-    from wavesim.case.schema import CaseError
 
     try:
-        outcome = runner.run(load(folder / "design.toml"), folder / "run")
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+        outcome = runner.run(read_case(str(folder / "design.toml")), folder / "run")
     except runner.RunError as error:
         stop(str(error), FAILED)
     checks = [c for c in outcome.summary["checks"] if "T: |ΔT|" in c["name"]]

@@ -6,14 +6,16 @@ Exit codes: 0 all well; 1 the data do not tell a parameter, or the fit did not s
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
+from wavesim.cli.arguments import BESIDE, JSON, SET, WRITTEN, record_options
 from wavesim.cli.compare import laid_beside, stated
-from wavesim.cli.record_options import record_options
+from wavesim.cli.shared import print_json, read_case, read_layers, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -28,16 +30,12 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
     multiple=True,
     help="What to fit: medium.anisotropy, medium.quality_factor, layers.0.density …",
 )
-@click.option(
-    "--field",
-    metavar="NAME",
-    help="What the record is of, such as phi1 or u1; what is driven where not given.",
-)
+@BESIDE
 @click.option(
     "--sector",
-    type=click.Choice(("longitudinal", "transverse2", "transverse3")),
-    default="longitudinal",
-    help="Of points.",
+    metavar="NAME",
+    help="Of points, such as transverse2 or translation-longitudinal; as the file's name ends, or "
+    "longitudinal, where not given.",
 )
 @click.option(
     "--speeds", nargs=2, type=float, metavar="V_P V_S", help="Of long waves, m/s: fit CASE to them."
@@ -48,19 +46,9 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 @click.option(
     "--shear", metavar="FILE", help="pulse.json of S waves; RECORD is that of P waves then."
 )
-@click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given.")
-@click.option(
-    "--scale", type=float, help="Unit of the record over that of the field; fitted where not given."
-)
-@click.option("--out", type=click.Path(), help="Folder for numbers, the figure and fitted.toml.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="TABLE.KEY=VALUE",
-    help="Lay a value over the case's, where a fit begins.",
-)
+@WRITTEN
+@JSON
+@SET
 @record_options
 def fit(
     record: str,
@@ -68,7 +56,7 @@ def fit(
     more: tuple[str, ...],
     keys: tuple[str, ...],
     field: str | None,
-    sector: str,
+    sector: str | None,
     speeds: tuple[float, float] | None,
     speed_errors: tuple[float, float] | None,
     shear: str | None,
@@ -102,7 +90,7 @@ def fit(
 
     try:
         if is_points(Path(record)):
-            found = of_points(Path(record), _case(case, overrides), named, sector)
+            found = of_points(Path(record), read_case(case, overrides), named, sector)
         else:
             loaded, measured = laid_beside(record, case, field, overrides, layout)
             found = of_waveforms(loaded, measured, named, lag, scale)
@@ -112,7 +100,7 @@ def fit(
         stop(f"{record}: {error}", BAD_INPUT)
     answer = plain(found.summary())
     if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False))
+        print_json(answer)
     else:
         from wavesim.report.fit_tables import show_fit
 
@@ -133,7 +121,6 @@ def _of_speeds(
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    from wavesim.cli.fit_speeds import of_pair, of_series, show
     from wavesim.readings.pulse.answers import plain
     from wavesim.studies.least_squares import FitError
 
@@ -144,58 +131,95 @@ def _of_speeds(
             "--shear: takes RECORD, pulse.json of P waves, and CASE; add what is missing", BAD_INPUT
         )
     path = case or record
-    start = _material(path, overrides)
+    start = read_layers(path, overrides).medium
     try:
-        found = of_pair(speeds, errors, start) if speeds else of_series(record, shear or "", start)
+        found = (
+            _of_pair(speeds, errors, start) if speeds else _of_series(record, shear or "", start)
+        )
     except FitError as error:
         stop(str(error), BAD_INPUT)
     answer = plain(found)
     if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False))
+        print_json(answer)
     else:
-        show(answer)
+        _show_speeds(answer)
     if out:
         _write(answer, None, path, overrides, Path(out), as_json)
     if not answer["valid"]:
         sys.exit(FELL_SHORT)
 
 
-def _material(case: str, overrides: tuple[str, ...]) -> Any:
-    from wavesim.case.layered_case import load_layers
-    from wavesim.case.schema import CaseError
-
+def _series(path: str) -> Any:
     try:
-        return load_layers(case, overrides).medium
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        return found["records"] and found
+    except (OSError, UnicodeDecodeError) as error:
+        stop(f"{path}: can't be read: {error}; name pulse.json of wavesim pulse --out", BAD_INPUT)
+    except (ValueError, KeyError, TypeError):
+        stop(f"{path}: not what wavesim pulse --json writes; name its pulse.json", BAD_INPUT)
 
 
-def _case(case: str, overrides: tuple[str, ...]) -> Any:
-    from wavesim.case.load import load
-    from wavesim.case.schema import CaseError
+def _of_pair(speeds: tuple[float, float], errors: tuple[float, float] | None, start: Any) -> Any:
+    """The fit of one pair, as plain data."""
+    from wavesim.studies.speed_fit import fit_speeds
 
-    try:
-        return load(case, overrides)
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+    return fit_speeds(*speeds, start, errors or (math.nan, math.nan)).summary()
+
+
+def _of_series(p: str, s: str, start: Any) -> Any:
+    """The fits of two series, as plain data: the first state's, and all under "series"."""
+    from wavesim.studies.speed_fit import fit_series
+
+    fits, law = fit_series(_series(p), _series(s), start)
+    rows = [{"parameter": one.parameter} | one.summary()["parameters"] for one in fits]
+    reasons = [one.reason for one in fits if one.reason]
+    answer = fits[0].summary() | {"series": rows, "law": law, "valid": not reasons}
+    return answer
+
+
+def _show_speeds(answer: dict[str, Any]) -> None:
+    """Print a series of fits, a line for each state; of a pair, as any fit."""
+    from wavesim.report.fit_tables import show_fit
+
+    if "series" not in answer:
+        one = answer["parameters"]["medium.K_n_a"]
+        if one["reason"]:
+            console().print(f"No medium has these speeds: {one['reason']}.", markup=False)
+        else:
+            show_fit(console(), answer)
+        return
+    for row in answer["series"]:
+        parts = []
+        for key in ("medium.K_n_a", "medium.stiffness_ratio"):
+            one = row[key]
+            if one["reason"]:
+                parts = [one["reason"]]
+                break
+            bar = "" if one["error"] is None else f" ± {one['error']:.2g}"
+            parts.append(f"{key.partition('.')[2]} = {one['value']:.4g}{bar}")
+        console().print(f"{row['parameter']:g}: {', '.join(parts)}", markup=False)
+    if answer["law"]:
+        law = answer["law"]
+        console().print(
+            f"K_n_a = {law['c']:.4g} · parameter^({law['b']:.3f} ± {law['b_error']:.2g})",
+            markup=False,
+        )
+    for note in answer["notes"]:
+        console().print(f"Note: {note}.", markup=False)
 
 
 def _write(
     answer: Any, found: Any, case: str, overrides: tuple[str, ...], folder: Path, quiet: bool
 ) -> None:
     written = ["fit.json", "fitted.toml"]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(answer, ensure_ascii=False, indent=1)
-        (folder / "fit.json").write_text(text + "\n", encoding="utf-8")
+    with writing(folder):
+        write_json(folder / "fit.json", answer)
         (folder / "fitted.toml").write_text(_fitted(case, overrides, answer), encoding="utf-8")
         if found is not None and found.comparison is not None:
             from wavesim.figures.comparison import write
 
             write(found.comparison, folder / "fit.png")
             written.append("fit.png")
-    except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
     if not quiet:
         click.echo(f"{', '.join(written)} in {folder}")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import textwrap
 from dataclasses import replace
@@ -10,7 +9,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.record_options import record_options
+from wavesim.cli.arguments import INPUT, JSON, RING, SOURCES, record_options
+from wavesim.cli.shared import print_json
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, stop
 
 _WIDTH = 80
@@ -18,15 +18,10 @@ _WIDTH = 80
 
 @click.command()
 @click.argument("file", type=click.Path())
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-@click.option(
-    "--input",
-    "column",
-    metavar="COLUMN",
-    help="Heading or number (times are 1) of the source's signal.",
-)
-@click.option("--source", "places", type=float, multiple=True, help="Position in m.")
-@click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")
+@JSON
+@INPUT
+@SOURCES
+@RING
 @record_options
 def inspect(
     file: str,
@@ -49,7 +44,7 @@ def inspect(
         stop(str(error), BAD_INPUT)
     summary = {"file": file} | found.summary()
     if as_json:
-        click.echo(json.dumps(summary, ensure_ascii=False))
+        print_json(summary)
     else:
         _show(summary)
     if all(summary["usable"].values()):

@@ -17,12 +17,11 @@ from typing import Any
 
 import click
 
-from wavesim.cli import record_commands as labcli
-from wavesim.cli.arguments import CASE, SET
-from wavesim.cli.begin import cases, init, schema
+from wavesim.cli.arguments import CASE, OUT, QUIET, SET
+from wavesim.cli.begin import cases, completion, init, schema
 from wavesim.cli.compare import compare
-from wavesim.cli.completion import completion
 from wavesim.cli.design import design
+from wavesim.cli.dispersion import attenuation, dispersion
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.fit import fit
@@ -30,28 +29,14 @@ from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
-from wavesim.cli.score import score
+from wavesim.cli.shared import folder_for, read_case
 from wavesim.cli.sweep import sweep
+from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
 from wavesim.worker import end_all
-
-
-def _load(case: str, overrides: tuple[str, ...]) -> Any:
-    from wavesim.case.load import load
-
-    return _read(load, case, overrides)
-
-
-def _read(load: Callable[..., Any], case: str, overrides: tuple[str, ...]) -> Any:
-    from wavesim.case.schema import CaseError
-
-    try:
-        return load(case, overrides)
-    except CaseError as error:
-        _stop(str(error), BAD_INPUT)
 
 
 def _planned(case: str, loaded: Any) -> Any:
@@ -88,30 +73,23 @@ def main() -> None:
 
 @main.command()
 @CASE
-@click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
+@OUT
 @SET
 @click.option("--at-most", default="1h", metavar="TIME", help="Refuse a longer run; 1h by default.")
 @click.option("--resume", is_flag=True, help="Carry on an interrupted run of the same case.")
 @click.option("--figures", is_flag=True, help="Draw all figures too, as wavesim figures does.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-def run(
-    case: str,
-    out: str | None,
-    overrides: tuple[str, ...],
-    resume: bool,
-    at_most: str,
-    figures: bool,
-    quiet: bool,
-) -> None:
+@QUIET
+def run(**given: Any) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
     from wavesim.runner import begun_beside
 
     # It loads what it needs while this process reads the case.
     with begun_beside() as beside:
-        _whole(case, out, overrides, resume, at_most, figures, quiet, beside)
+        _whole(beside, **given)
 
 
 def _whole(
+    beside: Any,
     case: str,
     out: str | None,
     overrides: tuple[str, ...],
@@ -119,11 +97,10 @@ def _whole(
     at_most: str,
     figures: bool,
     quiet: bool,
-    beside: Any,
 ) -> None:
-    loaded = _load(case, overrides)
+    loaded = read_case(case, overrides)
     steps = _planned(case, loaded)
-    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    folder = folder_for(out, case)
     _affordable(case, loaded, steps, at_most, folder)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
@@ -190,7 +167,7 @@ def _run(
 @SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
     """Say everything about CASE that can be said before integrating."""
-    loaded = _load(case, overrides)
+    loaded = read_case(case, overrides)
     steps = _planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.timedomain.cost import check_cost, cost
@@ -266,12 +243,14 @@ def entry() -> None:
 
 
 _COMMANDS = (
-    *labcli.COMMANDS,
     animate,
+    attenuation,
     bands,
     cases,
     compare,
     completion,
+    design,
+    dispersion,
     figures_of,
     fit,
     gaps,
@@ -281,8 +260,8 @@ _COMMANDS = (
     schema,
     score,
     sweep,
+    synthesize,
     transmission,
-    design,
 )
 for _command in _COMMANDS:
     main.add_command(_command)

@@ -16,6 +16,8 @@ from wavesim.cli.arguments import CASE, SET
 from wavesim.report.terminal import BAD_INPUT, console, stop
 
 _POINTS = 101
+# Media of one case whose bands are told; nobody reads more.
+_TOLD, _STORED = 12, 200
 
 
 def _layers(case: str, overrides: tuple[str, ...]) -> Any:
@@ -38,16 +40,15 @@ def distinct(known: Any) -> list[tuple[str, float | None, Any]]:
     layers = known.layers.layers if known.layers is not None else ()
     if len(layers) < 2 and not any(layer.last for layer in layers):
         return [("", None, known.medium)]
-    found: list[tuple[str, float | None, Any]] = []
+    found: dict[Any, tuple[str, float | None, Any]] = {}
     for number, layer in enumerate(layers, start=1):
         for medium, at, word in (
             (layer.medium, layer.start, "from"),
             (layer.last, layer.end, "to"),
         ):
-            if medium is not None and all(medium != other for _, _, other in found):
-                place = f"Layer {number}, {word} {at * 1e3:.6g} mm"
-                found.append((place, at, medium))
-    return found
+            if medium is not None and medium not in found:
+                found[medium] = f"Layer {number}, {word} {at * 1e3:.6g} mm", at, medium
+    return list(found.values())
 
 
 def print_bands(medium: Any) -> None:
@@ -65,14 +66,36 @@ def print_bands(medium: Any) -> None:
 
 
 def print_all_bands(known: Any) -> None:
-    """Those of each medium of a case, under the layer it is first in."""
-    for place, _, medium in distinct(known):
+    """Those of the first media of a case, each under the layer it is first in."""
+    found = distinct(known)
+    for place, _, medium in found[:_TOLD]:
         if place:
             click.echo(f"\n{place}:")
         for part in medium.parts:
             if len(medium.parts) > 1:
                 click.echo(f"\n{part.family.name.capitalize()}:")
             print_bands(part)
+        if len(medium.parts) > 1:
+            _print_full_gaps(medium)
+    _leave_out(len(found))
+
+
+def _print_full_gaps(medium: Any) -> None:
+    """Where no wave of any of its families propagates."""
+    from wavesim.planewave.dispersion_relation import full_gaps
+
+    to_kHz = 1 / (2e3 * math.pi)
+    free = [f"{low * to_kHz:.2f} – {high * to_kHz:.2f} kHz" for low, high in full_gaps(medium)]
+    if free:
+        click.echo(f"\nNo wave of any family propagates between {', '.join(free)}.")
+    else:
+        click.echo("\nAt every frequency some wave of one family or another propagates.")
+
+
+def _leave_out(media: int) -> None:
+    """Say how many of a case's media are not told of."""
+    if media > _TOLD:
+        click.echo(f"\n{media - _TOLD} more media are left out; ask about fewer layers at a time.")
 
 
 @click.command()
@@ -84,19 +107,20 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
     """Branches and gaps of CASE's medium, or of each layer's, by the plane-wave solver alone.
 
     CASE needs no more than [medium]. The JSON object is of [medium]; where there are layers it has
-    one more of each under "layers".
+    one more of each under "layers", of the first 200 media.
     """
     known = _layers(case, overrides)
     from wavesim.planewave import bands as content
 
-    media = distinct(known)
-    content_of = content.summary(known.medium)
-    if len(media) > 1:
-        content_of["layers"] = [
-            {"place": place, "position": at} | content.summary(medium)
-            for place, at, medium in media
-        ]
-    answer = json.dumps(content_of)
+    media, answer = distinct(known), ""
+    if as_json or out:
+        content_of = content.summary(known.medium)
+        if len(media) > 1:
+            content_of["layers"] = [
+                {"place": place, "position": at} | content.summary(medium)
+                for place, at, medium in media[:_STORED]
+            ]
+        answer = json.dumps(content_of)
     if as_json:
         click.echo(answer)
     else:
@@ -108,7 +132,7 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / "bands.json").write_text(answer + "\n", encoding="utf-8")
-            for number, (_, _, medium) in enumerate(media, start=1):
+            for number, (_, _, medium) in enumerate(media[:_TOLD], start=1):
                 name = "bands.png" if len(media) == 1 else f"bands_{number}.png"
                 band_figure(medium).savefig(folder / name, dpi=160)
         except OSError as error:
@@ -143,21 +167,17 @@ def gaps(
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png.
 
-    CASE needs no more than [medium]. Where there are layers, or families, each distinct medium has
-    a map of its own: gap_map_1, gap_map_2, …
+    CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
+    own: gap_map_1, gap_map_2, …
     """
-    media = [
-        (f"{place} {part.family.name}".strip() if len(medium.parts) > 1 else place, at, part)
-        for place, at, medium in distinct(_layers(case, overrides))
-        for part in medium.parts
-    ]
+    media = distinct(_layers(case, overrides))
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure
     from wavesim.planewave.gap_map import gap_map, table
 
     folder = Path(out) if out else Path("outputs") / Path(case).stem
-    for number, (place, _, medium) in enumerate(media, start=1):
+    for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):
         try:
             found = gap_map(
                 medium,
@@ -179,3 +199,4 @@ def gaps(
             stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
         told = f"{place}: " if place else ""
         click.echo(f"{told}{name}.csv and {name}.png in {folder}")
+    _leave_out(len(media))

@@ -5,7 +5,6 @@ Exit codes: 0 all well; 1 no record could be answered; 2 bad input.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -15,7 +14,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.record_options import record_options
+from wavesim.cli.arguments import INPUT, JSON, WRITTEN, record_options
+from wavesim.cli.shared import print_json, read_layers, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -31,12 +31,7 @@ class _Set:
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(), required=True)
-@click.option(
-    "--input",
-    "column",
-    metavar="COLUMN",
-    help="The transmitter's column: its heading, or its number from 1 (times are 1).",
-)
+@INPUT
 @click.option(
     "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
 )
@@ -58,8 +53,13 @@ class _Set:
     metavar="F C",
     help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.",
 )
-@click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option(
+    "--medium",
+    metavar="CASE",
+    help="A case whose medium's P and S speeds say which packet is which wave.",
+)
+@WRITTEN
+@JSON
 @record_options
 def pulse(
     files: tuple[str, ...],
@@ -69,6 +69,7 @@ def pulse(
     face_to_face: str | None,
     against: str | None,
     expected: tuple[float, float] | None,
+    medium: str | None,
     out: str | None,
     as_json: bool,
     layout: Any,
@@ -81,12 +82,17 @@ def pulse(
     from wavesim.readings.pulse.answers import answer
 
     layout = replace(layout, input=_column(column))
+    if medium is not None and against is not None:
+        stop("--medium: not beside --against, as speeds change from state to state", BAD_INPUT)
+    speeds = None if medium is None else _speeds(medium)
     tests, refused = _read(files, layout)
+    if speeds is not None:
+        tests = [test and replace(test, speeds=speeds) for test in tests]
     setup = _setup(distance, delay, face_to_face, against, layout, column)
     readings, series = _readings(files, tests, refused, setup, expected)
     found = answer(readings, series)
     if as_json:
-        click.echo(json.dumps(found, ensure_ascii=False))
+        print_json(found)
     else:
         from wavesim.report.pulse_tables import show
 
@@ -95,6 +101,21 @@ def pulse(
         _write(found, readings, series, Path(out), as_json)
     if not any(one.best.valid for one in readings):
         sys.exit(FELL_SHORT)
+
+
+def _speeds(case: str) -> dict[str, float]:
+    """P and S speeds of a case's medium."""
+    from wavesim.planewave.dispersion_relation import wave_speeds
+
+    medium = read_layers(case).medium
+    found = wave_speeds(medium)
+    if not found:
+        stop(
+            f"--medium {case}: waves of family {medium.family.name} have no names in a pulse test; "
+            'name a case with [medium] family = "translation"',
+            BAD_INPUT,
+        )
+    return found
 
 
 def _column(column: str | None) -> str | int | None:
@@ -231,7 +252,8 @@ def _readings(
             found[i] = refusal(test.name, "receiver", distance, str(error))
     if setup.parameter is None:
         for i, (record, distance) in single.items():
-            found[i] = _noted(read_one(record, distance, setup.delays), tests[i])
+            one = read_one(record, distance, setup.delays, tests[i].speeds)
+            found[i] = _noted(one, tests[i])
         return found, None
     values = np.array(setup.values)
     if single:
@@ -292,12 +314,8 @@ def _write(
 ) -> None:
     from wavesim.figures.pulse_records import write
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(found, ensure_ascii=False, indent=1)
-        (folder / "pulse.json").write_text(text + "\n", encoding="utf-8")
+    with writing(folder):
+        write_json(folder / "pulse.json", found)
         written = write(readings, series, folder)
-    except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
     if not quiet:
         click.echo(f"pulse.json, {', '.join(written)} in {folder}")

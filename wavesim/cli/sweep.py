@@ -8,14 +8,16 @@ from typing import Any
 
 import click
 
+from wavesim.cli.arguments import CASE, OUT, QUIET, SET
 from wavesim.cli.interrupts import farewell
+from wavesim.cli.shared import folder_for
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 _STOPPED = 3
 
 
 @click.command()
-@click.argument("case", type=click.Path())
+@CASE
 @click.option(
     "--vary",
     multiple=True,
@@ -36,16 +38,10 @@ _STOPPED = 3
 @click.option("--points", type=int, default=200, show_default=True, help="Of transmission.")
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
-@click.option("--out", type=click.Path(), help="Folder for results; outputs/<case> by default.")
+@OUT
 @click.option("--resume", is_flag=True, help="Carry on a sweep that was ended.")
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="TABLE.KEY=VALUE",
-    help="Lay a value over every member's case.",
-)
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@SET
+@QUIET
 def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     """Measure CASE over ranges of its keys: sweep.zarr, and maps of it.
 
@@ -60,7 +56,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
 
     if options["workers"] and options["scheduler"]:
         stop("--workers, --scheduler: give one of the two", BAD_INPUT)
-    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    folder = folder_for(out, case)
     named = ("vary", "measure", "sample", "sampler", "seed", "overrides", "band", "points")
     try:
         asked = described(case, folder=folder, judge=_judge, **{n: options[n] for n in named})
@@ -74,7 +70,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
 
 
 def _judge(case: Any, field: Any) -> Any:
-    from wavesim.runner import measure
+    from wavesim.verdict.judgement import measure
 
     return measure(case, field)
 

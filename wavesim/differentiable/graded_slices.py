@@ -6,6 +6,8 @@ With u counted leftwards, v and g of ``stack_transmission`` obey
 
 A slice meets that at eight Gauss points; the slopes of v alone are one system of eight equations.
 ``layered.graded_layer`` is the same method, with slices as small as each frequency asks.
+
+For a search uniform slices, each of what stands in its middle, do as well: :func:`uniform_slices`.
 """
 
 from __future__ import annotations
@@ -83,6 +85,44 @@ def graded_slices(
     return (
         to_v[..., 0] * kept, to_v[..., 1] * kept, to_g[..., 0] * kept, to_g[..., 1] * kept
     ), decay  # fmt: skip
+
+
+def uniform_slices(stack: TracedLayers, count: int) -> TracedLayers:
+    """The stack with so many uniform slices for each graded layer, as it is in their middles.
+
+    Args:
+        stack: whose arrays may be traced.
+        count: of slices, each of the second order in its thickness.
+    """
+    if stack.last is None:
+        return stack
+    parts = [count if grading else 1 for grading in stack.gradings]
+    at = np.repeat(np.arange(len(parts)), parts)
+    w = np.concatenate(
+        [
+            graded_weight((np.arange(n) + 0.5) / n, grading) if grading else np.zeros(1)
+            for n, grading in zip(parts, stack.gradings, strict=True)
+        ]
+    )
+    whole = [n > 1 for n in parts]
+    first, last = dict(stack.first), dict(stack.last)
+    for n in np.flatnonzero(whole):  # what follows from others, as an inertia from R, is graded too
+        for end in (first, last):
+            known = medium_of(stack.kinds[n], {name: v[n] for name, v in end.items()}).parameters
+            for name in end:
+                end[name] = end[name].at[n].set(known[name])
+    values = {
+        name: jnp.where(w == 0, first[name][at], (1 - w) * first[name][at] + w * last[name][at])
+        for name in first
+    }
+    return TracedLayers(
+        first=values,
+        last=None,
+        thickness=(stack.thickness / np.array(parts))[at],
+        losses=loss_law(stack.losses, at),
+        kinds=tuple(stack.kinds[n] for n in at),
+        gradings=(None,) * len(at),
+    )
 
 
 def _solved(matrix: Any, given: Any) -> Any:

@@ -23,7 +23,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.differentiable.coefficients import across, half_space, loss_law, units_of, waves
+from wavesim.differentiable.coefficients import (
+    HalfSpace,
+    across,
+    half_space,
+    loss_law,
+    units_of,
+    waves,
+)
 from wavesim.differentiable.graded_slices import graded_slices
 from wavesim.differentiable.traced_layers import TracedLayers
 from wavesim.material.family import Block
@@ -65,7 +72,7 @@ def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEP
     Raises:
         ValueError: the sector has no macro-field, or is unknown.
     """
-    block = _block(stack, sector)
+    block = block_of(stack, sector)
     with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
         return _transmission(stack, block, jnp.asarray(omega), steps)
 
@@ -77,10 +84,7 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
     last = first if stack.last is None else waves(stack.kinds, stack.last, block, units)
     left = half_space(first.of(0), loss_law(stack.losses, 0), scaled, units.time)
     right = half_space(last.of(-1), loss_law(stack.losses, -1), scaled, units.time)
-    v, g = jnp.ones_like(right.Z), -1j * right.Z
-    if stack.losses is None:  # real and imaginary part apart, as all that acts on them is real
-        v, g = (jnp.stack([z.real, z.imag]) for z in (v, g))
-    state = v, g, jnp.zeros_like(scaled)
+    state = behind(right, stack.losses)
     thickness = stack.thickness / units.length
     backwards = range(len(stack.gradings) - 1, -1, -1)
     for graded, members in itertools.groupby(backwards, lambda n: stack.gradings[n] is not None):
@@ -92,21 +96,42 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
         else:
             at = np.array(own)
             pieces = first.of(at), thickness[at], loss_law(stack.losses, at)
-            step = jax.checkpoint(partial(_through_layer, scaled, units.time), prevent_cse=False)
+            step = jax.checkpoint(partial(through_layer, scaled, units.time), prevent_cse=False)
             state, _ = jax.lax.scan(step, state, pieces)
-    v, g, lost = state
-    if stack.losses is None:
-        v, g = (jax.lax.complex(z[0], z[1]) for z in (v, g))
-    f = 1j * g
-    a, b = (v + f / left.Z) / 2, (v - f / left.Z) / 2
+    a, b, lost = before(state, left, stack.losses)
     T, R = jnp.exp(-lost) / a, b / a
-    level = -20 / np.log(10) * (lost + jnp.log(jnp.abs(a)))
     incident = jnp.where(left.carries, left.Z.real, jnp.nan)
     through = jnp.where(right.carries, right.Z.real, 0.0) / incident
-    return Scattered(T, R, level, jnp.abs(T) ** 2 * through, jnp.abs(R) ** 2 * incident / incident)
+    power_T, power_R = jnp.abs(T) ** 2 * through, jnp.abs(R) ** 2 * incident / incident
+    return Scattered(T, R, level_of(a, lost), power_T, power_R)
 
 
-def _through_layer(omega: Any, time: Any, state: Any, piece: Any) -> Any:
+def behind(right: HalfSpace, losses: dict[str, Any] | None) -> tuple[Any, Any, Any]:
+    """(v, g) at the right end, and what was set apart of them as decay, none; (N,) each.
+
+    Without losses v and g are real and imaginary part apart, as all that acts on them is real.
+    """
+    v, g = jnp.ones_like(right.Z), -1j * right.Z
+    if losses is None:
+        v, g = (jnp.stack([z.real, z.imag]) for z in (v, g))
+    return v, g, jnp.zeros(right.Z.shape)
+
+
+def before(state: Any, left: HalfSpace, losses: dict[str, Any] | None) -> tuple[Any, Any, Any]:
+    """a, b and the decay, of (v, g) at the left end."""
+    v, g, lost = state
+    if losses is None:
+        v, g = (jax.lax.complex(z[0], z[1]) for z in (v, g))
+    f = 1j * g
+    return (v + f / left.Z) / 2, (v - f / left.Z) / 2, lost
+
+
+def level_of(a: Any, lost: Any) -> Any:
+    """20 log₁₀|T|, dB."""
+    return -20 / np.log(10) * (lost + jnp.log(jnp.abs(a)))
+
+
+def through_layer(omega: Any, time: Any, state: Any, piece: Any) -> Any:
     """(v, g) at the left end of a layer from those at its right end."""
     wave, h, losses = piece
     v, g, lost = state
@@ -121,7 +146,7 @@ def _through_slice(state: Any, piece: Any) -> Any:
     return (vv * v + vg * g, gv * v + gg * g, lost + decay), None
 
 
-def _block(stack: TracedLayers, sector: str) -> Block:
+def block_of(stack: TracedLayers, sector: str) -> Block:
     """The block of a sector with a macro-field."""
     family = stack.kinds[0].family
     for block in family.blocks:

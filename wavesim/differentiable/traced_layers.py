@@ -12,6 +12,7 @@ import numpy as np
 
 from wavesim.material.layers import Grading, Layers
 from wavesim.material.medium import Medium
+from wavesim.material.together import together
 from wavesim.planewave.band_edges import keeps_gradient
 
 jax.config.update("jax_enable_x64", True)
@@ -75,7 +76,8 @@ def traced_layers(layers: Layers) -> TracedLayers:
 
     Raises:
         ValueError: the gradient term Γ counts in a layer (share above 1e-9), which transmission in
-            jax leaves out; ``wavesim.layered.transmission`` keeps it.
+            jax leaves out; ``wavesim.layered.transmission`` keeps it. Or families that share a
+            parameter have values of their own: take the layers of one.
     """
     if keeps_gradient(layers):
         raise ValueError(
@@ -111,6 +113,14 @@ def traced_layers(layers: Layers) -> TracedLayers:
 
 
 def _parameters(media: list[Medium]) -> dict[str, Any]:
+    for medium in media:
+        for part in medium.parts:
+            for name in part.known():
+                if getattr(part, name) != getattr(medium, name):
+                    raise ValueError(
+                        f"{name}: must be one for all families of a stack; take that of one, "
+                        "layers.mapped(lambda medium: medium.parts[0])"
+                    )
     given = {name: [getattr(m, name) for m in media] for name in media[0].known()}
     return {
         name: jnp.asarray([np.nan if value is None else float(value) for value in values])
@@ -120,6 +130,8 @@ def _parameters(media: list[Medium]) -> dict[str, Any]:
 
 def _kind(medium: Medium) -> Medium:
     """A medium without its numbers."""
+    if len(medium.parts) > 1:
+        return together(*map(_kind, medium.parts))
     return type(medium)(closure=medium.closure)
 
 

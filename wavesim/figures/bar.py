@@ -23,6 +23,7 @@ from wavesim.figures.style import (
     symbol,
     tiles,
 )
+from wavesim.figures.transmission import draw_masks
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
@@ -92,6 +93,7 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
                   label=f"{label}, exact at ω + iσ")  # fmt: skip
         seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
         axes.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
+    draw_masks(axes, [band.asked for band in found.bands])
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
 
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from wavesim.material.medium import PARAMETERS, Medium
 from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
-from wavesim.planewave.gap_map import GapMap
+from wavesim.planewave.gap_map import GapMap, edge_families
 
 
 def _label(name: str) -> str:
@@ -32,7 +32,7 @@ def gap_map_figure(gaps: GapMap) -> Figure:
     Args:
         gaps: what :func:`wavesim.planewave.gap_map.gap_map` returned.
     """
-    names = (*gaps.lower, "full")
+    names, families = (*gaps.lower, "full"), edge_families(gaps.medium)
     x = np.ravel(getattr(gaps.medium, gaps.x))
     y = np.ravel(getattr(gaps.medium, gaps.y))
     rows = -(-len(names) // 3)
@@ -41,19 +41,23 @@ def gap_map_figure(gaps: GapMap) -> Figure:
     for axes in panels.flat[len(names) :]:
         axes.remove()
     for axes, name in zip(panels.flat, names, strict=False):
+        title = "widest full gap" if name.endswith("full") else name
+        several = len(gaps.medium.parts) > 1
+        axes.set_title(f"{title}, {families[name]}" if several else title, fontsize=10)
         width = gaps.width(name) * 1e-3 / (2 * math.pi)
         top = float(np.nanmax(width))
+        if not top > 0:
+            axes.text(0.5, 0.5, "closed", transform=axes.transAxes, ha="center", va="center")
+            continue
         shown = np.ma.masked_invalid(np.where(width > 1e-6 * max(top, 1e-300), width, np.nan))
         image = axes.pcolormesh(x, y, shown, cmap="viridis", vmin=0.0, shading="auto")
-        if top > 0:
-            levels = MaxNLocator(7).tick_values(0.0, top)[1:]
-            lines = axes.contour(x, y, shown.filled(0.0), levels, colors="white", linewidths=0.7)
-            axes.clabel(lines, fontsize=7, fmt="%.0f")
+        levels = MaxNLocator(7).tick_values(0.0, top)[1:]
+        lines = axes.contour(x, y, shown.filled(0.0), levels, colors="white", linewidths=0.7)
+        axes.clabel(lines, fontsize=7, fmt="%.0f")
         figure.colorbar(image, ax=axes, label="width (kHz)")
-        title = "widest full gap" if name == "full" else name
-        axes.set_title(title, fontsize=10)
-    for axes in panels[-1]:
+    for axes in panels.flat[max(0, len(names) - 3) : len(names)]:  # the lowest of each column
         axes.set_xlabel(_label(gaps.x))
+        axes.tick_params(labelbottom=True)
     for axes in panels[:, 0]:
         axes.set_ylabel(_label(gaps.y))
     figure.suptitle(f"{gaps.medium.family.name}, closure {gaps.medium.closure}", fontsize=10)

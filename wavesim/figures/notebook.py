@@ -11,8 +11,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wavesim.figures.band_axes import LINE_STYLES
-from wavesim.figures.bands import band_figure
+from wavesim.figures.bands import LINE_STYLES, band_figure
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.field import spacetime
 from wavesim.figures.style import GAP, KHZ, MAP, STYLE, decibels, title

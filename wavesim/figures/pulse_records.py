@@ -92,9 +92,13 @@ def waveforms(
             )  # fmt: skip
             last = max(last, 3.4 * at * 1e3)
         for packet in one.packets:
-            if packet.name != "direct" and packet.size >= 0.15:
-                axes.plot(packet.begins * 1e3, row - 0.3, "^", ms=4, mfc="white", mec=THEORY,
-                          mew=0.8, label=once("other packets"))  # fmt: skip
+            named = bool(packet.wave) and packet.name != "reflected"
+            if packet.name != "direct" and (named or packet.size >= 0.15):
+                # Ahead of a larger packet a break is vague.
+                place = packet.top if named else packet.begins
+                label = f"top of a {packet.name}" if named else "other packets"
+                axes.plot(place * 1e3, row - 0.3, "^", ms=4, mec=THEORY, mew=0.8,
+                          mfc=THEORY if named else "white", label=once(label))  # fmt: skip
         ticks.append(f"{values[index]:g}" if values is not None else Path(one.file).stem[-24:])
     axes.set_yticks(range(len(ticks)), ticks)
     high = last if last else float(tau[-1])

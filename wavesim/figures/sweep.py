@@ -50,8 +50,7 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
         for number, medium in enumerate(media):
             own = width.sel(medium=medium) if medium else width
             panels = {
-                "widest full gap" if gap == "full" else f"width of {gap}": (own.sel(gap=gap), "kHz")
-                for gap in own["gap"].values
+                _width_of(own.sel(gap=gap)): (own.sel(gap=gap), "kHz") for gap in own["gap"].values
             }
             found[f"gaps_{number}" if medium else "gaps"] = {
                 f"{medium}: {name}" if medium else name: panel for name, panel in panels.items()
@@ -74,6 +73,15 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
                 for receiver in peak["receiver"].values[:_MOST_PANELS]
             }
     return found
+
+
+def _width_of(own: Any) -> str:
+    """A gap's width in words."""
+    gap = str(own["gap"].values)
+    if gap == "full":
+        return "widest full gap"
+    family, dash, rest = gap.rpartition("-")
+    return f"widest full gap, {family}" if dash and rest == "full" else f"width of {gap}"
 
 
 def _levels(data: Any, sector: str) -> Figure:
@@ -128,9 +136,15 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
         return
     y = others[0]
     axes.set_ylabel(_label(data, y))
-    image = axes.pcolormesh(
-        data[x], data[y], values.transpose(y, x).values, cmap=_MAP, shading="nearest"
-    )
+    shown = values.transpose(y, x).values
+    image = axes.pcolormesh(data[x], data[y], shown, cmap=_MAP, shading="nearest")
+    there = shown[np.isfinite(shown)]
+    if len(there) and np.ptp(there) == 0:  # a bar of colours would make up a range
+        image.set_visible(False)
+        axes.text(
+            0.5, 0.5, f"{there[0]:g} {unit} throughout", transform=axes.transAxes, ha="center"
+        )
+        return
     axes.figure.colorbar(image, ax=axes, label=unit)
 
 

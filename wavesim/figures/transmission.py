@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wavesim.figures.style import FOUND, THEORY, gap_edges, shade
@@ -15,15 +16,15 @@ _REFLECTED = "#2f6f9f"
 _DEEPEST = -120.0
 
 
-def transmission_figure(study: Study, masks: Sequence[Any] = ()) -> Figure:
+def transmission_figure(study: Study) -> Figure:
     """T and R in dB against frequency, one panel for each sector.
 
     Curves that are alike, as those of the two transverse sectors, share a panel.
 
     Args:
-        study: what is drawn.
-        masks: wishes with sector, low, high (Hz), at_most and at_least (dB or None), to be shown.
+        study: what is drawn, with its bands.
     """
+    masks = [band for band, *_ in study.bands]
     panels: list[tuple[list[str], Curve]] = []
     for curve in study.curves:
         for names, other in panels:
@@ -45,16 +46,7 @@ def transmission_figure(study: Study, masks: Sequence[Any] = ()) -> Figure:
         axis.plot(f, R, "--", color=_REFLECTED, lw=0.9, label="R")
         axis.plot(f, T, "-", color=THEORY, lw=1.2, label="T")
         lowest = max(_DEEPEST, float(np.nanmin(T, initial=0.0)))
-        own = [mask for mask in masks if mask.sector in names]
-        for mask in own:
-            low, high = mask.low / 1e3, mask.high / 1e3
-            if mask.at_most is not None:
-                axis.fill_between([low, high], mask.at_most, 20, color=FOUND, alpha=0.15, lw=0)
-                axis.plot([low, high], [mask.at_most] * 2, "-", color=FOUND, lw=1.2)
-                lowest = min(lowest, mask.at_most - 15)
-            if mask.at_least is not None:
-                axis.fill_between([low, high], mask.at_least, -400, color=FOUND, alpha=0.15, lw=0)
-                axis.plot([low, high], [mask.at_least] * 2, "-", color=FOUND, lw=1.2)
+        lowest = min(lowest, draw_masks(axis, [mask for mask in masks if mask.sector in names]))
         axis.set(xlim=(f[0], f[-1]), ylim=(1.08 * lowest - 2, 6))
         axis.set_title(" and ".join(names), loc="left")
         axis.set_ylabel("amplitude over incident (dB)")
@@ -62,3 +54,22 @@ def transmission_figure(study: Study, masks: Sequence[Any] = ()) -> Figure:
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=4)
     return figure
+
+
+def draw_masks(axes: Axes, masks: Sequence[Any]) -> float:
+    """Where T must not be, of bands with low, high (Hz), at_most and at_least (dB or None).
+
+    Returns:
+        A level below the lowest of them, 0 where there is none.
+    """
+    lowest = 0.0
+    for mask in masks:
+        low, high = mask.low / 1e3, mask.high / 1e3
+        for limit, end in ((mask.at_most, 20.0), (mask.at_least, -400.0)):
+            if limit is not None:
+                axes.fill_between([low, high], limit, end, color=FOUND, alpha=0.15, lw=0)
+                axes.plot([low, high], [limit] * 2, "-", color=FOUND, lw=1.2)
+                lowest = min(lowest, limit - 15)
+        if mask.at_most is None and mask.at_least is None:
+            axes.axvspan(low, high, color=FOUND, alpha=0.08, lw=0)
+    return lowest

@@ -2,8 +2,9 @@
 
 No file that a reader may see is ever changed in place: the frames of a run go to parts beside
 result.h5, packed and written once each, and result.h5 itself, which presents them as one array, is
-written anew after each chunk and moved into place; it holds the last frames, which fill no whole
-chunk of a part. A run that is killed, at whatever instant, so leaves a whole file of whole chunks.
+written anew after a chunk and moved into place; it holds the last frames,
+which fill no whole chunk of a part. A run that is killed, at whatever instant, so leaves a whole
+file of whole chunks.
 At the end the parts are gathered into result.h5, by a thread, while figures are drawn.
 """
 
@@ -24,6 +25,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from wavesim.grid.points import sampling
 from wavesim.io.gathering import LIBVER, Gathering
 from wavesim.io.packing import PACKED, chunk_of, pack, packed_dataset
 from wavesim.io.result_reader import (
@@ -80,7 +82,12 @@ class Results:
             self._parts.mkdir(parents=True)
 
     def append(
-        self, first: int, values: dict[str, np.ndarray], energy: Energy, state: Sequence[np.ndarray]
+        self,
+        first: int,
+        values: dict[str, np.ndarray],
+        energy: Energy,
+        state: Sequence[np.ndarray],
+        present: bool = True,
     ) -> None:
         """Append frames and the state after them.
 
@@ -89,6 +96,7 @@ class Results:
             values: {field: (frames, N)}, SI.
             energy: of these frames.
             state: arrays to carry on from after the last of them.
+            present: whether result.h5 is to show them now, or when :meth:`present` is called.
         """
         end = first + len(energy.work)
         names = [part.name for part in fields(energy)]
@@ -96,7 +104,7 @@ class Results:
         bar = self.simulation.bar
         for name, data in values.items():
             for receiver, position in self.simulation.receivers.items():
-                weights, indices = bar.sampling(position, not is_macro(name))
+                weights, indices = sampling(bar, position, not is_macro(name))
                 series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
         with self._writing():
             self._keep(values)
@@ -106,11 +114,19 @@ class Results:
                 for name, data in series.items()
             }
             self._state = state
+        if present:
+            self.present()
+
+    def present(self) -> None:
+        """Write result.h5 anew, so that it shows all that was appended."""
+        if self._stored == self._frames:
+            return
+        with self._writing():
             with _written(self.path) as file:
                 self._lay_out(file, "running")
-                for name in values:
-                    self._present(file, name)
-            self._stored = end
+                for name in self.simulation.fields:
+                    self._show(file, name)
+            self._stored = self._frames
 
     def _keep(self, values: Mapping[str, np.ndarray]) -> None:
         """Put frames into a part as far as they fill whole chunks, with those left before."""
@@ -288,7 +304,7 @@ class Results:
         for number, array in enumerate(self._state):
             _put(file, f"restart/state/{number}", np.asarray(array), "")
 
-    def _present(self, file: h5py.File, name: str) -> None:
+    def _show(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
         points = len(self._axis(name)[1])
         layout = h5py.VirtualLayout((self._frames, points), np.float64)

@@ -30,6 +30,9 @@ from wavesim.layered.star_product import Piece
 from wavesim.layered.uniform_layer import uniform, waves
 from wavesim.material.layers import Layer
 
+# Where a bar of one layer is cut: no part of it holds whole half-waves together with the other.
+_CUT = (math.sqrt(5) - 1) / 2
+
 
 @dataclass(frozen=True)
 class Element:
@@ -92,7 +95,11 @@ def clamped_count(stack: Stack, layer: Layer, thickness: float) -> Any:
 
 
 def elements(stack: Stack) -> list[Element]:
-    """Uniform layers whole; graded ones in parts short enough to have no clamped wave."""
+    """Uniform layers whole; graded ones in parts short enough to have no clamped wave.
+
+    A bar of one uniform layer is cut in two, as between free ends its eigenfrequencies stand just
+    where K of the whole is infinite, and would be told to half the digits.
+    """
     found = []
     omega = np.array([stack.scaled.real.max()]) + 0j
     for layer in stack.layers.layers:
@@ -110,6 +117,8 @@ def elements(stack: Stack) -> list[Element]:
                 shortest = 2 / max(float(waves(s, omega).k[0, 0].real) + 1e-9 for s in sampled)
             parts = math.ceil(layer.thickness / stack.units.length / shortest) + 1
         marks = np.linspace(layer.start, layer.end, parts + 1)
+        if len(stack.layers.layers) == 1 and parts == 1:
+            marks = np.insert(marks, 1, layer.start + _CUT * layer.thickness)
         found += [Element(layer, float(a), float(b)) for a, b in itertools.pairwise(marks)]
     return found
 

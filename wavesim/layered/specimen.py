@@ -18,6 +18,8 @@ from wavesim.planewave.complex_wavenumber import wavenumber
 
 # Next to the asymptotes of a graded layer without losses, in this part of ω, nothing is told.
 MARGIN = 2e-3
+# Frequencies at which a band is looked at.
+_IN_BAND = 801
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,24 @@ class Specimen:
             return Transmission(omega, **dict.fromkeys(names, none)), open_
         parts = {name: spread(value) for name, value in vars(found).items() if name != "omega"}
         return Transmission(omega, **parts), open_
+
+    def extremes(self, sector: str, low: float, high: float) -> tuple[Any, Any]:
+        """Highest and lowest 20 log₁₀|T| of a band at real ω.
+
+        Args:
+            sector: with a macro-field.
+            low, high: the band, Hz.
+
+        Returns:
+            ((level, dB, where, Hz) of the highest, of the lowest), over 801 frequencies; NaN where
+            there is no answer somewhere in it.
+        """
+        frequency = np.linspace(low, high, _IN_BAND)
+        exact, _ = self.at_real(sector, 2 * np.pi * frequency)
+        level = 20 * np.log10(np.maximum(np.abs(exact.T), 1e-300))
+        ends = int(np.argmax(level)), int(np.argmin(level))
+        highest, lowest = ((float(level[n]), float(frequency[n])) for n in ends)
+        return highest, lowest
 
 
 def specimen(layers: Layers) -> Specimen:

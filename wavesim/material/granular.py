@@ -62,6 +62,11 @@ class GranularMedium(Medium):
         return self.stiffnesses[2:]
 
     @property
+    def stable(self) -> bool:
+        """Of closure "consistent": each strain costs energy, as every contact's does."""
+        return self.closure == "consistent"
+
+    @property
     def in_words(self) -> str:
         """Family, closure, a and η."""
         a, eta = float(self.anisotropy), float(self.stiffness_ratio)

@@ -6,6 +6,7 @@ Both routes share this: it holds no grid. Positions in m, from the left end.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -74,7 +75,13 @@ class Layer:
         """Its medium, or those at so many places from its start to its end where it is graded."""
         if self.last is None:
             return (self.medium,)
+        if places == GRADES:
+            return self._grades
         return tuple(self.at(float(x)) for x in np.linspace(self.start, self.end, places))
+
+    @functools.cached_property
+    def _grades(self) -> tuple[Medium, ...]:
+        return tuple(self.at(float(x)) for x in np.linspace(self.start, self.end, GRADES))
 
     def weight(self, position: Any) -> Any:
         """w at positions within the layer, of any shape, m."""
@@ -151,7 +158,7 @@ class Layers(Shown):
         """Whether it is one layer that is not graded."""
         return len(self.layers) == 1 and self.layers[0].last is None
 
-    @property
+    @functools.cached_property
     def media(self) -> tuple[Medium, ...]:
         """Its media from left to right, each once; of a graded layer those at nine places."""
         found = [medium for layer in self.layers for medium in layer.sampled()]

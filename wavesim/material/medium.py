@@ -141,21 +141,24 @@ class Medium(Shown, metaclass=_ByFamily):
         if isinstance(vars(cls).get("family"), Family):
             register(cls.family)
             _MEDIA[cls.family.name] = cls
-            PARAMETERS.update(cls.known())
+            PARAMETERS.update(cls.declared())
 
     def __post_init__(self) -> None:
-        if type(self) not in _USED:
-            _USED.append(type(self))
-            for act in _LISTENERS:
-                act(type(self))
+        self._used()
         if self.closure not in self.closures:
             raise ValueError(self.closure_missing(self.closure))
-        for name, known in self.known().items():
+        for name, known in self.declared().items():
             value = getattr(self, name)
             if isinstance(value, numbers.Real):
                 _check(name, float(value), known)
             elif isinstance(value, str | bytes | list | tuple | dict | complex):
                 raise ValueError(f"{name} = {value!r}: must be a number")
+
+    def _used(self) -> None:
+        if type(self) not in _USED:
+            _USED.append(type(self))
+            for act in _LISTENERS:
+                act(type(self))
 
     def __repr__(self) -> str:
         made = {"family": self.family.name} if self.family.name != next(iter(_MEDIA)) else {}
@@ -183,13 +186,17 @@ class Medium(Shown, metaclass=_ByFamily):
 
     @classmethod
     @functools.cache
-    def known(cls) -> dict[str, Parameter]:
-        """What is known of its parameters, by name."""
+    def declared(cls) -> dict[str, Parameter]:
+        """What is known of the parameters of its class, by name."""
         return {
             name: hint.__metadata__[0]
             for name, hint in get_type_hints(cls, include_extras=True).items()
             if get_origin(hint) is Annotated and isinstance(hint.__metadata__[0], Parameter)
         }
+
+    def known(self) -> dict[str, Parameter]:
+        """What is known of its parameters, by name."""
+        return self.declared()
 
     def flux_form(self) -> FluxForm:
         """The coefficients of its equations, for waves along x₁; each family has its own.
@@ -199,6 +206,18 @@ class Medium(Shown, metaclass=_ByFamily):
         """
         raise NotImplementedError(f"{type(self).__name__}.flux_form")
 
+    @functools.cached_property
+    def form(self) -> FluxForm:
+        """:meth:`flux_form`, worked out once."""
+        return self.flux_form()
+
+    @functools.cached_property
+    def fastest(self) -> float:
+        """See :func:`fastest_speed`."""
+        forms = [part.form for part in self.parts]
+        squares = [np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi for form in forms]
+        return float(np.sqrt(self.damping.unrelaxed * max(squares)))
+
     @property
     def length_scale(self) -> Any:
         """Unit of length l (m), k̄ = k l/2π; each family has its own."""
@@ -207,7 +226,7 @@ class Medium(Shown, metaclass=_ByFamily):
     @property
     def time_scale(self) -> Any:
         """Unit of time (s), ω̄ = ω times this: the highest cutoff's, unless a family has its own."""
-        form = self.flux_form()
+        form = self.form
         return (form.m_B / np.abs(np.linalg.eigvals(form.C_B_B)).max()) ** 0.5
 
     @property
@@ -227,7 +246,7 @@ class Medium(Shown, metaclass=_ByFamily):
     @property
     def inertias(self) -> tuple[Any, Any]:
         """Inertia of a macro- and of a micro-field per volume."""
-        form = self.flux_form()
+        form = self.form
         return form.m_phi * form.per, form.m_B * form.per
 
     @property
@@ -250,6 +269,11 @@ class Medium(Shown, metaclass=_ByFamily):
     def conserves_energy(self) -> bool:
         """Whether its equations conserve energy, losses apart."""
         return self.closure == "consistent"
+
+    @property
+    def stable(self) -> bool:
+        """Whether it is known beforehand that no wave of it grows."""
+        return False
 
     @property
     def in_words(self) -> str:
@@ -323,6 +347,4 @@ def _check(name: str, value: float, known: Parameter) -> None:
 
 def fastest_speed(medium: Medium) -> float:
     """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
-    forms = [part.flux_form() for part in medium.parts]
-    squares = [np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi for form in forms]
-    return float(np.sqrt(medium.damping.unrelaxed * max(squares)))
+    return medium.fastest

@@ -135,7 +135,7 @@ def block_coefficients(medium: Medium, block: Block, units: Scales) -> BlockCoef
         ValueError: the closure has no wave equations.
     """
     medium = medium.part(block)
-    form, family = medium.flux_form(), medium.family
+    form, family = medium.form, medium.family
     macro, micro = weights(block.macro, family.macro), weights(block.micro, family.micro)
     inertias = medium.inertias
     return BlockCoefficients(

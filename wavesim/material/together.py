@@ -6,19 +6,22 @@ their family as well, such as translation-longitudinal.
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from wavesim.material.damping import Damping
 from wavesim.material.family import Block, Family
-from wavesim.material.medium import FluxForm, Medium
+from wavesim.material.medium import FluxForm, Medium, Parameter
 
 
 @cache
 def _joined(families: tuple[Family, ...]) -> Family:
     blocks: list[Block] = []
     gaps: dict[str, tuple[str, ...]] = {}
+    uses = collections.Counter(name for one in families for name in one.all_gaps)
     for one in families:
         blocks += [
             dataclasses.replace(
@@ -26,7 +29,12 @@ def _joined(families: tuple[Family, ...]) -> Family:
             )
             for block in one.blocks
         ]
-        gaps |= {f"{one.name}-{sector}": one.gap_names(sector) for sector in one.sectors}
+        gaps |= {
+            f"{one.name}-{sector}": tuple(
+                name if uses[name] == 1 else f"{one.name}-{name}" for name in one.gap_names(sector)
+            )
+            for sector in one.sectors
+        }
     return Family(
         name=" and ".join(one.name for one in families),
         macro=tuple(name for one in families for name in one.macro),
@@ -42,21 +50,52 @@ def _joined(families: tuple[Family, ...]) -> Family:
     )
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, init=False)
 class Together(Medium):
     """Media of different families, which share the loss law; made by :func:`together`.
 
-    Units of length and time are those of the first.
+    Units of length and time are those of the first. A parameter given beside the parts, as
+    ``dataclasses.replace`` does, is laid over that of each of them that has it; one that is asked
+    for is that of the first that has it.
     """
 
     parts: tuple[Medium, ...] = ()
 
     nested = ("parts",)
 
-    def __post_init__(self) -> None:
-        kept = tuple(dataclasses.replace(part, damping=self.damping) for part in self.parts)
-        object.__setattr__(self, "parts", kept)
+    def __init__(
+        self,
+        parts: tuple[Medium, ...] = (),
+        *,
+        closure: str = "",
+        damping: Damping | None = None,
+        **given: Any,
+    ) -> None:
+        law = parts[0].damping if damping is None else damping
+        odd = [name for name in given if not any(name in part.declared() for part in parts)]
+        if odd:
+            raise TypeError(f"{odd[0]}: is no parameter of {', '.join(map(repr, parts))}")
+        kept = []
+        for part in parts:
+            own = {name: value for name, value in given.items() if name in part.declared()}
+            if closure in part.closures:
+                own["closure"] = closure
+            kept.append(dataclasses.replace(part, damping=law, **own))
+        object.__setattr__(self, "parts", tuple(kept))
+        object.__setattr__(self, "damping", law)
         object.__setattr__(self, "closure", ", ".join(dict.fromkeys(p.closure for p in kept)))
+        self._used()
+
+    def __getattr__(self, name: str) -> Any:
+        own = () if name.startswith("_") or name == "parts" else self.parts
+        for part in own:
+            if name in part.declared():
+                return getattr(part, name)
+        raise AttributeError(f"{type(self).__name__} has no {name!r}")
+
+    def known(self) -> dict[str, Parameter]:
+        """What is known of the parameters of all, by name."""
+        return {name: one for part in reversed(self.parts) for name, one in part.known().items()}
 
     def __repr__(self) -> str:
         return f"together({', '.join(map(repr, self.parts))})"
@@ -135,6 +174,16 @@ class Together(Medium):
     def conserves_energy(self) -> bool:
         """Whether the equations of each do."""
         return all(part.conserves_energy for part in self.parts)
+
+    @property
+    def stable(self) -> bool:
+        """Whether each is."""
+        return all(part.stable for part in self.parts)
+
+    @property
+    def settings(self) -> str:
+        """Those of each."""
+        return ", ".join(dict.fromkeys(part.settings for part in self.parts))
 
     @property
     def in_words(self) -> str:

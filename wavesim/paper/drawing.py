@@ -10,7 +10,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.band_axes import (
+from wavesim.figures.bands import (
     LINE_STYLES,
     add_hertz_axis,
     add_wavenumber_axis,

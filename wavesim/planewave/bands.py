@@ -36,7 +36,8 @@ def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> di
         {"medium": parameters and closure, SI; "units": how ω̄ and k̄ are made of ω and k;
         "sectors": {sector: {"k": (points,) rad/m, "omega": (points, 3) rad/s, ascending at
         each k, "branches", "cutoffs", "asymptotes" (rad/s, ascending), "gaps": [{"name",
-        "lower", "upper"}] rad/s, upper = lower where closed}}; "full_gaps": [[lower, upper]]}.
+        "lower", "upper"}] rad/s, upper = lower where closed}}; "full_gaps": [[lower, upper]];
+        of several families "full_gaps_of": {family: those of its waves alone}}.
 
     Raises:
         NotHyperbolicError: an ω(k) of the medium is not real.
@@ -64,6 +65,9 @@ def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> di
         }
         for sector in medium.family.sectors
     }
+    several = {
+        part.family.name: [[low, high] for low, high in full_gaps(part)] for part in medium.parts
+    }
     return {
         "medium": medium.described,
         "units": {
@@ -72,7 +76,7 @@ def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> di
         },
         "sectors": sectors,
         "full_gaps": [[low, high] for low, high in full_gaps(medium)],
-    }
+    } | ({"full_gaps_of": several} if len(several) > 1 else {})
 
 
 def _row(

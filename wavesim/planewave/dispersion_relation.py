@@ -181,6 +181,12 @@ def group_velocity(medium: Medium, sector: str, k: ArrayLike) -> Float:
     return np.take_along_axis(speed, np.argsort(omega, axis=1), axis=1)
 
 
+def wave_speeds(medium: Medium) -> dict[str, float]:
+    """Speeds of long waves by what those who measure call them, such as {"P": …, "S": …}, m/s."""
+    named = medium.family.waves.items()
+    return {name: long_wave_speed(medium, sector) for sector, name in reversed(list(named))}
+
+
 def long_wave_speed(medium: Medium, sector: str) -> float:
     """Speed of the acoustic branch as k → 0: √((C_φφ − C_φB C_BB⁻¹ C_Bφ)/m_φ), m/s.
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from wavesim.material.medium import Medium
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs
 from wavesim.planewave.eigenproblem import Float
-from wavesim.planewave.many_media import block_forms
+from wavesim.planewave.many_media import block_forms, time_scales
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,9 @@ class GapMap:
     Attributes:
         medium: the family; parameters that were varied are arrays that broadcast to S.
         lower, upper: edges by name of the gap, such as RLB1, each of shape S;
-            upper = lower where closed, NaN where an edge is not real (an unstable medium).
+            upper = lower where closed, NaN where an edge is not real (an unstable medium). Where
+            waves of several families run, "translation-full" is the widest interval in which none
+            of one family propagates.
         full_lower, full_upper: the widest interval in which no wave of any kind propagates,
             shape S; equal where there is none.
         x, y: names of the parameters along the last and the last but one axis.
@@ -47,7 +49,6 @@ class GapMap:
 
 def family_gaps(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:
     """Lower and upper edges, rad/s, of every gap of a family of media; see :class:`GapMap`."""
-    to_si = 1 / np.asarray(medium.time_scale)
     lower: dict[str, Float] = {}
     upper: dict[str, Float] = {}
     family = medium.family
@@ -55,20 +56,23 @@ def family_gaps(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:
         (block,) = family.blocks_of(sector)
         forms = block_forms(medium, block)
         starts, ends = form_asymptotes(forms), form_cutoffs(forms)
+        to_si = 1 / time_scales(medium, block)
         for i, name in enumerate(family.gap_names(sector)):
             lower[name] = starts[..., i] * to_si
             upper[name] = np.maximum(lower[name], ends[..., i] * to_si)
     for sector in (s for s in family.sectors if s not in family.travelling):
         ((name,), lines) = family.gap_names(sector), standing_lines(medium, sector)
         lower[name], upper[name] = lines[..., 0], lines[..., -1]
-    return lower, upper
+    names = family.all_gaps
+    return {name: lower[name] for name in names}, {name: upper[name] for name in names}
 
 
 def standing_lines(medium: Medium, sector: str) -> Float:
     """Frequencies of a sector of micro-fields alone, ascending, S + (waves,), rad/s."""
     blocks = medium.family.blocks_of(sector)
     found = [form_cutoffs(block_forms(medium, block)) for block in blocks]
-    return np.sort(np.concatenate(found, axis=-1)) / np.asarray(medium.time_scale)[..., None]
+    unit = time_scales(medium, blocks[0])[..., None]
+    return np.sort(np.concatenate(found, axis=-1)) / unit
 
 
 def widest_full_gap(medium: Medium) -> tuple[Float, Float]:
@@ -98,13 +102,32 @@ def widest_full_gap(medium: Medium) -> tuple[Float, Float]:
     )
 
 
+def all_edges(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:
+    """Those of every gap, of what is full of each of several families, and of what is "full"."""
+    lower, upper = family_gaps(medium)
+    several = medium.parts if len(medium.parts) > 1 else ()
+    for name, one in [*((f"{part.family.name}-full", part) for part in several), ("full", medium)]:
+        lower[name], upper[name] = widest_full_gap(one)
+    return lower, upper
+
+
+def edge_families(medium: Medium) -> dict[str, str]:
+    """Whose waves each of :func:`all_edges` is of, in their order."""
+    parts = medium.parts
+    names = [part.family.name for part in parts]
+    of_gaps = [part.family.name for part in parts for _ in part.family.all_gaps]
+    found = dict(zip(medium.family.all_gaps, of_gaps, strict=True))
+    own_full = {f"{name}-full": name for name in names if len(names) > 1}
+    return found | own_full | {"full": " and ".join(names)}
+
+
 def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) -> GapMap:
     """Edges of every gap over a plane of two parameters.
 
     Args:
         medium: gives the other parameters and the closure.
-        x, y: name of a parameter of :class:`wavesim.material.medium.Medium` and its values, shapes
-            (nx,) and (ny,), in that parameter's unit.
+        x, y: name of a parameter of the medium and its values, shapes (nx,) and (ny,), in that
+            parameter's unit; of several families it is varied in each that has it.
 
     Returns:
         The map, arrays of shape (ny, nx).
@@ -112,8 +135,6 @@ def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) 
     Raises:
         ValueError: a name is unknown or used twice, or a value is not admissible.
     """
-    if len(medium.parts) > 1:
-        raise ValueError(f"family = {medium.family.name}: a map is of one family; take a part")
     for name, _ in (x, y):
         if name not in medium.known():
             raise ValueError(f"parameter {name!r}: must be one of {', '.join(medium.known())}")
@@ -125,13 +146,11 @@ def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) 
     }
     family = dataclasses.replace(medium, **varied)
     shape = (varied[y[0]].shape[0], varied[x[0]].shape[1])
-    lower, upper = family_gaps(family)
-    full_lower, full_upper = widest_full_gap(family)
-
-    def spread(edges: dict[str, Float]) -> dict[str, Float]:
-        return {name: np.broadcast_to(edge, shape) for name, edge in edges.items()}
-
-    return GapMap(family, spread(lower), spread(upper), full_lower, full_upper, x[0], y[0])
+    lower, upper = (
+        {name: np.broadcast_to(edge, shape) for name, edge in edges.items()}
+        for edges in all_edges(family)
+    )
+    return GapMap(family, lower, upper, lower.pop("full"), upper.pop("full"), x[0], y[0])
 
 
 def table(gaps: GapMap) -> tuple[list[str], Float]:

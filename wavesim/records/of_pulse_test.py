@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.planewave.dispersion_relation import wave_speeds
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import HDF5, read
@@ -31,6 +32,7 @@ class PulseTestRecord:
         positions: of each, m, from the source or an origin of their own; NaN where unknown.
         sent: what was sent, shape (nt,); None where it was not recorded.
         notes: what was done to the file's numbers, and assumed.
+        speeds: {wave: speed} of the medium, m/s; None where it is not known.
     """
 
     name: str
@@ -39,6 +41,7 @@ class PulseTestRecord:
     positions: dict[str, float]
     sent: Float | None
     notes: tuple[str, ...] = ()
+    speeds: dict[str, float] | None = None
 
     @property
     def placed(self) -> bool:
@@ -129,7 +132,8 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         t = np.asarray(field.t)
         sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
         signals = {key: np.asarray(field.at(field.receivers[key], macro)) for key in places}
-        found.append(PulseTestRecord(f"{name}: {macro}", t, signals, places, sent))
+        speeds = wave_speeds(field.medium) or None
+        found.append(PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, speeds=speeds))
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"

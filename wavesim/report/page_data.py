@@ -231,6 +231,14 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             for name, curve in (("T", line[1]), ("R", line[2]))
         }
         own = found["transmission"][one.sector]
+        own["bands"] = [
+            {
+                "lower": b.asked.low,
+                "upper": b.asked.high,
+                "limits": [b.asked.at_most, b.asked.at_least],
+            }
+            for b in one.bands
+        ]
         for name, real in (("T", one.T_real), ("R", one.R_real)):
             if real is not None:
                 own["real_frequency"] = (one.omega * _HERTZ).tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -23,7 +24,7 @@ def check_carried(source: Source, media: Sequence[Medium], bar: Bar) -> None:
             too narrow.
     """
     if isinstance(source, InitialField):
-        limit = largest_phase(bar) / bar.spacing
+        limit = largest_phase(bar.order) / bar.spacing
         if source.highest_wavenumber > limit:
             least = source.width * source.highest_wavenumber / limit
             raise ValueError(
@@ -59,11 +60,12 @@ def highest_frequency(medium: Medium, bar: Bar) -> float:
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    return fastest_speed(medium) * largest_phase(bar) / bar.spacing / (2 * math.pi)
+    return fastest_speed(medium) * largest_phase(bar.order) / bar.spacing / (2 * math.pi)
 
 
-def largest_phase(bar: Bar) -> float:
-    """kh at which the differences slow a wave down by 1 %."""
+@functools.cache
+def largest_phase(order: int) -> float:
+    """kh at which differences of an order slow a wave down by 1 %."""
     phase = np.linspace(1e-3, math.pi, 20001)
-    slowing = 1 - modified_wavenumber(phase, 1.0, bar.order) / phase
+    slowing = 1 - modified_wavenumber(phase, 1.0, order) / phase
     return float(np.interp(_PHASE_ERROR, slowing, phase))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling
 from wavesim.material.family import Block, is_macro, known_field
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
@@ -43,6 +44,12 @@ class Energy:
     kinetic: Float
     potential: Float
     work: Float
+
+    @classmethod
+    def joined(cls, parts: Sequence[Energy]) -> Energy:
+        """That of consecutive frames as one."""
+        names = [part.name for part in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     @property
     def total(self) -> Float:
@@ -226,7 +233,7 @@ class Field(Shown):
                 such field.
         """
         self._check(name)
-        weights, indices = self.bar.sampling(position, staggered=not is_macro(name))
+        weights, indices = sampling(self.bar, position, staggered=not is_macro(name))
         # On a ring the points may be at both its ends.
         runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
         near = [self.part(name, points=slice(int(r[0]), int(r[-1]) + 1)) for r in runs]

@@ -11,18 +11,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.case.design_tables import DesignTable, VariableTable
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
-from wavesim.case.schema import CaseError, CaseFile
+from wavesim.case.schema import CaseError, CaseFile, DesignTable, VariableTable
 from wavesim.case.varied_key import VariedKey, varied_key
+from wavesim.differentiable.graded_slices import uniform_slices
+from wavesim.differentiable.level_slopes import level_and_slopes
 from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.material.layers import Layers
 from wavesim.material.medium import PARAMETERS
 from wavesim.planewave.complex_wavenumber import wavenumber
 
-# Slices of order 16 of a graded layer.
-_SLICES = 6
+# Uniform slices of a graded layer: in the search, and on the finer net of frequencies.
+_UNIFORM, _FINER = 24, 64
 # Frequencies of each wish at which the band is checked against the half-spaces.
 _LOOKED_AT = 400
 
@@ -46,9 +47,10 @@ class Wish:
     most: bool
     weight: float
 
-    def frequencies(self, count: int) -> Any:
-        """So many over the band, both ends among them, Hz."""
-        return np.linspace(self.low, self.high, count)
+    def frequencies(self, count: int, wider: Any = 0.0) -> Any:
+        """So many over the band, made wider at each end by a part of that, both among them, Hz."""
+        low, high = self.low * (1 - wider), self.high * (1 + wider)
+        return low + (high - low) * np.linspace(0, 1, count)
 
     @property
     def at_most(self) -> float | None:
@@ -84,11 +86,6 @@ class Problem:
     length_at_most: float | None
     tolerance: float
 
-    @property
-    def graded(self) -> bool:
-        """Whether a layer is graded, which costs as much as a hundred others."""
-        return any(grading is not None for grading in self.stack.gradings)
-
     def values(self, x: Any) -> Any:
         """The variables in their units, of x from 0 to 1."""
         return self.low + (self.high - self.low) * x
@@ -104,28 +101,42 @@ class Problem:
         """Of all between the half-spaces, m."""
         return jnp.sum(self.stack_at(values).thickness[1:-1])
 
-    def levels(self, values: Any, count: int) -> list[Any]:
-        """20 log₁₀|T| at so many frequencies of each wish, dB; may be traced."""
-        stack, found = self.stack_at(values), [jnp.zeros(0)] * len(self.wishes)
+    def _by_sector(self, count: int, wider: Any = 0.0) -> dict[str, tuple[list[int], Any]]:
+        """{sector: which wishes it has, so many frequencies of each after another, rad/s}."""
+        found = {}
         for sector in dict.fromkeys(wish.sector for wish in self.wishes):
             own = [n for n, wish in enumerate(self.wishes) if wish.sector == sector]
-            omega = np.concatenate([self.wishes[n].frequencies(count) for n in own]) * 2 * np.pi
-            level = transmission(stack, sector, omega, _SLICES).level
-            for place, n in enumerate(own):
-                found[n] = level[place * count : (place + 1) * count]
+            bands = [self.wishes[n].frequencies(count, wider) for n in own]
+            found[sector] = own, jnp.concatenate(bands) * 2 * np.pi
         return found
+
+    def slopes(self, count: int) -> Callable[[Any, Any], tuple[Any, Any]]:
+        """Compiled: L in dB at so many frequencies of each wish in turn, (members, M), and ∂L/∂x,
+        (members, M, n), of x from 0 to 1, (members, n), with bands wider by a part."""
+        order = np.argsort([n for own, _ in self._by_sector(count).values() for n in own])
+
+        def both(x: Any, wider: Any) -> tuple[Any, Any]:
+            parts = [
+                level_and_slopes(self.stack_at, self.values(x), sector, omega, _UNIFORM)
+                for sector, (_, omega) in self._by_sector(count, wider).items()
+            ]
+            level, J = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+            level, J = (a.reshape(len(order), count, *a.shape[1:])[order] for a in (level, J))
+            return level.reshape(-1), J.reshape(len(order) * count, -1) * (self.high - self.low)
+
+        return jax.jit(jax.vmap(both, in_axes=(0, None)))
 
     def compiled(self, count: int) -> Callable[[Any], Any]:
         """Compiled: worst level of each wish, shape (members, wishes), of values (members, n)."""
 
         def worst(values: Any) -> Any:
-            levels = self.levels(values, count)
-            return jnp.stack(
-                [
-                    jnp.max(level) if wish.most else jnp.min(level)
-                    for wish, level in zip(self.wishes, levels, strict=True)
-                ]
-            )
+            stack = uniform_slices(self.stack_at(values), _FINER)
+            found = [jnp.zeros(())] * len(self.wishes)
+            for sector, (own, omega) in self._by_sector(count).items():
+                level = transmission(stack, sector, omega).level
+                for n, part in zip(own, level.reshape(len(own), count), strict=True):
+                    found[n] = jnp.max(part) if self.wishes[n].most else jnp.min(part)
+            return jnp.stack(found)
 
         return jax.jit(jax.vmap(worst))
 

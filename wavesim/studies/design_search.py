@@ -1,13 +1,19 @@
-"""The search for a stack: from many starts of a Sobol sequence downhill by L-BFGS-B.
+"""The search for a stack: least squares from many starts, and from the best the worst goes down.
 
-The misfit of a stack is the shortfall of each wish averaged over its frequencies, squared (p = 2)
-or with the worst of them minded most (p = 8),
+At each of some frequencies of each wish a stack misses by
 
-    Σ_w weight_w ⟨max(0, ±(L − limit) + margin)^p⟩^(2/p) / (1 + |limit|/10)²,
+    e = weight (±(L − limit)) / (1 + |limit|/10),
 
-with L = 20 log₁₀|T| in dB, and that of its length. Its gradient is jax's. Starts are taken in the
-order of their misfit, a few side by side, until one keeps every wish on a finer net of frequencies;
-it is then moved on to keep them with more and more margin.
+with L = 20 log₁₀|T| in dB: kept where all e ≤ 0. L and ∂L/∂x of a batch of stacks come from jax at
+once (``differentiable.level_slopes``). A round takes the best of some points of a Sobol sequence,
+follows them by Levenberg and Marquardt down Σ max(0, e + margin)², and the best of these by linear
+programs down the worst,
+
+    min over d of max_i (e_i + J_i d),   |d| ≤ radius,   within box and length,
+
+the radius growing where that foretells well. Both go in lock step, the hopeless left behind.
+Rounds follow each other, two at a time, one from fresh starts, the other about the best there are,
+until one keeps every wish, also on a finer net of frequencies.
 """
 
 from __future__ import annotations
@@ -15,34 +21,39 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from wavesim.studies.design_problem import Problem
 
 # Frequencies of a wish: of the search, and of the last word.
 COARSE, FINE = 96, 801
-SCREENED = 1024
-# The same where a layer is graded, and dear.
-_DEAR_COARSE, _DEAR_FINE, _DEAR_SCREENED = 48, 201, 128
-# Starts that go side by side: a fixed number, so that a seed gives one answer on any machine.
-_TOGETHER = 4
-_MOST_STARTS = 400
-SECONDS = 50.0
+# Stacks whose T is computed at once: in the search, and of the last word.
+_TOGETHER, MEMBERS = 16, 100
+# Of a round: starts, those that go down by least squares, and how far.
+_SCREENED, _FOLLOWED, _DESCENTS = 128, 32, 25
+# Then so many best go so many steps down their worst.
+_STEPS = ((16, 10), (6, 15), (2, 40))
 _MARGIN = 0.4
-# The power of a shortfall that is averaged: of the search, and where the worst counts.
-_MEAN, _WORST, _NOTHING = 2.0, 8.0, 1e-30
-# A miss by less than this (dB) is followed up, so many times.
-_NEAR, _MISSES = 4.0, 3
-_MARGINS = (1.0, 2.0, 4.0)
-_ITERATIONS = 150
-# What a stack may be too long by before the misfit tells, over the limit.
-_LENGTH_WEIGHT = 1e4
-_ROOM = 1e-4
+_POLISHED = 25
+SECONDS = 40.0
+_MOST = 100_000
+# Every round but the first has one that begins about so many best, moved by such parts of x.
+_ELITE, _MOVES = 4, (0.03, 0.1, 0.3)
+# Rounds that go side by side: a fixed number, so that a seed gives one answer on any machine.
+_SIDE_BY_SIDE = 2
+# What is missed on the finer net alone is asked of the coarse one, so many times.
+_AGAIN = 4
+# Bands are asked for wider at either end by these parts of the tolerance, the first that can be.
+_WIDER = np.array([1.0, 0.3, 0.0])
+# Radius of the first linear program, in x; those beyond these are ended.
+_RADIUS, _WIDEST, _LEAST = 0.05, 0.3, 1e-6
+# Frequencies whose e lies so far below the worst don't bind a step.
+_FAR = 8.0
+_TOO_LONG = 100.0
+_ROOM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -51,17 +62,44 @@ class Found:
 
     Attributes:
         values: of the variables, in their units, shape (n,).
-        reached: worst level of each wish, dB, shape (wishes,).
         evaluations: stacks whose T was computed.
         starts: from how many starts.
         seconds: it took.
     """
 
     values: Any
-    reached: Any
     evaluations: int
     starts: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class _Stack:
+    """One stack on its way down: x from 0 to 1, (n,); e, (M,); J, (M, n); radius of its steps."""
+
+    x: Any
+    e: Any
+    J: Any
+    radius: float = _RADIUS
+
+    @property
+    def worst(self) -> float:
+        return float(self.e.max())
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of stacks.
+
+    Attributes:
+        more: dB by which each wish is asked for more than its limit, (wishes,).
+        scale: of each wish's e, (wishes,).
+        wider: by which part each band is wider at either end.
+    """
+
+    more: Any
+    scale: Any
+    wider: float = 0.0
 
 
 class Search:
@@ -72,86 +110,193 @@ class Search:
     """
 
     def __init__(self, problem: Problem) -> None:
-        self.problem, self.evaluations = problem, 0
-        dear = problem.graded
-        self.coarse, self.screens = (_DEAR_COARSE, _DEAR_SCREENED) if dear else (COARSE, SCREENED)
-        self._worst = problem.compiled(_DEAR_FINE if dear else FINE)
-        self._value = jax.jit(jax.vmap(self._misfit, in_axes=(0, None, None, None)))
-        self._gradient = jax.jit(jax.value_and_grad(self._misfit))
+        import jax
 
-    def _misfit(self, x: Any, margin: Any, weights: Any, power: Any) -> Any:
-        own = self.problem
-        values, total = own.values(x), jnp.zeros(())
-        for n, (wish, level) in enumerate(
-            zip(own.wishes, own.levels(values, self.coarse), strict=True)
-        ):
-            over = (level - wish.limit) if wish.most else (wish.limit - level)
-            off = jnp.maximum(over + margin, 0.0) / (1 + abs(wish.limit) / 10)
-            total = total + weights[n] * (jnp.mean(off**power) + _NOTHING) ** (2 / power)
-        if own.length_at_most is not None:
-            over = own.length(values) / own.length_at_most - 1 + _ROOM
-            total = total + _LENGTH_WEIGHT * jnp.maximum(over, 0.0) ** 2
-        return total
+        self.problem = problem
+        self._asked_of: list[int] = []
+        self._slopes = problem.slopes(COARSE)
+        self._worst = problem.compiled(FINE)
+        wishes = problem.wishes
+        self._limit = np.array([wish.limit for wish in wishes])
+        self._sign = np.array([1.0 if wish.most else -1.0 for wish in wishes])
+        self._scale = np.array([wish.weight for wish in wishes]) / (1 + np.abs(self._limit) / 10)
+        # The length is linear in x.
+        n = len(problem.keys)
+        start, whole = jax.value_and_grad(problem.length)(problem.values(np.zeros(n)))
+        self._shortest, self._by_x = float(start), np.asarray(whole) * (problem.high - problem.low)
 
     @property
-    def weights(self) -> Any:
-        """Those of the wishes as they are asked."""
-        return np.array([wish.weight for wish in self.problem.wishes])
+    def evaluations(self) -> int:
+        """How many stacks' T was computed."""
+        return sum(self._asked_of)
 
     def reached(self, values: Any) -> Any:
         """Worst level of each wish on the fine net, dB; values (members, n)."""
-        self.evaluations += len(values)
-        return np.asarray(self._worst(jnp.asarray(values)))
+        values = np.asarray(values)
+        self._asked_of.append(len(values))
+        parts = []
+        for first in range(0, len(values), MEMBERS):
+            some = values[first : first + MEMBERS]
+            parts.append(np.asarray(self._worst(_padded(some, MEMBERS)))[: len(some)])
+        return np.concatenate(parts)
 
-    def fits(self, values: Any) -> bool:
-        """Whether the length is within its limit."""
+    def too_long(self, x: Any) -> Any:
+        """By what part of the limit stacks are too long, below 0 where they fit; x (…, n)."""
         limit = self.problem.length_at_most
-        return limit is None or float(self.problem.length(values)) <= limit * (1 + 1e-12)
+        return (self._shortest + x @ self._by_x) / limit - 1 if limit else np.full(x.shape[:-1], -1)
 
-    def screened(self, x: Any) -> Any:
-        """Misfit of many starts, shape (members,)."""
-        self.evaluations += len(x)
-        return np.asarray(self._value(jnp.asarray(x), _MARGIN, self.weights, _MEAN))
+    def errors(self, x: Any, asked: _Asked) -> tuple[Any, Any]:
+        """e (members, M) and ∂e/∂x (members, M, n) of stacks x (members, n).
 
-    def downhill(self, x: Any, margin: float, weights: Any = None, power: float = _MEAN) -> Any:
-        """Where L-BFGS-B ends from a start, x from 0 to 1, shape (n,); a power above 2 minds the
-        worst frequencies more than the rest."""
-        from scipy.optimize import minimize
+        Args:
+            x: from 0 to 1.
+            asked: of them.
+        """
+        self._asked_of.append(len(x))
+        parts = []
+        for first in range(0, len(x), _TOGETHER):
+            some = x[first : first + _TOGETHER]
+            parts.append(
+                [
+                    np.asarray(a)[: len(some)]
+                    for a in self._slopes(_padded(some, _TOGETHER), asked.wider)
+                ]
+            )
+        level, J = (np.concatenate(p) for p in zip(*parts, strict=True))
+        limit, sign, scale = (np.repeat(a, COARSE) for a in (self._limit, self._sign, asked.scale))
+        e = scale * (sign * (level - limit) + np.repeat(asked.more, COARSE))
+        J = (scale * sign)[:, None] * J
+        bad = ~(np.isfinite(e).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
+        e[bad], J[bad] = 1e6, 0.0
+        return e, J
 
-        own = self.weights if weights is None else weights
+    def least_squares(self, x: Any, asked: _Asked, steps: int) -> Any:
+        """Where stacks get by Levenberg and Marquardt, x (members, n), each its best worst e."""
+        n = x.shape[1]
 
-        def at(x: Any) -> tuple[float, Any]:
-            self.evaluations += 1
-            value, slope = self._gradient(jnp.asarray(x), margin, own, power)
-            slope = np.asarray(slope)
-            if not (np.isfinite(value) and np.isfinite(slope).all()):
-                return 1e12, np.zeros_like(x)
-            return float(value), slope
+        def off(x: Any) -> tuple[Any, ...]:
+            e, J = self.errors(x, asked)
+            r = np.maximum(e + _MARGIN * np.repeat(asked.scale, COARSE), 0.0) / np.sqrt(COARSE)
+            J = np.where(r > 0, 1 / np.sqrt(COARSE), 0.0)[..., None] * J
+            over = np.maximum(self.too_long(x) + _ROOM, 0.0)
+            limit = self.problem.length_at_most or 1.0
+            r = np.concatenate([r, _TOO_LONG * over[:, None]], axis=1)
+            slope = np.where(over > 0, _TOO_LONG / limit, 0.0)[:, None, None] * self._by_x
+            return r, np.concatenate([J, slope], axis=1), np.where(over > _ROOM, 1e6, e.max(axis=1))
 
-        bounds = [(0.0, 1.0)] * len(x)
-        options = {"maxiter": _ITERATIONS, "maxcor": 20, "ftol": 1e-10, "gtol": 1e-9}
-        return minimize(at, x, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
-
-    def from_start(self, x: Any) -> tuple[float, Any, Any]:
-        """Downhill from a start; a near miss goes on with as much more margin as it lacks."""
-        x = self.downhill(x, _MARGIN)
-        best = (*self.score(x), x)
-        for _ in range(_MISSES):
-            if not 0 < best[0] < _NEAR:
+        damped = np.full(len(x), 0.1)
+        r, J, worst = off(x)
+        best, best_x = worst, x
+        for _ in range(steps if best.min() >= 0 else 0):
+            A, g = J.transpose(0, 2, 1) @ J, (J.transpose(0, 2, 1) @ r[..., None])[..., 0]
+            held = ((x <= 0) & (g > 0)) | ((x >= 1) & (g < 0))
+            A = np.where(held[:, :, None] | held[:, None, :], 0.0, A)
+            own = np.einsum("bii->bi", A)
+            own = own + own.mean(axis=1, keepdims=True) + 1e-12
+            A[:, np.arange(n), np.arange(n)] += damped[:, None] * own + held
+            step = np.linalg.solve(A, np.where(held, 0.0, -g)[..., None])[..., 0]
+            new = np.clip(x + step, 0.0, 1.0)
+            r_new, J_new, worst = off(new)
+            down = (r_new**2).sum(axis=1) < (r**2).sum(axis=1)
+            damped = np.where(down, np.maximum(damped / 3, 1e-6), np.minimum(damped * 4, 1e6))
+            x = np.where(down[:, None], new, x)
+            r, J = np.where(down[:, None], r_new, r), np.where(down[:, None, None], J_new, J)
+            better = worst < best
+            best, best_x = np.where(better, worst, best), np.where(better[:, None], new, best_x)
+            if best.min() < 0:
                 break
-            for power in (_WORST, _MEAN):
-                x = self.downhill(best[2], _MARGIN + 0.5 * best[0], power=power)
-                again = (*self.score(x), x)
-                best = min(best, again, key=lambda one: one[0])
-        short, reached, x = best
-        return short, x, reached
+        return best_x
 
-    def score(self, x: Any) -> tuple[float, Any]:
-        """Worst shortfall of all wishes, dB, infinite where it is too long; and what is reached."""
-        values = self.problem.values(x)
-        reached = self.reached(values[None])[0]
-        short = float(self.problem.short(reached).max()) if self.fits(values) else np.inf
-        return short, reached
+    def begun(self, x: Any, asked: _Asked) -> list[_Stack]:
+        """Stacks at x (members, n), cut to their length, to go down from."""
+        over = self.too_long(x)
+        x = np.where((over > 0)[:, None], self._cut(x), x)
+        return [_Stack(*one) for one in zip(x, *self.errors(x, asked), strict=True)]
+
+    def _cut(self, x: Any) -> Any:
+        """x with what adds to the length scaled down until it fits."""
+        limit = self.problem.length_at_most
+        if limit is None:
+            return x
+        most = (limit * (1 - _ROOM) - self._shortest) / np.maximum(x @ self._by_x, 1e-300)
+        return np.where(self._by_x > 0, x * np.minimum(most, 1.0)[:, None], x)
+
+    def down_the_worst(self, stacks: list[_Stack], asked: _Asked, steps: int) -> list[_Stack]:
+        """Stacks after some steps down the worst of their e, the best first."""
+        for _ in range(steps):
+            going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
+            if not going:
+                break
+            ways = [self._step(stacks[n]) for n in going]
+            new = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)
+            errors = zip(*self.errors(new, asked), strict=True)
+            for n, x, (e, J), (_, foretold) in zip(going, new, errors, ways, strict=True):
+                old = stacks[n]
+                gain = (old.worst - e.max()) / max(old.worst - foretold, 1e-12)
+                if gain <= 0:
+                    stacks[n] = replace(old, radius=old.radius / 4)
+                else:
+                    grown = 2.0 if gain > 0.7 else 0.5 if gain < 0.25 else 1.0
+                    stacks[n] = _Stack(x, e, J, min(old.radius * grown, _WIDEST))
+        return sorted(stacks, key=lambda one: one.worst)
+
+    def _step(self, one: _Stack) -> tuple[Any, float]:
+        """d of the linear program, and the worst e that it foretells."""
+        from scipy.optimize import linprog
+
+        near = one.e > one.worst - _FAR
+        A, b = np.hstack([one.J[near], -np.ones((near.sum(), 1))]), -one.e[near]
+        limit = self.problem.length_at_most
+        if limit is not None:
+            A = np.vstack([A, np.append(self._by_x / limit, 0.0)])
+            b = np.append(b, -self.too_long(one.x) - _ROOM / 2)
+        low = np.append(np.maximum(-one.radius, -one.x), -np.inf)
+        high = np.append(np.minimum(one.radius, 1 - one.x), np.inf)
+        goal = np.append(np.zeros(len(one.x)), 1.0)
+        found = linprog(goal, A, b, bounds=np.stack([low, high], axis=1), method="highs")
+        if found.x is None:
+            return np.zeros(len(one.x)), one.worst
+        return found.x[:-1], float(found.x[-1])
+
+    def short(self, x: Any) -> Any:
+        """By how much x (n,) misses each wish on the fine net, dB, (wishes,)."""
+        return self.problem.short(self.reached(self.problem.values(x)[None])[0])
+
+    def round(self, starts: Any) -> _Stack:
+        """The best that comes of some starts, (members, n)."""
+        asked = _Asked(np.zeros(len(self._limit)), self._scale)
+        x = self._cut(starts)
+        if len(x) > _FOLLOWED:
+            e, _ = self.errors(x, asked)
+            order = np.argsort((np.maximum(e, 0) ** 2).mean(axis=1), kind="stable")
+            x = x[order[:_FOLLOWED]]
+        stacks = self.begun(self.least_squares(x, asked, _DESCENTS), asked)
+        for most, steps in _STEPS:
+            stacks = sorted(stacks, key=lambda one: one.worst)[:most]
+            if stacks[0].worst >= 0:
+                stacks = self.down_the_worst(stacks, asked, steps)
+        return self.polished(stacks[0]) if stacks[0].worst < 0 else stacks[0]
+
+    def moved_on(self, x: Any, factors: Any) -> Any:
+        """Where x (n,) gets if each wish's weight is multiplied by a factor, (wishes,)."""
+        asked = _Asked(np.zeros(len(self._limit)), self._scale * factors)
+        return self.down_the_worst(self.begun(x[None], asked), asked, _STEPS[-1][1])[0].x
+
+    def polished(self, one: _Stack) -> _Stack:
+        """One that keeps all on the coarse net, moved on until it does so on the fine one too: in
+        bands as much wider as the tolerance asks if that can be had, else less."""
+        for wider in self.problem.tolerance * _WIDER:
+            best, more = one, np.zeros(len(self._limit))
+            for _ in range(_AGAIN):
+                asked = _Asked(more, self._scale, wider)
+                (best,) = self.down_the_worst(self.begun(best.x[None], asked), asked, _POLISHED)
+                short = self.short(best.x)
+                if (short == 0).all():
+                    break
+                more = more + 1.2 * short
+            if best.worst <= 0 and (short == 0).all():
+                break
+        return best
 
 
 Tell = Callable[[str, float], None]
@@ -163,56 +308,42 @@ def search(own: Search, seed: int, seconds: float = SECONDS, tell: Tell | None =
     Args:
         own: the problem's functions.
         seed: of the starts.
-        seconds: after which no further start is made.
+        seconds: after which no further round is begun.
         tell: called with the stage and the worst shortfall so far, dB.
 
     Returns:
-        The first that keeps all, moved on for margin; the best there was where none does.
+        The first that keeps all; the best there was where none does.
     """
     from scipy.stats import qmc
 
     begun, say = time.perf_counter(), tell or (lambda stage, short: None)
-    starts = qmc.Sobol(len(own.problem.keys), seed=seed).random(own.screens)
-    order = np.argsort(own.screened(starts), kind="stable")[:_MOST_STARTS]
-    best: tuple[float, Any, Any] = (np.inf, starts[order[0]], None)
+    points = qmc.Sobol(len(own.problem.keys), seed=seed)
+    rng = np.random.default_rng(seed)
+    found: list[tuple[float, Any]] = []
     done = 0
-    with ThreadPoolExecutor(2) as pool:
-        for first in range(0, len(order), _TOGETHER):
-            own_starts = starts[order[first : first + _TOGETHER]]
-            for one in pool.map(own.from_start, own_starts):
-                done += 1
-                if one[0] < best[0]:
-                    best = one
-            say("search", best[0])
-            if best[0] == 0 or time.perf_counter() - begun > seconds:
+    with ThreadPoolExecutor(_SIDE_BY_SIDE) as pool:
+        while done < _MOST:
+            starts = [points.random(_SCREENED) for _ in range(_SIDE_BY_SIDE)]
+            if found:
+                starts[-1] = _about([x for _, x in found[:_ELITE]], rng)
+            for one, some in zip(pool.map(own.round, starts), starts, strict=True):
+                done += len(some)
+                found.append((float(own.short(one.x).max()), one.x))
+            found.sort(key=lambda pair: pair[0])
+            say("search", found[0][0])
+            if found[0][0] == 0 or time.perf_counter() - begun > seconds:
                 break
-    short, x, reached = best
-    if reached is None:
-        reached = own.score(x)[1]
-    if short == 0:
-        x, reached = _with_margin(own, x, reached)
-    return Found(own.problem.values(x), reached, own.evaluations, done, time.perf_counter() - begun)
+    values = own.problem.values(found[0][1])
+    return Found(values, own.evaluations, done, time.perf_counter() - begun)
 
 
-def _margin(own: Search, reached: Any) -> float:
-    """By how much the wish that is nearest to its limit is kept, dB."""
-    return float(
-        min(
-            (wish.limit - level) if wish.most else (level - wish.limit)
-            for wish, level in zip(own.problem.wishes, reached, strict=True)
-        )
-    )
+def _about(best: list[Any], rng: Any) -> Any:
+    """Starts about the best stacks so far: half of what varies moved, by little or by much."""
+    x = np.array(best)[np.arange(_FOLLOWED) % len(best)]
+    moved = rng.choice(_MOVES, (len(x), 1)) * rng.standard_normal(x.shape)
+    return np.clip(x + np.where(rng.random(x.shape) < 0.5, moved, 0.0), 0.0, 1.0)
 
 
-def _with_margin(own: Search, x: Any, reached: Any) -> tuple[Any, Any]:
-    """A stack that keeps all, moved on while it keeps the nearest by more."""
-    most = [-wish.limit for wish in own.problem.wishes if not wish.most]
-    for margin in _MARGINS:
-        # A pass band has no room above 0 dB.
-        asked = min([margin, *(0.7 * room for room in most)])
-        new = own.downhill(x, asked, power=_WORST)
-        short, there = own.score(new)
-        if short > 0 or _margin(own, there) <= _margin(own, reached):
-            break
-        x, reached = new, there
-    return x, reached
+def _padded(members: Any, count: int) -> Any:
+    """Members up to a whole batch, so that nothing compiles twice."""
+    return np.concatenate([members, np.repeat(members[-1:], count - len(members), axis=0)])

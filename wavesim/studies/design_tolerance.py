@@ -10,22 +10,14 @@ from wavesim.studies.design_search import Search
 
 # Relative offsets of one variable that are looked at, and members of a yield.
 _OFFSETS = np.geomspace(1e-4, 0.3, 25)
-MEMBERS, _DEAR_MEMBERS = 1000, 200
-_TOGETHER = 100
+MEMBERS = 1000
 # By what the weight of one side of a trade-off is multiplied.
 _FACTORS = (0.03, 0.3, 3.0, 30.0)
 
 
 def _short(own: Search, values: Any) -> Any:
     """Worst shortfall of each member, dB."""
-    parts = [own.reached(values[i : i + _TOGETHER]) for i in range(0, len(values), _TOGETHER)]
-    return own.problem.short(np.concatenate(parts)).max(axis=1)
-
-
-def _padded(values: Any) -> Any:
-    """Members up to a whole number of batches, so that nothing compiles twice."""
-    more = -len(values) % _TOGETHER
-    return np.concatenate([values, np.repeat(values[-1:], more, axis=0)])
+    return own.problem.short(own.reached(values)).max(axis=1)
 
 
 def allowed_offsets(own: Search, values: Any) -> list[tuple[float, float]]:
@@ -44,8 +36,7 @@ def allowed_offsets(own: Search, values: Any) -> list[tuple[float, float]]:
     for n in range(len(values)):
         for side, sign in enumerate((-1.0, 1.0)):
             members[n, side, :, n] *= 1 + sign * _OFFSETS
-    kept = _short(own, _padded(members.reshape(-1, len(values)))) == 0
-    kept = kept[: 2 * len(_OFFSETS) * len(values)].reshape(shape[:3])
+    kept = (_short(own, members.reshape(-1, len(values))) == 0).reshape(shape[:3])
     found = []
     for sides in kept:
         # Up to the first that fails.
@@ -64,8 +55,7 @@ def yield_of(own: Search, values: Any, tolerance: float, seed: int) -> float:
         tolerance: relative.
         seed: of the sample.
     """
-    members = _DEAR_MEMBERS if own.problem.graded else MEMBERS
-    spread = np.random.default_rng(seed).uniform(-1, 1, (members, len(values)))
+    spread = np.random.default_rng(seed).uniform(-1, 1, (MEMBERS, len(values)))
     return float(np.mean(_short(own, values * (1 + tolerance * spread)) == 0))
 
 
@@ -92,12 +82,11 @@ def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:
         return []
     rows = []
     for scale in scales:
-        weights = own.weights * scale
-        end = own.downhill(np.clip(x, 0, 1), 0.4, weights)
+        end = own.moved_on(np.clip(x, 0, 1), scale)
         reached = own.reached(problem.values(end)[None])[0]
         rows.append(
             {
-                "weights": weights.tolist(),
+                "weights": [wish.weight * f for wish, f in zip(problem.wishes, scale, strict=True)],
                 "reached": reached.tolist(),
                 "short": problem.short(reached).tolist(),
             }

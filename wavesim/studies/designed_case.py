@@ -29,12 +29,15 @@ def designed_tables(
         values: of the variables.
 
     Returns:
-        The same without [design], with ends that absorb, and a source, receivers and a duration
-        where it had none.
+        The same without [design], whose bands become those of [analysis], with ends that absorb,
+        and a source, receivers and a duration where it had none.
     """
     for varied, value in zip(own.keys, values, strict=True):
         _put(tables, varied.key.split("."), float(value))
-    del tables["design"]
+    analysis = tables.setdefault("analysis", {})
+    asked = [*analysis.get("bands", []), *tables.pop("design")["bands"]]
+    asked = [{key: v for key, v in band.items() if key != "weight"} for band in asked]
+    analysis["bands"] = [band for n, band in enumerate(asked) if band not in asked[:n]]
     tables["title"] = f"{tables.get('title') or 'Design'} (designed)"
     unit = float(own.known.medium.length_scale)
     if any(varied.name == "thickness" for varied in own.keys):

@@ -177,14 +177,14 @@ def is_points(path: Path) -> bool:
     return all(n in names for n in _IN_TIME) or all(n in names for n in _IN_SPACE)
 
 
-def of_points(path: Path, case: Case, keys: Sequence[str], sector: str) -> FitAnswer:
+def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = None) -> FitAnswer:
     """Fit a case's medium to points that ``wavesim dispersion`` or ``attenuation`` wrote.
 
     Args:
         path: of the table of points.
         case: the case, of one uniform medium, which begins the fit.
         keys: what to fit: medium.NAME.
-        sector: which sector's waves the points are of.
+        sector: which sector's waves the points are of; by the file's name where None.
 
     Raises:
         FitError: it can't be done.
@@ -197,6 +197,7 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str) -> FitAn
             "parameters, such as medium.anisotropy, or give the waveforms"
         )
     points = _points(path)
+    sector = _sector(path, case, [one.name for one in varied], sector)
     (block, *_) = case.medium.family.blocks_of(sector)
     found = medium_fit.fit(
         [medium_fit.Observed(block, points)], case.medium, [one.name for one in varied]
@@ -209,6 +210,27 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str) -> FitAn
         (f"{found.points} numbers of {sector} points, χ² per degree of freedom "
          f"{found.chi_square:.3g}",),
     )  # fmt: skip
+
+
+def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> str:
+    """The sector of a file of points: as it is named, on its own or in the file's name.
+
+    Where several families run, its family is that which has all that is fitted.
+
+    Raises:
+        FitError: it is none in which waves travel, or may be of several families.
+    """
+    known = case.medium.family.travelling
+    ending = path.stem.rpartition("_")[2]
+    sector = given or (ending if ending in known else "longitudinal")
+    if sector in known:
+        return sector
+    fitting = [part for part in case.medium.parts if all(name in part.known() for name in names)]
+    found = [f"{part.family.name}-{sector}" for part in fitting]
+    found = [name for name in found if name in known]
+    if len(found) == 1:
+        return found[0]
+    raise FitError(f"--sector {sector}: must be one of {', '.join(known)}")
 
 
 def _points(path: Path) -> BranchPoints:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.planewave.gap_map import family_gaps, widest_full_gap
+from wavesim.planewave.gap_map import all_edges, edge_families
 from wavesim.studies.sweep_case import SweptCase, check_matters
 from wavesim.studies.sweep_store import Layout, Variable
 from wavesim.studies.swept_media import SweptMedia, swept_media
@@ -34,11 +34,11 @@ class GapMeasure:
         own = ("medium", "gap") if len(names) > 1 else ("gap",)
         about = "edge of a gap; lower = upper where it is closed"
         variables = {name: Variable(own, "rad/s", f"{name} {about}") for name in ("lower", "upper")}
-        gaps = [*self.swept.media[0].family.all_gaps, "full"]
-        coordinates: dict[str, Any] = {"gap": (gaps, "1")}
+        whose = edge_families(self.swept.media[0])
+        coordinates: dict[str, Any] = {"gap": (list(whose), "1")}
         if len(names) > 1:
             coordinates["medium"] = (list(names), "1")
-        return Layout(variables, coordinates, _BLOCK)
+        return Layout(variables, coordinates, _BLOCK, {"family": (list(whose.values()), "gap")})
 
     def prepare(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What is sent to where the work is done."""
@@ -54,9 +54,8 @@ class GapMeasure:
         families, messages = self.swept.families(values)
         sides: tuple[list[Any], list[Any]] = ([], [])
         for number, family in enumerate(families):
-            full = widest_full_gap(family)
-            for side, edges, whole in zip(sides, family_gaps(family), full, strict=True):
-                parts = [np.broadcast_to(part, (count,)) for part in (*edges.values(), whole)]
+            for side, edges in zip(sides, all_edges(family), strict=True):
+                parts = [np.broadcast_to(part, (count,)) for part in edges.values()]
                 side.append(np.stack(parts, axis=1))
             # An edge that is not real is of a wave that grows.
             unreal = np.isnan(sides[0][-1] + sides[1][-1]).any(axis=1)

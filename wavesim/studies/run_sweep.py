@@ -135,7 +135,7 @@ def run_measure(swept: SweptCase, judge: Judge | None = None) -> RunMeasure:
 
     Args:
         swept: the sweep.
-        judge: as :func:`wavesim.runner.measure`; None stores signals alone.
+        judge: as :func:`wavesim.verdict.judgement.measure`; None stores signals alone.
 
     Raises:
         SweepError: no member can be made, or there is nothing to store.

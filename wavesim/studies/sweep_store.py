@@ -48,11 +48,13 @@ class Layout:
         variables: by name.
         coordinates: {name: (values, unit)} of the variables' own dimensions.
         members: in a block, at most.
+        labels: {name: (values, dimension)} of what is said along one of these dimensions.
     """
 
     variables: Mapping[str, Variable]
     coordinates: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     members: int = 1
+    labels: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
 
 
 _OWN = {
@@ -98,7 +100,7 @@ class Store:
 
         aside = self.path.with_name(f"{self.path.name}.{uuid.uuid4().hex}")
         try:
-            named = {"coordinates": " ".join(self._varied.keys)}
+            named = {"coordinates": " ".join([*self._varied.keys, *self._layout.labels])}
             group = zarr.create_group(aside, zarr_format=2, attributes=self._told | named)
             for name, values, unit, dimension in self._coordinates():
                 made = self._array(
@@ -216,6 +218,11 @@ class Store:
                 dimension = axis.key
                 values = np.linspace(axis.low, axis.high, axis.count)
             yield axis.key, values, axis.unit, dimension
-        for name, (values, unit) in self._layout.coordinates.items():
+        own = {
+            name: (values, unit, name) for name, (values, unit) in self._layout.coordinates.items()
+        }
+        own |= {name: (values, "1", along) for name, (values, along) in self._layout.labels.items()}
+        for name, (values, unit, dimension) in own.items():
             array = np.asarray(values)
-            yield name, array.astype(object) if array.dtype.kind == "U" else array, unit, name
+            kept = array.astype(object) if array.dtype.kind == "U" else array
+            yield name, kept, unit, dimension

@@ -82,10 +82,11 @@ def _family(medium: Medium, own: dict[str, Any], messages: list[str], where: str
                 check_parameter(parameter, float(values[member]))
             except ValueError as error:
                 messages[member] = messages[member] or f"{where}{error}"
-        stand_in = float(values[~bad][0]) if not bad.all() else getattr(type(medium)(), parameter)
+        stand_in = float(values[~bad][0]) if not bad.all() else float(getattr(medium, parameter))
         own[parameter] = np.where(bad, stand_in, values)
     if not own:
-        own = {"density": np.full(len(messages), float(medium.density))}
+        name = next(iter(medium.known()))
+        own = {name: np.full(len(messages), float(getattr(medium, name)))}
     return dataclasses.replace(medium, **own)
 
 

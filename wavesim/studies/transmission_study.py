@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.case.layered_case import BarLayers
+from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import Specimen, specimen
 from wavesim.material.layers import Layer
 from wavesim.planewave.band_edges import asymptotes, gaps
@@ -48,12 +49,15 @@ class Study:
         specimen: with the half-spaces.
         curves: one for each sector in which waves travel.
         gaps: [(layers by number from 1, sector, name, lower, upper edge in Hz)], of each medium.
+        bands: of each band that the case asks for what it is, and the highest and the lowest level
+            of T in it, (dB, Hz).
     """
 
     title: str
     specimen: Specimen
     curves: tuple[Curve, ...]
     gaps: tuple[tuple[str, str, str, float, float], ...]
+    bands: tuple[tuple[BandTable, tuple[float, float], tuple[float, float]], ...] = ()
 
     @property
     def notes(self) -> list[str]:
@@ -98,7 +102,14 @@ class Study:
             {"layers": where, "sector": sector, "name": name, "lower": low, "upper": high}
             for where, sector, name, low, high in self.gaps
         ]
-        return {"title": self.title, "sectors": sectors, "gaps": edges, "notes": self.notes}
+        bands = [
+            band.model_dump(by_alias=True)
+            | {"highest": _or_null(highest[0]), "lowest": _or_null(lowest[0])}
+            | {"kept": kept(band, highest[0], lowest[0])}
+            for band, highest, lowest in self.bands
+        ]
+        found = {"title": self.title, "sectors": sectors, "gaps": edges, "bands": bands}
+        return found | {"notes": self.notes}
 
     def table(self) -> tuple[list[str], Any]:
         """Headings and columns for a CSV file."""
@@ -146,7 +157,21 @@ def transmission_study(
         curves.append(
             Curve(sector, frequency, found.T, found.R, found.power_T, found.power_R, told)
         )
-    return Study(known.title, own, tuple(curves), tuple(_gaps(known)))
+    for asked in known.bands:
+        if asked.sector not in family.travelling:
+            raise ValueError(
+                f'[[analysis.bands]] sector = "{asked.sector}": must be one of '
+                f"{', '.join(family.travelling)}; in others nothing travels"
+            )
+    judged = [(one, *own.extremes(one.sector, one.low, one.high)) for one in known.bands]
+    return Study(known.title, own, tuple(curves), tuple(_gaps(known)), tuple(judged))
+
+
+def kept(band: BandTable, highest: float, lowest: float) -> bool:
+    """Whether levels (dB) are within a band's limits."""
+    most = np.inf if band.at_most is None else band.at_most
+    least = -np.inf if band.at_least is None else band.at_least
+    return bool(highest <= most and lowest >= least)
 
 
 def _default_band(own: Specimen, sectors: tuple[str, ...]) -> tuple[float, float]:

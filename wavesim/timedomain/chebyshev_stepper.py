@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.timedomain.equation import Equation, Motion
+from wavesim.timedomain.equation import Equation, Motion, Run
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
 from wavesim.timedomain.work_within_step import Work
@@ -84,7 +84,7 @@ class ChebyshevSeries(ExactStepper):
     series: Series
     work: Work | None = None
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Equation) -> None:
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Run) -> None:
         return None
 
     def step(
@@ -93,19 +93,20 @@ class ChebyshevSeries(ExactStepper):
         t0: Any,
         t1: Any,
         y0: Motion,
-        args: Equation,
+        args: Run,
         solver_state: None,
         made_jump: Any,
     ) -> Any:
-        made, sources = self.series, args.sources
-        signals = sources.sampled(t0, made.nodes, made.weights, made.step)
-        y = self._propagated(args, y0.y, made.pulses @ signals.T)
+        equation, t = args.equation, args.time(t0)
+        made, sources = self.series, equation.sources
+        signals = sources.sampled(t, made.nodes, made.weights, made.step)
+        y = self._propagated(equation, y0.y, made.pulses @ signals.T)
         done = y0.work
         if self.work is not None:
             table = self.work
             done = done + jax.lax.cond(
-                t0 < sources.end,
-                lambda: table.done(args, y0.y, signals),
+                t < sources.end,
+                lambda: table.done(equation, y0.y, signals),
                 lambda: jnp.zeros(()),
             )
         y1 = Motion(y, done)

@@ -35,7 +35,7 @@ jax.config.update("jax_enable_x64", True)
 
 def _as_pytree(kind: type[Medium]) -> None:
     """A medium is a pytree: jax.grad and jax.vmap go through its parameters."""
-    known = (*kind.known(), *kind.nested)
+    known = (*kind.declared(), *kind.nested)
     others = tuple(f.name for f in dataclasses.fields(kind) if f.name not in known)
     jax.tree_util.register_dataclass(kind, data_fields=known, meta_fields=others)
 

@@ -33,6 +33,8 @@ _LOOKED_AT = 64
 # What the same work took there: arithmetic of one thread, and a loop of Python.
 _PRODUCT_THEN, _LOOP_THEN = 5.5e-5, 2.8e-3
 _PART_OF_MEMORY = 0.8
+# A field of so many bytes, or this part of the memory, is kept there until its run has ended.
+_KEPT, _PART_KEPT = 0.5e9, 0.05
 HOUR = 3600.0
 
 
@@ -121,6 +123,8 @@ def cost(simulated: Simulation, steps: TimeStep, page: bool = True) -> Cost:
     memory = _LOADED + 8.0 * state * (_STATES + _CHUNKS * chunk_frames(simulated))
     if not page:
         return Cost(seconds, memory + 2 * 8 * numbers, 0.0)
+    if in_memory(simulated):
+        memory += 2 * 8 * numbers  # each of two processes is said to hold it
     moving = numbers * _reached(simulated)
     seconds += python * _PAGE + arithmetic * 8 * (moving * _PER_STORED + numbers * _PER_READ)
     waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
@@ -133,6 +137,17 @@ def cost(simulated: Simulation, steps: TimeStep, page: bool = True) -> Cost:
         signals = float(frames) * len(simulated.receivers) * len(simulated.layers.layers)
         seconds += python * _BAR + arithmetic * _PER_SIGNAL * signals * len(simulated.blocks)
     return Cost(seconds, memory, disk)
+
+
+def in_memory(simulated: Simulation) -> bool:
+    """Whether a run keeps its field in memory until it has ended, beside storing it."""
+    size = 8.0 * simulated.frames * simulated.bar.cells * len(simulated.fields)
+    return size <= min(_KEPT, _PART_KEPT * _memory())
+
+
+def _memory() -> float:
+    """Memory of this machine, bytes."""
+    return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def _reached(simulated: Simulation) -> float:
@@ -169,7 +184,7 @@ def check_cost(
     Raises:
         ValueError: it takes more; the message says how much, and what would fit.
     """
-    memory = _PART_OF_MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    memory = _PART_OF_MEMORY * _memory()
     room = float("inf") if folder is None else _free(folder)
     given = f"duration = {simulated.duration:g}"
     frames, cells = simulated.frames, simulated.bar.cells

@@ -52,7 +52,9 @@ def power(A: Operator, sources: SourceTerms, y: States, signals: Any) -> Any:
         pairs = zip(A.groups, y, strict=True)
         holding = [(_holding(group, part), part.B_rate) for group, part in pairs]
         forces = sources.read(holding)
-        total = total + jnp.sum((rates(sources, y) * forces)[np.array(sources.turning)])
+        total = total + jnp.sum(
+            (rates(sources, y) * forces)[np.array([ends[0] for ends in sources.turning])]
+        )
     return total
 
 

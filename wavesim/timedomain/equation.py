@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 
 from wavesim.timedomain.energy import energy, power
 from wavesim.timedomain.operator import Operator, States
@@ -44,3 +45,26 @@ class Equation(eqx.Module):
         """(φ, B) of each group, kinetic and stored energy, and work."""
         kinetic, stored = energy(self.operator, motion.y)
         return [(part.phi, part.B) for part in motion.y], kinetic, stored, motion.work
+
+
+class Run(eqx.Module):
+    """An equation in time counted in steps from where an integration begins.
+
+    Attributes:
+        equation: what is integrated.
+        at: number of steps taken before.
+        h: the step, scaled.
+    """
+
+    equation: Any
+    at: Any
+    h: Any
+
+    def time(self, steps: Any) -> Any:
+        """Scaled time after so many steps."""
+        return (self.at + steps) * self.h
+
+    def rate(self, steps: Any, motion: Motion) -> Motion:
+        """Change of a motion in a step, by its rate."""
+        rate: Motion = self.equation(self.time(steps), motion)
+        return jax.tree.map(lambda part: self.h * part, rate)

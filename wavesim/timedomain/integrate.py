@@ -10,7 +10,6 @@ from typing import Any
 
 import diffrax
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
@@ -25,7 +24,7 @@ from wavesim.sources import Source
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, ExactStepper, series
 from wavesim.timedomain.compiled import compiled
 from wavesim.timedomain.cost import HOUR, check_cost, cost
-from wavesim.timedomain.equation import Equation, Motion
+from wavesim.timedomain.equation import Equation, Motion, Run
 from wavesim.timedomain.lossless_propagator import Propagator, propagator
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.scaled_fields import to_fields
@@ -34,9 +33,9 @@ from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
 from wavesim.timedomain.within_step import driven
 from wavesim.timedomain.work_within_step import work
 
-_TERM = diffrax.ODETerm(lambda t, motion, equation: equation(t, motion))
+_TERM = diffrax.ODETerm(lambda steps, motion, run: run.rate(steps, motion))
 # Exact steppers take the equation itself, and diffrax would trace it seven times for its shape.
-_NO_TERM = diffrax.ODETerm(lambda t, motion, equation: motion)
+_NO_TERM = diffrax.ODETerm(lambda steps, motion, run: motion)
 
 
 class NotFiniteError(RuntimeError):
@@ -130,6 +129,9 @@ def advance(
 ) -> Any:
     """Integrate some frames from a motion; pure, so that jax transforms go through.
 
+    To diffrax a step is of length 1, and the first begins at 0: plain numbers, of which nothing is
+    left to compile.
+
     Args:
         equation: with what it shows of a motion, ``observe``.
         stepper: a solver of diffrax.
@@ -145,25 +147,24 @@ def advance(
     motion, memory = carried
     term = _NO_TERM if isinstance(stepper, ExactStepper) else _TERM
     count = frames * per_frame
-    times = (at + jnp.arange(count + 1)).astype(float) * h
+    run = Run(equation, at, h)
     if memory is None:
-        memory = stepper.init(term, times[0], times[1], motion, equation)
+        memory = stepper.init(term, 0.0, 1.0, motion, run)
     solution = diffrax.diffeqsolve(
         term,
         stepper,
-        t0=times[0],
-        t1=times[-1],
-        dt0=None,
+        t0=0.0,
+        t1=float(count),
+        dt0=1.0,
         y0=motion,
-        args=equation,
+        args=run,
         saveat=diffrax.SaveAt(
             subs=(
-                diffrax.SubSaveAt(steps=per_frame, fn=lambda t, y, args: args.observe(y)),
+                diffrax.SubSaveAt(steps=per_frame, fn=lambda _, y, run: run.equation.observe(y)),
                 diffrax.SubSaveAt(t1=True),
             ),
             solver_state=True,
         ),
-        stepsize_controller=diffrax.StepTo(ts=times),
         max_steps=count,
         solver_state=memory,
         adjoint=adjoint or diffrax.ForwardMode(),
@@ -209,15 +210,25 @@ def stream(
     if carry_on is not None:
         frame, arrays = carry_on
         carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
-    known = (equation, stepper, carried, np.asarray(0), h)
+    known = (equation, stepper, carried, np.asarray(0.0), h)
     run = compiled(advance, known, meanwhile, frames=size, per_frame=step.per_frame)
     timing.compile += time.perf_counter() - begun
+
+    def integrated(frame: int, carried: Any) -> Any:
+        """What jax is at work on from here on, if there is any more."""
+        if frame >= last:
+            return None
+        return run(equation, stepper, carried, np.asarray(float(frame * step.per_frame)), h)
+
+    ahead = integrated(frame, carried)
     if carry_on is None:
         yield _chunk(simulated, 0, _seen_at_start(equation, motion), 1, carried)
     while frame < last:
         begun = time.perf_counter()
-        made, carried = run(equation, stepper, carried, np.asarray(frame * step.per_frame), h)
+        made, carried = ahead
         wanted = min(size, last - frame)
+        # The next chunk is integrated while this one is put into SI, and stored.
+        ahead = integrated(frame + wanted, carried)
         chunk = _chunk(simulated, frame + 1, made, wanted, carried)
         timing.integrate += time.perf_counter() - begun
         frame += wanted
@@ -234,7 +245,8 @@ def _memory(stepper: Any, equation: Equation, motion: Motion, h: Any) -> Any:
         return stepper.begun
     if isinstance(stepper, ExactStepper):
         return None
-    made = jax.eval_shape(functools.partial(stepper.init, _TERM), h, h, motion, equation)
+    run = Run(equation, np.asarray(0.0), h)
+    made = jax.eval_shape(functools.partial(stepper.init, _TERM), 0.0, 1.0, motion, run)
     return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), made)
 
 
@@ -287,8 +299,6 @@ def integrate(
         if progress is not None:
             progress((chunk.first + chunk.count) / simulated.frames)
     step = time_step(simulated)
-    names = ("kinetic", "potential", "work")
-    parts = ([getattr(chunk.energy, name) for chunk in chunks] for name in names)
     return Field(
         simulation=simulated,
         t=simulated.times,
@@ -296,7 +306,7 @@ def integrate(
             name: np.concatenate([chunk.values[name] for chunk in chunks])
             for name in simulated.fields
         },
-        energy=Energy(*map(np.concatenate, parts)),
+        energy=Energy.joined([chunk.energy for chunk in chunks]),
         stepper=step.solver,
         step=step.step * float(scales(simulated.medium).time),
     )

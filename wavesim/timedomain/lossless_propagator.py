@@ -21,12 +21,12 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.timedomain.chebyshev_stepper import ExactStepper
-from wavesim.timedomain.equation import Equation, Motion
+from wavesim.timedomain.equation import Equation, Motion, Run
 from wavesim.timedomain.operator import Group, State, States
 from wavesim.timedomain.propagator_rows import Rows, rows_of
 from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
 from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
-from wavesim.timedomain.within_step import Driven, pushes, series_terms
+from wavesim.timedomain.within_step import Driven, picked, pushes, series_terms
 from wavesim.timedomain.work_within_step import Work
 
 
@@ -79,7 +79,7 @@ class Propagator(ExactStepper):
     work: Work | None
     begun: Memory
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Equation) -> Memory:
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Motion, args: Run) -> Memory:
         return self.begun
 
     def step(
@@ -88,12 +88,13 @@ class Propagator(ExactStepper):
         t0: Any,
         t1: Any,
         y0: Motion,
-        args: Equation,
+        args: Run,
         solver_state: Memory,
         made_jump: Any,
     ) -> Any:
-        sources = args.sources
-        signals = sources.sampled(t0, self.nodes, self.weights, self.h)
+        equation, t = args.equation, args.time(t0)
+        sources = equation.sources
+        signals = sources.sampled(t, self.nodes, self.weights, self.h)
         change = [
             self._change(rows, part, before)
             for rows, part, before in zip(self.rows, y0.y, solver_state.change, strict=True)
@@ -102,17 +103,17 @@ class Propagator(ExactStepper):
         if self.pulses:
             table = self.work
             assert table is not None
-            acting = t0 - self.h < sources.end
+            acting = t - self.h < sources.end
             change, done = jax.lax.cond(
                 acting,
                 lambda: (
                     self._pushed(change, signals, solver_state.signals),
-                    table.done(args, y0.y, signals),
+                    table.done(equation, y0.y, signals),
                 ),
                 lambda: (change, jnp.zeros(())),
             )
             work = work + done
-        y = tuple(map(_added, args.operator.groups, y0.y, change))
+        y = tuple(map(_added, equation.operator.groups, y0.y, change))
         kept = Memory(tuple(change), signals)
         y1 = Motion(y, work)
         return y1, None, {"y0": y0, "y1": y1}, kept, diffrax.RESULTS.successful
@@ -134,8 +135,8 @@ class Propagator(ExactStepper):
         change, signals = list(change), jnp.stack([ahead, behind])
         for part in self.pulses:
             fields, blocks, _, _ = change[part.group].shape
-            push = jnp.ravel(signals[:, part.sources]) @ part.made
-            push = push.reshape(2, fields, blocks, -1)[..., part.place]
+            push = jnp.ravel(picked(signals, part.sources, 1)) @ part.made
+            push = picked(push.reshape(2, fields, blocks, -1), part.place)
             change[part.group] = change[part.group] + jnp.moveaxis(push, 0, -1)
         return change
 
@@ -194,7 +195,7 @@ def _pulses(part: Driven, group: Group, step: TimeStep) -> Pulses:
     place = np.full(n, count)
     place[part.points] = np.arange(count)
     made = both.reshape(2 * sources * nodes, -1)
-    return Pulses(part.group, np.array(part.sources, np.uint32), made, place.astype(np.uint32))
+    return Pulses(part.group, np.array(part.sources, np.int32), made, place.astype(np.int32))
 
 
 def _first_change(group: Group, y: State, step: TimeStep) -> np.ndarray:

@@ -72,17 +72,19 @@ States = tuple[State, ...]  # of all groups of blocks that are integrated
 class Difference(eqx.Module):
     """A difference of the grid: one stencil in every row, but for some near ends and interfaces.
 
-    Row j takes scale_j Σ_w weights_w u_{j + first + w}; those of ``rows`` take Σ_c factors_c u at
+    Row j takes scale_j Σ_w stencil_w u_{j + first + w}; those of ``rows`` take Σ_c factors_c u at
     their own columns instead.
 
     Attributes:
-        weights: of the stencil, shape (width,); or of each row, (width, points), and no ``rows``.
+        stencil: plain numbers; none where each row has its own weights, and ``rows`` are none.
+        weights: of each row then, shape (width, points).
         scale: shape (points,), or one number.
         rows: shape (r,), ascending; columns, factors: shape (r, c).
         first: offset of the stencil's first point.
         ring: whether points are counted round the bar; else those beyond its ends count as 0.
     """
 
+    stencil: tuple[float, ...] = eqx.field(static=True)
     weights: Any
     scale: Any
     rows: Any
@@ -93,7 +95,8 @@ class Difference(eqx.Module):
 
     def __call__(self, u: jax.Array) -> jax.Array:
         """The product with u along its last axis."""
-        width, n = len(self.weights), u.shape[-1]
+        weights = self.stencil or self.weights
+        width, n = len(weights), u.shape[-1]
         left, right = -self.first, width - 1 + self.first
         # Whatever is fused with a padding is computed element by element, many times slower.
         u = jax.lax.optimization_barrier(u)
@@ -102,7 +105,7 @@ class Difference(eqx.Module):
         else:
             padded = jnp.pad(u, [(0, 0)] * (u.ndim - 1) + [(left, right)])
         padded = jax.lax.optimization_barrier(padded)
-        taps = (self.weights[w] * padded[..., w : w + n] for w in range(width))
+        taps = (weights[w] * padded[..., w : w + n] for w in range(width))
         made = functools.reduce(jnp.add, taps) * self.scale
         if not len(self.rows):
             return made
@@ -305,8 +308,9 @@ def _difference(
     if len(rows) > _MANY * n:
         none = np.zeros((0, width))
         return Difference(
-            diagonals, np.ones(()), rows[:0], none.astype(int), none, int(offset), ring
+            (), diagonals, np.ones(()), rows[:0], none.astype(int), none, int(offset), ring
         )
     columns = (rows[:, None] + offset + np.arange(width)) % n
     even = scale[0] if np.ptp(scale) == 0 else scale
-    return Difference(weights, np.asarray(even), rows, columns, diagonals[:, rows].T, first, ring)
+    stencil, factors = tuple(weights.tolist()), diagonals[:, rows].T
+    return Difference(stencil, None, np.asarray(even), rows, columns, factors, first, ring)

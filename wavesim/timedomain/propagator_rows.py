@@ -25,7 +25,7 @@ from wavesim.grid.bar import Bar
 from wavesim.timedomain.operator import Group
 from wavesim.timedomain.sparse_matrix import sparse_matrix
 from wavesim.timedomain.time_step import RUN, TimeStep
-from wavesim.timedomain.within_step import window
+from wavesim.timedomain.within_step import picked, window
 
 # Rows of fewer runs than these are held for each run by itself, though they be equal.
 _FEW = 4
@@ -54,7 +54,7 @@ class Rows(eqx.Module):
         fields, columns = q.shape[0], q.shape[2]
         made = []
         for matrix, points in zip(self.matrices, self.windows, strict=True):
-            near = q[:, points]  # fields, window, runs, columns
+            near = picked(q, points, 1)  # fields, window, runs, columns
             if matrix.ndim == 2:
                 rows = matrix @ near.reshape(matrix.shape[1], -1)
                 rows = rows.reshape(fields, RUN, -1, columns).swapaxes(1, 2)
@@ -62,7 +62,7 @@ class Rows(eqx.Module):
                 near = near.transpose(2, 0, 1, 3).reshape(len(matrix), matrix.shape[2], columns)
                 rows = (matrix @ near).reshape(-1, fields, RUN, columns).swapaxes(0, 1)
             made.append(rows.reshape(fields, -1, columns))
-        return jnp.concatenate(made, axis=1)[:, self.order]
+        return picked(jnp.concatenate(made, axis=1), self.order, 1)
 
 
 def rows_of(group: Group, bar: Bar, step: TimeStep) -> tuple[Rows, ...]:
@@ -125,9 +125,9 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
     place[np.concatenate(taken)] = np.arange(len(starts))
     order = place[order // RUN] * RUN + order % RUN
     of_runs = tuple(
-        np.stack([windows[number] for number in own], axis=1).astype(np.uint32) for own in taken
+        np.stack([windows[number] for number in own], axis=1).astype(np.int32) for own in taken
     )
-    return Rows(tuple(blocks), tuple(matrices), of_runs, order.astype(np.uint32))
+    return Rows(tuple(blocks), tuple(matrices), of_runs, order.astype(np.int32))
 
 
 def _even(values: Any, points: int) -> bool:

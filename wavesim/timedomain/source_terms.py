@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import spread
 from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
@@ -68,8 +69,8 @@ class SourceTerms(eqx.Module):
         amplitude: of each source that has a signal, an initial field has none; shape (sources,).
         time: s in one scaled unit of time.
         signals: their signals at amplitude 1, each once; which: of them is each source's.
-        turning: sources that prescribe φ at an end and do work by it: of two that turn
-            one end, one.
+        turning: sources that prescribe φ at an end, those of one end together: it moves by the sum
+            of their signals, and the first stands for the work.
     """
 
     points: tuple[tuple[Points, Points], ...]
@@ -77,7 +78,7 @@ class SourceTerms(eqx.Module):
     time: Any
     signals: tuple[Source, ...] = eqx.field(static=True)
     which: tuple[int, ...] = eqx.field(static=True)
-    turning: tuple[int, ...] = eqx.field(static=True)
+    turning: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @property
     def count(self) -> int:
@@ -187,12 +188,13 @@ def source_terms(
     signals = list(dict.fromkeys(alone))
     which = tuple(signals.index(one) for one in alone)
     amplitude = np.array([source.amplitude for source in kept])
-    turned: dict[tuple[str, float], int] = {}
+    turned: dict[tuple[str, float], list[int]] = {}
     for j, source in enumerate(kept):
         if source.acts == "prescribed":
-            turned.setdefault((source.field, source.position), j)
+            turned.setdefault((source.field, source.position), []).append(j)
+    turning = tuple(map(tuple, turned.values()))
     time = np.asarray(float(scales(medium).time))
-    return SourceTerms(points, amplitude, time, tuple(signals), which, tuple(turned.values()))
+    return SourceTerms(points, amplitude, time, tuple(signals), which, turning)
 
 
 def _line(
@@ -214,7 +216,7 @@ def _line(
         if not source.staggered:
             force = jnp.where(jnp.asarray(held_nodes(bar))[own], 0.0, force)
         return own, force
-    density, indices = bar.spread(source.position, source.width, source.staggered)
+    density, indices = spread(bar, source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
     unit = float(units.force(source.field) * units.length)

@@ -104,7 +104,8 @@ def _of_group(group: Group) -> Any:
 
 def difference_matrix(difference: Difference, n: int) -> sp.csr_array:
     """A difference of n points as a matrix."""
-    weights = np.atleast_2d(np.asarray(difference.weights).T).T * np.broadcast_to(
+    alike = np.array(difference.stencil)[:, None]
+    weights = (alike if difference.stencil else difference.weights) * np.broadcast_to(
         difference.scale, n
     )
     rows = np.broadcast_to(np.arange(n), weights.shape)

@@ -27,6 +27,18 @@ from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
 _AT_ONCE = 64
 
 
+def picked(values: Any, points: Any, axis: int = -1) -> Any:
+    """Values at some points of an axis.
+
+    Args:
+        values: an array.
+        points: numbers of points, of 32 bits: others jax converts, each by a loop of its own.
+        axis: which.
+    """
+    where = (slice(None),) * (axis % values.ndim) + (points,)
+    return values.at[where].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
 def window(group: Group, points: np.ndarray) -> Group:
     """A group on some consecutive points alone: its matrix is that part of the group's.
 
@@ -49,7 +61,7 @@ def window(group: Group, points: np.ndarray) -> Group:
         factors = np.where(columns >= 0, difference.factors[own], 0.0)
         return dataclasses.replace(
             difference,
-            weights=cut(difference.weights),
+            weights=None if difference.stencil else cut(difference.weights),
             scale=cut(difference.scale),
             rows=place[difference.rows[own]],
             columns=np.maximum(columns, 0),
@@ -138,7 +150,8 @@ def _driven(equation: Equation, number: int, sources: list[int], points: np.ndar
             at, weight = _entries(own, source, place, size, start)
             row[at] += weight
     felt = [*(pushed * weights)]
-    turned = [source for source in sources if source in equation.sources.turning]
+    stand = [ends[0] for ends in equation.sources.turning]
+    turned = [source for source in sources if source in stand]
     if turned:
         free = dataclasses.replace(cut, free=1 / np.asarray(cut.c.node_mass))
         held = sparse_matrix(free)

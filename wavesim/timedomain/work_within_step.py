@@ -22,7 +22,7 @@ from wavesim.timedomain.energy import rates
 from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import States
 from wavesim.timedomain.time_step import TimeStep, nodes_of
-from wavesim.timedomain.within_step import Driven, readings
+from wavesim.timedomain.within_step import Driven, picked, readings
 
 
 class Felt(eqx.Module):
@@ -51,27 +51,28 @@ class Work(eqx.Module):
         felt: of all sources.
         risen: ∫₀^{τ_n} of the polynomial through values at the nodes, shape (nodes, nodes).
         weights: w_n.
-        turning: sources whose prescribed macro-field does work.
+        turning: sources that prescribe a macro-field, those of one end together.
     """
 
     felt: tuple[Felt, ...]
     risen: Any
     weights: Any
-    turning: tuple[int, ...] = eqx.field(static=True)
+    turning: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     def done(self, equation: Equation, y: States, signals: Any) -> Any:
         """Work in the step from a state y, by signals ŝ at the nodes, shape (sources, nodes)."""
         factors = signals
         if self.turning:
-            turning = np.array(self.turning)
-            turned = rates(equation.sources, y)[turning, None] + signals[turning] @ self.risen.T
+            first = np.array([ends[0] for ends in self.turning])
+            driving = jnp.stack([signals[np.array(ends)].sum(axis=0) for ends in self.turning])
+            turned = rates(equation.sources, y)[first, None] + driving @ self.risen.T
             factors = jnp.concatenate([signals, turned])
         total = jnp.zeros(())
         for part in self.felt:
-            near = [jnp.ravel(array[..., part.points]) for array in y[part.group] if array.size]
+            near = [jnp.ravel(picked(array, part.points)) for array in y[part.group] if array.size]
             felt = part.rows @ jnp.concatenate(near)
-            felt = felt + jnp.tensordot(part.own, signals[part.sources], 2)
-            total = total + jnp.sum(self.weights * factors[part.factors] * felt)
+            felt = felt + jnp.tensordot(part.own, picked(signals, part.sources, 0), 2)
+            total = total + jnp.sum(self.weights * picked(factors, part.factors, 0) * felt)
         return total
 
 
@@ -87,18 +88,19 @@ def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
         return None
     _, weights = nodes_of(step)
     convolved, risen = _convolutions(step.nodes)
-    turned = equation.sources.turning
+    turning = equation.sources.turning
+    stand = [ends[0] for ends in turning]
     felt = []
     for part in near:
         rows = readings(part, step)
         of_signals = np.einsum("enu,iu->eni", rows, part.pushed)
         own = step.step * np.einsum("nmk,emi->enik", convolved, of_signals, optimize=True)
         count = equation.sources.count
-        held = [count + turned.index(j) for j in part.sources if j in turned]
-        factors = np.array(part.sources + held, np.uint32)
-        sources, points = np.array(part.sources, np.uint32), part.points.astype(np.uint32)
+        held = [count + stand.index(j) for j in part.sources if j in stand]
+        factors = np.array(part.sources + held, np.int32)
+        sources, points = np.array(part.sources, np.int32), part.points.astype(np.int32)
         felt.append(Felt(part.group, points, sources, factors, rows, own))
-    return Work(tuple(felt), step.step * risen, weights, turned)
+    return Work(tuple(felt), step.step * risen, weights, turning)
 
 
 def _convolutions(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -187,8 +187,17 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             }
         )
     places.append(int(np.argmax(np.where(judged, level, -np.inf))))
-    nothing = dict.fromkeys(("lower", "upper", "lower_exact", "upper_exact"))
-    rows.append({"where": "most passes", **nothing, "closer": ""})
+    nothing, more = dict.fromkeys(("lower", "upper", "lower_exact", "upper_exact")), []
+    for band in found.bands:
+        inside = band.holds(found.omega) & judged
+        if inside.any():
+            # Where it is nearest to its limit, or beyond.
+            end = band.highest if band.asked.at_least is None else band.lowest
+            near = np.where(inside, np.abs(found.omega * _HERTZ - end[1]), np.inf)
+            places.append(int(np.argmin(near)))
+            ends = {"lower": band.asked.low, "upper": band.asked.high}
+            more.append({"where": "worst of a band asked for", **nothing, **ends, "closer": ""})
+    rows += [{"where": "most passes", **nothing, "closer": ""}, *more]
     for row, at in zip(rows, places, strict=True):
         row |= {
             "sector": found.sector,

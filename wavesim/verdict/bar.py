@@ -21,7 +21,8 @@ from wavesim.simulation.field import Field
 from wavesim.sources import excitation
 from wavesim.timedomain.absorber import REFLECTION
 from wavesim.verdict import remedies
-from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
+from wavesim.verdict.check import Check, energy_checks
+from wavesim.verdict.endless import WAVENUMBER_TOLERANCE
 
 _KHZ = 1 / (2e3 * np.pi)
 SIGNAL_TOLERANCE = 1e-4
@@ -60,7 +61,7 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
         remedy = remedies.of_signal(field, receiver, sent_back)
         checks.append(Check(label, errors[worst], 0.0, SIGNAL_TOLERANCE, remedy=remedy))
     for scattered in reading.scattered:
-        checks += _scattered_checks(field, scattered)
+        checks += _scattered_checks(field, scattered) + _band_checks(field, scattered)
     for cells in reading.cells:
         checks += _cell_checks(field, cells)
     for ringing in reading.ringing:
@@ -97,6 +98,36 @@ def _scattered_checks(field: Field, found: Scattered) -> list[Check]:
         remedy = remedies.of_scattering(field, found, error)
         worst = float(error[deep].max())
         checks.append(Check(label, worst, 0.0, DECIBEL_TOLERANCE, "dB", remedy))
+    return checks
+
+
+def _band_checks(field: Field, found: Scattered) -> list[Check]:
+    """Of each band of one's choice: whether the run tells of it, T in it, and its limits."""
+    checks = []
+    for band in found.bands:
+        asked, inside = band.asked, band.holds(found.omega)
+        told = inside & found.judged
+        remedy = remedies.of_band(field, found, band)
+        name = f"{asked.told}: frequencies that the run tells of"
+        checks.append(Check(name, int(told.sum()), max(int(inside.sum()), 1), 0.0, remedy=remedy))
+        if told.any():
+            error = np.where(told, np.abs(found.T - found.T_exact), 0.0)
+            remedy = remedies.of_scattering(field, found, error)
+            name = f"{asked.told}: |ΔT| of the incident wave"
+            worst = float(error[told].max())
+            checks.append(Check(name, worst, 0.0, AMPLITUDE_TOLERANCE, remedy=remedy))
+        for limit, (level, at), sign, word in (
+            (asked.at_most, band.highest, 1, "at most"),
+            (asked.at_least, band.lowest, -1, "at least"),
+        ):
+            if limit is not None:
+                name = (
+                    f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω "
+                    f"(worst {level:.2f} dB, at {at / 1e3:.5g} kHz)"
+                )
+                short = max(sign * (level - limit), 0.0) if math.isfinite(level) else math.nan
+                remedy = "change the layers: wavesim design finds some that keep a band"
+                checks.append(Check(name, short, 0.0, 0.0, "dB", remedy))
     return checks
 
 

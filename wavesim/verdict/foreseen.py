@@ -120,8 +120,11 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
 def _reached(simulated: Simulation, source: Source, position: float) -> float:
     """When the fastest wave brings a thousandth of a source's peak to a position, s."""
     bar = simulated.bar
-    begun = 0.0 if source.acts == "initial" else source.onset + 1 / source.peak_frequency
-    begun = min(begun, source.peak_time) if source.acts != "initial" else begun
+    begun = 0.0
+    if source.acts != "initial":
+        begun = source.peak_time
+        if source.peak_frequency > 0:  # a recorded step has none
+            begun = min(begun, source.onset + 1 / source.peak_frequency)
     reach = 3.0 * source.width
     low, high = sorted((position, source.position))
     low, high = min(low + reach, high), max(high - reach, low)
@@ -143,7 +146,7 @@ def _travel(simulated: Simulation, low: float, high: float) -> float:
 def _on_the_grid(simulated: Simulation) -> Iterator[str]:
     """Waves at a source's strongest frequency that are shorter than the grid carries."""
     bar, told = simulated.bar, set()
-    limit = largest_phase(bar)
+    limit = largest_phase(bar.order)
     sizes = [size for _, size in bar.all_stretches]
     for layer, size in zip(simulated.layers.layers, sizes, strict=True):
         for source in (s for s in simulated.sources if s.acts != "initial"):

@@ -12,7 +12,7 @@ from wavesim.grid.stencils import ORDERS
 from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
 from wavesim.readings.bar.pulse_test import PulseTest
-from wavesim.readings.bar.transmission import Scattered
+from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
@@ -207,6 +207,21 @@ def of_scattering(field: Field, found: Scattered, error: Any) -> str:
                     "([[layers]])"
                 )
     return f"{at}: {of_grid(field)}"
+
+
+def of_band(field: Field, found: Scattered, band: Band) -> str:
+    """Where a run tells of part of a band, or of nothing in it."""
+    low, high = band.asked.low, band.asked.high
+    dark = band.holds(found.omega) & ~found.judged
+    if not band.holds(found.omega).any():
+        return f"take [time] samples = {math.ceil(2.2 * high * float(field.t[-1])) + 1} or more"
+    at = found.omega[dark] / 2e3 / math.pi
+    span = f"{at[0]:.4g} to {at[-1]:.4g} kHz" if len(at) else ""
+    return (
+        f"no word on {span}: there the sources drive too little, or a buffer carries nothing; take "
+        f"[[sources]] peak_frequency = {(low + high) / 2:.4g}, less [[sources]] width, or stiffer "
+        "buffers"
+    )
 
 
 def of_eigenfrequencies(field: Field, off: bool) -> str:

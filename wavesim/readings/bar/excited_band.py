@@ -27,7 +27,11 @@ def pulses(field: Field, block: Block) -> list[Source]:
 
 
 def contour(
-    field: Field, sources: Sequence[Source], frequencies: int, damping: float
+    field: Field,
+    sources: Sequence[Source],
+    frequencies: int,
+    damping: float,
+    also: Sequence[Any] = (),
 ) -> tuple[NDArray[Any], float, NDArray[Any]]:
     """Frequencies ω + iσ over what sources excite.
 
@@ -36,12 +40,17 @@ def contour(
         sources: at least one, of :func:`pulses`.
         frequencies: how many.
         damping: σT of the exponential window.
+        also: further ω, rad/s, an array each; those beyond what the frames show are left out.
 
     Returns:
         ω, shape (n,), and σ, rad/s; the largest |spectrum| of a source over its own peak at each ω.
     """
     low, high = excited_band(sources)
-    omega = np.linspace(low, min(high, _NYQUIST * np.pi / field.interval), frequencies)
+    end = _NYQUIST * np.pi / field.interval
+    omega = np.linspace(low, min(high, end), frequencies)
+    if also:
+        omega = np.unique(np.concatenate([omega, *also]))
+        omega = omega[omega <= max(end, low)]
     return omega, damping / float(field.t[-1]), excitation(sources, omega)
 
 

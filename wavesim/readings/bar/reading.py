@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.case.schema import BandTable
 from wavesim.layered.signals import signals
 from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
@@ -62,7 +63,7 @@ class Reading:
         for group, members in parts:
             for member in members:
                 for name, value in vars(member).items():
-                    if name not in ("sector", "line") and value is not None:
+                    if name not in ("sector", "line", "bands") and value is not None:
                         path = f"{group}/{member.sector}/{name}"
                         found[path] = np.asarray(value), _UNITS.get(name, "–")
         for test in self.pulses:
@@ -102,13 +103,19 @@ class Expected:
     refused: list[str]
 
 
-def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Expected:
+def expected(
+    field: Field,
+    frequencies: int = 120,
+    damping: float = 18.0,
+    bands: Sequence[BandTable] = (),
+) -> Expected:
     """What is to be expected of a field; no value of it is looked at, so that it may be to come.
 
     Args:
         field: of a bar with layers, ends or both.
         frequencies: number of frequencies of spectra.
         damping: σT of exponential windows.
+        bands: those in which T is to be judged.
     """
     layers, bar = field.layers, field.bar
     low, high = bar.clear
@@ -128,7 +135,7 @@ def expected(field: Field, frequencies: int = 120, damping: float = 18.0) -> Exp
         known = layers, bar.left, bar.right, field.sources, seen, field.t
         found.signals.update(asked(signals, *known) or {})
     for block in (block for block in field.blocks if block.macro):
-        if (between := asked(specimen, field, block, frequencies, damping)) is not None:
+        if (between := asked(specimen, field, block, frequencies, damping, bands)) is not None:
             found.specimens[block.sector] = between
         if (stretch := asked(repeated_stretch, field, block, frequencies, damping)) is not None:
             found.repeated[block.sector] = stretch
@@ -142,6 +149,7 @@ def read_bar(
     frequencies: int = 120,
     damping: float = 18.0,
     known: Expected | None = None,
+    bands: Sequence[BandTable] = (),
 ) -> Reading:
     """Measure a field of a bar with layers, ends or both.
 
@@ -150,11 +158,12 @@ def read_bar(
         frequencies: number of frequencies of spectra.
         damping: σT of exponential windows.
         known: of :func:`expected`, for the same numbers; worked out where None.
+        bands: those in which T is to be judged.
 
     Returns:
         The reading.
     """
-    known = known or expected(field, frequencies, damping)
+    known = known or expected(field, frequencies, damping, bands)
     exact, loud = known.signals, Loudness(field)
     error: dict[str, dict[str, float]] = {}
     heard: dict[str, set[str]] = {}

@@ -7,12 +7,14 @@ of the specimen, R = b/a in front of it and T = a behind over a before.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import specimen as between
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
@@ -29,6 +31,29 @@ _AWAY = 2.0
 _FEWEST_NODES = 8
 # To this part of the incident wave T and R are told.
 _TOLD = 1e-4
+# Frequencies of a band of one's choice, at ω + iσ.
+_IN_BAND = 33
+# Ends of a band that differ by less are the same.
+_SAME = 1e-12
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band of one's choice, and what the exact solver says of it at real ω.
+
+    Attributes:
+        asked: the band with its limits.
+        highest, lowest: level of T in it, dB, and where, Hz; NaN where there is no answer.
+    """
+
+    asked: BandTable
+    highest: tuple[float, float]
+    lowest: tuple[float, float]
+
+    def holds(self, omega: NDArray[Any]) -> NDArray[np.bool_]:
+        """Which frequencies (rad/s) lie in it."""
+        ends = np.array([self.asked.low, self.asked.high]) * 2 * np.pi
+        return np.asarray((omega >= ends[0] * (1 - _SAME)) & (omega <= ends[1] * (1 + _SAME)))
 
 
 @dataclass(frozen=True)
@@ -48,6 +73,7 @@ class Specimen:
         line: ω, T and R once more on a line fine enough to be drawn, and T at real ω there.
         T_real, R_real: of the exact solver at real ω, shape (n,); NaN where a graded layer without
             losses has its asymptote, and there is none.
+        bands: those that are asked for in this sector.
     """
 
     sector: str
@@ -63,6 +89,7 @@ class Specimen:
     line: tuple[NDArray[Any], Complex, Complex, Complex]
     T_real: Complex
     R_real: Complex
+    bands: tuple[Band, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -81,6 +108,7 @@ class Scattered:
             empty without.
         T_real, R_real: of the exact solver at real ω, which a stack is judged by as a filter; what
             is measured of a record is compared at ω + iσ.
+        bands: as of :class:`Specimen`.
     """
 
     sector: str
@@ -94,6 +122,7 @@ class Scattered:
     line: tuple[Any, ...] = ()
     T_real: Complex | None = None
     R_real: Complex | None = None
+    bands: tuple[Band, ...] = ()
 
 
 def _amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
@@ -116,7 +145,13 @@ def _stretch(field: Field, low: float, high: float) -> slice | None:
     return slice(int(first), int(last)) if last - first >= _FEWEST_NODES else None
 
 
-def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Specimen | None:
+def specimen(
+    field: Field,
+    block: Block,
+    frequencies: int,
+    damping: float,
+    bands: Sequence[BandTable] = (),
+) -> Specimen | None:
     """What is known of a specimen between buffers, the first and the last layer of a bar.
 
     Args:
@@ -125,6 +160,7 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
         block: one with a macro-field.
         frequencies: number of frequencies.
         damping: σT of the exponential window.
+        bands: those to be judged, of any sector.
 
     Returns:
         What is known; None where the bar is no such bar, or its buffers are too short.
@@ -144,7 +180,9 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
     behind = _stretch(field, last.start, high)
     if before is None or behind is None or source_end < low:
         return None
-    omega, sigma, size = contour(field, own, frequencies, damping)
+    asked = [band for band in bands if band.sector == block.sector]
+    also = [2 * np.pi * np.linspace(band.low, band.high, _IN_BAND) for band in asked]
+    omega, sigma, size = contour(field, own, frequencies, damping, also)
     s, fine = omega + 1j * sigma, line(omega, sigma)
     k = tuple(wavenumber(layer.medium, block.sector, s) for layer in (first, last))
     carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
@@ -165,6 +203,10 @@ def specimen(field: Field, block: Block, frequencies: int, damping: float) -> Sp
         (fine, T[count:], R[count:], real.T[count:]),
         real.T[:count],
         real.R[:count],
+        tuple(
+            Band(band, *between(layers).extremes(block.sector, band.low, band.high))
+            for band in asked
+        ),
     )
 
 
@@ -192,7 +234,7 @@ def scattered(
     judged = known.judged & (np.abs(a) * _TOLD >= hidden)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing came there is no ratio
         T, R = c / a, b / a
-    exact = known.T, known.R, judged, known.line, known.T_real, known.R_real
+    exact = known.T, known.R, judged, known.line, known.T_real, known.R_real, known.bands
     return Scattered(known.sector, omega, sigma, T, R, *exact)
 
 

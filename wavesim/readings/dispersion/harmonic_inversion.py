@@ -23,7 +23,7 @@ from scipy.fft import next_fast_len, rfft
 from scipy.signal import get_window
 from scipy.stats import gamma as gamma_distribution
 
-from wavesim.readings.dispersion.background import continuum
+from wavesim.readings.dispersion.noise_level import continuum
 from wavesim.readings.dispersion.sinusoids import Fit, Float, fit, transposed
 
 FALSE_ALARM = 1e-6

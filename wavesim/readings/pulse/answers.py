@@ -60,7 +60,8 @@ def of_reading(one: Reading) -> dict[str, Any]:
     }
     if one.packets:
         answer["packets"] = [
-            {"name": p.name, "time": p.begins, "top": p.top, "size": p.size} for p in one.packets
+            {"name": p.name, "wave": p.wave, "time": p.begins, "top": p.top, "size": p.size}
+            for p in one.packets
         ]
     if one.result is not None:
         tables = one.result.rows()

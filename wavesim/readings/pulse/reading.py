@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.measurement import PulseResult
-from wavesim.readings.pulse.power_law import PowerLaw, power_law
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
     STRESS_POWER,
     Followed,
+    PowerLaw,
     clearest,
     follow,
+    power_law,
 )
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
@@ -34,7 +35,7 @@ from wavesim.readings.pulse.travel_time import (
     second_cycle,
     travel_times,
 )
-from wavesim.readings.pulse.wave_packets import DIRECT, Packet, direct, named, packets
+from wavesim.readings.pulse.wave_packets import DIRECT, P_OVER_S, Packet, direct, named, packets
 
 Float = NDArray[Any]
 
@@ -131,13 +132,19 @@ def refused(file: str, name: str, position: float, reason: str) -> Reading:
     return Reading(file, (ReceiverArrivals(name, position, {}),), best)
 
 
-def read_one(record: TransmissionRecord, distance: float, delays: Mapping[str, float]) -> Reading:
+def read_one(
+    record: TransmissionRecord,
+    distance: float,
+    delays: Mapping[str, float],
+    speeds: Mapping[str, float] | None = None,
+) -> Reading:
     """Read a record of one receiver by itself.
 
     Args:
         record: the record.
         distance: from tip to tip, m.
         delays: of the system, by convention, s.
+        speeds: {wave: speed} that packets are named by, m/s; None where they are not known.
 
     Returns:
         The reading.
@@ -147,7 +154,15 @@ def read_one(record: TransmissionRecord, distance: float, delays: Mapping[str, f
     if at is None:
         nothing = refused(record.name, "receiver", distance, NOTHING)
         return replace(nothing, record=record, notes=record.notes)
-    return _settled(record, heard, heard[at].begins, distance, delays)
+    found = _settled(record, heard, heard[at].begins, distance, delays, speeds)
+    # Of waves that are told apart by their speeds the largest is the one that the test is after.
+    known = [
+        one for one in found.packets if one.wave and one.name in ("direct", f"{one.wave} wave")
+    ]
+    main = max(known, key=lambda one: one.size, default=None)
+    if main is None or main.name == "direct":
+        return found
+    return _settled(record, heard, main.begins, distance, delays, speeds)
 
 
 def _settled(
@@ -156,12 +171,13 @@ def _settled(
     begins: float,
     distance: float,
     delays: Mapping[str, float],
+    speeds: Mapping[str, float] | None = None,
 ) -> Reading:
     """The reading for a direct wave that is known to break at about a time after the start."""
     found = travel_times(record, begins, delays)
     delay = delays.get(OF_ONE, 0.0)
     best = found[OF_ONE]
-    told = named(heard, begins, record.period, delay)
+    told = named(heard, begins, record.period, delay, distance, speeds)
     notes = list(record.notes)
     if record.crosstalk:
         until = record.blank - record.start
@@ -216,14 +232,33 @@ def _other_readings(
     """What else the direct wave might be."""
     notes = []
     own = next((one for one in told if one.name == "direct"), None)
+    largest = max((one.size for one in told), default=0.0)
+    ahead_named = any(one.wave and one.begins < begins for one in told if one.name != "direct")
     for one in told:
         speed = distance / (one.begins - delay) if one.begins > delay else math.nan
-        if one.begins < begins and one.name != "direct" and one.size >= 0.6 * DIRECT:
+        if own and one.wave and one.begins < begins and one.name != "direct":
+            ahead = own.top - one.top
+            its = begins - delay - ahead
+            notes.append(
+                f"a {one.name} of {one.size:.0%} of the largest comes {ahead:.3g} s ahead, at "
+                f"about {distance / its:.3g} m/s, {(begins - delay) / its:.2f} times as fast"
+                + ("" if own.wave else "; so would the near field of a transmitter")
+            )
+        elif one.begins < begins and one.name != "direct" and one.size >= 0.6 * DIRECT:
             notes.append(
                 f"an earlier packet of {one.size:.0%} of the largest is taken for a faster wave or "
                 f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
             )
-        if own and one.size > 2 * own.size and one.begins > begins and one.name != "direct":
+        follows = own is not None and one.begins > begins and one.name != "direct"
+        ratio = 1 + (one.top - own.top) / (begins - delay) if own else 0.0
+        pair = P_OVER_S[0] <= ratio <= P_OVER_S[1] and not ahead_named
+        if own and follows and pair and not own.wave and one.size == largest > own.size:
+            notes.append(
+                f"a larger packet follows at {ratio:.2f} times "
+                "the time, as an S wave does its P wave or a guided wave the direct one; were it "
+                f"the direct one, the velocity would be {speed:.4g} m/s: --medium tells them apart"
+            )
+        elif own and follows and one.size > 2 * own.size:
             notes.append(
                 f"a packet {one.size / own.size:.1f} times as large follows; were it the direct "
                 f"one and this a near field, the velocity would be {speed:.4g} m/s"

@@ -8,7 +8,9 @@ direct wave is back, having gone to the transmitter and returned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,11 @@ _BEFORE = 2.5
 # An echo comes within this part of three times the direct wave's time.
 _ECHO = 0.08
 _LULL = 0.5
+# V_P/V_S of dry grains: above √(4/3), the least that an elastic solid has.
+P_OVER_S = (1.155, 2.6)
+# A packet's time may be off by this part of that of the wave which it is.
+_OFF = 0.15
+_FASTER = "faster wave or near field"
 _ABOVE_NOISE = 5.0
 
 
@@ -43,7 +50,8 @@ class Packet:
         top: time of the envelope's top after the start, s.
         begins, error: first break after the start, and its standard error, s.
         size: of the top, over that of the largest, –.
-        name: "direct", "faster or near field", "guided or reflected", "reflected".
+        name: "direct", "P precursor", "faster wave or near field", "guided or reflected", …
+        wave: which wave it is, such as "S"; "" where that is not known.
     """
 
     top: float
@@ -51,6 +59,7 @@ class Packet:
     error: float
     size: float
     name: str = ""
+    wave: str = ""
 
 
 def packets(record: TransmissionRecord) -> list[Packet]:
@@ -66,6 +75,7 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     tops, _ = find_peaks(size, height=least, distance=apart, prominence=0.25 * least)
     found = []
     first = int(np.searchsorted(record.t, record.blank))
+    tops = tops[tops > first]
     for at, before in zip(tops.tolist(), [first, *tops.tolist()], strict=False):
         # It breaks after the envelope's least since the packet before, or little earlier.
         least_at = before + int(np.argmin(size[before : at + 1]))
@@ -89,29 +99,67 @@ def break_between(record: TransmissionRecord, low: int, high: int) -> tuple[floa
     return float(record.t[0] + (low + found.place) * dt - record.start), found.error * dt
 
 
-def named(found: list[Packet], direct: float, period: float, delay: float) -> list[Packet]:
+def named(
+    found: list[Packet],
+    direct: float,
+    period: float,
+    delay: float,
+    distance: float = math.nan,
+    speeds: Mapping[str, float] | None = None,
+) -> list[Packet]:
     """Packets with their names.
+
+    What comes ahead of the direct wave is the precursor of a wave that is known to be as fast; a P
+    precursor where no speeds are known and it takes 1/1.15 to 1/2.6 of the direct wave's time, as a
+    P wave does of an S wave's. (The near field of a transmitter has the speed of P waves too.)
+    Times are compared by tops, as a break ahead of a larger packet is uncertain.
 
     Args:
         found: of :func:`packets`.
         direct: first break of the direct wave after the start, s.
         period: of the central frequency, s.
         delay: of the system, s.
+        distance: from tip to tip, m.
+        speeds: {wave: speed} of waves that there may be, m/s; None where they are not known.
     """
-    from dataclasses import replace
+    straight = [
+        one
+        for one in found
+        if abs(one.begins - direct) < _APART * period or one.begins <= direct <= one.top
+    ]
+    top = straight[0].top if straight else math.nan
+    echo = 3 * (direct - delay) + delay
+    times = {name: distance / speed for name, speed in (speeds or {}).items()}
+
+    def nearest(travel: float) -> str:
+        near = min(times, key=lambda name: abs(times[name] - travel), default="")
+        room = max(_APART * period, _OFF * times[near]) if near else 0.0
+        return near if near and abs(times[near] - travel) <= room else ""
+
+    main = nearest(direct - delay) if straight else ""
+    base = times.get(main, direct - delay)
+
+    def wave(one: Packet) -> str:
+        travel = base + one.top - top
+        if speeds is not None:
+            return nearest(travel)
+        ratio = base / travel if travel > 0 else 0.0
+        return "P" if P_OVER_S[0] <= ratio <= P_OVER_S[1] else ""
 
     result = []
     for one in found:
-        echo = 3 * (direct - delay) + delay
-        if abs(one.begins - direct) < _APART * period or one.begins <= direct <= one.top:
-            name = "direct"
+        its = wave(one) if straight else ""
+        if one in straight:
+            name, its = "direct", main
         elif one.begins < direct:
-            name = "faster wave or near field"
+            name = f"{its} precursor" if its and its != main else _FASTER
+        elif speeds and its and its != main:
+            name = f"{its} wave"
         elif abs(one.begins - echo) < max(_ECHO * echo, _APART * period):
-            name = "reflected"
+            name, its = "reflected", main
         else:
-            name = "guided or reflected"
-        result.append(replace(one, name=name))
+            name, its = "guided or reflected", ""
+        result.append(replace(one, name=name, wave=its if name != _FASTER else ""))
     return result
 
 

@@ -156,6 +156,14 @@
     if (!own) return null;
     const made = layout({ xaxis: axis("frequency"), yaxis: plain("amplitude over incident (dB)", { range: [-100, 8] }) });
     gaps(made, sector, "x");
+    for (const band of own.bands) {
+      const [low, high] = to("frequency", [band.lower, band.upper]);
+      const box = { type: "rect", layer: "below", fillcolor: RED, opacity: 0.15, line: { width: 0 }, x0: low, x1: high };
+      const [most, least] = band.limits;
+      if (most !== null) made.shapes.push({ ...box, y0: most, y1: 20 });
+      if (least !== null) made.shapes.push({ ...box, y0: -400, y1: least });
+      if (most === null && least === null) made.shapes.push({ ...box, y0: 0, y1: 1, yref: "paper" });
+    }
     const where = hover(`%{x:.5g} ${short("frequency")}`, "%{y:.5g} dB");
     const traces = [];
     for (const [name, colour, mark] of [["T", RED, "circle"], ["R", BLUE, "square"]]) {

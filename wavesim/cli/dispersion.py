@@ -1,4 +1,4 @@
-"""Commands for records from anywhere: dispersion, attenuation, synthesize.
+"""The commands ``dispersion`` and ``attenuation``: points of a record from anywhere, told of.
 
 Exit codes: 0 all well; 1 a check fell short; 2 bad input.
 """
@@ -6,8 +6,6 @@ Exit codes: 0 all well; 1 a check fell short; 2 bad input.
 from __future__ import annotations
 
 import csv
-import importlib.util
-import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -16,83 +14,128 @@ from typing import Any
 
 import click
 
-from wavesim.cli.record_options import record_options
+from wavesim.cli.arguments import JSON, RING, SOURCES, WRITTEN, options, record_options
+from wavesim.cli.shared import print_json, read_case, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-
-def _options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that both kinds of extraction take."""
-    given = [
-        click.argument("file", type=click.Path()),
-        click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
-        click.option("--sector", default="longitudinal", show_default=True),
-        click.option("--out", type=click.Path(), help="Folder for points, numbers and figures."),
-        click.option("--json", "as_json", is_flag=True, help="Print one JSON object."),
-        click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
-        click.option("--quiet-from", type=float, help="Time in s from which no source acts."),
-        click.option("--source", "places", type=float, multiple=True, help="Position in m."),
-        click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar."),
-        click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
-    ]
-    function = record_options(function)
-    for option in reversed(given):
-        function = option(function)
-    return function
+# What both kinds of extraction take.
+_OPTIONS = options(
+    click.argument("file", type=click.Path()),
+    click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
+    click.option("--sector", default="longitudinal", show_default=True),
+    WRITTEN,
+    JSON,
+    click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
+    click.option("--quiet-from", type=float, help="Time in s from which no source acts."),
+    SOURCES,
+    RING,
+    click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
+    record_options,
+)
 
 
-def _layout(options: dict[str, Any]) -> Any:
-    own = {name: options[name] for name in ("quiet_from", "ring", "lattice")}
-    return replace(options["layout"], **own, sources=options["places"])
+def _layout(given: dict[str, Any]) -> Any:
+    own = {name: given[name] for name in ("quiet_from", "ring", "lattice")}
+    return replace(given["layout"], **own, sources=given["places"])
 
 
-def _medium(case: str | None, sources: Sequence[Any] = ()) -> Any:
+def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
+    """The medium of a case; without one that of the first of some sources that knows its own."""
     if case is None:
         return next((s.medium for s in sources if s.medium is not None), None)
-    from wavesim.case.load import load
-    from wavesim.case.schema import CaseError
-
-    try:
-        return load(case).simulation.medium
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+    return read_case(case).simulation.medium
 
 
-def _extract(options: dict[str, Any], work: Callable[[Any], Any]) -> None:
+def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     """Read, extract, fit, show, write: what both commands do."""
-    from wavesim.cli import record_work
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
     from wavesim.records.of_medium import of_file
     from wavesim.records.record import RecordError
     from wavesim.studies.medium_fit import FitError
 
-    file = options["file"]
+    file = given["file"]
     try:
-        medium = _medium(options["medium"])
-        found = of_file(Path(file), _layout(options), medium, options["sector"])
+        medium = medium_of(given["medium"])
+        found = of_file(Path(file), _layout(given), medium, given["sector"])
     except RecordError as error:
         stop(str(error), BAD_INPUT)
     fit = None
     try:
         results = work(found)
-        if options["parameters"]:
-            start = _medium(options["medium"], found)
+        if given["parameters"]:
+            start = medium_of(given["medium"], found)
             if start is None:
                 stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
-            names = [name.strip() for name in options["parameters"].split(",")]
-            fit = record_work.fitted(results, start, names)
+            names = [name.strip() for name in given["parameters"].split(",")]
+            fit = _fitted(results, start, names)
     except (RecordError, NotHyperbolicError) as error:
         stop(f"{file}: {error}", BAD_INPUT)
     except FitError as error:
-        stop(f"--fit {options['parameters']}: {error}", BAD_INPUT)
-    answer = record_work.summary(results, fit)
-    if options["as_json"]:
-        click.echo(json.dumps(answer, ensure_ascii=False))
+        stop(f"--fit {given['parameters']}: {error}", BAD_INPUT)
+    answer = _summary(results, fit)
+    if given["as_json"]:
+        print_json(answer)
     else:
         _show(results, answer)
-    if options["out"]:
-        _write(results, answer, Path(options["out"]))
+    if given["out"]:
+        _write(results, answer, Path(given["out"]))
     if not answer["passed"]:
         sys.exit(FELL_SHORT)
+
+
+def _fitted(results: Sequence[Any], start: Any, parameters: Sequence[str]) -> Any:
+    """Parameters of the medium that the points tell of."""
+    from wavesim.studies.medium_fit import Observed, fit
+
+    observed = [
+        Observed(one.origin.block, one.points, one.origin.bar)
+        for one in results
+        if one.origin.block is not None
+    ]
+    return fit(observed, start, parameters)
+
+
+def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
+    """All that was found as one object for JSON, SI units, NaN as null."""
+    from wavesim.readings.dispersion.points import plain
+    from wavesim.verdict.record import checks
+    from wavesim.verdict.recovered_points import Matched
+
+    entries = []
+    for one in results:
+        points, record = one.points, one.origin.record
+        entry: dict[str, Any] = {
+            "name": one.origin.name,
+            "method": points.method,
+            "frames": len(record.t),
+            "receivers": len(record.x),
+            "notes": list(record.notes),
+            "branches": len(points.branches),
+            "points": {n: plain(column) for n, column in points.columns().items()},
+        }
+        if isinstance(one.matched, Matched):
+            entry["waves"] = one.matched.rows()
+            entry["false_points"] = len(one.matched.false_k)
+        elif one.matched is not None:
+            entry["error_grid"] = plain(one.matched.error(False))
+            entry["error_continuum"] = plain(one.matched.error(True))
+        if one.score is not None:
+            entry["score"] = one.score.row()
+        entries.append(entry)
+    found = checks(results)
+    answer: dict[str, Any] = {
+        "records": entries,
+        "checks": [check.row() for check in found],
+        "passed": all(check.passed for check in found),
+    }
+    if fit_of is not None:
+        answer["fit"] = {
+            "values": fit_of.values,
+            "standard_errors": fit_of.errors,
+            "chi_square": fit_of.chi_square,
+            "points": fit_of.points,
+        }
+    return answer
 
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
@@ -175,10 +218,8 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
     from wavesim.figures.record import write
 
     kind = "attenuation" if results[0].points.in_space else "dispersion"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(answer, ensure_ascii=False)
-        (folder / f"{kind}.json").write_text(text + "\n", encoding="utf-8")
+    with writing(folder):
+        write_json(folder / f"{kind}.json", answer, indent=None)
         for one in results:
             columns = one.points.columns()
             path = folder / f"{kind}_{one.origin.label}.csv"
@@ -187,12 +228,10 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
                 table.writerow(columns)
                 table.writerows(zip(*columns.values(), strict=True))
         write(results, folder)
-    except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
 
 
 @click.command()
-@_options
+@_OPTIONS
 @click.option(
     "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
 )
@@ -211,7 +250,7 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 
 
 @click.command()
-@_options
+@_OPTIONS
 @click.option("--band", type=float, nargs=2, help="Lowest and highest frequency, Hz.")
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)
 @click.option("--damping", type=click.FloatRange(4, 30),
@@ -239,83 +278,3 @@ def attenuation(
         return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
 
     _extract(given, work)
-
-
-def _relation(medium: str | None, sector: str, function: str | None) -> Any:
-    if (medium is None) == (function is None):
-        stop("give either --medium CASE.toml or --relation FILE.py:NAME, one of the two", BAD_INPUT)
-    if medium is not None:
-        from wavesim.records.relations import OfMedium
-
-        made = _medium(medium)
-        try:
-            return OfMedium(made, made.family.blocks_of(sector)[0])
-        except ValueError as error:
-            stop(f"--sector: {error}", BAD_INPUT)
-    assert function is not None
-    file, _, name = function.rpartition(":")
-    if not file or not Path(file).is_file():
-        stop(f"--relation {function}: must be FILE.py:NAME of a file that is there", BAD_INPUT)
-    spec = importlib.util.spec_from_file_location("relation", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-        return getattr(module, name)
-    except Exception as error:
-        stop(f"--relation {function}: {type(error).__name__}: {error}", BAD_INPUT)
-
-
-@click.command()
-@click.argument("file", type=click.Path())
-@click.option("--medium", metavar="CASE.toml", help="Waves of this case's medium …")
-@click.option("--sector", default="longitudinal", show_default=True)
-@click.option("--relation", metavar="FILE.py:NAME", help="… or of a function ω(k) of your own.")
-@click.option("--receivers", type=click.IntRange(2, 65536), default=48, show_default=True)
-@click.option("--spacing", type=float, required=True, help="Between receivers, m.")
-@click.option("--first", type=float, default=0.0, help="Position of the first, m.")
-@click.option("--duration", type=float, required=True, help="s")
-@click.option("--samples", type=click.IntRange(16, 1_000_000), required=True)
-@click.option("--peak-frequency", type=float, required=True, help="Of the Ricker pulse, Hz.")
-@click.option("--source", type=float, default=0.0, help="Its position, m.")
-@click.option("--width", type=float, default=0.0, help="Standard deviation in x, m; 0 a point.")
-@click.option("--length", type=float, help="Of the ring, m; far longer than the record else.")
-@click.option("--ring", is_flag=True, help="Receivers go round the whole ring.")
-@click.option("--k-max", type=float, help="Highest wavenumber in it, rad/m.")
-@click.option("--noise", type=float, default=0.0, help="Over the peak, –.")
-@click.option("--jitter", type=float, default=0.0, help="Of the times, s.")
-@click.option("--misplacement", type=float, default=0.0, help="Of the receivers, m.")
-@click.option("--dead", type=int, default=0, help="Receivers that give nothing.")
-@click.option("--bits", type=int, default=0, help="Of the digitiser.")
-@click.option("--seed", type=int, default=0)
-def synthesize(file: str, medium: str | None, sector: str, relation: str | None, **o: Any) -> None:
-    """Write a record of known truth to FILE (.npz with the truth, or .csv)."""
-    waves = _relation(medium, sector, relation)
-    import numpy as np
-
-    from wavesim.records import synthetic
-    from wavesim.records.files import write
-    from wavesim.records.record import RecordError
-
-    for name in ("spacing", "duration", "peak_frequency"):
-        if not o[name] > 0:
-            stop(f"--{name.replace('_', '-')} {o[name]:g}: must be greater than 0", BAD_INPUT)
-    try:
-        x = synthetic.positions(o["receivers"], o["spacing"], o["first"])
-        t = np.linspace(0, o["duration"], o["samples"])
-        spoil = synthetic.Spoil(
-            o["noise"], o["jitter"], o["misplacement"], o["dead"], o["bits"], o["seed"]
-        )
-        length = o["receivers"] * o["spacing"] if o["ring"] else o["length"]
-        if length is None:
-            length = 16 * max(float(np.ptp(x)), abs(o["source"] - o["first"]), o["spacing"])
-        pulse = synthetic.Pulse(o["peak_frequency"], o["source"], width=o["width"])
-        made = synthetic.synthesize(waves, t, x, pulse, length, o["k_max"], spoil, ring=o["ring"])
-        write(file, made)
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
-    click.echo(f"{file}: {len(made.t)} frames, {len(made.x)} receivers")
-
-
-COMMANDS = (dispersion, attenuation, synthesize)

@@ -1,0 +1,126 @@
+"""The commands ``synthesize`` and ``score``: a record of known truth, points held against it."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesim.cli.arguments import JSON
+from wavesim.cli.dispersion import medium_of
+from wavesim.cli.shared import print_json
+from wavesim.report.terminal import BAD_INPUT, console, stop
+
+
+def _relation(medium: str | None, sector: str, function: str | None) -> Any:
+    if (medium is None) == (function is None):
+        stop("give either --medium CASE.toml or --relation FILE.py:NAME, one of the two", BAD_INPUT)
+    if medium is not None:
+        from wavesim.records.relations import OfMedium
+
+        made = medium_of(medium)
+        try:
+            return OfMedium(made, made.family.blocks_of(sector)[0])
+        except ValueError as error:
+            stop(f"--sector: {error}", BAD_INPUT)
+    assert function is not None
+    file, _, name = function.rpartition(":")
+    if not file or not Path(file).is_file():
+        stop(f"--relation {function}: must be FILE.py:NAME of a file that is there", BAD_INPUT)
+    spec = importlib.util.spec_from_file_location("relation", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+        return getattr(module, name)
+    except Exception as error:
+        stop(f"--relation {function}: {type(error).__name__}: {error}", BAD_INPUT)
+
+
+@click.command()
+@click.argument("file", type=click.Path())
+@click.option("--medium", metavar="CASE.toml", help="Waves of this case's medium …")
+@click.option("--sector", default="longitudinal", show_default=True)
+@click.option("--relation", metavar="FILE.py:NAME", help="… or of a function ω(k) of your own.")
+@click.option("--receivers", type=click.IntRange(2, 65536), default=48, show_default=True)
+@click.option("--spacing", type=float, required=True, help="Between receivers, m.")
+@click.option("--first", type=float, default=0.0, help="Position of the first, m.")
+@click.option("--duration", type=float, required=True, help="s")
+@click.option("--samples", type=click.IntRange(16, 1_000_000), required=True)
+@click.option("--peak-frequency", type=float, required=True, help="Of the Ricker pulse, Hz.")
+@click.option("--source", type=float, default=0.0, help="Its position, m.")
+@click.option("--width", type=float, default=0.0, help="Standard deviation in x, m; 0 a point.")
+@click.option("--length", type=float, help="Of the ring, m; far longer than the record else.")
+@click.option("--ring", is_flag=True, help="Receivers go round the whole ring.")
+@click.option("--k-max", type=float, help="Highest wavenumber in it, rad/m.")
+@click.option("--noise", type=float, default=0.0, help="Over the peak, –.")
+@click.option("--jitter", type=float, default=0.0, help="Of the times, s.")
+@click.option("--misplacement", type=float, default=0.0, help="Of the receivers, m.")
+@click.option("--dead", type=int, default=0, help="Receivers that give nothing.")
+@click.option("--bits", type=int, default=0, help="Of the digitiser.")
+@click.option("--seed", type=int, default=0)
+def synthesize(file: str, medium: str | None, sector: str, relation: str | None, **o: Any) -> None:
+    """Write a record of known truth to FILE (.npz with the truth, or .csv)."""
+    waves = _relation(medium, sector, relation)
+    import numpy as np
+
+    from wavesim.records import synthetic
+    from wavesim.records.files import write
+    from wavesim.records.record import RecordError
+
+    for name in ("spacing", "duration", "peak_frequency"):
+        if not o[name] > 0:
+            stop(f"--{name.replace('_', '-')} {o[name]:g}: must be greater than 0", BAD_INPUT)
+    try:
+        x = synthetic.positions(o["receivers"], o["spacing"], o["first"])
+        t = np.linspace(0, o["duration"], o["samples"])
+        spoil = synthetic.Spoil(
+            o["noise"], o["jitter"], o["misplacement"], o["dead"], o["bits"], o["seed"]
+        )
+        length = o["receivers"] * o["spacing"] if o["ring"] else o["length"]
+        if length is None:
+            length = 16 * max(float(np.ptp(x)), abs(o["source"] - o["first"]), o["spacing"])
+        pulse = synthetic.Pulse(o["peak_frequency"], o["source"], width=o["width"])
+        made = synthetic.synthesize(waves, t, x, pulse, length, o["k_max"], spoil, ring=o["ring"])
+        write(file, made)
+    except RecordError as error:
+        stop(str(error), BAD_INPUT)
+    click.echo(f"{file}: {len(made.t)} frames, {len(made.x)} receivers")
+
+
+@click.command()
+@click.argument("truth", type=click.Path())
+@click.argument("points", type=click.Path())
+@click.option("--k-max", type=click.FloatRange(0, min_open=True),
+              help="Highest wavenumber at which waves can be missed, rad/m.")  # fmt: skip
+@JSON
+def score(truth: str, points: str, k_max: float | None, as_json: bool) -> None:
+    """Hold the points of POINTS.csv against the record TRUTH.npz that synthesize made.
+
+    POINTS has columns k and omega (rad/m, rad/s; or frequency in Hz) and perhaps error, one
+    standard error; or what dispersion and attenuation write with --out.
+    """
+    from wavesim.records.content import RecordError
+    from wavesim.records.files import read
+    from wavesim.records.point_table import read_points
+    from wavesim.verdict.score import points_of
+    from wavesim.verdict.score import score as held
+
+    try:
+        record = read(Path(truth))
+        columns = read_points(points)
+        found = points_of(columns["k"], columns["omega"], columns.get("error"),
+                          columns.get("valid"))  # fmt: skip
+    except RecordError as error:
+        stop(str(error), BAD_INPUT)
+    try:
+        result = held(record, found, k_max)
+    except RecordError as error:
+        stop(f"{truth}: {error}", BAD_INPUT)
+    if as_json:
+        print_json(result.row())
+        return
+    console().print(result.said() + ".")
