@@ -11,7 +11,7 @@ from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.gains import gains
 from wavesim.records.faults.neighbours import unevenness
-from wavesim.records.record import Record
+from wavesim.records.record import FEWEST_FRAMES, Record
 
 # A record that is at rest at its beginning, and not later, was driven within.
 _AT_REST = 0.03
@@ -20,6 +20,8 @@ _BEGINNING = 3
 # this part of the peak.
 _BRIDGED = 2
 _QUIET, _QUIET_PART = 6.0, 1e-4
+# So many frames at the end that are all alike are padding.
+_PADDED = 4
 
 
 def for_k_at_frequency(record: Record) -> Record:
@@ -82,6 +84,18 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
     return evened(record)
 
 
+def live(record: Record) -> Record:
+    """Without the frames at its end in which nothing changes at any receiver: padding."""
+    changes = np.flatnonzero((np.diff(record.values, axis=1) != 0).any(axis=(0, 2)))
+    # The first frame of a padding is no signal either.
+    last = int(changes[-1]) + 1 if len(changes) else len(record.t)
+    if last >= len(record.t) - _PADDED or last < FEWEST_FRAMES:
+        return record
+    missing = record.missing[:last] if len(record.missing) else record.missing
+    kept = replace(record, t=record.t[:last], values=record.values[:, :last], missing=missing)
+    return replace(kept, whole=None if record.whole is None else record.whole[:, :last])
+
+
 def evened(record: Record) -> Record:
     """A ring with the gains of its receivers made equal, where its waves show that they are not.
 
@@ -94,7 +108,7 @@ def evened(record: Record) -> Record:
         asked = record.even and not record.lattice
         uneven = max(unevenness(component) for component in record.values) if asked else 0.0
         return replace(record, leak=np.full(nx, uneven / nx))
-    free = record.values[:, record.t >= record.quiet_from - 1e-9 * record.interval]
+    free = live(record.since(record.quiet_from)).values
     seen = [gains(component) for component in free]
     right = np.stack(
         [

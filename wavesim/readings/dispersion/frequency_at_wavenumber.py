@@ -20,8 +20,8 @@ from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinuso
 from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.waves_along_line import along_line
-from wavesim.records.fitness import evened
-from wavesim.records.record import FEWEST_FRAMES, Record, RecordError
+from wavesim.records.fitness import evened, live
+from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
 
@@ -39,11 +39,11 @@ _PEAK_FLOOR = 1e-8
 _ABOVE_MEDIAN = 40.0
 _ABOVE_CONTINUUM = 20.0
 _PADDING = 2
-# So many frames at the end that are all alike are padding.
-_PADDED = 4
 # A wave weaker than this part of the record's strongest is rounding.
 ROUNDING = 1e-12
 _CYCLES = 1.0
+# Noise above this part of a digitiser's step makes what rounding leaves random.
+_HIDES = 0.6
 # What leaks in beside a line shifts it by up to this part of a bin 2π/T, over their amplitudes.
 _SHIFT = 0.5
 # Half-width of the Blackman–Harris main lobe.
@@ -130,7 +130,7 @@ def in_time(
     """
     if method not in METHODS:
         raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    quiet = _live(evened(record).since(record.quiet_from))
+    quiet = live(evened(record).since(record.quiet_from))
     if method == "auto":
         method = chosen_method(quiet)
     if method == "fft" and not record.ring:
@@ -142,7 +142,7 @@ def in_time(
         if not record.ring:
             _check_ends(quiet)
         leaks = np.zeros((0, 0))
-        if missing is None and quiet.leak.any():
+        if missing is None and (quiet.leak.any() or quiet.quantum.any()):
             heights, per_bin = power(channels)
             leaks = _leaks(quiet, heights, per_bin)
         found = invert(
@@ -168,17 +168,6 @@ def in_time(
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
     return _with_rounding(points, quiet)
-
-
-def _live(record: Record) -> Record:
-    """Without the frames at its end in which nothing changes at any receiver: padding."""
-    changes = np.flatnonzero((np.diff(record.values, axis=1) != 0).any(axis=(0, 2)))
-    last = int(changes[-1]) + 2 if len(changes) else len(record.t)
-    if last >= len(record.t) - _PADDED or last < FEWEST_FRAMES:
-        return record
-    missing = record.missing[:last] if len(record.missing) else record.missing
-    kept = replace(record, t=record.t[:last], values=record.values[:, :last], missing=missing)
-    return replace(kept, whole=None if record.whole is None else record.whole[:, :last])
 
 
 def chosen_method(record: Record) -> str:
@@ -319,9 +308,18 @@ def power(channels: Float) -> tuple[Float, float]:
 
 
 def _leaks(record: Record, heights: Float, per_bin: float) -> Float:
-    """Power below which a peak may be another wavenumber's, shape (n, nω)."""
+    """Power below which a peak may be none of its wavenumber's waves, shape (n, nω).
+
+    It is another wavenumber's, where receivers differ, or of a digitiser: of a signal that repeats
+    itself, and noise that does not hide the steps, what rounding leaves repeats itself too, and is
+    lines at all wavenumbers, of the power q²/12 together.
+    """
     density = 2 * np.pi / per_bin / len(record.t)
-    return leakage_of_gains(heights, record.leak, density)
+    leaks = leakage_of_gains(heights, record.leak, density)
+    steps = record.quantum
+    if steps.any() and record.noise < _HIDES * float(np.median(steps[steps > 0])):
+        leaks = np.maximum(leaks, 2 * float(np.sum(steps**2)) / 12 / len(record.x) ** 2)
+    return leaks
 
 
 def _from_peaks(channels: Float, k: Float, record: Record) -> BranchPoints:

@@ -24,7 +24,7 @@ from scipy.signal import get_window
 from scipy.stats import gamma as gamma_distribution
 
 from wavesim.readings.dispersion.noise_level import continuum
-from wavesim.readings.dispersion.sinusoids import Fit, Float, fit, transposed
+from wavesim.readings.dispersion.sinusoids import Fit, Float, exponentials, fit, transposed
 
 FALSE_ALARM = 1e-6
 # Part of the strongest amplitude below which no sinusoid is sought: weaker ones are at the level
@@ -44,6 +44,8 @@ _FEWEST_SAMPLES = 16
 # number of them ends a line that is broad and random.
 _CROWD, _CROWD_BINS, _CROWD_PART = 5, 10.0, 0.01
 _FIRST_STEPS = 6
+# Noise goes with the signal where it is heard more by so many deviations of that ratio.
+_BY_SCATTER = 4.0
 # Phase error over the record, rad, that the sums of a simulated field leave on its strongest wave.
 _ROUNDING = 1e-11
 
@@ -290,7 +292,7 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
     # of area 1/3: nearly all from close by, and 1/2x² of what is far.
     far = np.where(distance > _NEAR[1], 3 / (2 * (np.pi * np.maximum(distance, 1)) ** 2), 0.0)
     far *= count / search.padded
-    heard = near * ((1 - far.sum(axis=-1)) / near.sum(axis=-1))[..., None] + far
+    heard = near * ((1 - far.sum(axis=-1)) / np.maximum(near.sum(axis=-1), 1))[..., None] + far
     level = np.einsum("ncf,npf->ncp", power, heard)
     # What the fit's own parameters took out of the residual.
     samples = count if search.weight is None else search.weight.sum()
@@ -301,6 +303,8 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
     middle = np.sum(scale[..., :, None] * found.parts * scale[..., None, :], axis=1)
     covariance = found.unit @ middle @ transposed(found.unit)
     variance = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0)
+    more = _in_step(found, count)
+    variance = variance * np.concatenate([more, more], axis=1)
     weakness = norm.max(axis=1, keepdims=True) / np.maximum(norm, 1e-290)
     rounding = _ROUNDING * weakness / count
     errors = np.sqrt(variance + np.concatenate([rounding, rounding], axis=1) ** 2)
@@ -324,6 +328,25 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
         np.ones(n, bool),
         np.zeros(n, bool),
     )
+
+
+def _in_step(found: Fit, count: int) -> Float:
+    """How much more noise a frequency hears than one that goes on by itself, shape (n, p).
+
+    A clock that shivers shifts all channels together, and most where the signal is steepest: of
+    slopes s_c = ∂y_c/∂ω and noise r_c it is Σ_t (Σ_c s_c r_c)² over Σ_c Σ_t s_c² ⟨r_c²⟩.
+    """
+    n, p = found.omega.shape
+    t = np.arange(count) - (count - 1) / 2
+    level = np.mean(found.residual**2, axis=-1)
+    more = np.ones((n, p))
+    for j in range(p):
+        z = exponentials(found.omega[:, j : j + 1], found.decay[:, j : j + 1], count)
+        slope = t * (found.amplitude[:, :, j, None] * z).imag
+        heard = np.sum(np.sum(slope * found.residual, axis=1) ** 2, axis=-1)
+        alone = np.einsum("nct,nc->n", slope**2, level)
+        more[:, j] = heard / np.maximum(alone, 1e-290)
+    return np.where(more > 1 + _BY_SCATTER * np.sqrt(2 / count), more, 1.0)
 
 
 def _gather(
