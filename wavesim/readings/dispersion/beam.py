@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.noise_level import noise_of_transform
@@ -39,6 +39,8 @@ _STEPS = 12
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 2.0
+# A bend of phase or amplitude is one from so many of its errors on; so many frequencies share it.
+_BENT, _ALONG = 4.0, 5
 # Unexplained up to so many times the noise's own is noise.
 _NOISE_SPREAD = 1.5
 # Amplitudes are tame where so many receivers for each wave hold the power …
@@ -230,9 +232,47 @@ def _by_phase(
     more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
     noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
+    error = np.hypot(error, _hidden(U, x, weight, k))
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))
     return k, error, size, left, (chance < _BY_CHANCE).astype(float)
+
+
+def _hidden(U: Complex, x: Float, weight: Float, k: Float) -> Float:
+    """How far k may be off by a second wave that the line does not tell apart, shape (nω,).
+
+    Two waves Δk apart, of amplitudes 1 − s to s, pass for one of k₁ + Δk Re s, of which nothing
+    tells but the bend of its logarithm, d² ln U/dx² = −Δk² s(1 − s): k is off from the nearer of
+    both by √|d² ln U/dx²| at most. Amplitudes that only spread or fade are convex: no such bend.
+    """
+    total = np.maximum(weight.sum(axis=1), 1e-290)[:, None]
+    middle = weight @ x / total[:, 0]
+    length = np.sqrt(np.sum(weight * (x - middle[:, None]) ** 2, axis=1) / total[:, 0])
+    away = (x - middle[:, None]) / np.maximum(length, 1e-290)[:, None]
+    turned = U * np.exp(-1j * k[:, None] * (x - middle[:, None]))
+    turned = (
+        turned
+        * np.exp(
+            -1j * np.angle(np.sum(weight * turned / np.maximum(np.abs(turned), 1e-290), axis=1))
+        )[:, None]
+    )
+    bends = []
+    for seen in (np.angle(turned), np.log(np.maximum(np.abs(turned), 1e-290))):
+        basis = (
+            np.stack([np.ones_like(away), away, away**2 / 2], axis=-1) * np.sqrt(weight)[..., None]
+        )
+        normal = np.swapaxes(basis, 1, 2) @ basis + 1e-9 * total[..., None] * np.eye(3)
+        right = np.swapaxes(basis, 1, 2) @ (np.sqrt(weight) * seen)[..., None]
+        fit = np.linalg.solve(normal, right)[..., 0]
+        left = np.sqrt(weight) * seen - (basis @ fit[..., None])[..., 0]
+        spare = np.maximum((weight > 0).sum(axis=1) - 3, 1)
+        variance = np.sum(left**2, axis=1) / spare * np.linalg.inv(normal)[:, 2, 2]
+        bends.append((fit[:, 2], _BENT * np.sqrt(variance)))
+    (phase, unsure), (level, rough) = bends
+    bent = np.where(np.abs(phase) > unsure, np.abs(phase), 0.0)
+    bent = np.maximum(bent, np.where(-level > rough, -level, 0.0))
+    bent = maximum_filter1d(bent, _ALONG, mode="nearest")
+    return np.sqrt(bent) / np.maximum(length, 1e-290)
 
 
 def _uneven(U: Complex, x: Float, weight: Float, ratio: Float) -> Float:
