@@ -309,7 +309,10 @@ points.
 Without noise a bar is what rounding and the record's end leave open, and holds nearly always.
 Where receivers' gains, places or clocks are off, the error is one for the whole record, so that
 the points of a record are off together. A second mode that the line does not tell apart is worth a
-part of its resolution 2π/X: such bars are wider than the errors mostly are.
+part of its resolution 2π/X: such bars are wider than the errors mostly are. Where a second mode is
+so close that nothing bends above the noise (less than about a third of a radian apart over the
+line), no bar can hold it. Short of 85 %: clocks that shiver along a line, as one and the same error
+at all receivers and frequencies, and unequal gains of five receivers alone.
 
 {about}
 

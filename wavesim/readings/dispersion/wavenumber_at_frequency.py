@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
+from scipy.stats import t as student
 
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.dispersion.beam import highest_wavenumber
@@ -22,7 +23,7 @@ from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, folded_in_pieces
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
-from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.records.record import Record, RecordError
 
@@ -57,8 +58,12 @@ UNLIKE = (
 _NYQUIST = 0.97
 # Left over up to so many times the noise's power is noise; of more, this part is added.
 _NOISE_SPREAD, _ALIKE = 1.5, 3.0
+# What a 95 % bar leaves out.
+_OUTSIDE = 0.05
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
+# A record weighted down to this part at its end does not break off.
+_ENDED = 1e-3
 # Part of the frames at rest that is worth leaving out.
 _WORTH_CUTTING = 0.1
 # A signal is seen from these parts of its peak on; noise is within so many of its deviations.
@@ -111,7 +116,8 @@ def in_space(
     # The window begins where something moves, so that it weighs no more noise than it must.
     record = record.since(record.t[_rest(values)])
     values = record.values[component][:, receivers]
-    t = record.t - record.t[0]
+    # Seconds of the epoch are doubles a quarter of a microsecond apart; their interval is not.
+    t = record.interval * np.arange(len(record.t))
     deviation = replace(record, values=values[None], x=x).noise
     if damping is None:
         part = deviation / max(np.abs(values).max(), 1e-290)
@@ -221,9 +227,14 @@ def _noise(record: Record, values: Float, receivers: Any, omega: Float, sigma: f
     """Standard deviation of the noise in U, √(Σ e^{−2σt}) Δt times its own, shape (nω,)."""
     quantum = record.quantum[receivers] if len(record.quantum) else 0.0
     variance = noise_variance(values, record.interval, omega, quantum)
-    turn = 2 * sigma * record.interval
-    weights = (1 - np.exp(-turn * len(values))) / (1 - np.exp(-turn))
-    return np.asarray(np.sqrt(np.median(variance, axis=1) * weights) * record.interval)
+    count = len(values)
+    window = np.exp(-sigma * record.interval * np.arange(count))
+    # Noise that goes with the signal, of a clock that shivers, is where the window is high.
+    high = np.abs(np.fft.rfft(values * window[:, None], axis=0))[-max(4, count // 20) : -1] ** 2
+    variance = np.maximum(
+        variance * np.sum(window**2), np.median(high, axis=0) / np.log(2) * (window[-1] < _ENDED)
+    )
+    return np.asarray(np.sqrt(np.median(variance, axis=1)) * record.interval)
 
 
 def _fits(U: Any, x: Float, used: Any, pairs: int) -> list[tuple[int, bool, LineFit]]:
@@ -270,6 +281,10 @@ def _chosen(
         excess = max(one.residual[i] - _NOISE_SPREAD * level[i] ** 2, 0.0)
         noise = np.sqrt(max(one.residual[i], level[i] ** 2) + _ALIKE * excess)
         few = count[i] < unknowns(pairs, both)
+        if excess:
+            # … and is known from no more receivers than there are to spare.
+            spare = max(int(count[i]) - unknowns(pairs, both), 1)
+            noise *= student.isf(_OUTSIDE / 2, spare) / BAR
         for p in range(pairs):
             columns["omega"].append(omega[i])
             columns["k"].append(one.k[i, p])

@@ -174,7 +174,7 @@ def spectra(
         raise PulseError(
             f"omega: must ascend from above 0 to below the Nyquist frequency {highest:g} rad/s"
         )
-    t = record.t - record.t[0]
+    t = record.interval * np.arange(len(record.t))
     sigma = window.sigma(record.t)
     weights = window.weights(record.t, record.x)
     if ((weights > 0).sum(axis=0) < 2).any():

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.finding import CURED, Finding, places
+from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 # So many samples at one extreme in a row, entered by a step that no crest has, are a top cut flat.
-_FLAT = 3
-_ROUNDED = 1.0
+_FLAT, _SURE = 3, 5
+_ROUNDED, _STEPS, _ABOVE_NOISE = 1.0, 8, 4.0
 # The extreme is this part of the range off the middle of the samples.
 _OFF = 0.2
 _MOST_HELD = 16
@@ -49,22 +50,26 @@ def clipped(values: Float, quantum: Float) -> tuple[Mask, Float]:
 def _flat(v: Float, rail: float, quantum: float) -> float:
     """Part of the samples in runs at a rail, 0 where it is none."""
     at = v == rail
-    if at.sum() < _FLAT:
+    # A few steps high nothing has a top, and a level that the record begins at is rest.
+    low = np.ptp(v) < _STEPS * quantum or np.abs(v[:_FLAT] - rail).max() <= 2 * quantum
+    if at.sum() < _FLAT or (quantum and low):
         return 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]]))).reshape(-1, 2)
     long = edges[np.diff(edges, axis=1).ravel() >= _FLAT]
-    if not len(long):
+    long = long[(long[:, 0] > 0) & (long[:, 1] < len(v))]
+    # One crest of three or four equal samples is chance among the many of many receivers.
+    if not len(long) or (quantum and len(long) == 1 and np.diff(long).max() < _SURE):
         return 0.0
+    noise = _ABOVE_NOISE * fine_noise(v)
     # A crest that is round is entered slowly: the step before it is of the size of the last digit.
     # A top cut flat is entered as steeply as the wave climbs.
     climb = 0
     counted = 0
     for start, stop in long:
-        before = abs(v[start] - v[start - 1]) if start else 0.0
-        behind = abs(v[stop] - v[stop - 1]) if stop < len(v) else 0.0
+        before, behind = abs(v[start] - v[start - 1]), abs(v[stop] - v[stop - 1])
         # A parabola whose crest is within one step over n samples falls by so many beside it.
         n = int(stop - start)
-        bound = (((n + 1) / (n - 1)) ** 2 + _ROUNDED) * quantum
+        bound = (((n + 1) / (n - 1)) ** 2 + _ROUNDED) * quantum + noise
         climb += max(before, behind) > bound
         counted += int(stop - start)
     return counted / len(v) if climb * 2 > len(long) else 0.0

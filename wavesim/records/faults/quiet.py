@@ -23,6 +23,8 @@ _FLAT, _FLAT_PART = 4.0, 1e-3
 # Part of the time before the first break that counts as quiet: an emergent onset has a foot.
 _PART = 0.8
 _CROWD, _FEW = 4, 0.25
+# A hiss is as loud, to this factor, in each of so many blocks.
+_EVEN, _BLOCKS = 2.5, 8
 # Over a block the end may deviate this many times more than the start.
 _TAIL = 1.6
 # Rounding is a noise too, of this part of the peak.
@@ -99,6 +101,9 @@ def rest(values: Float, quantum: Float) -> Rest:
 
 def fine_noise(v: Float) -> float:
     """Standard deviation of white noise by third differences, which a smooth signal hardly has."""
+    changes = np.flatnonzero(np.diff(v) != 0)
+    if len(changes):
+        v = v[changes[0] : changes[-1] + 1]  # padding is no signal
     if len(v) < 8:
         return 0.0
     return 1.4826 * float(np.median(np.abs(np.diff(v, 3)))) / np.sqrt(20.0)
@@ -111,7 +116,17 @@ def _still(head: Float, v: Float, peak: float, least: float) -> bool:
     left = float(np.std(head - line(s)))
     slope = abs(float(line(s[-1]) - line(s[0])))
     noise = max(fine_noise(v), least)
-    return left <= max(_FLAT * noise, _FLAT_PART * peak) and slope <= 8 * noise + 0.02 * peak
+    smooth = left <= max(_FLAT * noise, _FLAT_PART * peak) and slope <= 8 * noise + 0.02 * peak
+    return smooth or _hisses(v, len(head), peak)
+
+
+def _hisses(v: Float, width: int, peak: float) -> bool:
+    """Whether a start is a noise of its own, that of a filtered amplifier: alike for long."""
+    blocks = v[: _BLOCKS * width].reshape(-1, width) if len(v) >= 2 * _BLOCKS * width else v[None]
+    if len(blocks) < _BLOCKS or width < FEWEST:
+        return False
+    size = np.sqrt(np.mean((blocks - blocks.mean()) ** 2, axis=1))
+    return bool(size.max() < min(_EVEN * size.min(), _LOUD * peak))
 
 
 def _first(v: Float, centre: float, bound: float) -> int:
