@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from wavesim.case.load import load
 from wavesim.cli.main import main
 from wavesim.layered.signals import signals
-from wavesim.readings.measured import MatchError, matched, resampling
+from wavesim.readings.matched_record import MatchError, matched, resampling
 from wavesim.records.of_pulse_test import PulseTestRecord
 from wavesim.studies.comparison import compare
 from wavesim.studies.fit_answer import of_waveforms

@@ -23,7 +23,7 @@ from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import JUDGED
-from wavesim.simulation.carried import check_carried
+from wavesim.simulation.resolution import check_carried
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 

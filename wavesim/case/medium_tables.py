@@ -25,7 +25,7 @@ from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import PARAMETERS, Medium, check_parameter, families, medium_of
 from wavesim.material.rotation import Closure
-from wavesim.material.together import together
+from wavesim.material.several_families import together
 
 
 def _held(name: str, value: float) -> float:

@@ -19,7 +19,7 @@ from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
-from wavesim.simulation.carried import highest_frequency
+from wavesim.simulation.resolution import highest_frequency
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost

@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesim.case.load import Case
 from wavesim.readings.dispersion.points import BranchPoints
-from wavesim.readings.measured import Measured
+from wavesim.readings.matched_record import Measured
 from wavesim.studies import medium_fit
 from wavesim.studies.comparison import Comparison, compare
 from wavesim.studies.least_squares import FitError, Solution

@@ -22,7 +22,7 @@ from wavesim.case.load import Case
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.readings.measured import Measured, resampling
+from wavesim.readings.matched_record import Measured, resampling
 from wavesim.simulation.simulation import Simulation
 from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
 
