@@ -335,6 +335,13 @@ def test_series_of_speeds_go_to_a_law(tmp_path):
     etas = [row["medium.stiffness_ratio"]["value"] for row in answer["series"]]
     np.testing.assert_allclose(etas, 0.13, rtol=1e-9)
     assert answer["series"][0]["medium.K_n_a"]["error"] > 0
+    pair = call("fit", "bender_element", "--speeds", "372", "254", "--out", tmp_path, "--json")
+    fitted = ws.load(tmp_path / "fitted.toml").medium
+    assert fitted.K_n_a == json.loads(pair.stdout)["parameters"]["medium.K_n_a"]["value"]
+    plain = call("fit", case, "--speeds", "372", "254")
+    assert plain.exit_code == 0
+    assert "give --speed-errors" in plain.output
+    assert fitted.K_n_r == pytest.approx(fitted.K_n_a, rel=1e-12)
 
 
 def test_the_bender_element_case_finds_the_s_wave_and_names_its_precursor(shipped):
