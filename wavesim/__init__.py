@@ -53,7 +53,7 @@ _HOMES = {
     "read_pulses": "wavesim.readings.pulse.array_reading",
     "transmission_record": "wavesim.readings.pulse.transmission_record",
     "read_transmission": "wavesim.readings.pulse.reading",
-    "read_series": "wavesim.readings.pulse.reading",
+    "read_series": "wavesim.readings.pulse.series_reading",
     "matched": "wavesim.readings.matched_record",
     "compare": "wavesim.studies.comparison",
     "fit_waveforms": "wavesim.studies.fit_answer",
