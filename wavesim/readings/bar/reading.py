@@ -28,7 +28,7 @@ class Reading:
     """What was measured, each beside its exact counterpart.
 
     Attributes:
-        exact: {receiver: {field: signal (nt,)}} of the exact solver, rad and 1/m.
+        exact: {receiver: {field: signal (nt,)}} of the exact solver, in its unit.
         error: {receiver: {field: largest difference over the field's largest value within half a
             wavelength}}, of those that are loud enough there to be judged, where the grid has them
             to its order; see loudness.
@@ -90,7 +90,7 @@ class Expected:
     """What the exact solvers say of a bar before anything is simulated.
 
     Attributes:
-        signals: {receiver: {field: signal (nt,)}}, rad and 1/m; none inside an absorber, which is
+        signals: {receiver: {field: signal (nt,)}}, in its unit; none inside an absorber, which is
             no part of the bar that it ends, and none on a point source of a micro-field.
         specimens, repeated, eigenfrequencies: by sector, of those that have them.
         refused: why the exact solvers do not have some of it.
