@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.material.arguments import checked
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
@@ -40,6 +41,7 @@ SOLVERS: tuple[str, ...] = (
 _FEWEST_FRAMES = 6
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Simulation(Shown):
     """A bar, what drives it, and how long.
