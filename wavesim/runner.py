@@ -18,7 +18,7 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from wavesim.verdict.judgement import measure, needed
-from wavesim.worker import Answer, SharedArray, Worker
+from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
     from wavesim.case.load import Case
@@ -81,6 +81,14 @@ def begun_beside() -> Worker:
     return beside
 
 
+def reached(simulation: Simulation, beside: Worker) -> Worker | Here:
+    """The process beside a run; this one in its place for a family of a program's own, whose class
+    no other process finds."""
+    media = [part for medium in simulation.layers.media for part in medium.parts]
+    ours = all(type(medium).__module__.startswith("wavesim.") for medium in media)
+    return beside if ours else Here()
+
+
 def run(
     case: Case,
     folder: Path,
@@ -121,7 +129,8 @@ def run(
             if folder.is_dir():
                 until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
-            known = case, folder, resume, tell, begun, own, figures, rerun
+            at_work = reached(case.simulation, own)
+            known = case, folder, resume, tell, begun, at_work, figures, rerun
             return _run(until_the_end, *known)
     except StorageError as error:
         raise RunError(str(error), False, not isinstance(error, WriteError)) from error
@@ -151,7 +160,7 @@ def _run(
     resume: bool,
     tell: Progress,
     clock: float,
-    beside: Worker,
+    beside: Worker | Here,
     figures: bool,
     rerun: str,
 ) -> Outcome:
@@ -213,6 +222,8 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     if kept:
+        for values in kept.values():
+            values.freeze()
         until_the_end.enter_context(results.gathering())
         stored = simulated.times, kept, Energy.joined(energies)
         field = Field(simulated, *stored, steps.solver, seconds)
@@ -342,7 +353,7 @@ class _Pictures:
         field: what was simulated.
     """
 
-    def __init__(self, beside: Worker, folder: Path, figures: bool, field: Field) -> None:
+    def __init__(self, beside: Worker | Here, folder: Path, figures: bool, field: Field) -> None:
         self._beside, self._field, self._overview = beside, field, folder / "overview.png"
         self._folder = folder / "figures" if figures else None
         self._data = [beside.one(f"{_PAGE_DATA}.of_field", field)]

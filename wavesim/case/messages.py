@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from wavesim.case.units import UNITS, numbered
+from wavesim.case.units import numbered, unit_of
 from wavesim.material.shown import printable
 
 _PLAIN = {
@@ -137,7 +137,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         kinds = _quoted(error["ctx"]["expected_tags"])
         return f"{place(parts)} kind = {shown(value['kind'])}: must be one of {kinds}"
     if kind == "list_type" and len(parts) > 1:
-        unit = f" in {UNITS[key]}" if key in UNITS else ""
+        unit = f" in {unit_of(key)}" if unit_of(key) else ""
         return f"{given}: must be an array of numbers{unit}, […]"
     if kind == "literal_error":
         return f"{given}: must be {_quoted(error['ctx']['expected'])}"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from wavesim.case.medium_tables import LayerTable, MediumTable
+from wavesim.case.medium_tables import LayerTable, MediumTable, learn
 from wavesim.case.messages import sentence
 from wavesim.case.shipped import found, like
 from wavesim.case.source_tables import SourceTable
@@ -219,7 +219,7 @@ class CaseFile(Table):
     """A whole case file; what only a simulation needs of it may be missing."""
 
     title: Text = ""
-    medium: MediumTable = MediumTable()
+    medium: MediumTable = Field(default_factory=MediumTable)
     bar: BarTable = BarTable()
     layers: list[LayerTable] = Field(default_factory=list)
     sources: Annotated[list[SourceTable], Field(min_length=1)] = []  # noqa: RUF012
@@ -242,6 +242,13 @@ class CaseFile(Table):
         """Headings of the tables that a simulation needs and this lacks."""
         needed = {"bar": "[bar]", "sources": "[[sources]]", "time": "[time]"}
         return tuple(needed[name] for name in needed if name not in self.model_fields_set)
+
+
+def learned() -> type[CaseFile]:
+    """The schema, with the keys of all families that there are by now."""
+    if learn():
+        CaseFile.model_rebuild(force=True)
+    return CaseFile
 
 
 def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
@@ -297,6 +304,7 @@ def parse(
     tables = toml_tables(text, name)
     for override in overrides:
         lay_over(tables, override)
+    learned()
     try:
         return CaseFile.model_validate(tables, context={"folder": Path(folder)})
     except ValidationError as error:

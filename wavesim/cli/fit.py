@@ -228,13 +228,12 @@ def _fitted(case: str, overrides: tuple[str, ...], answer: Any) -> str:
     """The case file with the values that were found."""
     import tomli_w
 
-    from wavesim.case.toml_text import lay_over, toml_tables
+    from wavesim.case.schema import tables_of
+    from wavesim.case.toml_text import lay_over
 
-    tables = toml_tables(Path(case).read_text(encoding="utf-8-sig"), case)
-    for override in overrides:
-        lay_over(tables, override)
-    for key, one in answer["parameters"].items():
-        if one["value"] is None:  # a fit without an answer
-            continue
-        lay_over(tables, f"{key}={one['value']!r}")
+    tables, _ = tables_of(case, overrides)
+    found = {key: one["value"] for key, one in answer["parameters"].items()}
+    for key, value in (found | answer.get("along", {})).items():
+        if value is not None:  # a fit without an answer
+            lay_over(tables, f"{key}={value!r}")
     return tomli_w.dumps(tables)

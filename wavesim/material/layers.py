@@ -15,9 +15,9 @@ from typing import Any, Literal
 import numpy as np
 
 from wavesim.material.arguments import checked
+from wavesim.material.case_tables import grouped, medium_table, rounded
 from wavesim.material.medium import Medium
 from wavesim.material.shown import Shown, quantity
-from wavesim.material.tables import grouped, medium_table, rounded
 
 End = Literal["periodic", "fixed", "free", "absorbing"]
 Grading = Literal["smooth", "linear"]

@@ -88,6 +88,17 @@ def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
         yield lambda part: bar.update(task, completed=part)
 
 
+def _counted(text: str) -> Progress:
+    return Progress(
+        TextColumn(text),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
 @contextmanager
 def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]]:
     """Show the progress of a sweep while it lasts; nothing when quiet or not on a terminal.
@@ -102,14 +113,8 @@ def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]
     if quiet or not sys.stderr.isatty():
         yield lambda done, failed, of: None
         return
-    with Progress(
-        TextColumn("{task.completed:.0f} of {task.total:.0f} members{task.fields[failed]}"),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
+    text = "{task.completed:.0f} of {task.total:.0f} members{task.fields[failed]}"
+    with _counted(text) as bar:
         task = bar.add_task("members", total=count, failed="")
 
         def tell(done: int, failed: int, of: int) -> None:
@@ -119,26 +124,18 @@ def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]
 
 
 @contextmanager
-def parts(what: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+def parts(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show how many of some parts are done while it lasts, and how long the rest takes.
 
     Args:
-        what: they are, such as "figures".
-        quiet: show nothing; nothing is shown where there is no terminal either.
+        what: they are, such as "figures"; nothing is shown where there is no terminal.
 
     Yields:
         What to call with the parts done and all there are.
     """
-    if quiet or not sys.stderr.isatty():
+    if not sys.stderr.isatty():
         yield lambda done, of: None
         return
-    with Progress(
-        TextColumn(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}"),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
+    with _counted(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}") as bar:
         task = bar.add_task(what, total=1)
         yield lambda done, of: bar.update(task, completed=done, total=of)

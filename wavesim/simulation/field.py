@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling
 from wavesim.material.arguments import checked
 from wavesim.material.family import Block, is_macro, known_field
 from wavesim.material.layers import Layers
@@ -235,7 +236,7 @@ class Field(Shown):
                 such field.
         """
         self._check(name)
-        weights, indices = self.bar.sampling(position, staggered=not is_macro(name))
+        weights, indices = sampling(self.bar, position, staggered=not is_macro(name))
         # On a ring the points may be at both its ends.
         runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
         near = [self.part(name, points=slice(int(r[0]), int(r[-1]) + 1)) for r in runs]

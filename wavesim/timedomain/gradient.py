@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling
 from wavesim.grid.stencils import difference_norm
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
@@ -304,7 +305,7 @@ def _places(
     """Weights and indices of all receivers; None where the whole field is wanted."""
     if receivers is None:
         return None
-    plain = [bar.sampling(x, staggered) for x in receivers]
+    plain = [sampling(bar, x, staggered) for x in receivers]
     if grid is not None:
         traced = [grid.sampling(x, staggered) for x in receivers]
         weights, indices = zip(*traced, strict=True)

@@ -13,7 +13,7 @@ from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.medium import fastest_speed
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
-from wavesim.simulation.carried import largest_phase
+from wavesim.simulation.resolution import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.time_step import TimeStep
