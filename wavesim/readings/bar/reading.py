@@ -17,6 +17,7 @@ from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
 from wavesim.readings.bar.loudness import Loudness, blurred
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
 from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, specimen
+from wavesim.readings.damped_transform import check_asked
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import at_double_moment
 
@@ -162,7 +163,15 @@ def read_bar(
 
     Returns:
         The reading.
+
+    Raises:
+        ValueError: the field is of a ring of one medium, or a number is out of its range.
     """
+    check_asked(frequencies, damping)
+    if field.simulation.endless:
+        raise ValueError(
+            "field: of a ring of one medium, with no layers and no ends to be read; take extract"
+        )
     known = known or expected(field, frequencies, damping, bands)
     exact, loud = known.signals, Loudness(field)
     error: dict[str, dict[str, float]] = {}
