@@ -43,7 +43,7 @@ BAD = [
     (lambda: Layers(()), "layers = []", "at least one"),
     (lambda: Layer(1e-2, 1e-2, SOFT), "from = 0.01, to = 0.01", "greater than 0"),
     (lambda: Layer(2e-2, 1e-2, SOFT), "from = 0.02, to = 0.01", "greater than 0"),
-    (lambda: Layer(0.0, float("nan"), SOFT), "to = nan", "greater than 0"),
+    (lambda: Layer(0.0, float("nan"), SOFT), "end = nan", "finite"),
     (lambda: Layer(0, 1, SOFT, STIFF, "cubic"), "grading = 'cubic'", "smooth, linear"),
     (
         lambda: Layer(0, 1, SOFT, dataclasses.replace(STIFF, closure="printed")),

@@ -169,12 +169,14 @@ def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
 
 def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
     """Whether a table belongs at a path, rather than a value that was given as one."""
-    inside = _model(schema, loc[:-1])
-    known = inside.model_fields.get(str(loc[-1])) if isinstance(loc[-1], str) else None
-    if known is None:
-        return True
-    table = _table(known.annotation)
-    return isinstance(table, type) and issubclass(table, BaseModel)
+    model: Any = schema
+    for part in loc:
+        if isinstance(model, dict):
+            model = model.get(part, model)
+        elif isinstance(part, str):
+            known = getattr(model, "model_fields", {}).get(part)
+            model = _table(known.annotation) if known else None
+    return isinstance(model, dict) or (isinstance(model, type) and issubclass(model, BaseModel))
 
 
 def _table(annotation: Any) -> Any:

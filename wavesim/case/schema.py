@@ -22,6 +22,7 @@ from wavesim.case.toml_text import lay_over, toml_tables
 from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.medium import Medium
+from wavesim.material.scaling import FREQUENCIES, WINDOW
 from wavesim.sources.signal_file import text_of
 
 
@@ -203,8 +204,8 @@ class AnalysisTable(Table):
 
     k_min: Positive | None = None
     k_max: Positive | None = None
-    frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
-    damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+    frequencies: Annotated[int, Field(ge=FREQUENCIES[0], le=FREQUENCIES[1])] = 120
+    damping: Annotated[float, Field(ge=WINDOW[0], le=WINDOW[1], allow_inf_nan=False)] = 18.0
     bands: list[BandTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
