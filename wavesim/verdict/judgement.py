@@ -74,6 +74,18 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     return Found(checks, answers, reading, reading.tables(), summary, told)
 
 
+# What of a pulse each convention follows, so that its speed is not taken for another.
+_TIMED = {
+    "first break": "the speed of its earliest motion, which the fastest of its waves bring: no "
+    "phase velocity at any one frequency",
+    "threshold": "the speed of its first rise, which the faster of its waves bring: no phase "
+    "velocity at any one frequency",
+    "envelope": "the speed of its energy, a group velocity",
+    "correlation": "the speed at which its shape is carried on, near the phase velocity at its "
+    "peak frequency",
+}
+
+
 def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
 
@@ -105,8 +117,8 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
         one.pop("frequencies", None)
     said = [
         f"pulse test on {one.file.rpartition(' ')[2]}, {len(one.receivers)} receivers: "
-        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}; "
-        "wavesim pulse reads more of the folder"
+        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}, "
+        f"{_TIMED[one.best.convention]}; wavesim pulse reads more of the folder"
         for one in readings
         if one.best.valid
     ]
