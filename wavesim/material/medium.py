@@ -103,10 +103,12 @@ class _ByFamily(type):
                 f"family = {family!r}: a medium of family {cls.family.name!r} "  # type: ignore[attr-defined]
                 "can't be made one of another; make a new one"
             )
-        own = [one.name for one in dataclasses.fields(cls) if one.init]  # type: ignore[arg-type]
-        said = unknown(f"Medium of family {cls.family.name!r}", given, own)  # type: ignore[attr-defined]
-        if said:
-            raise ValueError(said)
+        known = cls.family  # type: ignore[attr-defined]
+        if isinstance(known, Family):  # several together look at what they are given themselves
+            own = [one.name for one in dataclasses.fields(cls) if one.init]  # type: ignore[arg-type]
+            said = unknown(f"Medium of family {known.name!r}", given, own)
+            if said:
+                raise ValueError(said)
         return super().__call__(*args, **given)
 
 

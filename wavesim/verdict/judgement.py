@@ -77,6 +77,18 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     return Found(checks, answers, reading, reading.tables(), summary, told)
 
 
+# What of a pulse each convention follows, so that its speed is not taken for another.
+_TIMED = {
+    "first break": "the speed of its earliest motion, which the fastest of its waves bring: no "
+    "phase velocity at any one frequency",
+    "threshold": "the speed of its first rise, which the faster of its waves bring: no phase "
+    "velocity at any one frequency",
+    "envelope": "the speed of its energy, a group velocity",
+    "correlation": "the speed at which its shape is carried on, near the phase velocity at its "
+    "peak frequency",
+}
+
+
 def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
 
@@ -106,19 +118,18 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     told = answer(readings, None)
     for one in told["records"]:
         one.pop("frequencies", None)
-    best = [(one.file.rpartition(" ")[2], one.best) for one in readings if one.best.valid]
-    if not best:
-        return {"pulse": told}, []
-    speeds = ", ".join(
-        f"{name} {of.velocity:.4g} ± {of.velocity_error:.2g} by {of.convention}"
-        for name, of in best
-    )
-    said = (
-        f"velocity of the pulse between receivers, m/s: {speeds}. A pulse that disperses has no "
-        "one velocity: its first break runs with the fastest of its waves; "
+    read: dict[str, list[str]] = {}
+    for one in readings:
+        if one.best.valid:
+            speed = f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s"
+            name = one.file.rpartition(" ")[2]
+            read.setdefault(one.best.convention, []).append(f"{name} {speed}")
+    said = [
+        f"pulse velocity between receivers by {by}, {_TIMED[by]}: {', '.join(speeds)}; "
         f"wavesim pulse {FOLDER} tells more"
-    )
-    return {"pulse": told}, [said]
+        for by, speeds in read.items()
+    ]
+    return {"pulse": told}, said
 
 
 def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
