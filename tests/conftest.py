@@ -48,9 +48,14 @@ def shared(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compiled(shared):
-    """What is compiled is kept for all workers and processes of this session, and no longer."""
-    kept = {"compilation_cache_dir": f"{shared}/jax", "persistent_cache_min_compile_time_secs": 0.1}
+def compiled(shared, pytestconfig):
+    """What is compiled is kept for all workers and processes, and for the next time."""
+    known = getattr(pytestconfig, "cache", None)
+    kept = {
+        "compilation_cache_dir": str(known.mkdir("jax") if known else shared / "jax"),
+        "compilation_cache_max_size": 2**30,
+        "persistent_cache_min_compile_time_secs": 0.1,
+    }
     for name, value in kept.items():
         jax.config.update(f"jax_{name}", value)
         os.environ[f"JAX_{name.upper()}"] = str(value)

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 from media import twelve_by_twelve
 
+from wavesim.grid.points import spread
 from wavesim.grid.stencils import modified_wavenumber
 
 
@@ -37,7 +38,7 @@ def modal_field(medium, bar, sources, times, rate=False):
     for source in sources:
         index = medium.family.fields.index(source.field)
         staggered = source.field in medium.family.micro
-        density, at = bar.spread(source.position, source.width, staggered)
+        density, at = spread(bar, source.position, source.width, staggered)
         line = np.zeros(n)
         np.add.at(line, at, density)
         ghat = np.fft.rfft(line) / (shift if staggered else 1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_waves_along_line import passing
 
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.spreading import exponent
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
@@ -77,3 +78,35 @@ def test_line_fits_survive_any_weights():
     found = fit_line(U, x, used, 1, True).k[:, 0]
     assert np.isnan(found[:2]).all()
     assert np.abs(found[2:] - 3).max() < 1e-9
+
+
+def from_the_middle(count=128):
+    """A lump let go in the middle of a line, in waves of c = 2000 m/s at most, both ways; the
+    exact solution on a ring four times as long."""
+    d, t = 1e-3, np.arange(200) * 1.2e-7
+    k = 2 * np.pi * np.fft.fftfreq(4 * count, d)
+    rate = 8e6 * np.abs(np.sin(k * d / 4))
+    shape = np.exp(-((2e-3 * k) ** 2) / 2)
+    u = np.fft.ifft(shape * np.cos(np.outer(t, rate)), axis=1).real
+    u = np.roll(u, count // 2, axis=1)[:, :count]
+    return u / np.abs(u).max(), t, d * np.arange(count)
+
+
+@pytest.mark.parametrize(
+    ("factor", "late", "said"),
+    [(0.5, 0, "mis-scaled"), (-1.0, 0, "mis-scaled"), (0.0, 0, "dead"), (1.0, 8, "misfit")],
+)
+def test_one_bad_receiver_among_waves_both_ways(factor, late, said):
+    """Its neighbours on both sides tell it; a factor is divided out, all else left out: no point
+    is off."""
+    u, t, x = from_the_middle()
+    u[:, 60] = factor * np.roll(u[:, 60], late)
+    u += 1e-3 * np.random.default_rng(0).normal(size=u.shape)
+    made = record(u, t, x)
+    assert said in {finding.what for finding in made.findings}
+    points = in_time(made, method="auto")
+    own = points.take(points.valid)
+    off = np.abs(own.omega - 8e6 * np.abs(np.sin(own.k * 2.5e-4)))
+    assert len(own) >= (30 if said == "mis-scaled" else 4)
+    assert (off <= 2 * own.bar).all()
+    assert np.mean(off <= own.bar) >= 0.9

@@ -14,7 +14,7 @@ from media import any_media, media
 from wavesim import layered as layeredwave
 from wavesim import planewave
 from wavesim.layered import graded_layer as collocation
-from wavesim.layered.section import generator
+from wavesim.layered.cross_section import generator
 from wavesim.layered.stack import Stack
 from wavesim.layered.star_product import star
 from wavesim.material.damping import Damping

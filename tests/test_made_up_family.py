@@ -3,14 +3,17 @@
 Beads on a string, each with two pendulums: one macro-field, two micro-fields, one sector.
 """
 
+import json
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from runs import call
 
 import wavesim as ws
+from wavesim.planewave.gap_map import gap_map
 
 
 @dataclass(frozen=True)
@@ -63,14 +66,60 @@ def test_its_waves_on_a_ring_pass_the_verdict():
     assert measured.plot().axes[0].get_title() == "sway: w₁, C₁, C₂"
 
 
-@pytest.mark.parametrize("drive", ["pull", "hold"])
-def test_a_bar_of_two_of_its_media_passes_the_verdict(drive):
+def test_a_bar_of_two_of_its_media_passes_the_verdict():
     """Driven at its end in the family's own words, held against the exact layered solution."""
     layers = ws.Layers((ws.Layer(0, 1.5, MEDIUM), ws.Layer(1.5, 2.0, HEAVY)))
-    bar = ws.layered_bar(layers, 0.1 / 16, 8, "free" if drive == "pull" else "fixed", "fixed")
-    pulse = ws.Ricker("w1", position=0.0, peak_frequency=PITCH, drive=drive)
+    bar = ws.layered_bar(layers, 0.1 / 16, 8, "fixed", "fixed")
+    pulse = ws.Ricker("w1", position=0.0, peak_frequency=PITCH, drive="hold")
     receivers = {"a": 0.4, "b": 1.2}
     field = ws.simulate(layers, bar, [pulse], 100 * MEDIUM.time_scale, receivers=receivers)
     checks = ws.judge_bar(field, ws.read_bar(field))
     assert len(checks) >= 5
     assert [check.name for check in checks if not check.passed] == []
+
+
+CASE = f"""\
+medium = {{ family = "beads", springs = 10.0 }}
+bar = {{ left = "free", right = "fixed", spacing = 6.25e-3 }}
+layers = [
+    {{ from = 0.0, to = 1.5 }},
+    {{ from = 1.5, to = 2.0, tension = 90.0, springs = 15.0 }},
+]
+sources = [{{ field = "w1", end = "left", drive = "pull", peak_frequency = {PITCH} }}]
+receivers = [{{ name = "a", position = 0.4 }}, {{ name = "b", position = 1.2 }}]
+time.duration = {100 * MEDIUM.time_scale}
+"""
+
+
+def test_a_case_file_of_it_runs_to_its_verdict(tmp_path):
+    """In the process that made the family, after case files were read already: its keys have their
+    ranges, layers are of it, and figures, page and verdict are there."""
+    assert ws.load("slab").medium.family.name == "rotation"
+    case = tmp_path / "beads.toml"
+    case.write_text(CASE)
+    result = call("run", case, "--out", tmp_path, "--quiet")
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert len(summary["checks"]) >= 5
+    assert all(check["passed"] for check in summary["checks"])
+    assert "could not" not in result.output
+    assert (tmp_path / "overview.png").stat().st_size > 10_000
+    assert ws.open(tmp_path).field.layers.media == (MEDIUM, HEAVY)
+    for wrong, told in (
+        ("tension=-1", r"[medium] tension = -1: must be greater than 0"),
+        ("tensio=1", "tensio = 1: unknown key; did you mean tension?"),
+        ("anisotropy=0", "is no key of family beads, which has tension, springs of its own"),
+    ):
+        refused = call("check", case, "--set", f"medium.{wrong}")
+        assert refused.exit_code == 2
+        assert told in refused.output
+
+
+def test_maps_of_its_gaps_hold_those_of_each_medium():
+    """Over both of its parameters; 1e-12 of planewave.gaps."""
+    found = gap_map(MEDIUM, ("tension", [30.0, 60.0]), ("springs", [8.0, 12.0, 16.0]))
+    for i, springs in enumerate((8.0, 12.0, 16.0)):
+        for j, tension in enumerate((30.0, 60.0)):
+            for gap in ws.planewave.gaps(Beads(tension=tension, springs=springs), "sway"):
+                assert found.lower[gap.name][i, j] == pytest.approx(gap.lower, rel=1e-12)
+                assert found.upper[gap.name][i, j] == pytest.approx(gap.upper, rel=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import h5py
 import numpy as np
 import pytest
@@ -166,7 +168,7 @@ def test_records_that_cannot_be_used(made, change, message):
 
 def test_spoilt_records_are_still_recovered_within_their_bars():
     # 1 % noise, 12 bits: 95 % bars hold the truth for 90 to 99 % of the points. Measured, four
-    # seeds: 47 to 57 points stand above the noise, 0.96 to 1 of them within their bars.
+    # seeds: all 60 points stand above the noise, 0.98 to 1 of them within their bars.
     spoilt = synthesize(
         CHAIN, T, X, Pulse(1500.0, 0.3), 0.61, ring=True, lattice=True,
         spoil=Spoil(noise=0.01, bits=12, seed=2),
@@ -174,8 +176,23 @@ def test_spoilt_records_are_still_recovered_within_their_bars():
     points = in_time(spoilt)
     points = points.take(points.valid)
     off = np.abs(points.omega[:, None] - CHAIN.omega(points.k)).min(axis=1)
-    assert len(points) >= 45
+    assert len(points) >= 58
     assert 0.88 <= np.mean(off <= points.bar) <= 1.0
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.01])
+def test_unequal_gains_cost_no_point_and_make_none(noise):
+    """2 % each: one set of gains for all frequencies, which noise has not. Measured: 60 points,
+    none off by more than its bar twice over."""
+    clean = synthesize(CHAIN, T, X, Pulse(1500.0, 0.3), 0.61, ring=True, lattice=True,
+                       spoil=Spoil(noise=noise, seed=3))  # fmt: skip
+    gains = 1 + 0.02 * np.random.default_rng(3).normal(size=len(X))
+    points = in_time(dataclasses.replace(clean, values=clean.values * gains))
+    points = points.take(points.valid)
+    off = np.abs(points.omega[:, None] - CHAIN.omega(points.k)).min(axis=1)
+    assert len(points) >= 58
+    assert (off < 2 * points.bar).all()
+    assert np.mean(off <= points.bar) >= 0.88
 
 
 def test_a_stretch_that_waves_leave_is_refused_by_inversion():

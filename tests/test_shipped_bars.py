@@ -10,7 +10,7 @@ from wavesim.case.load import load
 from wavesim.figures.drawing import drawings
 from wavesim.material.family import known_field
 from wavesim.material.rotation import ROTATION
-from wavesim.runner import measure
+from wavesim.verdict.judgement import measure
 
 NAMES = [
     "band_stop",

@@ -14,7 +14,7 @@ from media import twelve_by_twelve
 
 from wavesim.figures.drawing import drawings
 from wavesim.material.rotation import ROTATION
-from wavesim.runner import measure
+from wavesim.verdict.judgement import measure
 
 NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine", "translation"]
 # Fields of the longitudinal and of a transverse sector; a wave along x₁ couples no others.

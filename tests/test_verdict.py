@@ -15,7 +15,8 @@ from wavesim.readings.dispersion.extract import Measured, extract
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum
 from wavesim.simulation.field import Energy
 from wavesim.sources import EXCITED, Ricker, excitation
-from wavesim.verdict.endless import Branch, Check, hold, judge, tables
+from wavesim.verdict.check import Check
+from wavesim.verdict.endless import Branch, hold, judge, tables
 
 LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")

@@ -10,16 +10,16 @@ from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.family import Block, Family
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import FluxForm, Medium, Parameter
-from wavesim.material.together import together
+from wavesim.material.several_families import together
 from wavesim.readings.bar.reading import read_bar
 from wavesim.readings.dispersion.extract import extract
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
-from wavesim.readings.measured import matched
+from wavesim.readings.matched_record import matched
 from wavesim.readings.pulse.array_reading import read_array as read_pulses
 from wavesim.readings.pulse.measurement import measure as measure_pulses
 from wavesim.readings.pulse.reading import read_one as read_transmission
-from wavesim.readings.pulse.reading import read_series
+from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.records.arrays import Layout
 from wavesim.records.files import read as read_record

@@ -8,7 +8,7 @@ import math
 import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -17,11 +17,15 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.worker import Answer, SharedArray, Worker
+from wavesim.verdict.judgement import measure, needed
+from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
     from wavesim.case.load import Case
+    from wavesim.io.result_writer import Results
+    from wavesim.simulation.field import Energy, Field
     from wavesim.simulation.simulation import Simulation
+    from wavesim.timedomain.integrate import Timing
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
@@ -77,6 +81,14 @@ def begun_beside() -> Worker:
     return beside
 
 
+def reached(simulation: Simulation, beside: Worker) -> Worker | Here:
+    """The process beside a run; this one in its place for a family of a program's own, whose class
+    no other process finds."""
+    media = [part for medium in simulation.layers.media for part in medium.parts]
+    ours = all(type(medium).__module__.startswith("wavesim.") for medium in media)
+    return beside if ours else Here()
+
+
 def run(
     case: Case,
     folder: Path,
@@ -117,7 +129,8 @@ def run(
             if folder.is_dir():
                 until_the_end.enter_context(locked(folder))
             own = beside or until_the_end.enter_context(begun_beside())
-            known = case, folder, resume, tell, begun, own, figures, rerun
+            at_work = reached(case.simulation, own)
+            known = case, folder, resume, tell, begun, at_work, figures, rerun
             return _run(until_the_end, *known)
     except StorageError as error:
         raise RunError(str(error), False, not isinstance(error, WriteError)) from error
@@ -147,7 +160,7 @@ def _run(
     resume: bool,
     tell: Progress,
     clock: float,
-    beside: Worker,
+    beside: Worker | Here,
     figures: bool,
     rerun: str,
 ) -> Outcome:
@@ -174,9 +187,8 @@ def _run(
     keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
-    from wavesim.io.result_reader import StorageError
     from wavesim.timedomain.cost import in_memory
-    from wavesim.timedomain.integrate import Chunk, NotFiniteError, Timing, stream
+    from wavesim.timedomain.integrate import Timing
     from wavesim.timedomain.time_step import time_step
 
     lap("import")
@@ -191,12 +203,7 @@ def _run(
         start = results.carry_on()
     else:
         results.create()
-    # An earlier run's verdict must not be taken for this one's.
-    for name in ("summary.json", "report.html", "overview.png"):
-        (folder / name).unlink(missing_ok=True)
-    for picture in (folder / "figures").glob("*.*"):
-        if picture.stem.partition("_")[0] in _FIGURES and picture.suffix in _PICTURES:
-            picture.unlink(missing_ok=True)
+    _take_away_old(folder)
     storage.write_whole(folder / "resolved.toml", resolved.encode())
     kept: dict[str, SharedArray] = {}
     if start is None and in_memory(simulated):
@@ -205,37 +212,8 @@ def _run(
             kept = {name: beside.array((frames, size)) for name, size in sizes.items()}
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
-    loading = Thread(target=lambda: [import_module(name) for name in _analysis(simulated)])
-    energies = []
-    shown_at = -math.inf
-
-    def store(chunk: Chunk) -> None:
-        nonlocal shown_at
-        for name, values in kept.items():
-            values[chunk.first : chunk.first + chunk.count] = chunk.values[name]
-        due = time.monotonic() - shown_at > _SHOWN_EVERY or chunk.first + chunk.count == frames
-        shown_at = time.monotonic() if due else shown_at
-        results.append(chunk.first, chunk.values, chunk.energy, chunk.state, due)
-
-    try:
-        # A chunk is written while the next one is integrated.
-        with ThreadPoolExecutor(1) as writer:
-            writing: Future[None] | None = None
-            for chunk in stream(simulated, start, spent, loading.start):
-                if writing is not None:
-                    writing.result()
-                writing = writer.submit(store, chunk)
-                energies.append(chunk.energy)
-                tell("integrate", (chunk.first + chunk.count) / frames)
-        if writing is not None:
-            writing.result()
-    except NotFiniteError as error:
-        results.finish("failed")
-        raise RunError(str(error), True) from None
-    except BaseException:
-        with suppress(StorageError):
-            results.present()
-        raise
+    loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
+    energies = _integrated(simulated, results, start, kept, spent, tell, loading.start)
     lap("integrate")
     timing["compile"] = spent.compile
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
@@ -244,45 +222,29 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     if kept:
+        for values in kept.values():
+            values.freeze()
         until_the_end.enter_context(results.gathering())
         stored = simulated.times, kept, Energy.joined(energies)
         field = Field(simulated, *stored, steps.solver, seconds)
     else:
         field = resultfile.read(results.path, simulated)
-    shown = beside.one(f"{_PAGE_DATA}.of_field", field)
-    drawn = [beside.each(f"{_DRAWING}.of_field", folder / "figures", field)] if figures else []
+    pictures = _Pictures(beside, folder, figures, field)
     found = measure(case, field, *(known.result() if known else ()))
     lap("analyse")
     tell("figures", 0.0)
     rows = [check.row() for check in found.checks]
-    sentence, overview = verdict({"checks": rows}), folder / "overview.png"
-    told_of = field, found.shown, case.title or folder.name, sentence
-    drawn.append(beside.one(f"{_DRAWING}.overview", overview, *told_of))
-    measured = beside.one(f"{_PAGE_DATA}.of_found", field, found.shown)
-    if figures:
-        asked = folder / "figures", field, found.shown
-        drawn.append(beside.each(f"{_DRAWING}.of_measurement", *asked))
+    pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
     if not kept:
         # The file is read until all is drawn: only then may another take its place.
         until_the_end.enter_context(results.gathering())
-        for one in (*drawn, shown, measured):
-            one.wait()
+        pictures.wait()
         lap("figures")
     tell("store", 0.0)
     results.finish("complete", found.tables)
     lap("store")
     tell("figures", 0.0)
-    undrawn = []
-    for one in drawn:
-        try:
-            one.result()
-        except Exception as error:  # a picture that fails takes nothing else with it
-            undrawn.append(error)
-    data = None
-    try:
-        data = shown.result()[0] | measured.result()[0]
-    except Exception as error:
-        undrawn.append(error)
+    data, undrawn = pictures.result()
     lap("figures")
     summary = {
         "title": case.title,
@@ -314,107 +276,120 @@ def _run(
     return Outcome(summary, folder, found.notes)
 
 
-@dataclass(frozen=True)
-class Found:
-    """What was measured of a field.
-
-    Attributes:
-        checks: the verdict.
-        shown: what its figures are drawn from.
-        tables: what is stored of it, with units.
-        summary: what summary.json gets besides.
-        answers: the few rows that a reader asks for first.
-        notes: as of :class:`Outcome`.
-    """
-
-    checks: list[Any]
-    answers: dict[str, Any]
-    shown: Any
-    tables: dict[str, Any]
-    summary: dict[str, Any]
-    notes: list[str]
+def _take_away_old(folder: Path) -> None:
+    """An earlier run's verdict must not be taken for this one's."""
+    for name in ("summary.json", "report.html", "overview.png"):
+        (folder / name).unlink(missing_ok=True)
+    for picture in (folder / "figures").glob("*.*"):
+        if picture.stem.partition("_")[0] in _FIGURES and picture.suffix in _PICTURES:
+            picture.unlink(missing_ok=True)
 
 
-def _analysis(simulated: Simulation) -> tuple[str, ...]:
-    """The modules that measure a run of this case."""
-    endless = simulated.endless
-    return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
-
-
-def measure(case: Case, field: Any, known: Any = None) -> Found:
-    """Measure a field and hold it against theory.
-
-    An endless bar is measured by its waves, ω(k) and k(ω), one with layers or ends by what its
-    receivers record.
+def _integrated(
+    simulated: Simulation,
+    results: Results,
+    start: tuple[int, Sequence[Any]] | None,
+    kept: dict[str, SharedArray],
+    spent: Timing,
+    tell: Progress,
+    meanwhile: Callable[[], object],
+) -> list[Energy]:
+    """Integrate, and store each chunk while the next one is integrated.
 
     Args:
-        case: the case.
-        field: the field of its run.
-        known: what the exact solvers say of a bar with layers or ends; worked out where None.
-    """
-    table = case.analysis
-    if case.simulation.endless:
-        from wavesim.readings.dispersion.extract import extract
-        from wavesim.verdict.answers import of_endless
-        from wavesim.verdict.endless import hold, judge, tables
-
-        measured = extract(field, case.k_range[1], table.frequencies, table.damping)
-        held = [hold(field, m, case.k_range) for m in measured]
-        checks = judge(field, held)
-        found = tables(held)
-        passing, said = pulse_tests(field)
-        told = notes(case.simulation, checks) + said
-        return Found(checks, of_endless(field, held), held, found, passing, told)
-    from wavesim.readings.bar.pulse_test import rows
-    from wavesim.readings.bar.reading import read_bar
-    from wavesim.verdict.answers import of_bar
-    from wavesim.verdict.bar import bar_notes, judge_bar
-
-    reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
-    summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
-    checks = judge_bar(field, reading)
-    answers = of_bar(field, reading)
-    told = bar_notes(reading, field)
-    return Found(checks, answers, reading, reading.tables(), summary, told)
-
-
-def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
-    """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
+        simulated: what is run.
+        results: where to.
+        start: to carry on from; None begins at t = 0.
+        kept: arrays that are filled too.
+        spent: where to note the seconds spent.
+        tell: progress.
+        meanwhile: called while Python has nothing to do.
 
     Returns:
-        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a line for each
-        velocity); nothing where there are no such receivers.
+        The energy of each chunk.
     """
-    from wavesim.readings.pulse.answers import answer
-    from wavesim.readings.pulse.array_reading import read_array
-    from wavesim.readings.pulse.signals import PulseError
-    from wavesim.records.content import RecordError
-    from wavesim.records.of_pulse_test import of_field
+    from wavesim.io.result_reader import StorageError
+    from wavesim.timedomain.integrate import Chunk, NotFiniteError, stream
 
-    if len(field.receivers) < 2:
-        return {}, []
-    readings = []
+    energies, shown_at = [], -math.inf
+
+    def store(chunk: Chunk) -> None:
+        nonlocal shown_at
+        end = chunk.first + chunk.count
+        for name, values in kept.items():
+            values[chunk.first : end] = chunk.values[name]
+        due = time.monotonic() - shown_at > _SHOWN_EVERY or end == simulated.frames
+        shown_at = time.monotonic() if due else shown_at
+        results.append(chunk.first, chunk.values, chunk.energy, chunk.state, due)
+
     try:
-        for test in of_field(field, "run"):
-            if test.placed:
-                given = test.signals, test.positions, test.sent
-                readings.append(read_array(test.name, test.t, *given))
-    except (RecordError, PulseError):
-        # Receivers on both sides, or where nothing came: nothing that could be read.
-        pass
-    if not readings:
-        return {}, []
-    told = answer(readings, None)
-    for one in told["records"]:
-        one.pop("frequencies", None)
-    said = [
-        f"pulse test on {one.file.rpartition(' ')[2]}, {len(one.receivers)} receivers: "
-        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}; "
-        "wavesim pulse reads more of the folder"
-        for one in readings
-        if one.best.valid
-    ]
-    return {"pulse": told}, said
+        with ThreadPoolExecutor(1) as writer:
+            writing: Future[None] | None = None
+            for chunk in stream(simulated, start, spent, meanwhile):
+                if writing is not None:
+                    writing.result()
+                writing = writer.submit(store, chunk)
+                energies.append(chunk.energy)
+                tell("integrate", (chunk.first + chunk.count) / simulated.frames)
+        if writing is not None:
+            writing.result()
+    except NotFiniteError as error:
+        results.finish("failed")
+        raise RunError(str(error), True) from None
+    except BaseException:
+        with suppress(StorageError):
+            results.present()
+        raise
+    return energies
+
+
+class _Pictures:
+    """What the process beside a run draws of it, and what its page is drawn from.
+
+    Args:
+        beside: the process.
+        folder: of the run.
+        figures: whether all figures are wanted.
+        field: what was simulated.
+    """
+
+    def __init__(self, beside: Worker | Here, folder: Path, figures: bool, field: Field) -> None:
+        self._beside, self._field, self._overview = beside, field, folder / "overview.png"
+        self._folder = folder / "figures" if figures else None
+        self._data = [beside.one(f"{_PAGE_DATA}.of_field", field)]
+        self._drawn: list[Answer] = []
+        if self._folder:
+            self._drawn.append(beside.each(f"{_DRAWING}.of_field", self._folder, field))
+
+    def of_found(self, found: Any, title: str, verdict: str) -> None:
+        """Draw what was measured; arguments as of ``figures.overview.write_overview``."""
+        beside, field = self._beside, self._field
+        known = self._overview, field, found, title, verdict
+        self._drawn.append(beside.one(f"{_DRAWING}.overview", *known))
+        self._data.append(beside.one(f"{_PAGE_DATA}.of_found", field, found))
+        if self._folder:
+            self._drawn.append(
+                beside.each(f"{_DRAWING}.of_measurement", self._folder, field, found)
+            )
+
+    def wait(self) -> None:
+        """Wait until all is drawn, well or not."""
+        for one in (*self._drawn, *self._data):
+            one.wait()
+
+    def result(self) -> tuple[dict[str, Any] | None, list[Exception]]:
+        """What the page is drawn from, and what went wrong: it takes nothing else with it."""
+        wrong: list[Exception] = []
+        data: dict[str, Any] | None = {}
+        for one in (*self._drawn, *self._data):
+            try:
+                made = one.result()
+                if data is not None and one in self._data:
+                    data |= made[0]
+            except Exception as error:
+                wrong.append(error)
+                data = None if one in self._data else data
+        return data, wrong
 
 
 def _begin(folder: Path) -> None:
@@ -427,27 +402,6 @@ def _begin(folder: Path) -> None:
             False,
             not full,
         ) from None
-
-
-def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
-    """What a reader should know beside the checks."""
-    found = []
-    if not any("waves present" in check.name for check in checks):
-        duration, frames = simulated.duration, simulated.frames
-        nyquist = (frames - 1) / (2 * duration)
-        found.append(
-            f"no branch was judged: frequency bins of {1e-3 / duration:.3g} kHz up to "
-            f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
-            "duration for finer bins, raise [time] samples for a higher end"
-        )
-    if any(block.macro for block in simulated.blocks) and not any(
-        "|Δk|/|k|" in check.name for check in checks
-    ):
-        found.append(
-            "no wavenumber could be measured along the bar: lengthen the bar, or leave more room "
-            "between the sources"
-        )
-    return found
 
 
 def peak_memory() -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from wavesim.case.schema import CaseFile
+from wavesim.case.schema import learned
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.family import known_fields
 from wavesim.material.medium import PARAMETERS, families
@@ -32,9 +32,11 @@ _MEANS = {
     "repeat": "how often the group of [[layers.layers]] stands",
     "field": "what the source drives",
     "position": "along the bar (m)",
-    "end": "that a moment or a rotation drives, in place of position",
-    "drive": '"body", "moment" on a free end or "rotation" of a fixed one',
-    "amplitude": "N·m/m² on a rotation, N on a micro-curvature, rad for drive rotation",
+    "end": "that is driven, in place of position",
+    "drive": '"body"; on a free end "moment" or "traction"; of a fixed one "rotation" or '
+    '"displacement"',
+    "amplitude": "N·m/m² on a rotation, N on a micro-curvature, N/m² on a displacement, N/m on a "
+    "micro-strain; rad or m of a fixed end that is moved",
     "width": "standard deviation of a Gaussian (m); 0 is a point",
     "kind": "of the source",
     "peak_frequency": "of the pulse's spectrum (Hz)",
@@ -51,20 +53,25 @@ _MEANS = {
     "k_max": "highest wavenumber judged (rad/m)",
     "frequencies": "of the attenuation curve",
     "damping": "σT of the exponential window",
-} | {
-    name: f"{own.symbol}" + (f" ({own.unit})" if own.unit else "")
-    for name, own in PARAMETERS.items()
 }
-_ONE_OF: dict[str, list[Any]] = {
-    "order": list(ORDERS),
-    "field": list(known_fields()),
-    "family": list(families()),
-}
+
+
+def _meaning(key: str) -> str | None:
+    known = PARAMETERS.get(key)
+    if known is None:
+        return _MEANS.get(key)
+    return known.symbol + (f" ({known.unit})" if known.unit else "")
+
+
+def _one_of(key: str) -> list[Any] | None:
+    """What a key may be."""
+    known = {"order": ORDERS, "field": known_fields(), "family": families()}.get(key)
+    return None if known is None else list(known)
 
 
 def json_schema() -> dict[str, Any]:
     """The schema (JSON Schema, draft 2020-12); what it lets through wavesim may yet refuse."""
-    made: dict[str, Any] = _told(CaseFile.model_json_schema(by_alias=True))
+    made: dict[str, Any] = _told(learned().model_json_schema(by_alias=True))
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "A case of wavesim",
@@ -91,8 +98,9 @@ def _told(part: Any) -> Any:
         made.pop("description", None)
         for name, one in keys.items():
             one.pop("title", None)
-            if name in _MEANS and "$ref" not in one:
-                one["description"] = _MEANS[name]
-            if name in _ONE_OF:
-                one["enum"] = _ONE_OF[name]
+            meaning, allowed = _meaning(name), _one_of(name)
+            if meaning is not None and "$ref" not in one:
+                one["description"] = meaning
+            if allowed is not None:
+                one["enum"] = allowed
     return made

@@ -17,11 +17,12 @@ from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.messages import place
 from wavesim.case.schema import AnalysisTable, BandTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
+from wavesim.grid.points import sampling, spread
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import JUDGED
-from wavesim.simulation.carried import check_carried
+from wavesim.simulation.resolution import check_carried
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 
@@ -131,13 +132,13 @@ def build(file: CaseFile, name: str) -> Case:
         if source.acts in _DRIVEN_END:
             make(where, _check_end, source, entry, ends)
         else:
-            make(where, bar.spread, source.position, source.width, source.staggered)
+            make(where, spread, bar, source.position, source.width, source.staggered)
         make(where, check_carried, source, media, bar)
         sources.append(source)
     receivers = {}
     for number, receiver in enumerate(file.receivers):
         position = _within(receiver.position, file, bar)
-        make(("receivers", str(number)), bar.sampling, position, False)
+        make(("receivers", str(number)), sampling, bar, position, False)
         receivers[receiver.name] = position
     of_bar = layers or as_layers(medium, bar.length)
     simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)

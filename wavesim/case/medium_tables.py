@@ -11,19 +11,21 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     ValidationInfo,
     create_model,
     field_validator,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 
 from wavesim.case.table import NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import PARAMETERS, Medium, check_parameter, families, medium_of
 from wavesim.material.rotation import Closure
-from wavesim.material.together import together
+from wavesim.material.several_families import together
 
 
 def _held(name: str, value: float) -> float:
@@ -32,6 +34,12 @@ def _held(name: str, value: float) -> float:
     except ValueError as error:
         raise ValueError(str(error).split(": ", 1)[1]) from None
     return value
+
+
+def _admissible(value: float | None, info: ValidationInfo) -> float | None:
+    """A parameter in [medium]."""
+    assert info.field_name is not None
+    return value if value is None else _held(info.field_name, value)
 
 
 def _one_number(value: Any, info: ValidationInfo) -> Any:
@@ -50,7 +58,10 @@ def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
     for part in parts:
         if isinstance(part, bool) or not isinstance(part, numbers.Real):
             raise ValueError("must be a number, or a pair [at from, at to]")
-        _held(info.field_name, float(part))
+        try:
+            _held(info.field_name, float(part))
+        except OverflowError:
+            raise ValueError("must be finite") from None
     return [float(part) for part in parts] if isinstance(value, list) else float(value)
 
 
@@ -96,14 +107,15 @@ LOSSES: dict[str, tuple[Any, Any]] = {
     "quality_band": (Band, None),
 }
 
-# Keys of all families; what is left out is as the family has it.
-_KEYS: dict[str, Any] = dict.fromkeys(PARAMETERS, (float | None, None))
-_KEYS = {"closure": (Closure | None, None)} | _KEYS | LOSSES
+# Parameters of all families, in [medium] and in a layer; what is left out is as the family has it.
+_ONE: Any = Annotated[float | None, AfterValidator(_admissible)]
+_ONE_OR_PAIR: Any = Annotated[Any, BeforeValidator(_number_or_pair)]
+_CLOSURE: dict[str, Any] = {"closure": (Closure | None, None)}
+_KEYS: dict[str, Any] = _CLOSURE | dict.fromkeys(PARAMETERS, (_ONE, None)) | LOSSES
 _MediumKeys: Any = create_model("_MediumKeys", __base__=Table, **_KEYS)
-_GRADED: dict[str, Any] = {
-    key: (Any if key in PARAMETERS else kind | None, None) for key, (kind, _) in _KEYS.items()
-}
-_LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_GRADED)
+_KEYS = _CLOSURE | dict.fromkeys(PARAMETERS, (_ONE_OR_PAIR, None))
+_KEYS |= {key: (kind | None, None) for key, (kind, _) in LOSSES.items()}
+_LayerKeys: Any = create_model("_LayerKeys", __base__=Table, **_KEYS)
 
 
 class MediumTable(_MediumKeys):
@@ -120,15 +132,13 @@ class MediumTable(_MediumKeys):
         names = value if isinstance(value, list) else [value]
         if not names or any(name not in families() for name in names):
             *first, last = (f'"{name}"' for name in families())
-            raise ValueError(f"must be {', '.join(first)} or {last}, or a list of them")
+            raise ValueError(
+                f"must be {', '.join(first)} or {last}, or a list of them; a family of your own is "
+                "known in the Python program that makes its class"
+            )
         if len(set(names)) < len(names):
             raise ValueError("must name each family once")
         return value
-
-    @field_validator(*PARAMETERS)
-    @classmethod
-    def _admissible(cls, value: float | None, info: Any) -> float | None:
-        return value if value is None else _held(info.field_name, value)
 
     def build(self) -> Medium:
         """The medium."""
@@ -189,7 +199,6 @@ class LayerTable(_LayerKeys):
     repeat: Annotated[int, Field(gt=0, le=MOST_REPEATS)] | None = None
     layers: list[LayerTable] = Field(default_factory=list)
 
-    _graded = field_validator(*PARAMETERS, mode="before")(_number_or_pair)
     _ungraded = field_validator(*LOSSES, mode="before")(_one_number)
 
     @property
@@ -270,6 +279,16 @@ class LayerTable(_LayerKeys):
 
 
 _EXTENT = ("start", "end", "thickness", "grading", "repeat", "layers")
+
+
+def learn() -> bool:
+    """Make parameters of families that came since keys of both tables; whether any did."""
+    new = [name for name in PARAMETERS if name not in MediumTable.model_fields]
+    for table, kind in ((MediumTable, _ONE), (LayerTable, _ONE_OR_PAIR)) if new else ():
+        for name in new:
+            table.model_fields[name] = FieldInfo.from_annotated_attribute(kind, None)
+        table.model_rebuild(force=True)
+    return bool(new)
 
 
 @dataclass(frozen=True)

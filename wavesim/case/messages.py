@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from wavesim.case.units import UNITS, numbered
+from wavesim.case.units import numbered, unit_of
 from wavesim.material.shown import printable
 
 _PLAIN = {
@@ -126,7 +126,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         return f"{given}: must be a table, [{key}]"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
-        if isinstance(value, dict):
+        if isinstance(value, dict) and _is_table(schema, error["loc"]):
             return f"{place(parts)} {text}"
         if isinstance(value, list) and len(parts) == 1:
             return f"[[{key}]] {text}"
@@ -137,7 +137,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         kinds = _quoted(error["ctx"]["expected_tags"])
         return f"{place(parts)} kind = {shown(value['kind'])}: must be one of {kinds}"
     if kind == "list_type" and len(parts) > 1:
-        unit = f" in {UNITS[key]}" if key in UNITS else ""
+        unit = f" in {unit_of(key)}" if unit_of(key) else ""
         return f"{given}: must be an array of numbers{unit}, […]"
     if kind == "literal_error":
         return f"{given}: must be {_quoted(error['ctx']['expected'])}"
@@ -165,6 +165,18 @@ def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
             model = _table(model.model_fields[part].annotation)
     assert isinstance(model, type)
     return model
+
+
+def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
+    """Whether a table belongs at a path, rather than a value that was given as one."""
+    model: Any = schema
+    for part in loc:
+        if isinstance(model, dict):
+            model = model.get(part, model)
+        elif isinstance(part, str):
+            known = getattr(model, "model_fields", {}).get(part)
+            model = _table(known.annotation) if known else None
+    return isinstance(model, dict) or (isinstance(model, type) and issubclass(model, BaseModel))
 
 
 def _table(annotation: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from wavesim.case.medium_tables import LayerTable, MediumTable
+from wavesim.case.medium_tables import LayerTable, MediumTable, learn
 from wavesim.case.messages import sentence
 from wavesim.case.shipped import found, like
 from wavesim.case.source_tables import SourceTable
@@ -22,6 +22,7 @@ from wavesim.case.toml_text import lay_over, toml_tables
 from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.medium import Medium
+from wavesim.material.scaling import FREQUENCIES, WINDOW
 from wavesim.sources.signal_file import text_of
 
 
@@ -203,8 +204,8 @@ class AnalysisTable(Table):
 
     k_min: Positive | None = None
     k_max: Positive | None = None
-    frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
-    damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+    frequencies: Annotated[int, Field(ge=FREQUENCIES[0], le=FREQUENCIES[1])] = 120
+    damping: Annotated[float, Field(ge=WINDOW[0], le=WINDOW[1], allow_inf_nan=False)] = 18.0
     bands: list[BandTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
@@ -218,7 +219,7 @@ class CaseFile(Table):
     """A whole case file; what only a simulation needs of it may be missing."""
 
     title: Text = ""
-    medium: MediumTable = MediumTable()
+    medium: MediumTable = Field(default_factory=MediumTable)
     bar: BarTable = BarTable()
     layers: list[LayerTable] = Field(default_factory=list)
     sources: Annotated[list[SourceTable], Field(min_length=1)] = []  # noqa: RUF012
@@ -241,6 +242,13 @@ class CaseFile(Table):
         """Headings of the tables that a simulation needs and this lacks."""
         needed = {"bar": "[bar]", "sources": "[[sources]]", "time": "[time]"}
         return tuple(needed[name] for name in needed if name not in self.model_fields_set)
+
+
+def learned() -> type[CaseFile]:
+    """The schema, with the keys of all families that there are by now."""
+    if learn():
+        CaseFile.model_rebuild(force=True)
+    return CaseFile
 
 
 def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
@@ -297,6 +305,7 @@ def parse(
     tables = toml_tables(text, name)
     for override in overrides:
         lay_over(tables, override)
+    learned()
     try:
         return CaseFile.model_validate(tables, context={"folder": Path(folder)})
     except ValidationError as error:

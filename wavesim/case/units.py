@@ -16,7 +16,6 @@ UNITS = (
     | dict.fromkeys(("k_min", "k_max"), "rad/m")
     | dict.fromkeys(("at_most", "at_least"), "dB")
     | {"mass_damping": "1/s"}
-    | {name: known.unit for name, known in PARAMETERS.items() if known.unit}
 )  # fmt: skip
 _FACTORS = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9},
@@ -25,6 +24,12 @@ _FACTORS = {
 }
 _TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 _LEAST_DIGITS = 12
+
+
+def unit_of(key: str) -> str:
+    """The unit of a key's number, "" where it has none."""
+    known = PARAMETERS.get(key)
+    return known.unit if known else UNITS.get(key, "")
 
 
 def numbered(key: str, message: str, value: str) -> str:
@@ -38,7 +43,7 @@ def numbered(key: str, message: str, value: str) -> str:
     Returns:
         Such as "must be a number in Hz, without quotes or unit: 50000.0".
     """
-    unit = UNITS.get(key)
+    unit = unit_of(key)
     if unit:
         message = message.replace("must be a number", f"must be a number in {unit}", 1)
     meant = _meant(unit, value)

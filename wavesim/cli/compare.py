@@ -20,7 +20,7 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 def laid_beside(record: str, case: str, field: str | None, overrides: Any, layout: Any) -> Any:
     """A case and a record matched to its receivers; what is wrong ends the command with a line."""
-    from wavesim.readings.measured import MatchError, matched
+    from wavesim.readings.matched_record import MatchError, matched
     from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
 

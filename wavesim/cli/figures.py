@@ -50,10 +50,12 @@ def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> N
     """Draw the figures of a run from the FOLDER of its results."""
     from wavesim.records.run_folder import open_run
     from wavesim.report.progress import parts
-    from wavesim.runner import begun_beside, measure
+    from wavesim.runner import begun_beside, reached
+    from wavesim.verdict.judgement import measure
 
-    with begun_beside() as beside, _told(Path(out or folder)):
+    with begun_beside() as process, _told(Path(out or folder)):
         run = open_run(folder)
+        beside = reached(run.field.simulation, process)
         target = Path(out) if out else run.folder / "figures"
         found = measure(run.case, run.field).shown if run.status == "complete" else None
         try:

@@ -70,7 +70,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
 
 
 def _judge(case: Any, field: Any) -> Any:
-    from wavesim.runner import measure
+    from wavesim.verdict.judgement import measure
 
     return measure(case, field)
 

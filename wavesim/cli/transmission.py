@@ -84,16 +84,17 @@ def _tell(study: Any) -> None:
         alike.setdefault(curve.T.tobytes(), []).append(curve)
     # Of several families the family stands above its sectors.
     names = ["\n".join(curve.sector for curve in own).replace("-", "\n") for own in alike.values()]
-    for head in ("kHz", *(f"{name}\nT, dB" for name in names)):
+    unit, scale = ("kHz", 1e3) if study.curves[0].frequency[-1] >= 1e3 else ("Hz", 1.0)
+    for head in (unit, *(f"{name}\nT, dB" for name in names)):
         table.add_column(head, justify="right")
     frequency = study.curves[0].frequency
     levels = [decibels(own[0].T) for own in alike.values()]
     for n in np.unique(np.linspace(0, len(frequency) - 1, _ROWS).round().astype(int)):
-        table.add_row(f"{frequency[n] / 1e3:.1f}", *(f"{level[n]:.2f}" for level in levels))
+        table.add_row(f"{frequency[n] / scale:.1f}", *(f"{level[n]:.2f}" for level in levels))
     out.print(table)
-    gaps = Table("layers", "sector", "gap", "from kHz", "to kHz", box=None, pad_edge=False)
+    gaps = Table("layers", "sector", "gap", f"from {unit}", f"to {unit}", box=None, pad_edge=False)
     for where, sector, name, low, high in study.gaps:
-        gaps.add_row(where, sector, name, f"{low / 1e3:.2f}", f"{high / 1e3:.2f}")
+        gaps.add_row(where, sector, name, f"{low / scale:.2f}", f"{high / scale:.2f}")
     out.print(gaps)
     if study.bands:
         bands = Table("band", "from kHz", "to kHz", "dB", "T from", "to dB", "", box=None,

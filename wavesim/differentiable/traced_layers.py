@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesim.material.layers import Grading, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.together import together
+from wavesim.material.several_families import together
 from wavesim.planewave.band_edges import keeps_gradient
 
 jax.config.update("jax_enable_x64", True)

@@ -12,21 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.grid.stencils import difference_weights, interpolation_weights
+from wavesim.grid.stencils import difference_weights
 from wavesim.grid.summation_by_parts import chain, check_stretches
+from wavesim.material.arguments import checked
 from wavesim.material.layers import ENDS, End, Layers
 from wavesim.material.shown import Shown, quantity
 
 MINIMUM_CELLS = 16
 # More would not fit into any memory, and are taken for a slip of the pen.
 MOST_CELLS = 10**8
-# A Gaussian is cut at so many widths, where it is 1e-16 of its top. Sampled at a width of so many
-# cells its sum is its integral to 3e-15; where that is off by more, a closure is near, which is not
-# felt from so many cells on.
-_CUT = 8.5
-_SAMPLED = 1.3
-_INTEGRATED = 1e-9
-_WIDE = 32
 
 Float = NDArray[Any]
 Index = NDArray[np.int64]
@@ -51,6 +45,7 @@ class Differences:
     half_norm: Float
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Bar(Shown):
     """A bar on a staggered grid, with its ends.
@@ -114,6 +109,8 @@ class Bar(Shown):
                 f"cells = {self.cells}: the stretches have "
                 f"{sum(cells for cells, _ in self.stretches)}; make the bar with layered_bar"
             )
+        if self.absorber < 0:
+            raise ValueError(f"absorber = {self.absorber:g} m: must be 0 or greater")
         absorbing = (self.left, self.right).count("absorbing")
         if absorbing and not self.absorber > 0:
             raise ValueError(
@@ -219,114 +216,6 @@ class Bar(Shown):
             norm = norm[:-1]
         return Differences(made.first, made.diagonals, norm, made.half_norm)
 
-    def sampling(self, position: float, staggered: bool) -> tuple[Float, Index]:
-        """Weights and grid indices that interpolate a field at a position, to the bar's order.
-
-        Points are taken from one stretch only, as a field has kinks or jumps at interfaces; at an
-        interface from the one to its right, as :meth:`Layers.layer_at` does.
-
-        Args:
-            position: m, in [0, L].
-            staggered: True for a field on the half-nodes.
-
-        Raises:
-            ValueError: the position is outside the bar.
-        """
-        if not 0 <= position <= self.length * (1 + 1e-12):
-            raise ValueError(
-                f"position = {position:g} m: must be within the bar, 0 to {self.length:g} m"
-            )
-        first_cell, start = 0, 0.0
-        for cells, spacing in self.all_stretches:
-            end = start + cells * spacing
-            if position < end - 1e-9 * spacing or end >= self.length * (1 - 1e-12):
-                break
-            first_cell, start = first_cell + cells, end
-        first = start + 0.5 * spacing if staggered else start
-        weights, indices = interpolation_weights(position, first, spacing, self.order)
-        if not (self.uniform and self.periodic):
-            last = cells - 1 if staggered else cells
-            shift = max(0, -int(indices[0])) - max(0, int(indices[-1]) - last)
-            if shift:
-                weights, indices = interpolation_weights(
-                    position, first, spacing, self.order, shift
-                )
-            indices = indices + first_cell
-        return weights, indices % (self.cells if self.periodic or staggered else self.cells + 1)
-
-    def spread(self, position: float, width: float, staggered: bool) -> tuple[Float, Index]:
-        """Density that stands for δ(x − position), or for a Gaussian of that standard deviation.
-
-        A point is the transpose of the interpolation above in the norm of the grid, so that source
-        and receiver can be exchanged. A Gaussian exp(−(x−x_s)²/2w²)/(√(2π) w) is cut at 8.5 w
-        (1e-16), on a periodic bar laid round it if need be. Where the grid's sum does not integrate
-        it, being narrower than 1.3 cells or at a closure, it is a mean of points instead, which has
-        its moments up to the bar's order: the moment of a point above all.
-
-        Args:
-            position: m, in [0, L].
-            width: w, m; 0 for a point.
-            staggered: True for a field on the half-nodes.
-
-        Returns:
-            Density (1/m) and the grid indices it stands at.
-
-        Raises:
-            ValueError: the position is outside the bar, or the Gaussian is too wide for it.
-        """
-        if width == 0:
-            return self._point(position, staggered)
-        if not 0 <= position <= self.length * (1 + 1e-12):
-            self.sampling(position, staggered)  # says what is wrong
-        if 17 * width > self.length:
-            raise ValueError(
-                f"width = {width:g} m: a Gaussian of 17 widths must fit into the bar of "
-                f"{self.length:g} m; take at most {0.99 * self.length / 17:.3g} m"
-            )
-        x = self.half_nodes if staggered else self.nodes
-        if self.periodic:
-            distance = (x - position + self.length / 2) % self.length - self.length / 2
-        else:
-            distance = x - position
-            if not _CUT * width <= position <= self.length - _CUT * width:
-                raise ValueError(
-                    f"width = {width:g} m: the Gaussian at {position:g} m stands out over an end "
-                    f"of the bar; take at most "
-                    f"{min(position, self.length - position) / _CUT:.3g} m, or move it inward"
-                )
-        indices = np.flatnonzero(np.abs(distance) <= _CUT * width)
-        density = np.exp(-((distance[indices] / width) ** 2) / 2) / (np.sqrt(2 * np.pi) * width)
-        if width >= _SAMPLED * self.spacing:
-            norms = self.differences
-            norm = norms.half_norm if staggered else norms.node_norm
-            if width >= _WIDE * self.spacing or abs(density @ norm[indices] - 1) < _INTEGRATED:
-                return density, indices
-        return self._mean_of_points(position, width, staggered)
-
-    def _point(self, position: float, staggered: bool) -> tuple[Float, Index]:
-        weights, indices = self.sampling(position, staggered)
-        if self.uniform and self.periodic:
-            return weights / self.spacing, indices
-        norms = self.differences
-        return weights / (norms.half_norm if staggered else norms.node_norm)[indices], indices
-
-    def _mean_of_points(
-        self, position: float, width: float, staggered: bool
-    ) -> tuple[Float, Index]:
-        """The same Gaussian as point sources side by side, four to a cell and to a width."""
-        finest = min(size for _, size in self.all_stretches)
-        count = 2 * math.ceil(_CUT * max(4.0, min(4 * width / finest, 1000.0))) + 1
-        u = np.linspace(-_CUT, _CUT, count)
-        weights = np.exp(-(u**2) / 2)
-        densities, points = [], []
-        for place, weight in zip(position + width * u, weights / weights.sum(), strict=True):
-            at = place % self.length if self.periodic else min(max(place, 0.0), self.length)
-            density, indices = self._point(float(at), staggered)
-            densities.append(weight * density)
-            points.append(indices)
-        indices, entry = np.unique(np.concatenate(points), return_inverse=True)
-        return np.bincount(entry, np.concatenate(densities)), indices
-
 
 def layered_bar(
     layers: Layers,
@@ -349,6 +238,8 @@ def layered_bar(
     stretches = []
     sizes = np.broadcast_to(np.asarray(spacing, dtype=float), len(layers.layers))
     for layer, size in zip(layers.layers, sizes.tolist(), strict=True):
+        if not (size > 0 and math.isfinite(size)):
+            raise ValueError(f"spacing = {size:g} m: must be greater than 0, and finite")
         cells = max(1, round(layer.thickness / size))
         stretches.append((cells, layer.thickness / cells))
     return Bar(

@@ -25,6 +25,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from wavesim.grid.points import sampling
 from wavesim.io.gathering import LIBVER, Gathering
 from wavesim.io.packing import PACKED, chunk_of, pack, packed_dataset
 from wavesim.io.result_reader import (
@@ -103,7 +104,7 @@ class Results:
         bar = self.simulation.bar
         for name, data in values.items():
             for receiver, position in self.simulation.receivers.items():
-                weights, indices = bar.sampling(position, not is_macro(name))
+                weights, indices = sampling(bar, position, not is_macro(name))
                 series[f"receivers/{receiver}/{name}"] = data[:, indices] @ weights
         with self._writing():
             self._keep(values)

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered.section import Section
+from wavesim.layered.cross_section import Section
 from wavesim.layered.stack import Stack
 from wavesim.layered.star_product import Piece
 from wavesim.layered.uniform_layer import uniform, waves

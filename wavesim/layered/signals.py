@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.layered import gaussian_load as gaussian
+from wavesim.layered.cross_section import limit
 from wavesim.layered.ends import check_ends, returned, waves_at_ends
 from wavesim.layered.inverse_transform import contour
-from wavesim.layered.section import limit
 from wavesim.layered.source_loads import acts_of, body_loads, end_drives
 from wavesim.layered.stack import Load, Stack
 from wavesim.layered.star_product import inner, nothing, star, times

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from wavesim.layered import gaussian_load as gaussian
-from wavesim.layered.graded_layer import graded
-from wavesim.layered.section import (
+from wavesim.layered.cross_section import (
     Section,
     generator,
     limit,
     section,
     with_impedance,
 )
+from wavesim.layered.graded_layer import graded
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
 from wavesim.material.family import Block

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered.section import Section, halves, to_vf
+from wavesim.layered.cross_section import Section, halves, to_vf
 from wavesim.layered.star_product import Piece
 
 

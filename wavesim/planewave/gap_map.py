@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from wavesim.material.medium import Medium
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs
 from wavesim.planewave.eigenproblem import Float
-from wavesim.planewave.many_media import block_forms
+from wavesim.planewave.many_media import block_forms, time_scales
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def family_gaps(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:
         (block,) = family.blocks_of(sector)
         forms = block_forms(medium, block)
         starts, ends = form_asymptotes(forms), form_cutoffs(forms)
-        to_si = 1 / np.asarray(medium.part(block).time_scale)
+        to_si = 1 / time_scales(medium, block)
         for i, name in enumerate(family.gap_names(sector)):
             lower[name] = starts[..., i] * to_si
             upper[name] = np.maximum(lower[name], ends[..., i] * to_si)
@@ -71,7 +71,7 @@ def standing_lines(medium: Medium, sector: str) -> Float:
     """Frequencies of a sector of micro-fields alone, ascending, S + (waves,), rad/s."""
     blocks = medium.family.blocks_of(sector)
     found = [form_cutoffs(block_forms(medium, block)) for block in blocks]
-    unit = np.asarray(medium.part(blocks[0]).time_scale)[..., None]
+    unit = time_scales(medium, blocks[0])[..., None]
     return np.sort(np.concatenate(found, axis=-1)) / unit
 
 

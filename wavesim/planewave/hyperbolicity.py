@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -118,6 +119,29 @@ def _worst(medium: Medium) -> tuple[tuple[float, float], Block]:
     )
 
 
+def _check_reckoned(medium: Medium) -> None:
+    """Hold a medium's numbers to what floating point has room for."""
+    with np.errstate(all="ignore"):
+        try:
+            numbers = [
+                getattr(spectral_form(medium, block), name)
+                for block in medium.family.blocks
+                for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
+            ]
+            sound = all(np.isfinite(part).all() for part in numbers) and math.isfinite(
+                medium.fastest
+            )
+        except ArithmeticError:
+            sound = False
+    if not sound:
+        given = {n: abs(float(value)) for n, value in medium.parameters.items() if value}
+        name = max(given, key=lambda n: abs(math.log10(given[n])))
+        raise ValueError(
+            f"{name} = {given[name]:g}: too large, or too small, to reckon with beside the others; "
+            "see that it is in SI units"
+        )
+
+
 def check_hyperbolic(medium: Medium) -> None:
     """Look for a real k with an ω that is not real.
 
@@ -127,6 +151,7 @@ def check_hyperbolic(medium: Medium) -> None:
     Raises:
         NotHyperbolicError: one was found; it says where growth is fastest, and how fast.
     """
+    _check_reckoned(medium)
     if medium.stable:
         return
     try:

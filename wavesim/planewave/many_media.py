@@ -11,6 +11,7 @@ The four media a, η ∈ {0, 1} therefore determine those of all, and no equatio
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from wavesim.material.granular import GranularMedium
 from wavesim.material.medium import Medium, check_parameter
 from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import spectral_form, stiffness
+from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
 
 # Wavenumbers at which media are looked at for waves that grow, scaled.
 _LOOKED_AT = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 49)])
@@ -70,8 +72,7 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
     Raises:
         ValueError: a parameter is outside its admissible range.
     """
-    every = [getattr(part, name) for part in medium.parts for name in part.known()]
-    shape = np.broadcast_shapes(*map(np.shape, every))
+    shape = _shape(medium)
     medium = medium.part(block)
     _check(medium)
     if not isinstance(medium, GranularMedium):
@@ -98,20 +99,31 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
     return BlockCoefficients(**made)
 
 
-def _numbers(spread: dict[str, Any], i: tuple[int, ...]) -> dict[str, Any]:
-    return {name: float(values[i]) for name, values in spread.items()}
+def time_scales(medium: Medium, block: Block) -> np.ndarray:
+    """The unit of time of each medium, s, shape S; arguments of :func:`block_forms`."""
+    shape, part = _shape(medium), medium.part(block)
+    if isinstance(part, GranularMedium):
+        return np.broadcast_to(np.asarray(part.time_scale, float), shape)
+    return np.array([float(one.time_scale) for one in _each(part, shape)]).reshape(shape)
+
+
+def _shape(medium: Medium) -> tuple[int, ...]:
+    every = [getattr(part, name) for part in medium.parts for name in part.known()]
+    return np.broadcast_shapes(*map(np.shape, every))
+
+
+def _each(medium: Medium, shape: tuple[int, ...]) -> Iterator[Medium]:
+    """Media of plain numbers, as those of a family may depend on its parameters in any way."""
+    given = {n: v for n in medium.known() if (v := getattr(medium, n)) is not None}
+    spread = {n: np.broadcast_to(np.asarray(v, float), shape) for n, v in given.items()}
+    for i in np.ndindex(shape):
+        one: dict[str, Any] = {name: float(values[i]) for name, values in spread.items()}
+        yield dataclasses.replace(medium, **one)
 
 
 def _one_by_one(medium: Medium, block: Block, shape: tuple[int, ...]) -> BlockCoefficients:
-    """The same of a family whose coefficients may depend on its parameters in any way."""
-    given = {n: v for n in medium.known() if (v := getattr(medium, n)) is not None}
-    spread: dict[str, Any] = {
-        n: np.broadcast_to(np.asarray(v, float), shape) for n, v in given.items()
-    }
-    forms = [
-        spectral_form(dataclasses.replace(medium, **_numbers(spread, i)), block)
-        for i in np.ndindex(shape)
-    ]
+    """Coefficients of each by itself."""
+    forms = [spectral_form(one, block) for one in _each(medium, shape)]
     made = {name: np.array([getattr(form, name) for form in forms]) for name in _NAMES}
     return BlockCoefficients(**{n: v.reshape(*shape, *v.shape[1:]) for n, v in made.items()})
 
@@ -135,6 +147,8 @@ def growing(medium: Medium, count: int) -> np.ndarray:
         return np.any([growing(part, count) for part in medium.parts], axis=0)
     if medium.stable:
         return found
+    if not isinstance(medium, GranularMedium):
+        return np.array([_unstable(one) for one in _each(medium, (count,))])
     shares = [np.broadcast_to(getattr(medium, n), count) for n in ("anisotropy", "stiffness_ratio")]
     outside = np.any([(share < 0) | (share > 1) for share in shares], axis=0)
     outside |= medium.stiffnesses[2] > _FELT * medium.stiffnesses[1]
@@ -150,6 +164,14 @@ def growing(medium: Medium, count: int) -> np.ndarray:
             form = block_forms(part, block)
             found[some] |= _grows([np.asarray(getattr(form, n)) for n in _NAMES])
     return found
+
+
+def _unstable(medium: Medium) -> bool:
+    try:
+        check_hyperbolic(medium)
+    except NotHyperbolicError:
+        return True
+    return False
 
 
 def _grows(form: list[np.ndarray]) -> np.ndarray:

@@ -7,13 +7,36 @@ the complex frequency ω + iσ, where it decays as exp(ikx) with the plane-wave 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.material.scaling import FREQUENCIES, WINDOW
+
+# Columns of sums that are held at a time.
+_AT_ONCE = 256
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
+
+
+def check_asked(frequencies: int, damping: float) -> None:
+    """Hold what is asked of spectra to what [analysis] of a case admits.
+
+    Args:
+        frequencies: how many.
+        damping: σT.
+
+    Raises:
+        ValueError: one of them is out of its range.
+    """
+    for name, value, (low, high) in (
+        ("frequencies", frequencies, FREQUENCIES),
+        ("damping", damping, WINDOW),
+    ):
+        if not low <= value <= high:
+            raise ValueError(f"{name} = {value:g}: must be between {low:g} and {high:g}")
 
 
 def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) -> Complex:
@@ -28,10 +51,21 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
     Returns:
         Shape (n, …), unit of u times s.
     """
-    weight = np.full(len(t), t[1] - t[0])
-    weight[[0, -1]] /= 2
-    kernel = np.exp(1j * np.multiply.outer(omega + 1j * sigma, t)) * weight
-    flat = np.asarray(values).reshape(len(t), -1)
-    found = np.empty((len(omega), flat.shape[1]), complex)
-    found.real, found.imag = kernel.real @ flat, kernel.imag @ flat
-    return found.reshape(len(omega), *np.shape(values)[1:])
+    frames, step = len(t), (t[-1] - t[0]) / (len(t) - 1)
+    flat = np.asarray(values, float).reshape(frames, -1)
+    columns, complex_omega = flat.shape[1], omega + 1j * sigma
+    # Few columns are summed over runs of samples and then over these, which needs the exponentials
+    # of some times only; of many columns the sums are what takes the time.
+    runs = max(1, min(math.isqrt(frames), _AT_ONCE // max(columns, 1)))
+    each = -(-frames // runs)
+    runs = -(-frames // each)
+    padded = np.pad(flat, [(0, runs * each - frames), (0, 0)]) if runs > 1 else flat
+    by_run = padded.reshape(runs, each, columns).swapaxes(0, 1).reshape(each, -1)
+    within = np.exp(1j * np.multiply.outer(complex_omega, step * np.arange(each)))
+    begins = np.exp(1j * np.multiply.outer(complex_omega, t[::each]))
+    found = np.empty((len(omega), runs * columns), complex)
+    found.real, found.imag = within.real @ by_run, within.imag @ by_run
+    total = (begins[:, None, :] @ found.reshape(len(omega), runs, columns))[:, 0]
+    for end in (0, -1):
+        total -= np.multiply.outer(np.exp(1j * complex_omega * t[end]) / 2, flat[end])
+    return np.asarray(step * total).reshape(len(omega), *np.shape(values)[1:])

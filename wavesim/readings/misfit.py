@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.measured import Measured
+from wavesim.readings.matched_record import Measured
 
 Float = NDArray[Any]
 

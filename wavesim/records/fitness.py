@@ -9,6 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.gains import gains
+from wavesim.records.faults.neighbours import unevenness
 from wavesim.records.record import Record
 
 # A record that is at rest at its beginning, and not later, was driven within.
@@ -75,9 +77,45 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
         where = places(record.x, record.misfit, record.labels)
         raise RecordError(
             f"receivers at {where} do not fit the waves round the ring that all others show: "
-            "dead, mis-scaled, exchanged or delayed; put them right, or take the rest as a stretch"
+            "dead, exchanged or delayed; put them right, or take the rest as a stretch"
         )
-    return record
+    return evened(record)
+
+
+def evened(record: Record) -> Record:
+    """A ring with the gains of its receivers made equal, where its waves show that they are not.
+
+    Along a line it is told how far they differ at most.
+    """
+    if len(record.leak) or (len(record.missing) and record.missing.any()):
+        return record
+    nx = len(record.x)
+    if not record.ring:
+        asked = record.even and not record.lattice
+        uneven = max(unevenness(component) for component in record.values) if asked else 0.0
+        return replace(record, leak=np.full(nx, uneven / nx))
+    free = record.values[:, record.t >= record.quiet_from - 1e-9 * record.interval]
+    seen = [gains(component) for component in free]
+    right = np.stack(
+        [
+            one.put_right(own) if one.any else own
+            for one, own in zip(seen, record.values, strict=True)
+        ]
+    )
+    kept = replace(record, values=right, leak=np.max([one.left for one in seen], axis=0))
+    told = []
+    for what, off, scale, unit in (
+        ("gains differ", [one.gain - 1 for one in seen], 100.0, " %"),
+        ("places are off", [one.place for one in seen], record.spacing, " m"),
+        ("clocks differ", [one.late for one in seen], record.interval, " s"),
+    ):
+        size = float(np.sqrt(np.mean(np.square(off))))
+        if size:
+            told.append(f"{what} by {scale * size:.2g}{unit}")
+    if not told:
+        return kept
+    said = f"receivers' {', '.join(told)} (rms), as the ring's waves say: put right"
+    return kept.with_finding(Finding("unequal receivers", "all receivers", told[0], CURED, said))
 
 
 def at_rest_first(record: Record) -> bool:

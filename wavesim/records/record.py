@@ -67,6 +67,8 @@ class Record:
         misfit: receivers round a ring that do not fit the waves of all others, shape (nx,).
         source_seen: where a source that nobody named stands among the receivers, by the earliest
             arrivals, m; None where none does.
+        leak: variance of what receivers' gains are still off by at each wavenumber (``faults/
+            gains.py``), shape (nx,), –; empty where gains have not been looked at.
         driven: whether it is not known from when on no source acts.
         findings: what was wrong, and what was done.
     """
@@ -93,6 +95,7 @@ class Record:
     begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
     misfit: Mask = field(default_factory=lambda: np.zeros(0, bool))
     source_seen: float | None = None
+    leak: Float = field(default_factory=lambda: np.zeros(0))
     driven: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -143,6 +146,7 @@ class Record:
             clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
             begun=self.begun[kept] if len(self.begun) else self.begun,
             misfit=self.misfit[kept] if len(self.misfit) else self.misfit,
+            leak=np.zeros(0 if self.leak.any() or not len(self.leak) else len(kept)),
             whole=None if self.whole is None else self.whole[..., kept],
         )
 
@@ -289,8 +293,9 @@ def record(
     if not trusted:
         seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
         mended, odd, within, place = together(
-            seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring, found
-        )
+            seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring,
+            -np.inf if quiet_from is None else quiet_from, found,
+        )  # fmt: skip
         if mended.any:
             kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
             values = (values[..., mended.order] * mended.factor)[..., kept]
@@ -322,6 +327,7 @@ def record(
         begun=within,
         misfit=odd,
         source_seen=place if not sources else None,
+        leak=np.zeros(len(x) if trusted and not ring else 0),
         driven=quiet_from is None,
         findings=tuple(found),
     )
@@ -364,9 +370,12 @@ def _snapped(x: Float, storage: float, found: list[Finding]) -> tuple[Float, flo
 
 
 def _check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
+    if t.ndim not in (1, 2) or x.ndim != 1:
+        raise RecordError(
+            f"t of shape {t.shape}, x of shape {x.shape}: must be (frames,) and (receivers,)"
+        )
     if (
         values.ndim != 3
-        or t.ndim not in (1, 2)
         or values.shape[1:] != (len(t), len(x))
         or (t.ndim == 2 and t.shape != values.shape[1:])
     ):

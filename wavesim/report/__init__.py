@@ -1,1 +1,1 @@
-"""Tables and progress on the terminal."""
+"""What a run is told by: the terminal's tables and progress, and report.html."""

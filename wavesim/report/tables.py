@@ -19,7 +19,7 @@ from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.report.answers import KINDS, answers, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
-from wavesim.simulation.carried import highest_frequency
+from wavesim.simulation.resolution import highest_frequency
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
@@ -209,16 +209,22 @@ def bands(
     table.columns[1].justify = "left"
     for column in table.columns:
         column.no_wrap = True
-    table.add_row("", "", "kHz", "kHz", "", "kHz", "ω̄", style="dim")
+    # Two digits of a kHz are enough for the fast waves of grains, and none of slow ones.
+    unit, scale = ("kHz", 1e3) if max(row["cutoff_hz"] for row in rows) >= 1e3 else ("Hz", 1.0)
+
+    def shown(hertz: float | None) -> str:
+        return "rises" if hertz is None else f"{hertz / scale:.2f}"
+
+    table.add_row("", "", unit, unit, "", unit, "ω̄", style="dim")
     for row in rows:
         gap = row["gap"]
         table.add_row(
             sector_words(*row["sector"].split(", ")),
             row["branch"],
-            _kHz(row["cutoff_hz"]),
-            _kHz(row["asymptote_hz"]),
+            shown(row["cutoff_hz"]),
+            shown(row["asymptote_hz"]),
             gap or "",
-            f"{_kHz(row['gap_lower_hz'])} – {_kHz(row['gap_upper_hz'])}" if gap else "",
+            f"{shown(row['gap_lower_hz'])} – {shown(row['gap_upper_hz'])}" if gap else "",
             f"{row['gap_lower_bar']:.3f} – {row['gap_upper_bar']:.3f}" if gap else "",
         )
     console.print(table)
@@ -226,11 +232,7 @@ def bands(
         console.print("At every frequency some wave propagates.")
     for low, high, low_bar, high_bar in full_gaps:
         console.print(
-            f"No wave propagates between {low / 1e3:.2f} and {high / 1e3:.2f} kHz "
+            f"No wave propagates between {shown(low)} and {shown(high)} {unit} "
             f"(ω̄ {low_bar:.4f} – {high_bar:.4f})."
         )
-    console.print(f"ω̄ = 1 is {bar_hz / 1e3:.5g} kHz.")
-
-
-def _kHz(hertz: float | None) -> str:
-    return "rises" if hertz is None else f"{hertz / 1e3:.2f}"
+    console.print(f"ω̄ = 1 is {bar_hz / scale:.5g} {unit}.")

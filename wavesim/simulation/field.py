@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling
+from wavesim.material.arguments import checked
 from wavesim.material.family import Block, is_macro, known_field
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
@@ -172,6 +174,7 @@ class Field(Shown):
         """One field, shape (nt, nx)."""
         return self.part(name)
 
+    @checked
     def part(self, name: str, frames: slice = WHOLE, points: slice = WHOLE) -> Float:
         """Some frames of one field at some points, shape (frames, points); no more is read.
 
@@ -214,6 +217,7 @@ class Field(Shown):
             found.append((total, not is_macro(first)))
         return found
 
+    @checked
     def at(self, position: float, name: str, t: ArrayLike | None = None) -> Float:
         """Signal of one field at a position, interpolated to the bar's order.
 
@@ -232,7 +236,7 @@ class Field(Shown):
                 such field.
         """
         self._check(name)
-        weights, indices = self.bar.sampling(position, staggered=not is_macro(name))
+        weights, indices = sampling(self.bar, position, staggered=not is_macro(name))
         # On a ring the points may be at both its ends.
         runs = np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1)
         near = [self.part(name, points=slice(int(r[0]), int(r[-1]) + 1)) for r in runs]

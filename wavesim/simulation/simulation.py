@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling
+from wavesim.material.arguments import checked
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
@@ -40,6 +42,7 @@ SOLVERS: tuple[str, ...] = (
 _FEWEST_FRAMES = 6
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Simulation(Shown):
     """A bar, what drives it, and how long.
@@ -95,7 +98,7 @@ class Simulation(Shown):
             )
         for name, position in self.receivers.items():
             try:
-                self.bar.sampling(position, False)
+                sampling(self.bar, position, False)
             except ValueError as error:
                 raise ValueError(f"receivers, {name!r}: {error}") from None
         for medium in self.layers.media:

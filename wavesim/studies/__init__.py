@@ -1,1 +1,1 @@
-"""From many points or runs back to a medium."""
+"""What many runs, or many points, tell: sweeps, designs and fits."""

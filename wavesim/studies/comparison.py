@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.case.load import Case
-from wavesim.readings.measured import Measured
+from wavesim.readings.matched_record import Measured
 from wavesim.readings.misfit import Comparison, misfit
 from wavesim.studies.least_squares import Solution, solve
 from wavesim.studies.waveform_fit import GAIN, LAG, Waveforms

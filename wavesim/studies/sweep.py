@@ -139,7 +139,7 @@ def sweep(
         seed: of the sample.
         folder: where the dataset, sweep.zarr, goes.
         overrides: "table.key=value", laid over every member.
-        judge: of runs, such as :func:`wavesim.runner.measure`; None stores signals alone.
+        judge: of runs, as :func:`wavesim.verdict.judgement.measure`; None stores signals alone.
         band: of transmission, Hz; by default what the half-spaces' first band holds.
         points: of transmission, number of frequencies.
 

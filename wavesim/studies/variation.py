@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.units import UNITS
+from wavesim.case.units import unit_of
 
 SAMPLERS = ("sobol", "lhs")
 _FORM = "KEY=FROM:TO:N, such as medium.anisotropy=0:1:11"
@@ -44,7 +44,7 @@ class Axis:
     @property
     def unit(self) -> str:
         """SI, "1" for a number without one."""
-        return UNITS.get(self.key.rpartition(".")[2], "1")
+        return unit_of(self.key.rpartition(".")[2]) or "1"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling
 from wavesim.grid.stencils import difference_norm
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
@@ -99,7 +100,7 @@ def traced_fields(
             parameters and many values.
 
     Returns:
-        {field: shape (frames, receivers) or (frames, points)}, rad or 1/m, at ``planned.times``.
+        {field: shape (frames, receivers) or (frames, points)}, in its unit, at ``planned.times``.
 
     Raises:
         ValueError: the layers differ from the plan's in more than parameters, a receiver is
@@ -304,7 +305,7 @@ def _places(
     """Weights and indices of all receivers; None where the whole field is wanted."""
     if receivers is None:
         return None
-    plain = [bar.sampling(x, staggered) for x in receivers]
+    plain = [sampling(bar, x, staggered) for x in receivers]
     if grid is not None:
         traced = [grid.sampling(x, staggered) for x in receivers]
         weights, indices = zip(*traced, strict=True)

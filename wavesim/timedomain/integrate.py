@@ -17,8 +17,8 @@ from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.simulation.carried import check_carried
 from wavesim.simulation.field import Energy, Field
+from wavesim.simulation.resolution import check_carried
 from wavesim.simulation.simulation import Simulation, simulation
 from wavesim.sources import Source
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, ExactStepper, series

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import spread
 from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
@@ -186,13 +187,16 @@ def source_terms(
     ]
     signals = list(dict.fromkeys(alone))
     which = tuple(signals.index(one) for one in alone)
-    amplitude = np.array([source.amplitude for source in kept])
+    units = scales(medium)
+    # What is prescribed is a field: its amplitude is in the field's unit, and G takes it as it is.
+    own = [float(units.unit(s.field)) if s.acts == "prescribed" else 1.0 for s in kept]
+    amplitude = np.array([source.amplitude for source in kept]) / own
     turned: dict[tuple[str, float], list[int]] = {}
     for j, source in enumerate(kept):
         if source.acts == "prescribed":
             turned.setdefault((source.field, source.position), []).append(j)
     turning = tuple(map(tuple, turned.values()))
-    time = np.asarray(float(scales(medium).time))
+    time = np.asarray(float(units.time))
     return SourceTerms(points, amplitude, time, tuple(signals), which, turning)
 
 
@@ -203,7 +207,7 @@ def _line(
     units = scales(medium)
     end = np.array([0 if source.position < bar.length / 2 else bar.cells])
     if source.acts == "prescribed":
-        return end, np.full(1, 1 / float(units.unit(source.field)))
+        return end, np.ones(1)
     if grid is not None:
         known = group.half_norm if source.staggered else group.node_norm
         own: Any = end
@@ -215,7 +219,7 @@ def _line(
         if not source.staggered:
             force = jnp.where(jnp.asarray(held_nodes(bar))[own], 0.0, force)
         return own, force
-    density, indices = bar.spread(source.position, source.width, source.staggered)
+    density, indices = spread(bar, source.position, source.width, source.staggered)
     norms = bar.differences
     norm = norms.half_norm if source.staggered else norms.node_norm
     unit = float(units.force(source.field) * units.length)

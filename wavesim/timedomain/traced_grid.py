@@ -44,7 +44,7 @@ class TracedGrid:
         return ends[:-1] if self.bar.periodic else ends
 
     def sampling(self, position: float, staggered: bool) -> tuple[Any, Any]:
-        """Weights and indices that interpolate at a position, shape (order,); as of ``Bar``.
+        """Weights and indices that interpolate at a position, shape (order,).
 
         Beyond the end of the bar the weights are NaN.
 
@@ -76,7 +76,7 @@ class TracedGrid:
         return jnp.where(outside, jnp.nan, weights), indices % count
 
     def spread(self, position: float, width: float, staggered: bool, norm: Any) -> tuple[Any, Any]:
-        """Share of a unit source that each point takes, and their indices; as of ``Bar``.
+        """Share of a unit source that each point takes, and their indices; as of ``grid.points``.
 
         Args:
             position: m.

@@ -21,7 +21,8 @@ from wavesim.simulation.field import Field
 from wavesim.sources import excitation
 from wavesim.timedomain.absorber import REFLECTION
 from wavesim.verdict import remedies
-from wavesim.verdict.endless import WAVENUMBER_TOLERANCE, Check, energy_checks
+from wavesim.verdict.check import Check, energy_checks
+from wavesim.verdict.endless import WAVENUMBER_TOLERANCE
 
 _KHZ = 1 / (2e3 * np.pi)
 SIGNAL_TOLERANCE = 1e-4

@@ -13,7 +13,7 @@ from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.medium import fastest_speed
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
-from wavesim.simulation.carried import largest_phase
+from wavesim.simulation.resolution import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.time_step import TimeStep
@@ -120,8 +120,11 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
 def _reached(simulated: Simulation, source: Source, position: float) -> float:
     """When the fastest wave brings a thousandth of a source's peak to a position, s."""
     bar = simulated.bar
-    begun = 0.0 if source.acts == "initial" else source.onset + 1 / source.peak_frequency
-    begun = min(begun, source.peak_time) if source.acts != "initial" else begun
+    begun = 0.0
+    if source.acts != "initial":
+        begun = source.peak_time
+        if source.peak_frequency > 0:  # a recorded step has none
+            begun = min(begun, source.onset + 1 / source.peak_frequency)
     reach = 3.0 * source.width
     low, high = sorted((position, source.position))
     low, high = min(low + reach, high), max(high - reach, low)

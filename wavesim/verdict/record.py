@@ -19,7 +19,7 @@ from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import Record, RecordError
-from wavesim.verdict.endless import Check
+from wavesim.verdict.check import Check
 from wavesim.verdict.recovered_points import (
     PRESENT,
     Matched,

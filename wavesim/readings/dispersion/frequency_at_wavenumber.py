@@ -17,9 +17,10 @@ from scipy.signal import get_window
 
 from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
-from wavesim.readings.dispersion.noise_level import continuum, leakage
+from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.waves_along_line import along_line
+from wavesim.records.fitness import evened
 from wavesim.records.record import FEWEST_FRAMES, Record, RecordError
 
 Float = NDArray[Any]
@@ -43,6 +44,8 @@ _PADDED = 4
 # A wave weaker than this part of the record's strongest is rounding.
 ROUNDING = 1e-12
 _CYCLES = 1.0
+# What leaks in beside a line shifts it by up to this part of a bin 2π/T, over their amplitudes.
+_SHIFT = 0.5
 # Half-width of the Blackman–Harris main lobe.
 LOBE_BINS = 4
 BROAD = (
@@ -127,7 +130,7 @@ def in_time(
     """
     if method not in METHODS:
         raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    quiet = _live(record.since(record.quiet_from))
+    quiet = _live(evened(record).since(record.quiet_from))
     if method == "auto":
         method = chosen_method(quiet)
     if method == "fft" and not record.ring:
@@ -138,14 +141,26 @@ def in_time(
     if method == "harmonic":
         if not record.ring:
             _check_ends(quiet)
-        leaks = None
-        if record.ring and missing is None:
+        leaks = np.zeros((0, 0))
+        if missing is None and quiet.leak.any():
             heights, per_bin = power(channels)
-            leaks = leakage(heights, 2 * np.pi / per_bin / len(quiet.t))
-        found = invert(channels, quiet.interval, most, dynamic_range, damped, missing, leaks)
+            leaks = _leaks(quiet, heights, per_bin)
+        found = invert(
+            channels,
+            quiet.interval,
+            most,
+            dynamic_range,
+            damped,
+            missing,
+            leaks if leaks.any() else None,
+        )
         points = _from_sinusoids(found, k)
+        if leaks.any():
+            at = np.round(points.omega * quiet.interval / per_bin).astype(int)
+            error = _beside_leakage(points, found.series, at, leaks, cell)
+            points = replace(points, error=error)
     else:
-        points = _from_peaks(channels, k, quiet.interval)
+        points = _from_peaks(channels, k, quiet)
     points = _judged(points, quiet, cell)
     if omega_max is not None:
         points = points.take(points.omega <= omega_max)
@@ -198,6 +213,20 @@ def widened(points: BranchPoints, k: Float) -> BranchPoints:
         more = scatter(step, points.omega[own], error[own])
         error[own] = np.hypot(error[own], more)
     return replace(points, error=error)
+
+
+def _beside_leakage(points: BranchPoints, row: Any, at: Any, leaks: Float, cell: float) -> Float:
+    """Errors with what leaks into a line from others close by, which shifts it by a part of a bin.
+
+    Args:
+        points: as found.
+        row, at: where in leaks each is, shape (m,).
+        leaks: power below which a peak may be another wavenumber's, shape (n, nω).
+        cell: 2π/T, rad/s.
+    """
+    size = np.sqrt(leaks[row, np.clip(at, 0, leaks.shape[1] - 1)] / FLOOR_OVER_MEAN)
+    part = size / np.maximum(points.amplitude, 1e-290)
+    return np.hypot(points.error, _SHIFT * cell * np.minimum(part, 1))
 
 
 def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
@@ -289,13 +318,20 @@ def power(channels: Float) -> tuple[Float, float]:
     return total, 2 * np.pi / padded
 
 
-def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
+def _leaks(record: Record, heights: Float, per_bin: float) -> Float:
+    """Power below which a peak may be another wavenumber's, shape (n, nω)."""
+    density = 2 * np.pi / per_bin / len(record.t)
+    return leakage_of_gains(heights, record.leak, density)
+
+
+def _from_peaks(channels: Float, k: Float, record: Record) -> BranchPoints:
     """Peaks of the windowed FFT, placed by a parabola through their logarithm.
 
     The error is half the difference between that and the middle of the peak by a parabola through
     the points two bins off: 0 for a lone sinusoid but for the window's shape, and more where
     another is near.
     """
+    interval = record.interval
     heights, per_bin = power(channels)
     logarithm = np.log(np.maximum(heights, 1e-300))
     middle = logarithm[:, 2:-2]
@@ -304,7 +340,8 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
     noise = np.log(_ABOVE_MEDIAN) + np.median(logarithm, axis=1, keepdims=True)
     density = 2 * np.pi / per_bin / channels.shape[-1]
     local = continuum(heights, density, channels.shape[1])
-    stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leakage(heights, density))
+    leaks = _leaks(record, heights, per_bin)
+    stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leaks)
     loud = peak & (middle > np.maximum(floor, noise))
     line = loud & stands[:, 2:-2]
     # Where no line stands out, the loudest of what there is, to say so of.
@@ -321,7 +358,7 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
     total = heights.sum(axis=1)[row]
     lobe = sum(heights[row, np.clip(at + d, 0, heights.shape[1] - 1)] for d in range(-8, 9))
     explained = np.bincount(row, lobe / total, len(k))
-    return BranchPoints(
+    found = BranchPoints(
         "fft",
         k[row],
         (at + near) * per_bin / interval,
@@ -333,6 +370,8 @@ def _from_peaks(channels: Float, k: Float, interval: float) -> BranchPoints:
         np.where(broad, BROAD, "").astype(object),
         np.full(len(row), -1),
     )
+    cell = 2 * np.pi / (len(record.t) * interval)
+    return replace(found, error=_beside_leakage(found, row, at, leaks, cell))
 
 
 # Error of the parabola through the logarithm of a Blackman–Harris peak padded twice, in its bins.

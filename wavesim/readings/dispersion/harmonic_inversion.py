@@ -92,7 +92,7 @@ class _Search:
     damped: bool
     scale: Float
     least: float
-    leakage: Float
+    leakage: Float | None
 
 
 def padded_length(count: int) -> int:
@@ -118,8 +118,8 @@ def invert(
         dynamic_range: weakest amplitude sought, over the strongest of its series, –.
         damped: False holds every decay to 0.
         missing: which of the N samples are missing, shape (N,), bool.
-        leakage: square of the amplitude below which a peak may be another series', at the
-            frequencies of a transform padded twice (:func:`padded_length`).
+        leakage: square of the amplitude below which a peak may be another series', shape (n, nω)
+            at the frequencies of a transform padded twice (:func:`padded_length`).
 
     Returns:
         What was found.
@@ -142,14 +142,15 @@ def invert(
     scale = _levels(series, present)
     size_of = np.sqrt(np.sum(np.mean(series[..., present] ** 2, axis=-1), axis=-1))
     least = _OF_STRONGEST * float(size_of.max(initial=0.0))
-    leaks = np.zeros(padded // 2 + 1) if leakage is None else leakage
+    leaks = None if leakage is None or not leakage.any() else leakage
     search = _Search(window, weight, padded, most, dynamic_range, damped, scale, least, leaks)
     size = max(1, _BATCH // (count * max(channels, 4)))
     parts = [slice(start, min(start + size, n)) for start in range(0, n, size)]
 
     def one(part: slice) -> list[tuple[np.ndarray, _Found]]:
         clean = np.where(present, series[part] / scale[:, None], 0.0)
-        return [(part.start + rows, found) for rows, found in _search(clean, search)]
+        own = replace(search, leakage=None if leaks is None else leaks[part])
+        return [(part.start + rows, found) for rows, found in _search(clean, own)]
 
     with ThreadPoolExecutor(_WORKERS) as pool:
         groups = [group for done in pool.map(one, parts) for group in done]
@@ -200,7 +201,7 @@ def _search(series: Float, search: _Search) -> Iterator[tuple[np.ndarray, _Found
     for p in range(search.most + 1):
         if not len(rows):
             return
-        peak, size, height = _highest_peak(residual, search)
+        peak, size, height = _highest_peak(residual, search, rows)
         weakest = np.maximum(search.dynamic_range * strongest, search.least)
         goes_on = (size > height) & (size > weakest)
         broad = goes_on & _crowded(last, search) if last is not None else np.zeros_like(goes_on)
@@ -237,7 +238,7 @@ def _norm(amplitude: np.ndarray, search: _Search) -> Float:
     return np.sqrt(np.sum(np.abs(amplitude * search.scale[:, None]) ** 2, axis=1))
 
 
-def _highest_peak(residual: Float, search: _Search) -> tuple[Float, Float, Float]:
+def _highest_peak(residual: Float, search: _Search, rows: np.ndarray) -> tuple[Float, Float, Float]:
     """ω of the highest peak between the bins, its amplitude, and the amplitude that noise reaches.
 
     Channels are weighted by their own noise: that of the median of the periodogram.
@@ -254,9 +255,9 @@ def _highest_peak(residual: Float, search: _Search) -> tuple[Float, Float, Float
     about = continuum(white, search.padded / count, channels)
     usual = np.maximum(np.median(white, axis=1, keepdims=True), 1e-290)
     stands = white * usual > threshold * about
-    if search.leakage.any():
+    if search.leakage is not None:
         square = np.einsum("ncf,c->nf", power, search.scale**2) * (2 / total) ** 2
-        stands &= square > search.leakage
+        stands &= square > search.leakage[rows]
     white = np.where(stands, white, 0.0)
     at = np.argmax(white, axis=1)
     row = np.arange(len(white))

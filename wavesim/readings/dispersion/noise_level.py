@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import fft, ifft
 from scipy.ndimage import maximum_filter1d
 from scipy.special import gammaincinv
 
@@ -22,17 +23,8 @@ Float = NDArray[Any]
 
 # The continuum close to a frequency is looked for within so many bins 2π/T.
 _BLOCK_BINS = 32
-# Side lobes in time, over their wave's own power, that are no leakage: of Blackman–Harris.
-_SIDE_LOBES = 1e-8
-# Leakage is looked for at frequencies where a wave is above this part of the strongest.
-_STRONG = 1e-4
-_FEWEST_WAVENUMBERS = 8
-# Below this part of a line close by, a wavenumber's power is that line's flank.
-_FLANK = 0.03
-# Leakage above this part is none that can be told from waves that hardly depend on k.
-_MOST_LEAKAGE = 3e-3
-# Leakage is above this many times its own median at one of hundreds of wavenumbers.
-_ABOVE_MEDIAN = 20.0
+# Leakage is above this many times its mean at one of hundreds of wavenumbers.
+FLOOR_OVER_MEAN = 20.0
 # Leakage of lines that stand close peaks between them too: half a main lobe.
 _LOBE_BINS = 3.0
 
@@ -64,35 +56,29 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 
-def leakage(power: Float, per_bin: float) -> Float:
-    """Power at each frequency that the waves of one wavenumber leave at all others, shape (nω,).
-
-    Receivers of unequal gain, or a dead one among them, multiply the field by g(x), so that a wave
-    at k′ shows at every k with |ĝ(k − k′)|² of its power. How much that is at a frequency, is told
-    where one wavenumber is far above the others: the median over k of what those have there.
+def leakage_of_gains(power: Float, left: Float, per_bin: float) -> Float:
+    """Power below which a peak may be what unequal gains leave of other wavenumbers' waves.
 
     Args:
-        power: of all wavenumbers of a ring, windowed in time, shape (n, nω).
-        per_bin: points of it per bin 2π/T, –.
+        power: at the wavenumbers 2πm/X of a ring, m = 1 … n, shape (n, nω).
+        left: D(q), variance of what gains are off by (``wavesim/records/faults/gains.py``), shape
+            (nx,), –.
+        per_bin: points of the power per bin 2π/T, –.
 
     Returns:
-        The power below which a peak may be another wavenumber's; 0 where nothing leaks.
+        Shape (n, nω); 0 where nothing leaks.
     """
-    n, count = power.shape
-    top = power.max(axis=0)
-    if n < _FEWEST_WAVENUMBERS or not top.max() > 0:
-        return np.zeros(count)
+    if not left.any():
+        return np.zeros_like(power)
+    nx, n = len(left), len(power)
+    whole = np.zeros((nx, power.shape[1]))
+    whole[1 : n + 1] += power
+    whole[-1 : -n - 1 : -1] += power
+    if 2 * n == nx:
+        whole[n] /= 2
+    spread = ifft(fft(whole, axis=0) * fft(left)[:, None], axis=0).real[1 : n + 1]
     near = 2 * round(_LOBE_BINS * per_bin) + 1
-    # What stands on the flank of a wavenumber's own line is that line's.
-    own = power < _FLANK * maximum_filter1d(power, near, axis=1)
-    noise = np.median(power, axis=1) + _SIDE_LOBES * power.max(axis=1)
-    above = np.where(own, np.nan, np.maximum(power - 2 * noise[:, None], 0.0))
-    enough = np.isfinite(above).sum(axis=0) >= _FEWEST_WAVENUMBERS
-    usual = np.zeros(count)
-    usual[enough] = np.nanmedian(above[:, enough], axis=0)
-    usual[usual > _MOST_LEAKAGE * top] = 0.0
-    usual[top < _STRONG * top.max()] = 0.0
-    return np.asarray(_ABOVE_MEDIAN * maximum_filter1d(usual, near))
+    return np.asarray(FLOOR_OVER_MEAN * maximum_filter1d(np.maximum(spread, 0), near, axis=1))
 
 
 # What is before a receiver's first sample above so many deviations of its first part is quiet.

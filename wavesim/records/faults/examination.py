@@ -15,9 +15,10 @@ from wavesim.records.faults.channels import Mended, clocks, duplicates, misfits
 from wavesim.records.faults.clipping import clipped, once_each, without_stuck
 from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
+from wavesim.records.faults.gains import ring_misfits
 from wavesim.records.faults.moveout import FASTEST, arrivals, begun, source_within, speed
+from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import FEWEST, Rest, rest
-from wavesim.records.faults.ring_channels import ring_misfits
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -107,6 +108,7 @@ def together(
     quantum: Float,
     unsure: Mask,
     ring: bool,
+    quiet_from: float,
     found: list[Finding],
 ) -> tuple[Mended, Mask, Mask, float | None]:
     """Channels beside each other: which do not fit, which have begun, where a source stands.
@@ -118,6 +120,7 @@ def together(
         quantum: least step of each, shape (nx,).
         unsure: receivers whose size says nothing.
         ring: whether they go round a ring.
+        quiet_from: time from which on no source acts, s.
         found: findings, added to.
 
     Returns:
@@ -131,9 +134,14 @@ def together(
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     odd = np.zeros(nx, bool)
     if len(values) == 1 and ring:
-        mended, odd = ring_misfits(values[0], x, labels, found)
+        free = values[0][t >= quiet_from]
+        mended, odd = ring_misfits(free, x, labels, found)
     elif len(values) == 1:
         mended = misfits(values[0], t, x, labels, own, unsure, found)
+        if not mended.out.any():
+            right = values[0][:, mended.order] * mended.factor
+            more = unlike_neighbours(right, x, labels, unsure, found)
+            mended = Mended(mended.order, mended.factor * more.factor, more.out)
     if nx == values.shape[1] and np.isfinite(x).all():
         found.append(
             Finding("square", "whole array", f"{nx} by {nx}", TOLD,

@@ -1,4 +1,4 @@
-"""What a grid carries: waves that its differences slow down by no more than 1 %."""
+"""Which waves a grid resolves: those that its differences slow down by no more than 1 %."""
 
 from __future__ import annotations
 

@@ -1,0 +1,371 @@
+"""Receivers round a ring that do not fit the waves that all others show, and in what way.
+
+At each frequency the field round a ring is a few waves e^{ikx} of the wavenumbers 2πm/X. Receivers
+of gain 1 + ε_j, misplaced by δ_j and late by τ_j change it, and each wave shows at all others: what
+is left without the few strong ones,
+
+    (1 − P) U = (1 − P) (V ε + V′ δ + iωV τ) + noise,    V = P U,
+
+P the projector on those, tells ε, δ and τ by least squares over all frequencies: one for all, which
+noise has not. What stands out of its errors is put right; by what is left, of variance D(q) at the
+wavenumber q, a wave of power |A(k′)|² shows at k with D(k − k′)|A(k′)|². A receiver that none of
+them brings into line is odd, and the others are read without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import fft, ifft, rfft
+from scipy.interpolate import CubicSpline
+from scipy.signal.windows import blackmanharris
+
+from wavesim.records.faults.channels import Mended
+from wavesim.records.faults.finding import CURED, TOLD, Finding, places
+
+Float = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+FEWEST = 16
+_FRAMES = 64
+# Frequencies count above this part of the greatest power, and so many of them.
+_STRONG, _MOST_FREQUENCIES = 1e-4, 192
+# Waves are told from what leaks and from noise where they are so many times its median, and fill
+# no more than this part of the wavenumbers.
+_ABOVE, _FEW = 4.0, 0.5
+# A receiver's amplitude counts no further than this times its neighbours'.
+_NEIGHBOURS, _CLIP = 3, 3.0
+# It is off where what is left there is so many times the others', and this part of the waves; so
+# many may be.
+_OFF, _PART, _MOST = 10.0, 1e-4, 0.1
+# A factor that explains all but this part of a receiver is one.
+_ALONE = 0.05
+# Windowed, neighbouring frequencies hang together: so many count as one.
+_TOGETHER = 2.0
+# Gains are unequal where their χ² is above its mean by so many of its deviations.
+_SURE = 6.0
+# They are believed where no more than this part is left then of what is no wave.
+_LESS = 0.8
+_ROUNDS, _STEPS, _LEAST = 12, 60, 4
+# Before anything is known receivers may be off by so much, and no receiver by so many spacings.
+_WIDEST, _FARTHEST = 0.3, 0.3
+
+
+@dataclass(frozen=True)
+class Gains:
+    """How receivers differ from each other.
+
+    Attributes:
+        gain: what each shows of the field, shape (nx,), –; 1 where nothing stands out.
+        place: how far each stands off its place, over the spacing, shape (nx,), –; 0 likewise.
+        late: how late its clock is, in frames, shape (nx,); 0 likewise.
+        odd: receivers that none of these brings into line, shape (nx,).
+        left: D, variance of what of the field is still off, at each wavenumber, numpy's order,
+            shape (nx,), –; 0 where nothing stands out.
+    """
+
+    gain: Float
+    place: Float
+    late: Float
+    odd: Mask
+    left: Float
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is to be put right."""
+        return bool((self.gain != 1).any() or self.place.any() or self.late.any())
+
+    def put_right(self, component: Float) -> Float:
+        """The field as equal receivers would have it, shape (nt, nx); odd ones as they are."""
+        u = component / np.where(self.odd | (self.gain <= 0), 1.0, self.gain)
+        if self.late.any():
+            frames = np.arange(len(u), dtype=float)
+            u = np.stack([CubicSpline(frames, v)(frames + tau) for v, tau in
+                          zip(u.T, self.late, strict=True)], axis=1)  # fmt: skip
+        return np.asarray(_at_places(u, self.place).real)
+
+
+def gains(component: Float) -> Gains:
+    """What the receivers of one component are off by.
+
+    Args:
+        component: u, shape (nt, nx), finite, while no source acts; receivers evenly round a ring.
+    """
+    nx = component.shape[1]
+    nil = np.zeros(nx)
+    equal = Gains(nil + 1, nil, nil, np.zeros(nx, bool), nil)
+    if nx < FEWEST or len(component) < _FRAMES:
+        return equal
+    U, omega = _spectrum(component)
+    if len(U) < _LEAST:
+        return equal
+    off, odd, left = np.zeros((3, nx)), np.zeros(nx, bool), np.zeros(nx)
+    spread = np.full(3, _WIDEST)
+    now = _cells(U, odd)
+    if now is None:
+        return equal
+    for _ in range(_ROUNDS):
+        one = _without_worst(now, off, odd)
+        after = _cells(_righted(U, omega, one[0]), one[1]) if one else None
+        if not one or after is None or not _less_left(now, after):
+            break
+        off, odd, now = *one, after
+        if odd.sum() > max(1, _MOST * nx):
+            return equal
+    kinds: list[int] = []
+    for _ in range(_ROUNDS):
+        sure = _sure(now, omega, odd)
+        # Of what has not been looked at, the surest.
+        more = [int(n) for n in np.argsort(-sure) if sure[n] > 0 and n not in kinds][:1]
+        for tried_kinds in ([kinds] if kinds else []) + ([kinds + more] if more else []):
+            step, precision = _solved(now, omega, off, odd, spread, tried_kinds)
+            tried = off + step
+            tried[0] = (1 + off[0]) * (1 + step[0]) - 1
+            tried[:, ~odd] -= tried[:, ~odd].mean(axis=1, keepdims=True)
+            after = _cells(_righted(U, omega, tried), odd)
+            if after is not None and _less_left(now, after):
+                break
+        else:
+            break
+        kinds, off, now = tried_kinds, tried, after
+        spread[kinds] = np.maximum(np.sqrt(np.mean(off[kinds][:, ~odd] ** 2, axis=1)), 1e-6)
+        about = precision + nx / (spread**2 * _unit(now, omega))[:, None]
+        left = np.sum(1 / about[kinds], axis=0)
+        left[0] = 0  # common to all, it leaks nothing
+    return Gains(1 + off[0], off[1], off[2], odd, left)
+
+
+def _righted(U: Any, omega: Float, off: Float) -> Any:
+    """U at some frequencies, of receivers that are off by so much, as equal ones would have it."""
+    return _at_places(U / (1 + off[0]) * np.exp(1j * omega[:, None] * off[2]), off[1])
+
+
+def _at_places(U: Any, place: Float) -> Any:
+    """The field at even places where it was seen at others, by its Taylor series about them."""
+    if not place.any():
+        return U
+    k = 2j * np.pi * np.fft.fftfreq(U.shape[1])
+    k[U.shape[1] // 2] *= U.shape[1] % 2
+    V = U
+    for _ in range(3):
+        hat = fft(V, axis=1)
+        V = U - sum(place**n / factorial(n) * ifft(k**n * hat, axis=1) for n in (1, 2, 3))
+    return V
+
+
+def _unit(now: _Cells, omega: Float) -> Float:
+    """Mean square of V, V′ and iωV over that of V, shape (3,)."""
+    return np.array([np.mean(now.weight * np.abs(B) ** 2) for B in _bases(now, omega)]) / np.mean(
+        now.weight * np.abs(now.V) ** 2
+    )
+
+
+def _bases(now: _Cells, omega: Float) -> tuple[Any, Any, Any]:
+    """V, V′ per spacing, and −iωV per frame: what a unit of gain, place and lateness adds."""
+    n = now.V.shape[1]
+    k = 2j * np.pi * np.fft.fftfreq(n)
+    slope = ifft(k * np.where(now.kept, fft(now.V, axis=1), 0), axis=1)
+    return now.V, slope, -1j * omega[now.rows, None] * now.V
+
+
+def _less_left(before: _Cells, after: _Cells) -> bool:
+    """Whether clearly less is left beside the waves, at the frequencies that both tell of."""
+    both = np.isin(before.rows, after.rows), np.isin(after.rows, before.rows)
+    fall = before.weight[both[0], 0] / after.weight[both[1], 0]
+    return len(fall) >= _LEAST and float(np.median(fall)) < _LESS
+
+
+def ring_misfits(
+    component: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
+) -> tuple[Mended, Mask]:
+    """Channels to turn, and those that no factor puts right, shape (nx,).
+
+    Args:
+        component: shape (nt, nx), finite, while no source acts.
+        x, labels: positions and names of the receivers.
+        found: findings, added to.
+    """
+    nx = component.shape[1]
+    mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
+    seen = gains(component)
+    turned = seen.gain < 0
+    mended.factor[turned] = -1
+    if turned.any():
+        where = places(x, turned, labels)
+        said = f"of reversed polarity, as the ring's waves say: turned round ({where})"
+        found.append(Finding("reversed", where, "polarity", CURED, said))
+    if seen.odd.any():
+        where = places(x, seen.odd, labels)
+        said = (
+            "dead, exchanged, delayed or of another field: they do not fit the waves that all "
+            f"others show ({where})"
+        )
+        found.append(Finding("misfit", where, f"{int(seen.odd.sum())} of {nx}", TOLD, said))
+    return mended, seen.odd
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Strong waves and the rest at each of the frequencies that tell something.
+
+    rows tells which frequencies; U, V, R are of shape (n, nx), kept of the wavenumbers too; weight
+    is 1 over the variance of a receiver's R, shape (n, 1); own the part of them that are kept.
+    """
+
+    rows: NDArray[np.int64]
+    U: Any
+    V: Any
+    R: Any
+    kept: Mask
+    weight: Float
+    own: Float
+
+
+def _spectrum(component: Float) -> tuple[Any, Float]:
+    """U at the frequencies that tell something, and these in rad per frame."""
+    window = blackmanharris(len(component), sym=True)[:, None]
+    U = rfft((component - component.mean(axis=0)) * window, axis=0)
+    # A field that covers a quarter of the receivers is seen; one bad receiver is not.
+    size = np.sort(np.abs(U) ** 2, axis=1)[:, -max(3, U.shape[1] // 4)]
+    strong = np.flatnonzero(size > _STRONG * size.max(initial=0.0))
+    if len(strong) > _MOST_FREQUENCIES:
+        strong = strong[np.linspace(0, len(strong) - 1, _MOST_FREQUENCIES).astype(int)]
+    return U[strong], 2 * np.pi * strong / len(component)
+
+
+def _cells(U: Any, odd: Mask) -> _Cells | None:
+    """Waves told from the rest, odd receivers as the waves have them."""
+    nx = U.shape[1]
+    U = _clipped(U)
+    use = np.ones(len(U), bool)
+    hat = fft(U, axis=1)
+    for _ in range(4 if odd.any() else 1):
+        size = np.abs(hat)
+        median = np.median(size, axis=1, keepdims=True)
+        kept = size > np.maximum(_ABOVE * median, 1e-7 * size.max(axis=1, keepdims=True))
+        own = kept.mean(axis=1)
+        use = (own > 0) & (own < _FEW)
+        if not odd.any():
+            break
+        U = np.where(use[:, None], _filled(U, kept, odd), U)
+        hat = fft(U, axis=1)
+    if use.sum() < _LEAST:
+        return None
+    U, hat, kept, own = U[use], hat[use], kept[use], own[use]
+    V = ifft(np.where(kept, hat, 0), axis=1)
+    R = U - V
+    rest = np.where(kept, np.nan, np.abs(hat) ** 2)
+    variance = np.nanmedian(rest, axis=1, keepdims=True) / np.log(2) / nx
+    floor = 1e-14 * np.mean(np.abs(V) ** 2, axis=1, keepdims=True)
+    return _Cells(np.flatnonzero(use), U, V, R, kept, 1 / np.maximum(variance, floor), own)
+
+
+def _clipped(U: Any) -> Any:
+    """Amplitudes no larger than three times the largest close by, so that one hides no wave."""
+    size = np.abs(U)
+    near = np.max(
+        [np.roll(size, d, axis=1) for d in range(-_NEIGHBOURS, _NEIGHBOURS + 1) if d], axis=0
+    )
+    return np.where(size > _CLIP * near, U * (_CLIP * near / np.maximum(size, 1e-300)), U)
+
+
+def _filled(U: Any, kept: Mask, odd: Mask) -> Any:
+    """Odd receivers' values such that least is left of the field without its waves."""
+    where = np.flatnonzero(odd)
+    filled = U.copy()
+    filled[:, where] = 0
+    hat = fft(filled, axis=1)
+    left = filled - ifft(np.where(kept, hat, 0), axis=1)
+    # (1 − P) of a unit at one place, as seen at another, depends on how far they are apart.
+    kernel = ifft(np.where(kept, 0.0, 1.0), axis=1)
+    matrix = kernel[:, (where[:, None] - where) % U.shape[1]]
+    matrix = matrix + 1e-9 * np.eye(len(where))
+    filled[:, where] = np.linalg.solve(matrix, -left[:, where, None])[..., 0]
+    return filled
+
+
+def _without_worst(now: _Cells, off: Float, odd: Mask) -> tuple[Float, Mask] | None:
+    """What receivers are off by, with the worst put right, or odd; None where all fit."""
+    share = (1 - now.own)[:, None]
+    expected = now.U - now.R / share
+    left = np.mean(now.weight * np.abs(now.R) ** 2 / share, axis=0)
+    whole = np.mean(now.weight * np.abs(now.V) ** 2)
+    usual = float(np.median(left[~odd]))
+    left = np.where(odd, 0, left)
+    j = int(left.argmax())
+    if left[j] < _OFF * usual or left[j] < _PART * whole:
+        return None
+    weight, told, seen = now.weight[:, 0], expected[:, j], now.U[:, j]
+    factor = float(np.sum(weight * np.real(np.conj(told) * seen)))
+    factor /= max(float(np.sum(weight * np.abs(told) ** 2)), 1e-300)
+    rest = float(np.sum(weight * np.abs(seen - factor * told) ** 2))
+    alone = rest < _ALONE * float(np.sum(weight * np.abs(seen) ** 2)) and abs(factor) > _ALONE
+    off, odd = off.copy(), odd.copy()
+    off[:, j] = ((1 + off[0, j]) * factor - 1, *off[1:, j]) if alone else 0.0
+    odd[j] = not alone
+    return off, odd
+
+
+def _sure(now: _Cells, omega: Float, odd: Mask) -> Float:
+    """How far χ² of gains, places and clocks is above what chance makes of it, shape (3,)."""
+    bases = np.where(odd, 0, np.stack(_bases(now, omega)))
+    weight = now.weight / _TOGETHER
+    pull = np.sum(weight * np.real(np.conj(bases) * now.R), axis=1)
+    size = np.sum(weight * (1 - now.own)[:, None] * np.abs(bases) ** 2, axis=1)
+    known = ~odd & (size > 1e-12 * size.max(axis=1, keepdims=True))
+    # Var of the pull is half of it: only the real part counts.
+    ratio = np.where(known, 2 * pull**2 / np.maximum(size, 1e-300), 0)
+    chi = ratio.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    return np.asarray(chi - 1 - _SURE * np.sqrt(2 / (~odd).sum()))
+
+
+def _solved(
+    now: _Cells, omega: Float, off: Float, odd: Mask, spread: Float, kinds: list[int]
+) -> tuple[Float, Float]:
+    """ε, δ, τ by conjugate gradients, those of the kinds asked for, and how sure they are.
+
+    Shapes (3, nx); the precision is of each as a part of the field, at each wavenumber.
+    """
+    bases = np.where(odd, 0, np.stack(_bases(now, omega)))
+    asked = np.isin(np.arange(3), kinds)[:, None]
+    weight = now.weight / _TOGETHER
+    prior = (1 / spread**2)[:, None]
+
+    def pulled(left: Any) -> Float:
+        return np.asarray(np.sum(weight * np.real(np.conj(bases) * left), axis=1) * asked)
+
+    def times(e: Float) -> Float:
+        moved = np.sum(bases * e[:, None], axis=0)
+        moved = moved - ifft(np.where(now.kept, fft(moved, axis=1), 0), axis=1)
+        return pulled(moved) + prior * e
+
+    diagonal = np.sum(weight * (1 - now.own)[:, None] * np.abs(bases) ** 2, axis=1)
+    scale = 1 / (diagonal + prior)
+    r = pulled(now.R) - prior * off * ~odd * asked
+    e = np.zeros_like(r)
+    z = scale * r
+    p, rz = z, float(np.sum(r * z))
+    for _ in range(_STEPS):
+        if not rz > 1e-20:
+            break
+        q = times(p)
+        a = rz / float(np.sum(p * q))
+        e, r = e + a * p, r - a * q
+        z = scale * r
+        new = float(np.sum(r * z))
+        p, rz = z + new / rz * p, new
+    rest = fft((~now.kept).astype(float), axis=1)
+    unit = _unit(now, omega)
+    precision = []
+    for basis, one in zip(bases, unit, strict=True):
+        size = np.abs(fft(basis, axis=1)) ** 2 / basis.shape[1] / one
+        # Σ_k (1 − kept(k)) |V̂(k − q)|², at all q.
+        turned = ifft(np.conj(fft(size, axis=1)) * rest, axis=1).real
+        precision.append(np.maximum(2 * np.sum(weight * turned, axis=0), 0))
+    bound = np.array([9.0, _FARTHEST, np.pi / 4 / omega.max()])[:, None]
+    lowest = np.maximum(-bound, [[-0.9], [-9.0], [-99.0]])
+    return np.clip(e, lowest, bound), np.stack(precision)

@@ -1,0 +1,78 @@
+"""A line of a verdict; and the lines on energy, which are those of every bar."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from wavesim.simulation.field import Field
+from wavesim.verdict import remedies
+
+ENERGY_TOLERANCE = 1e-9
+ENERGY_AFTER_TOLERANCE = 1e-10
+# What was dissipated falls by rounding alone.
+LOSSY_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the verdict.
+
+    Attributes:
+        name: what was checked.
+        measured, reference: in the unit named; an error has reference 0.
+        tolerance: largest |measured − reference| that passes.
+        unit: of the three numbers.
+        remedy: what to change in the case if it falls short; "" where nothing is known.
+    """
+
+    name: str
+    measured: float
+    reference: float
+    tolerance: float
+    unit: str = "–"
+    remedy: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the measured value is within the tolerance; never where it is not a number."""
+        return bool(abs(self.measured - self.reference) <= self.tolerance)
+
+    def row(self) -> dict[str, Any]:
+        """As summary.json has it: with whether it passed, and the remedy only if it did not."""
+        found = asdict(self) | {"passed": self.passed}
+        if self.passed or not self.remedy:
+            del found["remedy"]
+        return found
+
+
+def energy_checks(field: Field) -> list[Check]:
+    """Energy balance, where the closure conserves energy in every layer.
+
+    Where nothing is lost, energy is the work of the sources. With losses their difference is what
+    was dissipated, which must never fall.
+    """
+    energy = field.energy
+    if energy is None or not field.layers.conserves_energy:
+        return []
+    scale = float(energy.total.max())
+    if scale == 0:
+        return []
+    remedy = remedies.of_energy(field)
+    if field.simulation.lossy:
+        lost = energy.dissipated
+        fall = float((np.maximum.accumulate(lost) - lost).max())
+        name = "energy dissipated: its largest fall over its largest value"
+        part = fall / max(float(lost.max()), 1e-300)
+        return [Check(name, part, 0.0, LOSSY_TOLERANCE, remedy=remedy)]
+    balance = float(np.abs(energy.dissipated).max()) / scale
+    name = "energy − work over energy"
+    checks = [Check(name, balance, 0.0, ENERGY_TOLERANCE, remedy=remedy)]
+    after = energy.total[field.t >= field.quiet_from]
+    if len(after) > 1:
+        change = float(np.ptp(after)) / scale
+        name = "energy after the pulse"
+        checks.append(Check(name, change, 0.0, ENERGY_AFTER_TOLERANCE, remedy=remedy))
+    return checks

@@ -1,0 +1,146 @@
+"""A run's field measured, held against theory, and told: the verdict of a run, with its answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what measures is loaded while a run compiles
+    from wavesim.case.load import Case
+    from wavesim.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was measured of a field.
+
+    Attributes:
+        checks: the verdict.
+        shown: what its figures are drawn from.
+        tables: what is stored of it, with units.
+        summary: what summary.json gets besides.
+        answers: the few rows that a reader asks for first.
+        notes: what the record was too short, or the grid too coarse, to tell.
+    """
+
+    checks: list[Any]
+    answers: dict[str, Any]
+    shown: Any
+    tables: dict[str, Any]
+    summary: dict[str, Any]
+    notes: list[str]
+
+
+def needed(simulated: Simulation) -> tuple[str, ...]:
+    """The modules that measure a run of this case."""
+    endless = simulated.endless
+    return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
+
+
+def measure(case: Case, field: Any, known: Any = None) -> Found:
+    """Measure a field and hold it against theory.
+
+    An endless bar is measured by its waves, ω(k) and k(ω), one with layers or ends by what its
+    receivers record.
+
+    Args:
+        case: the case.
+        field: the field of its run.
+        known: what the exact solvers say of a bar with layers or ends; worked out where None.
+    """
+    table = case.analysis
+    if case.simulation.endless:
+        from wavesim.readings.dispersion.extract import extract
+        from wavesim.verdict.answers import of_endless
+        from wavesim.verdict.endless import hold, judge, tables
+
+        measured = extract(field, case.k_range[1], table.frequencies, table.damping)
+        held = [hold(field, m, case.k_range) for m in measured]
+        checks = judge(field, held)
+        found = tables(held)
+        passing, said = pulse_tests(field)
+        told = notes(case.simulation, checks) + said
+        return Found(checks, of_endless(field, held), held, found, passing, told)
+    from wavesim.readings.bar.pulse_test import rows
+    from wavesim.readings.bar.reading import read_bar
+    from wavesim.verdict.answers import of_bar
+    from wavesim.verdict.bar import bar_notes, judge_bar
+
+    reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
+    summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
+    checks = judge_bar(field, reading)
+    answers = of_bar(field, reading)
+    told = bar_notes(reading, field)
+    return Found(checks, answers, reading, reading.tables(), summary, told)
+
+
+# What of a pulse each convention follows, so that its speed is not taken for another.
+_TIMED = {
+    "first break": "the speed of its earliest motion, which the fastest of its waves bring: no "
+    "phase velocity at any one frequency",
+    "threshold": "the speed of its first rise, which the faster of its waves bring: no phase "
+    "velocity at any one frequency",
+    "envelope": "the speed of its energy, a group velocity",
+    "correlation": "the speed at which its shape is carried on, near the phase velocity at its "
+    "peak frequency",
+}
+
+
+def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
+    """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
+
+    Returns:
+        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a line for each
+        velocity); nothing where there are no such receivers.
+    """
+    from wavesim.readings.pulse.answers import answer
+    from wavesim.readings.pulse.array_reading import read_array
+    from wavesim.readings.pulse.signals import PulseError
+    from wavesim.records.content import RecordError
+    from wavesim.records.of_pulse_test import of_field
+
+    if len(field.receivers) < 2:
+        return {}, []
+    readings = []
+    try:
+        for test in of_field(field, "run"):
+            if test.placed:
+                given = test.signals, test.positions, test.sent
+                readings.append(read_array(test.name, test.t, *given))
+    except (RecordError, PulseError):
+        # Receivers on both sides, or where nothing came: nothing that could be read.
+        pass
+    if not readings:
+        return {}, []
+    told = answer(readings, None)
+    for one in told["records"]:
+        one.pop("frequencies", None)
+    said = [
+        f"pulse test on {one.file.rpartition(' ')[2]}, {len(one.receivers)} receivers: "
+        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}, "
+        f"{_TIMED[one.best.convention]}; wavesim pulse reads more of the folder"
+        for one in readings
+        if one.best.valid
+    ]
+    return {"pulse": told}, said
+
+
+def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
+    """What a reader should know beside the checks."""
+    found = []
+    if not any("waves present" in check.name for check in checks):
+        duration, frames = simulated.duration, simulated.frames
+        nyquist = (frames - 1) / (2 * duration)
+        found.append(
+            f"no branch was judged: frequency bins of {1e-3 / duration:.3g} kHz up to "
+            f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
+            "duration for finer bins, raise [time] samples for a higher end"
+        )
+    if any(block.macro for block in simulated.blocks) and not any(
+        "|Δk|/|k|" in check.name for check in checks
+    ):
+        found.append(
+            "no wavenumber could be measured along the bar: lengthen the bar, or leave more room "
+            "between the sources"
+        )
+    return found
