@@ -88,6 +88,7 @@ def _images(
         xlim=(0, bar.length * 1e3), ylim=(-reach, reach), xlabel="x (mm)",
         ylabel=f"{symbol(name)} ({field.unit(name)})",
     )  # fmt: skip
+    axes.yaxis.get_offset_text().set_x(-0.09)  # clear of the first receiver's name
     (line,) = axes.plot(x, np.zeros(len(x)), color=FOUND, lw=1.1)
     clock = axes.text(0.99, 0.96, "", ha="right", va="top", transform=axes.transAxes)
     canvas = FigureCanvasAgg(figure)
