@@ -266,7 +266,7 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
         CaseError: anything that can't be used.
     """
     name = str(path)
-    file, text = _text(path)
+    file, text = source_of(path)
     return parse(text, name, overrides, file.parent)
 
 
@@ -275,14 +275,15 @@ def tables_of(path: str | Path, overrides: Sequence[str] = ()) -> tuple[dict[str
 
     Arguments and errors as of :func:`read`; nothing is held to the schema.
     """
-    file, text = _text(path)
+    file, text = source_of(path)
     tables = toml_tables(text, str(path))
     for override in overrides:
         lay_over(tables, override)
     return tables, file.parent
 
 
-def _text(path: str | Path) -> tuple[Path, str]:
+def source_of(path: str | Path) -> tuple[Path, str]:
+    """The file of a case, shipped or not, and its text."""
     try:
         file = found(path)
         return file, text_of(file, like(path))

@@ -59,9 +59,12 @@ def failed(error: BaseException) -> int:
 
 
 def console(quiet: bool = False) -> Any:
-    """A console as wide as the terminal, or 80 columns where there is none."""
+    """A console as wide as the terminal; where there is none, as $COLUMNS, or else 80 columns."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else 80
+    columns = os.environ.get("COLUMNS", "")
+    width = int(columns) if columns.isdigit() and int(columns) else 80
     # Without markup: [time] in a message is a table of the case file.
-    return Console(quiet=quiet, highlight=False, markup=False, width=width)
+    return Console(
+        quiet=quiet, highlight=False, markup=False, width=None if sys.stdout.isatty() else width
+    )
