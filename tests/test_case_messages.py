@@ -41,6 +41,10 @@ def told(case, *overrides):
         ("slab", "receivers.0.position='2 inch'", "a number in m, without quotes or unit"),
         ("lossy", "medium.quality_band='50-2000 kHz'", "an array of numbers in Hz"),
         ("slab", "boundary.left='free'", "[boundary]: unknown table; known are title, medium"),
+        ("slab", "duration=1e-4", "unknown key; did you mean time.duration?"),
+        ("slab", "sources[x].peak_frequency=1e6", "unknown table; did you mean sources"),
+        ("slab", "sources[0].peak_frequency='1 MHz'", "unit: 1000000.0"),
+        ("slab", "bar.constrained-x=3", "constrained-x = 3: unknown key"),
         ("slab", "layer=[{from=0.0}]", "[[layer]]: unknown table; did you mean layers?"),
     ],
 )  # fmt: skip

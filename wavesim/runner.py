@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import resource
+import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -17,7 +18,7 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.verdict.judgement import measure, needed
+from wavesim.verdict.judgement import FOLDER, measure, needed
 from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
@@ -264,16 +265,17 @@ def _run(
     summary = _plain(summary)
     text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
     storage.write_whole(folder / "summary.json", text.encode())
+    notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
     for failure in undrawn:
         why = str(failure).partition("\n")[0]
-        found.notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+        notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
     if data is not None:
-        made = page(summary, data, resolved, folder, rerun, found.notes)
+        made = page(summary, data, resolved, folder, rerun, notes)
         storage.write_whole(folder / "report.html", made.encode())
     for failure in undrawn:
         if isinstance(failure, OSError):
             raise failure
-    return Outcome(summary, folder, found.notes)
+    return Outcome(summary, folder, notes)
 
 
 def _take_away_old(folder: Path) -> None:

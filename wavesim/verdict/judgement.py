@@ -9,6 +9,9 @@ if TYPE_CHECKING:  # what measures is loaded while a run compiles
     from wavesim.case.load import Case
     from wavesim.simulation.simulation import Simulation
 
+# Stands in a note for the folder of the run, which is not known here.
+FOLDER = "FOLDER"
+
 
 @dataclass(frozen=True)
 class Found:
@@ -90,8 +93,8 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
 
     Returns:
-        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a line for each
-        velocity); nothing where there are no such receivers.
+        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a note of the
+        velocities); nothing where there are no such receivers.
     """
     from wavesim.readings.pulse.answers import answer
     from wavesim.readings.pulse.array_reading import read_array
@@ -115,12 +118,16 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     told = answer(readings, None)
     for one in told["records"]:
         one.pop("frequencies", None)
+    read: dict[str, list[str]] = {}
+    for one in readings:
+        if one.best.valid:
+            speed = f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s"
+            name = one.file.rpartition(" ")[2]
+            read.setdefault(one.best.convention, []).append(f"{name} {speed}")
     said = [
-        f"pulse test on {one.file.rpartition(' ')[2]}, {len(one.receivers)} receivers: "
-        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}, "
-        f"{_TIMED[one.best.convention]}; wavesim pulse reads more of the folder"
-        for one in readings
-        if one.best.valid
+        f"pulse velocity between receivers by {by}, {_TIMED[by]}: {', '.join(speeds)}; "
+        f"wavesim pulse {FOLDER} tells more"
+        for by, speeds in read.items()
     ]
     return {"pulse": told}, said
 
