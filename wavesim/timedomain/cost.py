@@ -22,8 +22,9 @@ from wavesim.timedomain.time_step import RUN, TimeStep, chunk_frames
 
 # Seconds on the machine that was measured on, quiet; products of states in the cache take less.
 _START, _COMPILE = 1.1, {"propagator": 0.9, "chebyshev": 1.1}
-_PER_FLOP, _PER_PRODUCT, _CACHED = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 5.0e-6}, 4.0e4
-_PER_POINT, _FAR = {"propagator": 4.0e-9, "chebyshev": 6.0e-10}, 1.1e-8
+_PER_FLOP, _PER_PRODUCT = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 5.0e-6}
+# A number of a state: within the cache, how much more beyond it, and where that begins.
+_PER_POINT = {"propagator": (4.0e-9, 1.1e-8, 4.0e4), "chebyshev": (6.0e-10, 3.3e-9, 1.2e6)}
 _PER_STORED, _PER_READ = 8.0e-9, 5.0e-9  # a byte
 _ENDLESS, _PER_SPECTRUM, _BAR, _PER_SIGNAL, _PAGE = 0.4, 6.0e-8, 0.4, 2.0e-7, 0.7
 # Bytes: what is loaded and compiled, here and in the process beside; how many times a chunk and a
@@ -128,9 +129,11 @@ def cost(
     numbers = float(frames) * cells * count
     arithmetic, python = slowness()
     state = float(cells * count)
-    rate = _PER_POINT.get(steps.solver, 4.0e-9) + _FAR * state / (state + _CACHED)
     memories = max(len(layer.medium.damping.rates) for layer in simulated.layers.layers)
-    each = _PER_PRODUCT.get(steps.solver, 1.0e-5) + state * rate * (1 + memories)
+    worked = state * (1 + memories)
+    near, far, cached = _PER_POINT.get(steps.solver, _PER_POINT["propagator"])
+    each = _PER_PRODUCT.get(steps.solver, 1.0e-5)
+    each += worked * (near + far * worked / (worked + cached))
     if steps.solver == "propagator":
         window = RUN + 2 * steps.reach
         fields = sum(len(b.macro + b.micro) ** 2 for b in simulated.blocks)
