@@ -40,6 +40,11 @@ def failed(error: BaseException) -> int:
     if os.environ.get("WAVESIM_TRACEBACK"):
         traceback.print_exception(error)
     name, why = type(error).__name__, str(error).partition("\n")[0]
+    if type(error).__module__.startswith("wavesim."):  # one of ours says what to do
+        told(why)
+        return (
+            FAILED if isinstance(error, RuntimeError) and "can't be written" in why else BAD_INPUT
+        )
     if isinstance(error, MemoryError):
         told(f"it does not fit into memory ({why or name}); take fewer cells, or fewer frames")
     elif isinstance(error, OSError):

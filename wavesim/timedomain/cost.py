@@ -41,6 +41,8 @@ _PRODUCT_THEN, _LOOP_THEN = 5.5e-5, 2.8e-3
 _PART_OF_MEMORY = 0.8
 # A field of so many bytes, or this part of the memory, is kept there until its run has ended.
 _KEPT, _PART_KEPT = 0.5e9, 0.05
+# Disk that a run takes at its end, over what stays.
+_WHILE_GATHERED = 2.0
 HOUR = 3600.0
 
 
@@ -229,10 +231,11 @@ def check_cost(
             f"{asked}; more memory than {size(memory)}, which this machine has to give: take at "
             f"most {_rounded(cells * part)} cells, or fewer [time] samples"
         )
-    if found.disk > room:
+    if _WHILE_GATHERED * found.disk > room:
+        fits = _rounded(frames * room / (_WHILE_GATHERED * found.disk))
         raise ValueError(
-            f"{asked}; more disk than {size(room)}, which is free there: take at most "
-            f"{_rounded(frames * room / found.disk)} [time] samples, make room, or name another "
+            f"{asked}, twice that while its parts are made one file; more disk than {size(room)}, "
+            f"which is free there: take at most {fits} [time] samples, make room, or name another "
             "folder with --out"
         )
     if found.seconds > at_most:
