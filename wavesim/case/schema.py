@@ -21,8 +21,8 @@ from wavesim.case.toml_text import CaseError as CaseError
 from wavesim.case.toml_text import lay_over, toml_tables
 from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
+from wavesim.material.arguments import FREQUENCIES, WINDOW
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import FREQUENCIES, WINDOW
 from wavesim.sources.signal_file import text_of
 
 

@@ -23,6 +23,9 @@ import numpy as np
 
 from wavesim.material.shown import printable
 
+# What spectra may be asked for: frequencies, and σT of the exponential window.
+FREQUENCIES, WINDOW = (8, 4096), (4.0, 30.0)
+
 Made = TypeVar("Made", bound=Callable[..., Any])
 _LONGEST = 60
 _PASS = ""

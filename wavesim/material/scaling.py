@@ -19,8 +19,6 @@ from wavesim.material.medium import Medium
 
 # Branches are judged between these k̄ where nobody says otherwise.
 JUDGED = (0.02, 0.5)
-# What spectra may be asked for: frequencies, and σT of the exponential window.
-FREQUENCIES, WINDOW = (8, 4096), (4.0, 30.0)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavesim.material.scaling import FREQUENCIES, WINDOW
+from wavesim.material.arguments import FREQUENCIES, WINDOW
 
 # Columns of sums that are held at a time.
 _AT_ONCE = 256

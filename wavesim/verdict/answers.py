@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
 
+from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import FREQUENCIES
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
