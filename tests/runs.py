@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import pytest
 from click.testing import CliRunner, Result
 from filelock import FileLock
 
@@ -24,6 +26,15 @@ SHIPPED = {path.stem: path for path in sorted((Path(__file__).parents[1] / "case
 def call(*arguments: object) -> Result:
     """A command in this process; an exception that is not an exit fails the test."""
     return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def refused(make: Callable[[], Any], given: str, remedy: str) -> None:
+    """That it raises ValueError with one line, which has what was given, and then a remedy."""
+    with pytest.raises(ValueError, match=re.escape(given)) as caught:
+        make()
+    message = str(caught.value)
+    assert "\n" not in message
+    assert remedy in message.partition(given)[2]
 
 
 def once(path: Path, make: Callable[[], Any]) -> Any:

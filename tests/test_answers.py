@@ -27,7 +27,7 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
         row = rows[gap.name]
         assert row["lower"] == pytest.approx(gap.lower / 2 / np.pi, rel=1e-12)
         assert row["upper"] == pytest.approx(gap.upper / 2 / np.pi, rel=1e-12)
-        assert gap.lower < 2 * np.pi * row["frequency"] < gap.upper
+        assert row["frequency"] == pytest.approx((gap.lower + gap.upper) / 4 / np.pi, rel=1e-12)
         k = planewave.wavenumber(medium, "longitudinal", 2 * np.pi * row["frequency"])
         decibels = 20 * np.log10(np.e) * np.ravel(k)[0].imag
         assert row["attenuation_at_real_frequency"] == pytest.approx(decibels, rel=1e-9)
@@ -37,16 +37,22 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
     assert "not driven" in rows["RTB1"]["closer"]
 
 
-def test_advice_is_one_that_a_case_takes_and_puts_the_source_into_the_gap(small_run, small_case):
+def test_advice_is_one_that_a_case_takes_and_shows_more_of_the_gap(small_run, small_case):
+    """Frequencies twice as fine where the gap is driven, or else the source in it."""
+    before = small_run.loaded.simulation
     for row in small_run.summary["answers"]["gaps"]:
         words = shlex.split(row["closer"])
         if words[0] != "--set":
             continue
         case = load(small_case, words[1::2])
         changed = [s for s in case.simulation.sources if s.peak_frequency != 1e6]
-        assert changed
         for source in changed:
             assert row["lower"] < source.peak_frequency < row["upper"]
+        if not changed:
+            assert case.simulation.duration == pytest.approx(2 * before.duration)
+            assert case.analysis.frequencies == 2 * small_run.loaded.analysis.frequencies
+            longer = case.simulation.bar.length / before.bar.length
+            assert longer == pytest.approx(case.simulation.duration / before.duration)
 
 
 def test_long_waves_go_at_their_speed(small_run):

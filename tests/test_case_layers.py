@@ -75,13 +75,13 @@ def test_bad_layers_give_2_and_one_line(what, good):
     assert remedy in line.partition(given)[2]
 
 
-def test_a_layer_too_thin_for_the_grid_gives_2_and_one_line(good):
-    """16 cells of order 8 take a spacing of a sixteenth of a millimetre for 1 mm."""
-    line = told(good, "layers.0.to=0.031", "layers.1.from=0.031")
-    assert "[[layers]] number 2: from = 0.031, to = 0.032: 0.001 m is 8 cells" in line
-    assert "take [bar] spacing = 6.25e-05, a lower [bar] order, or a thicker layer" in line
-    fine = ["layers.0.to=0.031", "layers.1.from=0.031", "bar.spacing=6.25e-5"]
-    assert not load(good, fine).simulation.endless
+def test_a_layer_too_thin_for_the_grid_has_cells_of_its_own(good):
+    """16 of order 8, a sixteenth of a millimetre each for 1 mm; the others as they are asked."""
+    overrides = ["layers.0.to=0.031", "layers.1.from=0.031"]
+    asked = load(good).simulation.bar.all_stretches
+    stretches = load(good, overrides).simulation.bar.all_stretches
+    assert stretches[1] == (16, pytest.approx(6.25e-5))
+    assert stretches[0][1] == asked[0][1]
 
 
 def test_a_recorded_signal_with_a_hole_gives_2_and_one_line(good, tmp_path):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from wavesim.case.load import load
-from wavesim.case.schema import CaseError, CaseFile
+from wavesim.case.load import build, load
+from wavesim.case.schema import CaseError, CaseFile, parse
 from wavesim.case.units import UNITS, numbered
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -41,6 +41,10 @@ def told(case, *overrides):
         ("slab", "receivers.0.position='2 inch'", "a number in m, without quotes or unit"),
         ("lossy", "medium.quality_band='50-2000 kHz'", "an array of numbers in Hz"),
         ("slab", "boundary.left='free'", "[boundary]: unknown table; known are title, medium"),
+        ("slab", "duration=1e-4", "unknown key; did you mean time.duration?"),
+        ("slab", "sources[x].peak_frequency=1e6", "unknown table; did you mean sources"),
+        ("slab", "sources[0].peak_frequency='1 MHz'", "unit: 1000000.0"),
+        ("slab", "bar.constrained-x=3", "constrained-x = 3: unknown key"),
         ("slab", "layer=[{from=0.0}]", "[[layer]]: unknown table; did you mean layers?"),
     ],
 )  # fmt: skip
@@ -66,15 +70,12 @@ def test_units_are_of_keys_that_exist():
 
 
 @pytest.mark.parametrize("case", ["slab", "stack"])
-def test_the_spacing_told_for_a_thin_layer_is_enough(case):
-    """It names the layer by its table, and following it loads: it divides the bar's length too."""
-    thin, where = ["layers.0.layers.0.thickness=3e-4"], "[[layers.layers]] number 1: thickness = 0"
+def test_a_thin_layer_gets_cells_enough_beside_a_spacing(case):
+    """And what is resolved of the case has the same grid again."""
+    thin = ["layers.0.layers.0.thickness=3e-4"]
     if case == "slab":
         thin = ["layers.1.to=0.0285", "layers.2.from=0.0285"]
-        where = "[[layers]] number 2: from = 0.02"
-    line = told(f"{case}.toml", *thin)
-    assert where in line
-    assert "of [bar] spacing = 6.25e-05" in line
-    spacing = line.split("take [bar] spacing = ")[1].split(",")[0]
-    made = load(CASES / f"{case}.toml", [*thin, f"bar.spacing={spacing}"])
-    assert made.simulation.bar.stretches[1][0] >= 16
+    made = load(CASES / f"{case}.toml", thin)
+    assert made.simulation.bar.stretches[1][0] == 16
+    again = build(parse(made.resolved("auto", 1e-7), "again"), "again")
+    assert again.simulation.bar == made.simulation.bar

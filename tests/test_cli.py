@@ -98,7 +98,7 @@ def test_run_that_passes_gives_0(small_run):
     assert all(len(line) <= 80 for line in lines[:verdict])
     assert lines[-1] == f"The page: {small_run.folder / 'report.html'}"
     told = " ".join(line.strip() for line in lines[verdict + 1 : -1])
-    assert told.startswith("Note: pulse test on phi1")
+    assert told.startswith("Note: pulse velocity between receivers by first break")
     assert told.count("Note") == 1
 
 

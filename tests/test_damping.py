@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
+from runs import refused
 
 from wavesim.material.damping import UNDAMPED, Damping, constant_quality, quality
 
@@ -135,9 +135,4 @@ BAD = [
 
 @pytest.mark.parametrize(("make", "given", "remedy"), BAD, ids=[row[1] for row in BAD])
 def test_what_is_no_law_is_told_in_one_line(make, given, remedy):
-    with pytest.raises(ValueError, match=re.escape(given)) as caught:
-        make()
-    message = str(caught.value)
-    assert "\n" not in message
-    assert given in message
-    assert remedy in message.partition(given)[2]
+    refused(make, given, remedy)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import struct
+import sys
 
 import matplotlib
 import numpy as np
@@ -384,6 +385,7 @@ def test_animation_shows_the_field_frame_by_frame(small_run, tmp_path):
 )
 def test_animation_that_can_not_be_made_gives_2(small_run, tmp_path, monkeypatch, arguments, said):
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)  # as where it is not installed
     result = call("animate", small_run.folder, *arguments, "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert said in result.stderr

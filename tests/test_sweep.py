@@ -208,8 +208,9 @@ def test_runs_of_a_sweep_are_runs(short, tmp_path):
             assert np.array_equal(one["time"].values[:count], field.t)
             assert np.isnan(one["signal"].values[..., count:]).all()
             for name in field.names:
-                own = one["signal"].sel(receiver="far", field=name).values[:count]
-                assert np.array_equal(own, field.at(x, name))
+                own = one["signal"].sel(receiver="far", field=name)
+                assert np.array_equal(own.values[:count], field.at(x, name))
+                assert str(own["unit"].values) == field.unit(name)
 
 
 SWEEP = """\

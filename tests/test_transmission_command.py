@@ -90,8 +90,9 @@ def test_a_band_of_the_case_is_told_and_judged(path):
     level = 20 * np.log10(np.abs(transfer(load_layers(path).layers, "longitudinal", omega)[0]))
     assert level.min() < -1
     for band, kept in zip(found["bands"], (True, False), strict=True):
-        assert band["highest"] == pytest.approx(level.max(), abs=1e-8)
-        assert band["lowest"] == pytest.approx(level.min(), abs=1e-8)
+        # Looked at more closely than every 250 Hz.
+        assert band["highest"] == pytest.approx(level.max(), abs=1e-5)
+        assert band["lowest"] == pytest.approx(level.min(), abs=1e-5)
         assert band["kept"] == kept
 
 

@@ -17,8 +17,9 @@ from wavesim.readings.matched_record import MatchError, matched, resampling
 from wavesim.records.of_pulse_test import PulseTestRecord
 from wavesim.studies.comparison import compare
 from wavesim.studies.fit_answer import of_waveforms
+from wavesim.studies.fitted_keys import targets
 from wavesim.studies.least_squares import FitError, Parameter, solve
-from wavesim.studies.waveform_fit import Waveforms, targets
+from wavesim.studies.waveform_fit import Waveforms
 
 CASE = """
 [medium]

@@ -53,7 +53,7 @@ _HOMES = {
     "read_pulses": "wavesim.readings.pulse.array_reading",
     "transmission_record": "wavesim.readings.pulse.transmission_record",
     "read_transmission": "wavesim.readings.pulse.reading",
-    "read_series": "wavesim.readings.pulse.reading",
+    "read_series": "wavesim.readings.pulse.series_reading",
     "matched": "wavesim.readings.matched_record",
     "compare": "wavesim.studies.comparison",
     "fit_waveforms": "wavesim.studies.fit_answer",
@@ -90,7 +90,13 @@ __all__ = [*_HOMES, *_MODULES]
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), _NAMES.get(name, name))
+        found = getattr(importlib.import_module(_HOMES[name]), _NAMES.get(name, name))
+        if not isinstance(found, type):
+            checked = importlib.import_module("wavesim.material.arguments").checked
+            found = checked(found, name)
+            found.__module__, found.__qualname__ = __name__, name  # where pickle finds it
+        globals()[name] = found
+        return found
     if name in _MODULES:
         return importlib.import_module(_MODULES[name])
     if name == "__version__":

@@ -6,10 +6,10 @@ import errno
 import json
 import math
 import resource
+import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -17,12 +17,13 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.verdict.judgement import measure, needed
+from wavesim.verdict.judgement import FOLDER, measure, needed
 from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
     from wavesim.case.load import Case
     from wavesim.io.result_writer import Results
+    from wavesim.io.storing import Storing
     from wavesim.simulation.field import Energy, Field
     from wavesim.simulation.simulation import Simulation
     from wavesim.timedomain.integrate import Timing
@@ -33,8 +34,6 @@ _EXPECTED = "wavesim.readings.bar.reading.expected"
 _FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
 _FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
 _PICTURES = (".png", ".pdf", ".svg")
-# result.h5 shows what is stored no sooner than so after the time before, s.
-_SHOWN_EVERY = 0.5
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
 
 
@@ -187,6 +186,7 @@ def _run(
     keep_compiled()
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
+    from wavesim.io.storing import Storing
     from wavesim.timedomain.cost import in_memory
     from wavesim.timedomain.integrate import Timing
     from wavesim.timedomain.time_step import time_step
@@ -213,7 +213,8 @@ def _run(
     tell("compile", 0.0)
     # What the analysis needs is loaded while the compiler leaves Python's lock alone.
     loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
-    energies = _integrated(simulated, results, start, kept, spent, tell, loading.start)
+    storing = until_the_end.enter_context(Storing(results, kept))
+    energies = _integrated(simulated, results, start, storing, spent, tell, loading.start)
     lap("integrate")
     timing["compile"] = spent.compile
     timing["store"] = timing["integrate"] - spent.compile - spent.integrate
@@ -222,12 +223,13 @@ def _run(
     loading.join()
     tell("analyse", 0.0)
     if kept:
+        storing.filled()
         for values in kept.values():
             values.freeze()
-        until_the_end.enter_context(results.gathering())
         stored = simulated.times, kept, Energy.joined(energies)
         field = Field(simulated, *stored, steps.solver, seconds)
     else:
+        storing.wait()
         field = resultfile.read(results.path, simulated)
     pictures = _Pictures(beside, folder, figures, field)
     found = measure(case, field, *(known.result() if known else ()))
@@ -235,9 +237,10 @@ def _run(
     tell("figures", 0.0)
     rows = [check.row() for check in found.checks]
     pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
+    storing.wait()
+    until_the_end.enter_context(results.gathering())
     if not kept:
         # The file is read until all is drawn: only then may another take its place.
-        until_the_end.enter_context(results.gathering())
         pictures.wait()
         lap("figures")
     tell("store", 0.0)
@@ -264,16 +267,17 @@ def _run(
     summary = _plain(summary)
     text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
     storage.write_whole(folder / "summary.json", text.encode())
+    notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
     for failure in undrawn:
         why = str(failure).partition("\n")[0]
-        found.notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+        notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
     if data is not None:
-        made = page(summary, data, resolved, folder, rerun, found.notes)
+        made = page(summary, data, resolved, folder, rerun, notes)
         storage.write_whole(folder / "report.html", made.encode())
     for failure in undrawn:
         if isinstance(failure, OSError):
             raise failure
-    return Outcome(summary, folder, found.notes)
+    return Outcome(summary, folder, notes)
 
 
 def _take_away_old(folder: Path) -> None:
@@ -289,7 +293,7 @@ def _integrated(
     simulated: Simulation,
     results: Results,
     start: tuple[int, Sequence[Any]] | None,
-    kept: dict[str, SharedArray],
+    storing: Storing,
     spent: Timing,
     tell: Progress,
     meanwhile: Callable[[], object],
@@ -300,7 +304,7 @@ def _integrated(
         simulated: what is run.
         results: where to.
         start: to carry on from; None begins at t = 0.
-        kept: arrays that are filled too.
+        storing: what stores them.
         spent: where to note the seconds spent.
         tell: progress.
         meanwhile: called while Python has nothing to do.
@@ -309,36 +313,21 @@ def _integrated(
         The energy of each chunk.
     """
     from wavesim.io.result_reader import StorageError
-    from wavesim.timedomain.integrate import Chunk, NotFiniteError, stream
+    from wavesim.timedomain.integrate import NotFiniteError, stream
 
-    energies, shown_at = [], -math.inf
-
-    def store(chunk: Chunk) -> None:
-        nonlocal shown_at
-        end = chunk.first + chunk.count
-        for name, values in kept.items():
-            values[chunk.first : end] = chunk.values[name]
-        due = time.monotonic() - shown_at > _SHOWN_EVERY or end == simulated.frames
-        shown_at = time.monotonic() if due else shown_at
-        results.append(chunk.first, chunk.values, chunk.energy, chunk.state, due)
-
+    energies = []
     try:
-        with ThreadPoolExecutor(1) as writer:
-            writing: Future[None] | None = None
-            for chunk in stream(simulated, start, spent, meanwhile):
-                if writing is not None:
-                    writing.result()
-                writing = writer.submit(store, chunk)
-                energies.append(chunk.energy)
-                tell("integrate", (chunk.first + chunk.count) / simulated.frames)
-        if writing is not None:
-            writing.result()
+        for chunk in stream(simulated, start, spent, meanwhile):
+            storing.add(chunk)
+            energies.append(chunk.energy)
+            tell("integrate", (chunk.first + chunk.count) / simulated.frames)
     except NotFiniteError as error:
+        storing.wait()
         results.finish("failed")
         raise RunError(str(error), True) from None
     except BaseException:
         with suppress(StorageError):
-            results.present()
+            storing.stop()
         raise
     return energies
 

@@ -32,9 +32,11 @@ _MEANS = {
     "repeat": "how often the group of [[layers.layers]] stands",
     "field": "what the source drives",
     "position": "along the bar (m)",
-    "end": "that a moment or a rotation drives, in place of position",
-    "drive": '"body", "moment" on a free end or "rotation" of a fixed one',
-    "amplitude": "N·m/m² on a rotation, N on a micro-curvature, rad for drive rotation",
+    "end": "that is driven, in place of position",
+    "drive": '"body"; on a free end "moment" or "traction"; of a fixed one "rotation" or '
+    '"displacement"',
+    "amplitude": "N·m/m² on a rotation, N on a micro-curvature, N/m² on a displacement, N/m on a "
+    "micro-strain; rad or m of a fixed end that is moved",
     "width": "standard deviation of a Gaussian (m); 0 is a point",
     "kind": "of the source",
     "peak_frequency": "of the pulse's spectrum (Hz)",

@@ -14,13 +14,12 @@ import tomli_w
 from wavesim.case import medium_tables as casemedia
 from wavesim.case import source_tables as casesources
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
-from wavesim.case.medium_tables import Placed
 from wavesim.case.messages import place
-from wavesim.case.schema import AnalysisTable, BandTable, BarTable, CaseError, CaseFile, read
+from wavesim.case.schema import AnalysisTable, BandTable, CaseError, CaseFile, read
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.points import sampling, spread
 from wavesim.grid.summation_by_parts import closure
-from wavesim.material.layers import End, Layer, Layers, as_layers, check_follow
+from wavesim.material.layers import End, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import JUDGED
 from wavesim.simulation.resolution import check_carried
@@ -119,11 +118,8 @@ def build(file: CaseFile, name: str) -> Case:
     layers = known.layers
     order = file.bar.order
     widest = file.bar.spacing or (plain.spacing if plain else float(finest.length_scale) / 8)
-    spacings = []
-    for one, layer in zip(known.places, stretches, strict=True):
-        if layers:
-            make(one.where, _check_thick, one, file.bar, widest)
-        spacings.append(_spacing(file.bar, layer, widest))
+    # Less where a layer is too thin for the closures.
+    spacings = [min(widest, layer.thickness / closure(order).cells) for layer in stretches]
     absorber = make(("bar",), _absorber, file, ends, (media[0], media[-1]), length)
     bar = make(("bar",), _whole, plain, layers, length, spacings, order, ends, absorber)
     sources = []
@@ -250,8 +246,10 @@ def _resolved(
     own = known.medium
     tables["medium"] |= own.keys | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}
-    if not _own_cells(file.bar, known):
-        tables["bar"].pop("length", None)
+    tables["bar"].pop("length", None)
+    if known.layers:  # which have the length, and each cells of its own
+        tables["bar"].pop("cells", None)
+    else:
         tables["bar"] |= {"cells": bar.cells, "spacing": bar.spacing}
     if absorber:
         tables["bar"]["absorber"] = absorber
@@ -268,11 +266,6 @@ def _resolved(
     return tables
 
 
-def _own_cells(table: BarTable, known: BarLayers) -> bool:
-    """Whether each layer has cells as its thickness asks, where no spacing is given."""
-    return bool(known.layers) and table.spacing is None and table.cells is None
-
-
 def _absorber(
     file: CaseFile, ends: tuple[End, End], media: tuple[Medium, Medium], whole: float
 ) -> float:
@@ -287,36 +280,6 @@ def _absorber(
             f"{whole:g} m; take less than {whole / len(absorbing):g}, or lengthen the bar"
         )
     return length
-
-
-def _check_thick(layer: Placed, table: BarTable, spacing: float) -> None:
-    """Hold a layer to the fewest cells that its closures take, where a spacing is given."""
-    if table.spacing is None and table.cells is None:
-        return
-    thickness, by_thickness = layer.end - layer.start, layer.table.thickness is not None
-    cells, least = max(1, round(thickness / spacing)), closure(table.order).cells
-    if cells >= least:
-        return
-    # A whole part of the spacing, as a bar's length is a whole number of cells.
-    parts = math.ceil(least * spacing / thickness * (1 - 1e-9))
-    given = (
-        f"thickness = {thickness:g}"
-        if by_thickness
-        else f"from = {layer.start:g}, to = {layer.end:g}"
-    )
-    raise ValueError(
-        f"{given}: {thickness:.4g} m is {cells} "
-        f"cell{'s' if cells > 1 else ''} of [bar] spacing = {spacing:.6g}, and order "
-        f"{table.order} needs {least} in a layer; take [bar] spacing = {spacing / parts:.6g}, "
-        "a lower [bar] order, or a thicker layer"
-    )
-
-
-def _spacing(table: BarTable, layer: Layer, widest: float) -> float:
-    """Cell size of a layer: that of [bar], or small enough for the closures."""
-    if table.spacing is not None or table.cells is not None:
-        return widest
-    return min(widest, layer.thickness / closure(table.order).cells)
 
 
 def _whole(

@@ -89,9 +89,11 @@ def _keys(schema: type[BaseModel], error: Any) -> list[Any]:
             or (isinstance(before, int) and part in kinds)
         )
 
-    return [
+    path = [
         part for part, before in zip(loc, (None, *loc), strict=False) if not named(part, before)
     ]
+    # An unknown key may look like any of those names.
+    return [*path, loc[-1]] if error["type"] == "extra_forbidden" and named(loc[-1], None) else path
 
 
 def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
@@ -106,6 +108,8 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         fields = _model(schema, error["loc"][:-1]).model_fields
         allowed = [field.alias or name for name, field in fields.items()]
         near = difflib.get_close_matches(key, allowed, 1)
+        if not table and not near:
+            near = [f"{name}.{key}" for name in allowed if _is_key(schema, name, key)]
         # Keys of [medium] are many; elsewhere they are said in three words.
         many = set(_model(schema, ("medium",)).model_fields) if "layers" in table else set()
         short = [name for name in allowed if name not in many]
@@ -145,6 +149,12 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
     return f"{given}: {_PLAIN[kind].format(**context) if kind in _PLAIN else error['msg']}"
 
 
+def _is_key(schema: type[BaseModel], table: str, key: str) -> bool:
+    """Whether a key belongs in a table, [table], of the file."""
+    field = schema.model_fields.get(table)
+    return field is not None and key in getattr(_table(field.annotation), "model_fields", {})
+
+
 def _quoted(expected: str) -> str:
     return expected.replace("'", '"')
 
@@ -169,12 +179,14 @@ def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
 
 def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
     """Whether a table belongs at a path, rather than a value that was given as one."""
-    inside = _model(schema, loc[:-1])
-    known = inside.model_fields.get(str(loc[-1])) if isinstance(loc[-1], str) else None
-    if known is None:
-        return True
-    table = _table(known.annotation)
-    return isinstance(table, type) and issubclass(table, BaseModel)
+    model: Any = schema
+    for part in loc:
+        if isinstance(model, dict):
+            model = model.get(part, model)
+        elif isinstance(part, str):
+            known = getattr(model, "model_fields", {}).get(part)
+            model = _table(known.annotation) if known else None
+    return isinstance(model, dict) or (isinstance(model, type) and issubclass(model, BaseModel))
 
 
 def _table(annotation: Any) -> Any:

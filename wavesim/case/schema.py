@@ -21,6 +21,7 @@ from wavesim.case.toml_text import CaseError as CaseError
 from wavesim.case.toml_text import lay_over, toml_tables
 from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
+from wavesim.material.arguments import FREQUENCIES, WINDOW
 from wavesim.material.medium import Medium
 from wavesim.sources.signal_file import text_of
 
@@ -203,8 +204,8 @@ class AnalysisTable(Table):
 
     k_min: Positive | None = None
     k_max: Positive | None = None
-    frequencies: Annotated[int, Field(ge=8, le=4096)] = 120
-    damping: Annotated[float, Field(ge=4, le=30, allow_inf_nan=False)] = 18.0
+    frequencies: Annotated[int, Field(ge=FREQUENCIES[0], le=FREQUENCIES[1])] = 120
+    damping: Annotated[float, Field(ge=WINDOW[0], le=WINDOW[1], allow_inf_nan=False)] = 18.0
     bands: list[BandTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
@@ -265,7 +266,7 @@ def read(path: str | Path, overrides: Sequence[str] = ()) -> CaseFile:
         CaseError: anything that can't be used.
     """
     name = str(path)
-    file, text = _text(path)
+    file, text = source_of(path)
     return parse(text, name, overrides, file.parent)
 
 
@@ -274,14 +275,15 @@ def tables_of(path: str | Path, overrides: Sequence[str] = ()) -> tuple[dict[str
 
     Arguments and errors as of :func:`read`; nothing is held to the schema.
     """
-    file, text = _text(path)
+    file, text = source_of(path)
     tables = toml_tables(text, str(path))
     for override in overrides:
         lay_over(tables, override)
     return tables, file.parent
 
 
-def _text(path: str | Path) -> tuple[Path, str]:
+def source_of(path: str | Path) -> tuple[Path, str]:
+    """The file of a case, shipped or not, and its text."""
     try:
         file = found(path)
         return file, text_of(file, like(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any
 
@@ -42,14 +43,14 @@ def lay_over(tables: dict[str, Any], override: str) -> None:
 
     Args:
         tables: changed in place.
-        override: "sources.0.position=0.1" for a table of an array.
+        override: "sources.0.position=0.1", or sources[0], for a table of an array.
 
     Raises:
         CaseError: it is no such text, or names a table that is not there.
     """
     shown = f"--set {printable(override)}"
     key, equals, value = override.partition("=")
-    parts = key.strip().split(".")
+    parts = re.sub(r"\[(\d+)\]", r".\1", key.strip()).split(".")
     if not equals or not all(part.strip() for part in parts):
         raise CaseError(f"{shown}: must be table.key=value, such as bar.order=10")
     table: Any = tables

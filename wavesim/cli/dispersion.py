@@ -6,6 +6,7 @@ Exit codes: 0 all well; 1 a check fell short; 2 bad input.
 from __future__ import annotations
 
 import csv
+import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,6 +18,16 @@ import click
 from wavesim.cli.arguments import JSON, RING, SOURCES, WRITTEN, options, record_options
 from wavesim.cli.shared import print_json, read_case, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
+
+# So many frequencies are shown; the files have all.
+_FEW = 10
+# How points were found, in words.
+_METHODS = {
+    "harmonic": "by harmonic inversion",
+    "fft": "by FFT",
+    "beam": "by the phases along the line",
+    "space": "by fits along the line",
+}
 
 # What both kinds of extraction take.
 _OPTIONS = options(
@@ -146,21 +157,31 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         points = one.points
         shown.print(
             f"{entry['name']}: {entry['frames']} frames, {entry['receivers']} receivers; "
-            f"{int(points.valid.sum())} of {len(points)} points valid, "
-            f"{entry['branches']} branches ({points.method})"
+            f"{int(points.valid.sum())} of {len(points)} points valid"
         )
+        branches = _count(entry["branches"], "branch", "branches")
+        shown.print(f"  {branches}, {_METHODS[points.method]}")
         for note in entry["notes"]:
             shown.print(f"  Note: {note}.")
         for reason in dict.fromkeys(r for r in points.reason if r):
             shown.print(f"  {int((points.reason == reason).sum())} refused: {reason}.")
         if entry.get("waves"):
             shown.print(_waves(entry["waves"], one.origin.bar is not None))
-        elif not entry.get("error_grid"):
+        elif points.in_space:
+            shown.print(_decays(points.take(points.valid)))
+            sigma = float(max(points.omega.imag, default=0.0))
+            if sigma > 0:
+                shown.print(f"Read at ω + iσ, σ = {sigma:.4g} 1/s, where lossless waves decay too.")
+        else:
             _show_branches(shown, points)
         if one.score is not None:
             shown.print(f"  {one.score.said()}.")
     if answer["checks"]:
-        show_checks(shown, answer["checks"])
+        short = [check for check in answer["checks"] if not check["passed"]]
+        count = len(answer["checks"])
+        shown.print(f"{count - len(short)} of {count} checks against the medium passed.")
+        if short:
+            show_checks(shown, short)
     if "fit" in answer:
         fit = answer["fit"]
         for name, value in fit["values"].items():
@@ -169,13 +190,18 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         shown.print(f"χ² per degree of freedom {fit['chi_square']:.3g}, {fit['points']} numbers")
 
 
+def _count(number: int, one: str, more: str) -> str:
+    return f"{number} {one if number == 1 else more}"
+
+
 def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
     """Each wave: where found, |Δω|/ω against the continuum and, of a simulated field, its grid."""
     from rich import box
     from rich.table import Table
 
     kinds = ("grid", "continuum") if on_grid else ("continuum",)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    # No wider than 80 columns, digits uncut.
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for heading in ("wave", "found", "missed"):
         table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
     for kind in kinds:
@@ -199,15 +225,29 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 def _show_branches(shown: Any, points: Any) -> None:
     for branch in points.branches:
         own = points.take(points.branch == branch)
-        if points.in_space:
-            text = (f"|k| {abs(own.k).min():.4g} to {abs(own.k).max():.4g} rad/m, median 95 % bar "
-                    f"{_median(own.bar / abs(own.k)):.1e} of |k|")  # fmt: skip
-        else:
-            hertz = own.omega / 6.283185307179586
-            text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                    f"{own.k.max():.4g} rad/m, median 95 % bar {_median(own.bar / own.omega):.1e}"
-                    " of ω")  # fmt: skip
+        hertz = own.omega / 6.283185307179586
+        text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
+                f"{own.k.max():.4g} rad/m, median 95 % bar {_median(own.bar / own.omega):.1e}"
+                " of ω")  # fmt: skip
         shown.print(f"  branch {branch + 1}: {len(own)} points, {text}")
+
+
+def _decays(own: Any) -> Any:
+    """Complex wavenumbers over frequency, no more than a few of them."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0))
+    headings = "frequency\nkHz", "attenuation\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
+    for heading in (*headings, f"one of\n{len(own)}"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for n in range(0, len(own), -(-len(own) // _FEW)):
+        k, hertz = complex(own.k[n]), own.omega[n].real / 6.283185307179586
+        size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
+        decibels = 20e-3 * math.log10(math.e) * k.imag
+        row = f"{hertz / 1e3:.5g}", f"{decibels:.4g}", f"{k.real / 1e3:.4g}", size, str(n + 1)
+        table.add_row(*row)
+    return table
 
 
 def _median(values: Any) -> float:

@@ -170,11 +170,15 @@ def _of_series(p: str, s: str, start: Any) -> Any:
     """The fits of two series, as plain data: the first state's, and all under "series"."""
     from wavesim.studies.speed_fit import fit_series
 
-    fits, law = fit_series(_series(p), _series(s), start)
+    of_p = _series(p)
+    fits, law = fit_series(of_p, _series(s), start)
     rows = [{"parameter": one.parameter} | one.summary()["parameters"] for one in fits]
     reasons = [one.reason for one in fits if one.reason]
-    answer = fits[0].summary() | {"series": rows, "law": law, "valid": not reasons}
-    return answer
+    answer = fits[0].summary()
+    name = (of_p.get("series") or {}).get("parameter") or "state"
+    first = f"parameters, and fitted.toml of --out, are those at {name} = {fits[0].parameter:g}"
+    of_all = {"series": rows, "parameter": name, "law": law, "valid": not reasons}
+    return answer | of_all | {"notes": [first, *answer["notes"]]}
 
 
 def _show_speeds(answer: dict[str, Any]) -> None:
@@ -197,11 +201,13 @@ def _show_speeds(answer: dict[str, Any]) -> None:
                 break
             bar = "" if one["error"] is None else f" ± {one['error']:.2g}"
             parts.append(f"{key.partition('.')[2]} = {one['value']:.4g}{bar}")
-        console().print(f"{row['parameter']:g}: {', '.join(parts)}", markup=False)
+        state = f"{answer['parameter']} = {row['parameter']:g}"
+        console().print(f"{state}: {', '.join(parts)}", markup=False)
     if answer["law"]:
         law = answer["law"]
         console().print(
-            f"K_n_a = {law['c']:.4g} · parameter^({law['b']:.3f} ± {law['b_error']:.2g})",
+            f"K_n_a = {law['c']:.4g} · {answer['parameter']}^({law['b']:.3f} ± "
+            f"{law['b_error']:.2g})",
             markup=False,
         )
     for note in answer["notes"]:
@@ -228,13 +234,12 @@ def _fitted(case: str, overrides: tuple[str, ...], answer: Any) -> str:
     """The case file with the values that were found."""
     import tomli_w
 
-    from wavesim.case.toml_text import lay_over, toml_tables
+    from wavesim.case.schema import tables_of
+    from wavesim.case.toml_text import lay_over
 
-    tables = toml_tables(Path(case).read_text(encoding="utf-8-sig"), case)
-    for override in overrides:
-        lay_over(tables, override)
-    for key, one in answer["parameters"].items():
-        if one["value"] is None:  # a fit without an answer
-            continue
-        lay_over(tables, f"{key}={one['value']!r}")
+    tables, _ = tables_of(case, overrides)
+    found = {key: one["value"] for key, one in answer["parameters"].items()}
+    for key, value in (found | answer.get("along", {})).items():
+        if value is not None:  # a fit without an answer
+            lay_over(tables, f"{key}={value!r}")
     return tomli_w.dumps(tables)

@@ -51,18 +51,20 @@ def _planned(case: str, loaded: Any) -> Any:
         _stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
 
 
-def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> None:
-    """Refuse what takes more than this machine, or whoever asks, has to give."""
+def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
+    """What a run takes, which is refused where it is more than there is, or was allowed."""
     from wavesim.timedomain.cost import check_cost, cost, seconds_of
 
     try:
         longest = seconds_of(at_most)
     except ValueError as error:
         _stop(f"--at-most {at_most}: {error}", BAD_INPUT)
+    taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
     try:
-        check_cost(loaded.simulation, cost(loaded.simulation, steps), longest, folder)
+        check_cost(loaded.simulation, taken, longest, folder)
     except ValueError as error:
         _stop(f"{case}: [time] {error}", BAD_INPUT)
+    return taken
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -81,6 +83,8 @@ def main() -> None:
 @QUIET
 def run(**given: Any) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
+    # Its matrices are small: threads that wait for each other's parts keep all cores busy.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from wavesim.runner import begun_beside
 
     # It loads what it needs while this process reads the case.
@@ -101,7 +105,7 @@ def _whole(
     loaded = read_case(case, overrides)
     steps = _planned(case, loaded)
     folder = folder_for(out, case)
-    _affordable(case, loaded, steps, at_most, folder)
+    taken = _affordable(case, loaded, steps, at_most, folder)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
     from wavesim.verdict.foreseen import foreseen
@@ -109,7 +113,7 @@ def _whole(
     warned = foreseen(loaded, steps)
     _tell(case, loaded, warned)
     console = _console(quiet)
-    with progress(loaded.simulation.frames, quiet) as tell:
+    with progress(loaded.simulation.frames, quiet, taken.stages) as tell:
         outcome = _run(loaded, folder, resume, tell, beside, figures, _typed(case, overrides))
     report.found(console, outcome.summary)
     report.verdict(console, outcome.summary)
@@ -173,7 +177,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     from wavesim.timedomain.cost import check_cost, cost
     from wavesim.verdict.foreseen import foreseen
 
-    taken = cost(loaded.simulation, steps)
+    taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
     report.survey(_console(), loaded, steps, taken)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.

@@ -5,30 +5,26 @@ A case needs no more than its [medium] for that, or its [[layers]].
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, SET
+from wavesim.cli.arguments import CASE, JSON, OUT, SET
+from wavesim.cli.shared import (
+    folder_for,
+    print_json,
+    read_layers,
+    write_json,
+    write_table,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, console, stop
 
 _POINTS = 101
 # Media of one case whose bands are told; nobody reads more.
 _TOLD, _STORED = 12, 200
-
-
-def _layers(case: str, overrides: tuple[str, ...]) -> Any:
-    """The material of a case that need not be one of a simulation."""
-    from wavesim.case.layered_case import load_layers
-    from wavesim.case.schema import CaseError
-
-    try:
-        return load_layers(case, overrides)
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
 
 
 def distinct(known: Any) -> list[tuple[str, float | None, Any]]:
@@ -101,7 +97,7 @@ def _leave_out(media: int) -> None:
 @click.command()
 @CASE
 @click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
+@JSON
 @SET
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Branches and gaps of CASE's medium, or of each layer's, by the plane-wave solver alone.
@@ -109,34 +105,30 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
     CASE needs no more than [medium]. The JSON object is of [medium]; where there are layers it has
     one more of each under "layers", of the first 200 media.
     """
-    known = _layers(case, overrides)
+    known = read_layers(case, overrides)
     from wavesim.planewave import bands as content
 
-    media, answer = distinct(known), ""
+    media, answer = distinct(known), {}
     if as_json or out:
-        content_of = content.summary(known.medium)
+        answer = content.summary(known.medium)
         if len(media) > 1:
-            content_of["layers"] = [
+            answer["layers"] = [
                 {"place": place, "position": at} | content.summary(medium)
                 for place, at, medium in media[:_STORED]
             ]
-        answer = json.dumps(content_of)
     if as_json:
-        click.echo(answer)
+        print_json(answer)
     else:
         print_all_bands(known)
     if out:
         from wavesim.figures.bands import band_figure
 
         folder = Path(out)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / "bands.json").write_text(answer + "\n", encoding="utf-8")
+        with writing(folder):
+            write_json(folder / "bands.json", answer, indent=None)
             for number, (_, _, medium) in enumerate(media[:_TOLD], start=1):
                 name = "bands.png" if len(media) == 1 else f"bands_{number}.png"
                 band_figure(medium).savefig(folder / name, dpi=160)
-        except OSError as error:
-            stop(f"--out {out}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
 
 
 _AXIS = (str, float, float)
@@ -155,7 +147,7 @@ _AXIS = (str, float, float)
     help="Ordinate.",
 )
 @click.option("--points", type=click.IntRange(2, 2000), default=_POINTS, show_default=True)
-@click.option("--out", type=click.Path(), help="Folder; outputs/<case> by default.")
+@OUT
 @SET
 def gaps(
     case: str,
@@ -170,13 +162,13 @@ def gaps(
     CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
     own: gap_map_1, gap_map_2, …
     """
-    media = distinct(_layers(case, overrides))
+    media = distinct(read_layers(case, overrides))
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure
     from wavesim.planewave.gap_map import gap_map, table
 
-    folder = Path(out) if out else Path("outputs") / Path(case).stem
+    folder = folder_for(out, case)
     for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):
         try:
             found = gap_map(
@@ -188,15 +180,9 @@ def gaps(
             stop(str(error), BAD_INPUT)
         header, rows = table(found)
         name = "gap_map" if len(media) == 1 else f"gap_map_{number}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            np.savetxt(
-                folder / f"{name}.csv", rows, fmt="%.6g", delimiter=",",
-                header=",".join(header), comments="",
-            )  # fmt: skip
+        with writing(folder):
+            write_table(folder / f"{name}.csv", header, rows, fmt="%.6g")
             gap_map_figure(found).savefig(folder / f"{name}.png", dpi=160)
-        except OSError as error:
-            stop(f"--out {folder}: can't be written: {error.strerror}", BAD_INPUT)
         told = f"{place}: " if place else ""
         click.echo(f"{told}{name}.csv and {name}.png in {folder}")
     _leave_out(len(media))

@@ -217,8 +217,9 @@ def _readings(
 ) -> tuple[list[Any], Any]:
     import numpy as np
 
-    from wavesim.readings.pulse.reading import Series, law_of, read_one, read_series
+    from wavesim.readings.pulse.reading import read_one
     from wavesim.readings.pulse.reading import refused as refusal
+    from wavesim.readings.pulse.series_reading import Series, law_of, read_series
 
     count = len(tests)
     if setup.parameter is not None and len(setup.values) != count:

@@ -88,6 +88,7 @@ def _images(
         xlim=(0, bar.length * 1e3), ylim=(-reach, reach), xlabel="x (mm)",
         ylabel=f"{symbol(name)} ({field.unit(name)})",
     )  # fmt: skip
+    axes.yaxis.get_offset_text().set_x(-0.09)  # clear of the first receiver's name
     (line,) = axes.plot(x, np.zeros(len(x)), color=FOUND, lw=1.1)
     clock = axes.text(0.99, 0.96, "", ha="right", va="top", transform=axes.transAxes)
     canvas = FigureCanvasAgg(figure)
@@ -117,10 +118,24 @@ def _write_gif(path: Path, images: Iterator[np.ndarray], rate: int) -> None:
     first.save(path, save_all=True, append_images=rest, duration=1000 / rate, loop=0)
 
 
-def _write_mp4(path: Path, images: Iterator[np.ndarray], rate: int) -> None:
+def _ffmpeg() -> str:
+    """The encoder: that of this machine, else the one that comes with imageio-ffmpeg."""
     program = shutil.which("ffmpeg")
-    if program is None:
-        raise AnimationError("--format mp4: needs ffmpeg, which is not here; take gif")
+    if program is not None:
+        return program
+    try:
+        import imageio_ffmpeg
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise AnimationError(
+            "--format mp4: needs ffmpeg, which is not here; pip install 'wavesim[movies]' brings "
+            "it, or take gif"
+        ) from None
+
+
+def _write_mp4(path: Path, images: Iterator[np.ndarray], rate: int) -> None:
+    program = _ffmpeg()
     width, height = (round(side * _DPI) for side in _SIZE)
     asked = [
         program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s",

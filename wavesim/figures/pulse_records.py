@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import pulse_test
 from wavesim.figures.style import FOUND, STYLE, THEORY
-from wavesim.readings.pulse.reading import Reading, Series
+from wavesim.readings.pulse.reading import Reading
+from wavesim.readings.pulse.series_reading import Series
 
 _GREY = "#8a949e"
 _MOST_SHOWN = 24

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wavesim.grid.stencils import difference_weights
 from wavesim.grid.summation_by_parts import chain, check_stretches
+from wavesim.material.arguments import checked
 from wavesim.material.layers import ENDS, End, Layers
 from wavesim.material.shown import Shown, quantity
 
@@ -44,6 +45,7 @@ class Differences:
     half_norm: Float
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Bar(Shown):
     """A bar on a staggered grid, with its ends.
@@ -107,6 +109,8 @@ class Bar(Shown):
                 f"cells = {self.cells}: the stretches have "
                 f"{sum(cells for cells, _ in self.stretches)}; make the bar with layered_bar"
             )
+        if self.absorber < 0:
+            raise ValueError(f"absorber = {self.absorber:g} m: must be 0 or greater")
         absorbing = (self.left, self.right).count("absorbing")
         if absorbing and not self.absorber > 0:
             raise ValueError(
@@ -234,6 +238,8 @@ def layered_bar(
     stretches = []
     sizes = np.broadcast_to(np.asarray(spacing, dtype=float), len(layers.layers))
     for layer, size in zip(layers.layers, sizes.tolist(), strict=True):
+        if not (size > 0 and math.isfinite(size)):
+            raise ValueError(f"spacing = {size:g} m: must be greater than 0, and finite")
         cells = max(1, round(layer.thickness / size))
         stretches.append((cells, layer.thickness / cells))
     return Bar(

@@ -28,6 +28,9 @@ _WIDEST, _HIGHEST = 1024, 64
 # So many threads compress, each so many points of the bar at a time.
 _THREADS = min(4, os.cpu_count() or 1)
 _AT_ONCE = 65536
+# Of Fletcher's two sums, for as many pairs of bytes as a packed chunk may have.
+_LONGEST = 2 * 4 * _CHUNK_POINTS
+_WEIGHTS = np.stack([np.ones(_LONGEST), np.arange(_LONGEST, 0, -1.0)])
 # A field moves in a chunk where so many of its last bytes are not 0.
 _MOVING = 0.97
 
@@ -117,11 +120,12 @@ def deflated(chunk: np.ndarray) -> bytes:
 
 def fletcher32(data: bytes) -> int:
     """Fletcher's checksum of bytes as HDF5 takes it: big-endian pairs, sums modulo 65535 with 65535
-    in place of 0; J. G. Fletcher, IEEE Trans. Commun. 30, 247 (1982).
+    in place of 0; J. G. Fletcher, IEEE Trans. Commun. 30, 247 (1982). No longer than two chunks.
     """
     if len(data) % 2:
         data += b"\0"
-    words = np.frombuffer(data, ">u2").astype(np.int64)
-    sums = int(words.sum()), int(words @ np.arange(len(words), 0, -1))
-    low, high = ((total - 1) % 65535 + 1 if total else 0 for total in sums)
+    words = np.frombuffer(data, ">u2").astype(np.float64)
+    # Whole numbers below 2^53, so that no product or sum is rounded.
+    sums = _WEIGHTS[:, _LONGEST - len(words) :] @ words
+    low, high = ((int(total) - 1) % 65535 + 1 if total else 0 for total in sums)
     return high << 16 | low

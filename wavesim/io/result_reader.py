@@ -16,7 +16,7 @@ from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.simulation import Simulation
 
 
-class StorageError(RuntimeError):
+class StorageError(RuntimeError, ValueError):
     """A file is not what it should be; the message says which and why."""
 
 

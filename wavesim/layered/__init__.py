@@ -16,6 +16,7 @@ from wavesim.layered.bloch import bloch, stop_bands
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.layered.signals import field_spectra, signals
 from wavesim.layered.transmission import Transmission, transmission
+from wavesim.material.arguments import checked as _checked
 
 __all__ = [
     "Transmission",
@@ -26,3 +27,4 @@ __all__ = [
     "stop_bands",
     "transmission",
 ]
+globals().update({name: _checked(globals()[name]) for name in __all__ if name[0].islower()})

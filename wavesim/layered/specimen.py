@@ -18,8 +18,9 @@ from wavesim.planewave.complex_wavenumber import wavenumber
 
 # Next to the asymptotes of a graded layer without losses, in this part of ω, nothing is told.
 MARGIN = 2e-3
-# Frequencies at which a band is looked at.
-_IN_BAND = 801
+# Frequencies at which a band is looked at: evenly, below asymptotes (parts of them), and about so
+# many turning points.
+_IN_BAND, _BELOW, _TURNS, _NEAR = 801, np.geomspace(1e-6, 3e-2, 300), 16, 17
 
 
 @dataclass(frozen=True)
@@ -99,15 +100,35 @@ class Specimen:
             low, high: the band, Hz.
 
         Returns:
-            ((level, dB, where, Hz) of the highest, of the lowest), over 801 frequencies; NaN where
-            there is no answer somewhere in it.
+            ((level, dB, where, Hz) of the highest, of the lowest), over 801 frequencies, and more
+            where it may be narrow; NaN where there is no answer somewhere in it.
         """
-        frequency = np.linspace(low, high, _IN_BAND)
-        exact, _ = self.at_real(sector, 2 * np.pi * frequency)
-        level = 20 * np.log10(np.maximum(np.abs(exact.T), 1e-300))
+        media = {medium for layer in self.inside for medium in layer.sampled(2)}
+        edges = np.concatenate([asymptotes(m, sector) for m in media] or [np.empty(0)])
+        # Below an asymptote waves are short, and resonances narrow.
+        below = np.outer(edges / (2 * np.pi), 1 - _BELOW).ravel()
+        frequency = np.union1d(
+            np.linspace(low, high, _IN_BAND), below[(below > low) & (below < high)]
+        )
+        level = self._levels(sector, frequency)
+        # Then about its highest and lowest turning points.
+        last, near = len(level) - 1, list[Any]()
+        for height in (level, -level):
+            padded = np.concatenate([[-np.inf], height, [-np.inf]])
+            turns = np.flatnonzero((height >= padded[:-2]) & (height >= padded[2:]))
+            turns = turns[np.argsort(-height[turns], kind="stable")][:_TURNS]
+            sides = frequency[np.maximum(turns - 1, 0)], frequency[np.minimum(turns + 1, last)]
+            near.append(np.linspace(*sides, _NEAR).ravel())
+        more = np.concatenate(near)
+        frequency = np.append(frequency, more)
+        level = np.append(level, self._levels(sector, more))
         ends = int(np.argmax(level)), int(np.argmin(level))
         highest, lowest = ((float(level[n]), float(frequency[n])) for n in ends)
         return highest, lowest
+
+    def _levels(self, sector: str, frequency: Any) -> Any:
+        exact, _ = self.at_real(sector, 2 * np.pi * frequency)
+        return 20 * np.log10(np.maximum(np.abs(exact.T), 1e-300))
 
 
 def specimen(layers: Layers) -> Specimen:

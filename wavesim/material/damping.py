@@ -20,12 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.material.arguments import checked
+
 Complex = NDArray[np.complex128]
 
 # Six decades take twenty relaxations, each a memory of every strain.
 _WIDEST_BAND = 1e6
 
 
+@checked
 @dataclass(frozen=True)
 class Damping:
     """A linear loss law.

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from wavesim.material.arguments import checked
 from wavesim.material.case_tables import grouped, medium_table, rounded
 from wavesim.material.medium import Medium
 from wavesim.material.shown import Shown, quantity
@@ -27,6 +28,7 @@ GRADINGS: tuple[str, ...] = ("smooth", "linear")
 GRADES = 9
 
 
+@checked
 @dataclass(frozen=True)
 class Layer:
     """A stretch of the bar, of one medium or graded from one to another.
@@ -57,6 +59,8 @@ class Layer:
             raise ValueError(
                 f"from = {self.start:g}, to = {self.end:g}: must have a thickness greater than 0"
             )
+        if self.start < 0:
+            raise ValueError(f"from = {self.start:g}: must be 0 or greater; the bar begins at 0")
         if self.grading not in GRADINGS:
             raise ValueError(f"grading = {self.grading!r}: must be one of {', '.join(GRADINGS)}")
         if self.last is not None and self.last.family is not self.medium.family:
@@ -100,6 +104,7 @@ def graded_weight(s: Any, grading: Grading) -> Any:
     return s**3 * (10 - 15 * s + 6 * s**2) if grading == "smooth" else s
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Layers(Shown):
     """The layers of a bar, in order, without gaps or overlaps.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin, get_type
 
 import numpy as np
 
+from wavesim.material.arguments import unknown
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block, Family, register
 from wavesim.material.shown import Shown
@@ -53,6 +54,8 @@ class Parameter:
         """Whether a value is in the range."""
         return self.low < value <= self.high or (value == self.low and not self.open)
 
+
+_NO_NUMBERS = (bool, str, bytes, list, tuple, dict, complex)
 
 PARAMETERS: dict[str, Parameter] = {}
 """What is known of the parameters of the media of all families, by name."""
@@ -100,6 +103,12 @@ class _ByFamily(type):
                 f"family = {family!r}: a medium of family {cls.family.name!r} "  # type: ignore[attr-defined]
                 "can't be made one of another; make a new one"
             )
+        known = cls.family  # type: ignore[attr-defined]
+        if isinstance(known, Family):  # several together look at what they are given themselves
+            own = [one.name for one in dataclasses.fields(cls) if one.init]  # type: ignore[arg-type]
+            said = unknown(f"Medium of family {known.name!r}", given, own)
+            if said:
+                raise ValueError(said)
         return super().__call__(*args, **given)
 
 
@@ -149,10 +158,16 @@ class Medium(Shown, metaclass=_ByFamily):
             raise ValueError(self.closure_missing(self.closure))
         for name, known in self.declared().items():
             value = getattr(self, name)
-            if isinstance(value, numbers.Real):
+            if isinstance(value, numbers.Real) and not isinstance(value, bool):
                 _check(name, float(value), known)
-            elif isinstance(value, str | bytes | list | tuple | dict | complex):
-                raise ValueError(f"{name} = {value!r}: must be a number")
+            elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size:
+                _check(name, float(value.min()), known)
+                _check(name, float(value.max()), known)
+            elif isinstance(value, _NO_NUMBERS) or (
+                value is None and getattr(type(self), name, None) is not None
+            ):
+                unit = f" in {known.unit}" if known.unit else ""
+                raise ValueError(f"{name} = {value!r}: must be a number{unit}")
 
     def _used(self) -> None:
         if type(self) not in _USED:
@@ -303,7 +318,7 @@ def medium_of(family: str) -> type[Medium]:
     Raises:
         ValueError: no family has that name.
     """
-    if family not in _MEDIA:
+    if not isinstance(family, str) or family not in _MEDIA:
         raise ValueError(f"family = {family!r}: must be one of {', '.join(_MEDIA)}")
     return _MEDIA[family]
 

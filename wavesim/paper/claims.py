@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from wavesim.material.rotation import SpectralClosure
 from wavesim.paper import statements
+from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.statements import Statement
-from wavesim.paper.study import Study
 
 CLOSURES: tuple[SpectralClosure, ...] = ("printed", "consistent", "appendix_c")
 

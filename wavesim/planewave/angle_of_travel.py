@@ -52,6 +52,8 @@ def scaled_tensors(medium: Medium) -> BlockCoefficients:
     Raises:
         ValueError: the medium is not a granular one, which has tensors.
     """
+    if len(medium.parts) > 1:
+        raise ValueError(f"family {medium.family.name}: take one of them, medium.parts[0]")
     if not isinstance(medium, GranularMedium):
         raise ValueError(f"family {medium.family.name}: has no tensors, so waves along x₁ only")
     J, M = average_stiffness(medium), relative_stiffness(medium)

@@ -13,10 +13,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.material.arguments import FREQUENCIES, WINDOW
+
 # Columns of sums that are held at a time.
 _AT_ONCE = 256
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
+
+
+def check_asked(frequencies: int, damping: float) -> None:
+    """Hold what is asked of spectra to what [analysis] of a case admits.
+
+    Args:
+        frequencies: how many.
+        damping: σT.
+
+    Raises:
+        ValueError: one of them is out of its range.
+    """
+    for name, value, (low, high) in (
+        ("frequencies", frequencies, FREQUENCIES),
+        ("damping", damping, WINDOW),
+    ):
+        if not low <= value <= high:
+            raise ValueError(f"{name} = {value:g}: must be between {low:g} and {high:g}")
 
 
 def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) -> Complex:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.arguments import checked
 from wavesim.records.content import Content, RecordError
 from wavesim.records.units import NAMES, factor, unit_in
 
@@ -32,6 +33,7 @@ _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinter
 _TRUTH = "truth_"
 
 
+@checked
 @dataclass(frozen=True)
 class Layout:
     """Where in a file the record is, and what the file does not say.

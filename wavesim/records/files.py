@@ -35,7 +35,7 @@ def read(path: str | Path, layout: Layout | None = None) -> Record:
     Raises:
         RecordError: the file can't be read or used; the message names it.
     """
-    path, layout = Path(path), layout or Layout()
+    path, layout = file_of(Path(path)), layout or Layout()
     if not path.is_file():
         raise RecordError(f"{path}: no such file")
     try:
@@ -46,6 +46,12 @@ def read(path: str | Path, layout: Layout | None = None) -> Record:
         raise RecordError(f"{path}: can't be read: {error.strerror or error}") from None
     except MemoryError:
         raise RecordError(f"{path}: too large for the memory there is; cut the record") from None
+
+
+def file_of(path: Path) -> Path:
+    """A record's file: of the folder of a run its result.h5."""
+    inside = path / "result.h5"
+    return inside if inside.is_file() else path
 
 
 def from_arrays(arrays: Mapping[str, Any], layout: Layout | None = None) -> Record:

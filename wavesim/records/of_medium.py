@@ -13,7 +13,7 @@ from typing import Any
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.records.files import HDF5, Layout, read
+from wavesim.records.files import HDF5, Layout, file_of, read
 from wavesim.records.record import Record, RecordError
 from wavesim.records.relations import OfMedium
 
@@ -58,7 +58,7 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
     """Records of a file: the driven blocks of a result.h5, or one record of any other.
 
     Args:
-        path: of the file.
+        path: of the file, or the folder of a run.
         layout: what it does not say for itself.
         medium: theory to lay over it; a result.h5 brings its own.
         sector: which sector's, for a record that does not say.
@@ -66,6 +66,7 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
     Raises:
         RecordError: the file can't be used.
     """
+    path = file_of(path)
     if path.suffix.lower() in HDF5 and path.is_file():
         from wavesim.io import result_reader as resultfile
 

@@ -370,9 +370,12 @@ def _snapped(x: Float, storage: float, found: list[Finding]) -> tuple[Float, flo
 
 
 def _check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
+    if t.ndim not in (1, 2) or x.ndim != 1:
+        raise RecordError(
+            f"t of shape {t.shape}, x of shape {x.shape}: must be (frames,) and (receivers,)"
+        )
     if (
         values.ndim != 3
-        or t.ndim not in (1, 2)
         or values.shape[1:] != (len(t), len(x))
         or (t.ndim == 2 and t.shape != values.shape[1:])
     ):

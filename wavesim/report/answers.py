@@ -67,12 +67,14 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("from", "lower", "frequency"),
             Column("to", "upper", "frequency"),
             Column("at", "frequency", "frequency"),
+            Column("real ω", "attenuation_at_real_frequency", "decay"),
             Column("simulated", "attenuation", "decay"),
             Column("exact", "attenuation_exact", "decay"),
-            Column("real ω", "attenuation_at_real_frequency", "decay"),
         ),
-        "Edges are those of the medium. Attenuation is read at ω + iσ, beside what is exact there; "
-        "in the last column exact at real ω. In-plane waves do not travel: they have none.",
+        "real ω: what a steady wave loses, exact. A record that ends tells it at ω + iσ: "
+        "simulated, beside what is exact there; the less [analysis] damping, the nearer, in a "
+        "longer record. "
+        "Edges are the medium's, exact. In-plane waves do not travel: nothing is read of them.",
     ),
     "wave": (
         "Phase velocity of long waves",
@@ -95,12 +97,12 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("to", "upper", "frequency"),
             Column("exact", "upper_exact", "frequency", wide=True),
             Column("at", "frequency", "frequency"),
-            Column("T", "level", "level"),
-            Column("exact", "level_exact", "level"),
             Column("real ω", "level_at_real_frequency", "level"),
+            Column("simulated", "level", "level"),
+            Column("exact", "level_exact", "level"),
         ),
-        "Stop bands are where T is below −20 dB. T is read at ω + iσ, beside what is exact there; "
-        "in the last column exact at real ω.",
+        "real ω: T of a steady wave, exact. A record that ends tells it at ω + iσ: simulated, "
+        "beside what is exact there. Stop bands are where that is below −20 dB.",
     ),
     "mode": (
         "Eigenfrequencies, the lowest",

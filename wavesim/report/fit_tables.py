@@ -47,7 +47,8 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
     for key, one in answer["nuisances"].items():
         error = math.nan if one["error"] is None else one["error"]
         console.print(f"{key} {_in_digits(one['value'], error)}", markup=False)
-    console.print("± is one standard error.")
+    if any(one["error"] is not None for one in answer["parameters"].values()):
+        console.print("± is one standard error.")
     for pair in answer["correlations"]:
         a, b = pair["keys"]
         console.print(f"Errors of {a} and {b} hang together: correlation {pair['value']:.3f}.",

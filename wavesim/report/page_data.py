@@ -271,6 +271,7 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         ours, known = test.result.dispersion, test.exact.dispersion
         columns = ("phase_velocity", "group_velocity", "attenuation", "quality")
         found["pulse"][test.name] = {
+            "sector": test.sector,
             "frequency": (ours.omega * _HERTZ).tolist(),
             "measured": {name: _numbers(getattr(ours, name)) for name in columns},
             "exact": {name: _numbers(getattr(known, name)) for name in columns},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -17,7 +17,22 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.progress_bar import ProgressBar
 from rich.text import Text
+
+# A stage whose part done is not known is shown no further than this before it ends.
+_NEARLY = 0.97
+
+
+class _Bar(BarColumn):
+    """How far a stage is: by its frames, or else by the time that it was foreseen to take."""
+
+    def render(self, task: Task) -> ProgressBar:
+        foreseen = task.fields["foreseen"]
+        if task.total is None and foreseen and task.elapsed is not None:
+            part = min(task.elapsed / foreseen, _NEARLY)
+            return ProgressBar(total=1.0, completed=part, width=self.bar_width)
+        return super().render(task)
 
 
 class _FrameRate(ProgressColumn):
@@ -27,28 +42,47 @@ class _FrameRate(ProgressColumn):
         return Text(f"{task.completed:.0f} of {task.total:.0f} frames, {task.speed:.3g}/s")
 
 
+class _Left(TimeRemainingColumn):
+    """Time to the end of the run: what is left of this stage, and those to come as foreseen."""
+
+    def render(self, task: Task) -> Text:
+        foreseen, after = task.fields["foreseen"], task.fields["after"]
+        elapsed = task.elapsed or 0.0
+        if task.total is not None and task.time_remaining is not None:
+            left = task.time_remaining
+        elif foreseen:
+            left = max(foreseen - elapsed, 0.0)
+        else:
+            return Text("")
+        return Text(f"about {max(left + after, 1.0):.0f} s left")
+
+
 @contextmanager
-def progress(frames: int, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+def progress(
+    frames: int, quiet: bool, foreseen: Mapping[str, float] | None = None
+) -> Iterator[Callable[[str, float], None]]:
     """Show the progress of a run while it lasts; nothing when quiet or not on a terminal.
 
     Args:
         frames: of the whole run.
         quiet: show nothing.
+        foreseen: how long each stage takes, in their order, s.
 
     Yields:
         What to call with the name of a stage and the part of it done, 0 to 1. A stage whose
-        part is not known stays at 0; only "integrate" has one.
+        part is not known stays at 0, and is shown by the time foreseen; only "integrate" has one.
     """
     if quiet or not sys.stderr.isatty():
         yield lambda stage, part: None
         return
+    stages = dict(foreseen or {})
     shown: dict[str, TaskID] = {}
     with Progress(
         TextColumn("{task.description:<9}"),
-        BarColumn(bar_width=24),
+        _Bar(bar_width=24),
         _FrameRate(),
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        _Left(),
         console=Console(stderr=True),
         transient=True,
     ) as bar:
@@ -57,7 +91,14 @@ def progress(frames: int, quiet: bool) -> Iterator[Callable[[str, float], None]]
             if stage not in shown:
                 for other in shown.values():
                     bar.update(other, visible=False)
-                shown[stage] = bar.add_task(stage, total=frames if stage == "integrate" else None)
+                names = list(stages)
+                later = names[names.index(stage) + 1 :] if stage in stages else []
+                shown[stage] = bar.add_task(
+                    stage,
+                    total=frames if stage == "integrate" else None,
+                    foreseen=stages.get(stage, 0.0),
+                    after=sum(stages[name] for name in later),
+                )
             if stage == "integrate":
                 bar.update(shown[stage], completed=part * frames)
 
@@ -88,6 +129,17 @@ def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
         yield lambda part: bar.update(task, completed=part)
 
 
+def _counted(text: str) -> Progress:
+    return Progress(
+        TextColumn(text),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
 @contextmanager
 def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]]:
     """Show the progress of a sweep while it lasts; nothing when quiet or not on a terminal.
@@ -102,14 +154,8 @@ def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]
     if quiet or not sys.stderr.isatty():
         yield lambda done, failed, of: None
         return
-    with Progress(
-        TextColumn("{task.completed:.0f} of {task.total:.0f} members{task.fields[failed]}"),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
+    text = "{task.completed:.0f} of {task.total:.0f} members{task.fields[failed]}"
+    with _counted(text) as bar:
         task = bar.add_task("members", total=count, failed="")
 
         def tell(done: int, failed: int, of: int) -> None:
@@ -119,26 +165,18 @@ def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]
 
 
 @contextmanager
-def parts(what: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+def parts(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show how many of some parts are done while it lasts, and how long the rest takes.
 
     Args:
-        what: they are, such as "figures".
-        quiet: show nothing; nothing is shown where there is no terminal either.
+        what: they are, such as "figures"; nothing is shown where there is no terminal.
 
     Yields:
         What to call with the parts done and all there are.
     """
-    if quiet or not sys.stderr.isatty():
+    if not sys.stderr.isatty():
         yield lambda done, of: None
         return
-    with Progress(
-        TextColumn(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}"),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
+    with _counted(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}") as bar:
         task = bar.add_task(what, total=1)
         yield lambda done, of: bar.update(task, completed=done, total=of)

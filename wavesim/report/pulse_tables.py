@@ -11,7 +11,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from wavesim.readings.pulse.reading import Reading, Series
+from wavesim.readings.pulse.reading import Reading
+from wavesim.readings.pulse.series_reading import Series
 
 _CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")
 _WIDE = 110

@@ -35,7 +35,8 @@ _MANY = 8
 def _table(*headings: str, title: str = "") -> Table:
     table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
     for heading in headings:
-        table.add_column(heading, justify="left" if heading == headings[0] else "right")
+        words = heading == headings[0]
+        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
     return table
 
 
@@ -65,14 +66,17 @@ def found(console: Console, summary: dict[str, Any]) -> None:
         columns = [column for column in answer.columns if not column.wide]
         table = _table(*(column.name for column in columns), title=answer.title)
         table.padding = (0, 1 if len(columns) < _MANY else 0, 0, 0)
-        for one in table.columns:
-            one.no_wrap = True
+        for one, column in zip(table.columns, columns, strict=True):
+            one.no_wrap = bool(column.kind)  # words may be broken, digits never cut off
         units = [KINDS[column.kind][1] if column.kind else "" for column in columns]
         if any(units):
             table.add_row(*units, style="dim")
         for row in answer.rows:
             table.add_row(*(shown(row.get(column.key), column.kind) for column in columns))
         console.print(table)
+        if answer.note:
+            console.print(answer.note, style="dim")
+            console.print()
 
 
 def verdict(console: Console, summary: dict[str, Any]) -> None:

@@ -40,6 +40,11 @@ def failed(error: BaseException) -> int:
     if os.environ.get("WAVESIM_TRACEBACK"):
         traceback.print_exception(error)
     name, why = type(error).__name__, str(error).partition("\n")[0]
+    if type(error).__module__.startswith("wavesim."):  # one of ours says what to do
+        told(why)
+        return (
+            FAILED if isinstance(error, RuntimeError) and "can't be written" in why else BAD_INPUT
+        )
     if isinstance(error, MemoryError):
         told(f"it does not fit into memory ({why or name}); take fewer cells, or fewer frames")
     elif isinstance(error, OSError):
@@ -54,9 +59,12 @@ def failed(error: BaseException) -> int:
 
 
 def console(quiet: bool = False) -> Any:
-    """A console as wide as the terminal, or 80 columns where there is none."""
+    """A console as wide as the terminal; where there is none, as $COLUMNS, or else 80 columns."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else 80
+    columns = os.environ.get("COLUMNS", "")
+    width = int(columns) if columns.isdigit() and int(columns) else 80
     # Without markup: [time] in a message is a table of the case file.
-    return Console(quiet=quiet, highlight=False, markup=False, width=width)
+    return Console(
+        quiet=quiet, highlight=False, markup=False, width=None if sys.stdout.isatty() else width
+    )

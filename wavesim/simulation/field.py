@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.points import sampling
+from wavesim.material.arguments import checked
 from wavesim.material.family import Block, is_macro, known_field
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
@@ -173,6 +174,7 @@ class Field(Shown):
         """One field, shape (nt, nx)."""
         return self.part(name)
 
+    @checked
     def part(self, name: str, frames: slice = WHOLE, points: slice = WHOLE) -> Float:
         """Some frames of one field at some points, shape (frames, points); no more is read.
 
@@ -215,6 +217,7 @@ class Field(Shown):
             found.append((total, not is_macro(first)))
         return found
 
+    @checked
     def at(self, position: float, name: str, t: ArrayLike | None = None) -> Float:
         """Signal of one field at a position, interpolated to the bar's order.
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.points import sampling
+from wavesim.material.arguments import checked
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.material.medium import Medium
@@ -41,6 +42,7 @@ SOLVERS: tuple[str, ...] = (
 _FEWEST_FRAMES = 6
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Simulation(Shown):
     """A bar, what drives it, and how long.

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wavesim.material.arguments import checked
 from wavesim.sources.source import (
     Extent,
     Source,
@@ -32,6 +33,7 @@ _MOST_PERIODS = 1e5
 _NODES, _PHASE = 32, 25.0
 
 
+@checked
 @dataclass(frozen=True)
 class Chirp(Source):
     """A linear sweep, s(t) = w(τ) sin(2π(f₁τ + (f₂ − f₁)τ²/2T)), 0 ≤ τ = t − start ≤ T.

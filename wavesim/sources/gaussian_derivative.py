@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wavesim.material.arguments import checked
 from wavesim.sources.source import (
     EXCITED,
     Extent,
@@ -99,6 +100,7 @@ class DerivativeOfGaussian(Source):
         """Its transform; see :meth:`Source.spectrum`."""
 
 
+@checked
 @dataclass(frozen=True)
 class GaussianDerivative(DerivativeOfGaussian):
     """First derivative of a Gaussian, s(t) = −u exp(½ − u²/2), u = 2π f_p (t − t₀).

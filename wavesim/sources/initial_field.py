@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wavesim.material.arguments import checked
 from wavesim.sources.source import (
     IN_BAND,
     Extent,
@@ -18,6 +19,7 @@ from wavesim.sources.source import (
 )
 
 
+@checked
 @dataclass(frozen=True)
 class InitialField(Source):
     """A field at rest at t = 0: amplitude · exp(−(x − x_s)²/2w²).

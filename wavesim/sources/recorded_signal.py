@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.arguments import checked
 from wavesim.sources.signal_file import check_samples
 from wavesim.sources.source import (
     Extent,
@@ -22,6 +23,7 @@ from wavesim.sources.source import (
 )
 
 
+@checked
 @dataclass(frozen=True)
 class Recorded(Source):
     """A recorded signal, amplitude · Σ_j c_j M₄((t − t_j)/Δ), through its samples.

@@ -8,10 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wavesim.material.arguments import checked
 from wavesim.sources.gaussian_derivative import DerivativeOfGaussian
 from wavesim.sources.source import namespace
 
 
+@checked
 @dataclass(frozen=True)
 class Ricker(DerivativeOfGaussian):
     """A Ricker pulse s(t) = (1 − 2u²) exp(−u²), u = π f_p (t − t₀).

@@ -191,6 +191,10 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
         value: Any = getattr(source, name)
         if not isinstance(value, numbers.Real) or not math.isfinite(value):
             raise ValueError(f"{name} = {value!r}{f' {unit}' if unit else ''}: must be a number")
+    if source.position < 0:
+        raise ValueError(f"position = {source.position:g} m: must be 0 or greater; x begins at 0")
+    if source.amplitude == 0:
+        raise ValueError("amplitude = 0: must not be 0, or nothing moves")
     if float(source.width) < 0:
         raise ValueError(f"width = {source.width:g} m: must be 0 (a point) or greater")
     if source.drive not in (allowed := family.words_for(acts)):

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from wavesim.material.arguments import checked
 from wavesim.sources.source import (
     Extent,
     Source,
@@ -29,6 +30,7 @@ _BINS = 16
 _MOST_CYCLES = 1e7
 
 
+@checked
 @dataclass(frozen=True)
 class ToneBurst(Source):
     """Some cycles of a sine under a window, s(t) = w(τ) sin(2πfτ), 0 ≤ τ = t − start ≤ T = n/f.

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wavesim.case.layered_case import bar_layers
 from wavesim.case.schema import CaseError, parse, tables_of
-from wavesim.layered.specimen import specimen
 from wavesim.studies.design_problem import Problem, problem
 from wavesim.studies.design_search import SECONDS, Search, Tell, search
 from wavesim.studies.design_tolerance import allowed_offsets, trade_off, yield_of
@@ -123,18 +120,13 @@ def design(
     name = str(path)
     tables, folder = tables_of(path, overrides)
     own = problem(parse(dumps(tables), name, (), folder), name)
-
-    def written(values: Any) -> str:
-        return dumps(designed_tables(deepcopy(tables), own, values.tolist()))
-
-    _exact(own, written((own.low + own.high) / 2), name, folder)
+    _exact(own, (own.low + own.high) / 2, name)
     functions = Search(own)
     _check_matter(functions, name)
     found = search(functions, seed, seconds, tell)
     values = np.array([float(f"{value:.{_DIGITS}g}") for value in found.values])
     values = np.clip(values, own.low, own.high)
-    text = written(values)
-    reached = _exact(own, text, name, folder)
+    reached = _exact(own, values, name)
     met = bool((own.short(reached) == 0).all())
     say: Callable[[str, float], None] = tell or (lambda stage, short: None)
     say("tolerances" if met else "trade-off", float(own.short(reached).max()))
@@ -149,31 +141,25 @@ def design(
         found.starts,
         found.seconds,
         seed,
-        text,
+        dumps(designed_tables(tables, own, values.tolist())),
     )
 
 
-def _exact(own: Problem, text: str, name: str, folder: Path) -> Any:
-    """Worst level of each wish in a case, dB, (wishes,), by another route than the search's.
+def _exact(own: Problem, values: Any, name: str) -> Any:
+    """Worst level of each wish, dB, (wishes,).
 
     Raises:
         CaseError: there is no answer somewhere in a band.
     """
-    found = []
-    layers = bar_layers(parse(text, name, (), folder), name).layers
-    assert layers is not None
-    between = specimen(layers)
-    for wish in own.wishes:
-        highest, lowest = between.extremes(wish.sector, wish.low, wish.high)
-        level = highest[0] if wish.most else lowest[0]
+    found = own.exact(values)
+    for wish, level in zip(own.wishes, found, strict=True):
         if np.isnan(level):
             raise CaseError(
                 f"{name}: [[layers]]: a graded layer without losses has its asymptote between "
                 f"{wish.low:g} and {wish.high:g} Hz, where waves pile up and T has no answer; "
                 "give it a quality_factor with a quality_band"
             )
-        found.append(level)
-    return np.array(found)
+    return found
 
 
 def _check_matter(functions: Search, name: str) -> None:

@@ -13,7 +13,7 @@ programs down the worst,
 
 the radius growing where that foretells well. Both go in lock step, the hopeless left behind.
 Rounds follow each other, two at a time, one from fresh starts, the other about the best there are,
-until one keeps every wish, also on a finer net of frequencies.
+until one keeps every wish, also by the exact solver on a finer net of frequencies.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ import numpy as np
 
 from wavesim.studies.design_problem import Problem
 
-# Frequencies of a wish: of the search, and of the last word.
-COARSE, FINE = 96, 801
+# Frequencies of a wish: of the search, of the finer net, and of that where a layer is graded.
+COARSE, FINE, _FINE_GRADED = 96, 801, 201
 # Stacks whose T is computed at once: in the search, and of the last word.
 _TOGETHER, MEMBERS = 16, 100
 # Of a round: starts, those that go down by least squares, and how far.
@@ -115,7 +115,7 @@ class Search:
         self.problem = problem
         self._asked_of: list[int] = []
         self._slopes = problem.slopes(COARSE)
-        self._worst = problem.compiled(FINE)
+        self._worst = problem.compiled(_FINE_GRADED if problem.graded else FINE)
         wishes = problem.wishes
         self._limit = np.array([wish.limit for wish in wishes])
         self._sign = np.array([1.0 if wish.most else -1.0 for wish in wishes])
@@ -259,8 +259,14 @@ class Search:
         return found.x[:-1], float(found.x[-1])
 
     def short(self, x: Any) -> Any:
-        """By how much x (n,) misses each wish on the fine net, dB, (wishes,)."""
-        return self.problem.short(self.reached(self.problem.values(x)[None])[0])
+        """By how much x (n,) misses each wish, dB, (wishes,): on the fine net, and where it is kept
+        there by the exact solver, which looks closer where T may be narrow."""
+        own = self.problem
+        values = own.values(x)
+        short = own.short(self.reached(values[None])[0])
+        if (short > 0).any():
+            return short
+        return np.nan_to_num(own.short(own.exact(values)), nan=np.inf)
 
     def round(self, starts: Any) -> _Stack:
         """The best that comes of some starts, (members, n)."""

@@ -12,8 +12,10 @@ from wavesim.studies.design_problem import Problem
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
 _SOURCE, _AWAY = 12, 5
-# Cells to a branch length, the fewest of a layer at order 8, a source's width in branch lengths.
-_CELLS, _FEWEST, _WIDTH = 16, 16, 0.5
+# Cells to a branch length, and a source's width in branch lengths.
+_CELLS, _WIDTH = 20, 0.5
+# A Ricker of this part of the highest frequency wished drives little of what is above that.
+_PEAK = 0.45
 # Periods of the middle of the bands that a run lasts.
 _PERIODS = 120
 
@@ -48,7 +50,8 @@ def designed_tables(
     low = min(wish.low for wish in own.wishes)
     high = max(wish.high for wish in own.wishes)
     middle = (low + high) / 2
-    _fine(tables["bar"], unit, _thinnest(own, values))
+    if "cells" not in tables["bar"]:  # as small as the verdict on signals asks
+        tables["bar"].setdefault("spacing", unit / _CELLS)
     if "sources" not in tables:
         family = own.known.medium.family
         sectors = dict.fromkeys(wish.sector for wish in own.wishes)
@@ -57,7 +60,7 @@ def designed_tables(
             {
                 "field": macro[s],
                 "position": _SOURCE * unit,
-                "peak_frequency": _short(middle),
+                "peak_frequency": _short(_PEAK * high),
                 "width": _WIDTH * unit,
             }
             for s in sectors
@@ -70,24 +73,6 @@ def designed_tables(
     tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
     order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
     return {k: tables[k] for k in order if k in tables} | tables
-
-
-def _fine(bar: dict[str, Any], unit: float, thinnest: float) -> None:
-    """Cells as small as the verdict on signals asks, where no spacing is given.
-
-    Layers much thinner than that are left to the default, which gives each cells of its own.
-    """
-    if "spacing" in bar or "cells" in bar:
-        return
-    finest = unit / _CELLS
-    if thinnest >= _FEWEST * finest:
-        bar["spacing"] = finest
-    elif thinnest >= _FEWEST * finest / 2:
-        bar["spacing"] = _short(0.999 * thinnest / _FEWEST)
-
-
-def _thinnest(own: Problem, values: Sequence[float]) -> float:
-    return min(_thicknesses(own, values))
 
 
 def _short(value: float, digits: int = 6) -> float:

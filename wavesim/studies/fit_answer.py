@@ -15,17 +15,9 @@ from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.matched_record import Measured
 from wavesim.studies import medium_fit
 from wavesim.studies.comparison import Comparison, compare
+from wavesim.studies.fitted_keys import QUALITY, targets, with_values
 from wavesim.studies.least_squares import FitError, Solution
-from wavesim.studies.waveform_fit import (
-    GAIN,
-    LAG,
-    QUALITY,
-    Waveforms,
-    fit_waveforms,
-    targets,
-    under,
-    with_values,
-)
+from wavesim.studies.waveform_fit import GAIN, LAG, Waveforms, fit_waveforms
 
 # More than this of the record left over says that the case is another than what was measured.
 _LARGEST_RESIDUAL = 0.5
@@ -123,7 +115,8 @@ def of_waveforms(
     layers, law = with_values(
         case.simulation.layers, varied, [solution.values[key] for key in wanted]
     )
-    layers = under(layers, law) if any(one.name == QUALITY for one in varied) else layers
+    if any(one.name == QUALITY for one in varied):
+        layers = layers.mapped(lambda medium: replace(medium, damping=law))
     fitted = replace(case, simulation=replace(case.simulation, layers=layers))
     scale = data.scale_of(solution.values)
     beside = compare(fitted, measured, lag if lag is not None else solution.values[LAG], scale)

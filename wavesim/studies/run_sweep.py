@@ -43,8 +43,15 @@ class RunMeasure:
     @property
     def layout(self) -> Layout:
         """What is stored."""
-        units = {known_field(name).unit for name in self.fields}
-        unit = units.pop() if len(units) == 1 else "rad for phi, 1/m for B"
+        each = [known_field(name).unit for name in self.fields]
+        by_unit = {
+            unit: [f for f, u in zip(self.fields, each, strict=True) if u == unit] for unit in each
+        }
+        unit = (
+            each[0]
+            if len(by_unit) == 1
+            else "; ".join(f"{unit} for {', '.join(fields)}" for unit, fields in by_unit.items())
+        )
         seen = ("receiver", "field")
         variables = {
             "signal": Variable((*seen, "frame"), unit, "what a receiver records of a field"),
@@ -62,7 +69,9 @@ class RunMeasure:
             }
         names = {"receiver": self.receivers, "field": self.fields, "frame": range(self.frames)}
         shown = {name: (list(values), "1") for name, values in names.items()}
-        return Layout(variables, shown if self.receivers else {}, 1)
+        if not self.receivers:
+            return Layout(variables, {}, 1)
+        return Layout(variables, shown, 1, {"unit": (each, "field")})
 
     def prepare(self, values: NDArray[np.float64]) -> Any:
         """The case of one member, or why there is none; what is sent to where it is run."""

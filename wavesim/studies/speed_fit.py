@@ -22,11 +22,12 @@ from wavesim.material.medium import Medium
 from wavesim.studies.least_squares import FitError
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
+NO_BARS = "without errors of the speeds the values have none: give --speed-errors E_P E_S"
 NOT_TOLD = (
     "two speeds of long waves tell K_n_a and stiffness_ratio alone, with anisotropy, "
-    "branch_length, contact_density and density as given: a denser or finer packing of stiffer "
-    "contacts has the same; K_n_r, K_n_g and strain_inertia are not felt by them, frequencies "
-    "near the gaps are"
+    "branch_length, contact_density and density as given: more contacts, or longer branches, of "
+    "softer contacts have the same speeds; K_n_r, K_n_g and strain_inertia are not felt by long "
+    "waves but near the gaps; K_n_r is kept in its ratio to K_n_a"
 )
 
 
@@ -40,6 +41,7 @@ class SpeedFit:
         correlation: of the two errors.
         reason: why it does not count, or "".
         parameter: what the state is named by in a series, such as a stress; None of one pair.
+        K_n_r: in its ratio to K_n_a as before, N/m.
     """
 
     K_n_a: float
@@ -49,12 +51,13 @@ class SpeedFit:
     correlation: float
     reason: str = ""
     parameter: float | None = None
+    K_n_r: float = math.nan
 
     def medium(self, start: Medium) -> Medium:
-        """The medium with what was found; K_n_r in its ratio to K_n_a as before."""
+        """The medium with what was found."""
         changed: dict[str, Any] = {
             "K_n_a": self.K_n_a,
-            "K_n_r": start.K_n_r * self.K_n_a / start.K_n_a,
+            "K_n_r": self.K_n_r,
             "stiffness_ratio": self.stiffness_ratio,
         }
         return dataclasses.replace(start, **changed)
@@ -66,15 +69,17 @@ class SpeedFit:
             key: {"value": value, "error": error, "valid": not self.reason, "reason": self.reason}
             for key, (value, error) in zip(KEYS, both, strict=True)
         }
+        barred = math.isfinite(self.correlation)
         return {
             "kind": "speeds",
             "parameters": parameters,
+            "along": {"medium.K_n_r": self.K_n_r},
             "nuisances": {},
             "degenerate": [],
-            "correlations": [{"keys": list(KEYS), "value": self.correlation}],
+            "correlations": [{"keys": list(KEYS), "value": self.correlation}] if barred else [],
             "residual": 0.0,
             "valid": not self.reason,
-            "notes": [NOT_TOLD],
+            "notes": [NOT_TOLD] if barred or self.reason else [NO_BARS, NOT_TOLD],
         }
 
 
@@ -97,7 +102,7 @@ def fit_speeds(
         Both with first-order errors: dη/η′ = 2√((δ_P/V_P)² + (δ_S/V_S)²).
 
     Raises:
-        FitError: a speed is not positive, or the medium is of another family.
+        FitError: a speed is not positive, an error negative, or the medium is of another family.
     """
     start = next((part for part in start.parts if part.family.name == "translation"), start)
     if start.family.name != "translation":
@@ -107,6 +112,9 @@ def fit_speeds(
         )
     if not (v_p > 0 and v_s > 0 and math.isfinite(v_p + v_s)):
         raise FitError(f"speeds = {v_p:g}, {v_s:g} m/s: must be greater than 0")
+    if any(error < 0 for error in errors):
+        told = ", ".join(f"{error:g}" for error in errors)
+        raise FitError(f"speed errors = {told} m/s: must be 0 or greater")
     a = float(start.anisotropy)
     A, B, C, D = 21 + 12 * a, 14 + 2 * a, 7 + a, 28 + 13 * a
     q = (v_p / v_s) ** 2
@@ -131,7 +139,9 @@ def fit_speeds(
     covariance = covariance @ covariance.T
     sizes = np.sqrt(np.diag(covariance))
     correlation = float(covariance[0, 1] / sizes.prod()) if sizes.prod() > 0 else math.nan
-    return SpeedFit(stiffness, float(sizes[0]), eta, float(sizes[1]), correlation, "", parameter)
+    K_n_r = float(start.K_n_r * stiffness / start.K_n_a)
+    errors_of = float(sizes[0]), eta, float(sizes[1])
+    return SpeedFit(stiffness, *errors_of, correlation, "", parameter, K_n_r)
 
 
 def fit_series(

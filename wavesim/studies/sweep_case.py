@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from wavesim.case.schema import CaseError, CaseFile, parse, read
+from wavesim.case.schema import CaseError, CaseFile, parse, read, source_of
 from wavesim.studies.variation import SweepError, Variation
 
 Made = TypeVar("Made")
@@ -106,8 +106,8 @@ def swept_case(path: str | Path, varied: Variation, overrides: Sequence[str] = (
         CaseError: the file can't be used as it is.
     """
     read(path, overrides)
-    text = Path(path).read_text(encoding="utf-8")
-    return SweptCase(str(path), text, str(Path(path).parent), tuple(overrides), varied)
+    file, text = source_of(path)
+    return SweptCase(str(path), text, str(file.parent), tuple(overrides), varied)
 
 
 def _varied(message: str, keys: Sequence[str]) -> str:

@@ -125,7 +125,7 @@ def pool(workers: int | None = None, address: str | None = None) -> Iterator[Poo
                 LocalCluster(
                     n_workers=workers,
                     threads_per_worker=1,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # with None it would be port 8787, for all
                     silence_logs=quiet,
                     memory_limit=0,
                     env=_ONE_THREAD,

@@ -11,7 +11,7 @@ then another is made.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 
 from wavesim.case.load import Case
 from wavesim.material.damping import Damping, constant_quality
-from wavesim.material.layers import Layer, Layers
+from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.simulation.simulation import Simulation
+from wavesim.studies.fitted_keys import QUALITY, Target, with_values
 from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
 
 Float = NDArray[Any]
 
 GAIN, LAG = "gain", "lag"
-QUALITY = "quality_factor"
 # A plan is made for waves faster by the root of this.
 _ROOM = 1.4
 # Step of the law's own derivative by Q, over Q.
@@ -38,62 +38,6 @@ _LAW_STEP = 1e-4
 _FAR = 0.3
 # Low frequencies, over the centre of the record's spectrum.
 _LOW_PASS = 0.6
-
-
-@dataclass(frozen=True)
-class Target:
-    """A parameter that is varied: of which layers, which of their medium's."""
-
-    key: str
-    name: str
-    layers: tuple[int, ...]
-
-
-def targets(case: Case, keys: Sequence[str]) -> list[Target]:
-    """What keys of a case name.
-
-    Args:
-        case: the case.
-        keys: "medium.NAME", "layers.N.NAME" (from 0), or NAME for medium.NAME.
-
-    Raises:
-        FitError: a key names no parameter of a medium.
-    """
-    allowed = (*case.medium.known(), QUALITY)
-    layers = case.simulation.layers.layers
-    found: list[Target] = []
-    for key in keys:
-        parts = key.split(".")
-        name, table = parts[-1], parts[:-1] or ["medium"]
-        if name not in allowed:
-            raise FitError(f"--vary {key}: must end in one of {', '.join(allowed)}")
-        if table == ["medium"]:
-            if name == QUALITY:
-                own = tuple(range(len(layers)))
-            else:
-                base = getattr(case.medium, name)
-                own = tuple(i for i, one in enumerate(layers) if getattr(one.medium, name) == base)
-        elif len(table) == 2 and table[0] == "layers" and table[1].isdigit():
-            number = int(table[1])
-            if name == QUALITY:
-                raise FitError(
-                    f"--vary {key}: one quality factor is fitted for all layers: name "
-                    f"medium.{QUALITY}"
-                )
-            if number >= len(layers):
-                raise FitError(f"--vary {key}: the case has {len(layers)} layers, from 0 on")
-            own = (number,)
-        else:
-            raise FitError(f"--vary {key}: must be medium.NAME or layers.N.NAME, N from 0")
-        if not own:
-            raise FitError(f"--vary {key}: layers have values of their own; name layers.N.{name}")
-        full = ".".join([*table, name])
-        if any(one.key == full for one in found):
-            raise FitError(f"--vary {key}: is named twice")
-        found.append(Target(full, name, own))
-    if not found:
-        raise FitError("--vary: name what to fit, such as medium.anisotropy")
-    return found
 
 
 @dataclass
@@ -291,33 +235,6 @@ class _Plan:
         return np.asarray(u), list(np.asarray(slopes))
 
 
-def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> tuple[Layers, Damping]:
-    """Layers with parameters laid over, and the law of their losses."""
-    made: list[Layer] = list(layers.layers)
-    law = made[0].medium.damping
-    for one, value in zip(varied, theta, strict=True):
-        if one.name == QUALITY:
-            assert law.made is not None
-            law = constant_quality(float(value), law.made[1])
-            continue
-        for number in one.layers:
-            layer = made[number]
-            ends = [layer.medium] + ([] if layer.last is None else [layer.last])
-            ends = [replace(medium, **{one.name: value}) for medium in ends]
-            made[number] = replace(layer, medium=ends[0], last=ends[1] if ends[1:] else None)
-    return Layers(tuple(made)), law
-
-
-def under(layers: Layers, law: Damping) -> Layers:
-    def lossy(medium: Medium) -> Medium:
-        return replace(medium, damping=law)
-
-    return Layers(tuple(
-        replace(one, medium=lossy(one.medium), last=None if one.last is None else lossy(one.last))
-        for one in layers.layers
-    ))  # fmt: skip
-
-
 def _law_slope(quality: float, law: Damping) -> Float:
     """∂(m_U, Y)/∂Q; the law is a smooth function of Q while the same rates serve."""
     assert law.made is not None
@@ -345,17 +262,14 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
     from wavesim.timedomain.gradient import traced_fields
 
     layers, law = with_values(simulated.layers, varied, theta)
-    layers = under(layers, law) if law else layers
+    layers = layers.mapped(lambda medium: replace(medium, damping=law)) if law else layers
     planned = replace(simulated, layers=layers, solver="chebyshev")
 
     def faster(medium: Medium) -> Medium:
         changed: dict[str, Any] = {"density": medium.density / _ROOM}
         return replace(medium, **changed)
 
-    fastest = Layers(tuple(
-        replace(one, medium=faster(one.medium), last=None if one.last is None else faster(one.last))
-        for one in layers.layers
-    ))  # fmt: skip
+    fastest = layers.mapped(faster)
     plain = [one for one in varied if one.name != QUALITY]
     columns = [i for i, one in enumerate(varied) if one.name != QUALITY]
     relaxes = bool(law.strengths)

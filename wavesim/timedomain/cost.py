@@ -15,26 +15,35 @@ from pathlib import Path
 import numpy as np
 
 from wavesim.material.medium import fastest_speed
+from wavesim.material.scaling import JUDGED
 from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.time_step import RUN, TimeStep, chunk_frames
 
 # Seconds on the machine that was measured on, quiet; products of states in the cache take less.
-_START, _COMPILE = 1.6, {"propagator": 1.0, "chebyshev": 1.2}
-_PER_FLOP, _PER_PRODUCT, _PER_POINT, _CACHED = 3.0e-11, 1.0e-5, (4.0e-9, 1.1e-8), 4.0e4
-_PER_STORED, _PER_READ = 8.0e-9, 3.0e-9  # a byte
-_ENDLESS, _PER_SPECTRUM, _BAR, _PER_SIGNAL, _PAGE = 0.5, 6.0e-8, 0.6, 2.0e-7, 1.2
+_START, _COMPILE = 1.1, {"propagator": 0.9, "chebyshev": 1.1}
+_PER_FLOP, _PER_PRODUCT = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 5.0e-6}
+# A number of a state: within the cache, how much more beyond it, and where that begins.
+_PER_POINT = {"propagator": (4.0e-9, 1.1e-8, 4.0e4), "chebyshev": (6.0e-10, 3.3e-9, 1.2e6)}
+_PER_STORED, _PER_READ = 8.0e-9, 5.0e-9  # a byte
+_ENDLESS, _PER_SPECTRUM, _BAR, _PER_SIGNAL, _PAGE = 0.4, 6.0e-8, 0.4, 2.0e-7, 0.7
 # Bytes: what is loaded and compiled, here and in the process beside; how many times a chunk and a
 # state are held; what a packed number takes where waves are; page and picture.
 _LOADED, _CHUNKS, _STATES, _PACKED, _SHOWN = 0.48e9, 14, 20, 6.9, 5.5e6
 # So much faster than waves travels what is no more than rounding, but takes as much room.
 _FRONT = 1.5
 _LOOKED_AT = 64
+# What is packed together reaches so many cells further than what moves.
+_PACKED_ALONG = 256
+# Of a ring are stored: its spectrum, padded and with a margin; of so many columns a decay.
+_PADDED, _MARGIN, _DECAYS = 4, 1.25, 120
 # What the same work took there: arithmetic of one thread, and a loop of Python.
 _PRODUCT_THEN, _LOOP_THEN = 5.5e-5, 2.8e-3
 _PART_OF_MEMORY = 0.8
 # A field of so many bytes, or this part of the memory, is kept there until its run has ended.
 _KEPT, _PART_KEPT = 0.5e9, 0.05
+# Disk that a run takes at its end, over what stays.
+_WHILE_GATHERED = 2.0
 HOUR = 3600.0
 
 
@@ -43,14 +52,19 @@ class Cost:
     """What a run takes.
 
     Attributes:
-        seconds: wall time, s.
+        stages: wall time of each stage, s.
         memory: largest, bytes.
         disk: of its folder, bytes.
     """
 
-    seconds: float
+    stages: dict[str, float]
     memory: float
     disk: float
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of all, s."""
+        return sum(self.stages.values())
 
     @property
     def in_words(self) -> str:
@@ -99,7 +113,9 @@ def slowness() -> tuple[float, float]:
     return found[0], found[1]
 
 
-def cost(simulated: Simulation, steps: TimeStep, page: bool = True) -> Cost:
+def cost(
+    simulated: Simulation, steps: TimeStep, page: bool = True, k_max: float | None = None
+) -> Cost:
     """What a run takes.
 
     Args:
@@ -107,36 +123,58 @@ def cost(simulated: Simulation, steps: TimeStep, page: bool = True) -> Cost:
         steps: how it is stepped.
         page: whether it is judged, stored and shown, as ``wavesim run`` does; else it is kept in
             memory, as ``simulate`` does.
+        k_max: highest wavenumber of a spectrum, rad/m; that judged by default where None.
     """
     frames, cells, count = simulated.frames, simulated.bar.cells, len(simulated.fields)
     numbers = float(frames) * cells * count
     arithmetic, python = slowness()
     state = float(cells * count)
-    near, far = _PER_POINT
-    each = _PER_PRODUCT + state * (near + far * state / (state + _CACHED))
+    memories = max(len(layer.medium.damping.rates) for layer in simulated.layers.layers)
+    worked = state * (1 + memories)
+    near, far, cached = _PER_POINT.get(steps.solver, _PER_POINT["propagator"])
+    each = _PER_PRODUCT.get(steps.solver, 1.0e-5)
+    each += worked * (near + far * worked / (worked + cached))
     if steps.solver == "propagator":
         window = RUN + 2 * steps.reach
         fields = sum(len(b.macro + b.micro) ** 2 for b in simulated.blocks)
         each += _PER_FLOP * 2.0 * cells * window * fields
-    seconds = arithmetic * steps.operator_products * each
-    seconds += python * (_START + _COMPILE.get(steps.solver, 1.0))
+    stages = {
+        "import": python * _START,
+        "compile": python * _COMPILE.get(steps.solver, 1.0),
+        "integrate": arithmetic * steps.operator_products * each,
+    }
     memory = _LOADED + 8.0 * state * (_STATES + _CHUNKS * chunk_frames(simulated))
     if not page:
-        return Cost(seconds, memory + 2 * 8 * numbers, 0.0)
+        return Cost(stages, memory + 2 * 8 * numbers, 0.0)
     if in_memory(simulated):
-        memory += 2 * 8 * numbers  # each of two processes is said to hold it
+        memory += 1.2 * 8 * numbers  # some of it is there twice, in the process beside
     moving = numbers * _reached(simulated)
-    seconds += python * _PAGE + arithmetic * 8 * (moving * _PER_STORED + numbers * _PER_READ)
-    waves = min(cells // 2 + 1, MOST_WAVENUMBERS)
+    stages["integrate"] += arithmetic * 8 * moving * _PER_STORED
+    read = arithmetic * 8 * numbers * _PER_READ
     disk = _PACKED * moving + 0.02 * numbers + _SHOWN
     if simulated.endless:
-        seconds += python * _ENDLESS + arithmetic * _PER_SPECTRUM * numbers
-        memory += 8.0 * frames * waves * 4
-        disk += 8.0 * frames * waves * len({block.sector for block in simulated.blocks}) / 2
+        stages["analyse"] = read + python * _ENDLESS + arithmetic * _PER_SPECTRUM * numbers
+        held, kept = _of_ring(simulated, k_max)
+        memory, disk = memory + held, disk + kept
     else:
         signals = float(frames) * len(simulated.receivers) * len(simulated.layers.layers)
-        seconds += python * _BAR + arithmetic * _PER_SIGNAL * signals * len(simulated.blocks)
-    return Cost(seconds, memory, disk)
+        own = arithmetic * _PER_SIGNAL * signals * len(simulated.blocks)
+        stages["analyse"] = read + python * _BAR + own
+    return Cost(stages | {"figures": python * _PAGE}, memory, disk)
+
+
+def _of_ring(simulated: Simulation, k_max: float | None) -> tuple[float, float]:
+    """What spectra and decays of a ring take in memory, and on disk, bytes."""
+    bar, frames = simulated.bar, simulated.frames
+    unit = 2 * np.pi / float(simulated.medium.length_scale)
+    count = min(_MARGIN * (k_max or JUDGED[1] * unit) * bar.length / (2 * np.pi), bar.cells / 2)
+    waves = count / np.ceil(count / MOST_WAVENUMBERS)
+    shown = min(1.0, simulated.band * simulated.interval / np.pi)
+    sectors = len({block.sector for block in simulated.blocks})
+    power = 8.0 * waves * _PADDED * frames * shown
+    held = 8.0 * frames * min(bar.cells // 2 + 1, MOST_WAVENUMBERS) * 4 + 12.0 * _DECAYS * bar.cells
+    decays = 0.36 * _DECAYS * bar.cells
+    return held + power, sectors * (0.86 * power + decays)
 
 
 def in_memory(simulated: Simulation) -> bool:
@@ -154,11 +192,12 @@ def _reached(simulated: Simulation) -> float:
     """Part of the bar that anything reaches, mean over the run: at rest it takes no room."""
     bar, layers = simulated.bar, simulated.layers
     speed = _FRONT * max(fastest_speed(medium) for medium in layers.media)
+    further = _PACKED_ALONG * bar.spacing if bar.cells > 4 * _PACKED_ALONG else 0.0
     found = []
     for t in np.linspace(0.0, simulated.duration, _LOOKED_AT):
         spans = []
         for source in simulated.sources:
-            reach = speed * max(t - max(source.onset, 0.0), 0.0) + 4 * source.width
+            reach = speed * max(t - max(source.onset, 0.0), 0.0) + 4 * source.width + further
             for shift in (-bar.length, 0.0, bar.length) if bar.periodic else (0.0,):
                 low, high = source.position + shift - reach, source.position + shift + reach
                 spans.append((max(low, 0.0), min(high, bar.length)))
@@ -195,10 +234,11 @@ def check_cost(
             f"{asked}; more memory than {size(memory)}, which this machine has to give: take at "
             f"most {_rounded(cells * part)} cells, or fewer [time] samples"
         )
-    if found.disk > room:
+    if _WHILE_GATHERED * found.disk > room:
+        fits = _rounded(frames * room / (_WHILE_GATHERED * found.disk))
         raise ValueError(
-            f"{asked}; more disk than {size(room)}, which is free there: take at most "
-            f"{_rounded(frames * room / found.disk)} [time] samples, make room, or name another "
+            f"{asked}, twice that while its parts are made one file; more disk than {size(room)}, "
+            f"which is free there: take at most {fits} [time] samples, make room, or name another "
             "folder with --out"
         )
     if found.seconds > at_most:

@@ -100,7 +100,7 @@ def traced_fields(
             parameters and many values.
 
     Returns:
-        {field: shape (frames, receivers) or (frames, points)}, rad or 1/m, at ``planned.times``.
+        {field: shape (frames, receivers) or (frames, points)}, in its unit, at ``planned.times``.
 
     Raises:
         ValueError: the layers differ from the plan's in more than parameters, a receiver is

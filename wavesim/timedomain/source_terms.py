@@ -187,13 +187,16 @@ def source_terms(
     ]
     signals = list(dict.fromkeys(alone))
     which = tuple(signals.index(one) for one in alone)
-    amplitude = np.array([source.amplitude for source in kept])
+    units = scales(medium)
+    # What is prescribed is a field: its amplitude is in the field's unit, and G takes it as it is.
+    own = [float(units.unit(s.field)) if s.acts == "prescribed" else 1.0 for s in kept]
+    amplitude = np.array([source.amplitude for source in kept]) / own
     turned: dict[tuple[str, float], list[int]] = {}
     for j, source in enumerate(kept):
         if source.acts == "prescribed":
             turned.setdefault((source.field, source.position), []).append(j)
     turning = tuple(map(tuple, turned.values()))
-    time = np.asarray(float(scales(medium).time))
+    time = np.asarray(float(units.time))
     return SourceTerms(points, amplitude, time, tuple(signals), which, turning)
 
 
@@ -204,7 +207,7 @@ def _line(
     units = scales(medium)
     end = np.array([0 if source.position < bar.length / 2 else bar.cells])
     if source.acts == "prescribed":
-        return end, np.full(1, 1 / float(units.unit(source.field)))
+        return end, np.ones(1)
     if grid is not None:
         known = group.half_norm if source.staggered else group.node_norm
         own: Any = end

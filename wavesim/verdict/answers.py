@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
 
+from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
@@ -47,10 +49,10 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
         held: every block that was measured, beside the theory.
 
     Returns:
-        "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) at the
-        frequency nearest to the middle, measured and exact at ω + iσ, exact at real ω, and what to
-        set to look closer; "velocities": phase velocity (m/s) of each acoustic branch at the
-        smallest wavenumber judged.
+        "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) in the
+        middle, measured and exact at ω + iσ, exact at real ω, and what to set to look closer;
+        "velocities": phase velocity (m/s) of each acoustic branch at the smallest wavenumber
+        judged.
     """
     rows: list[Row] = []
     family = field.medium.family
@@ -76,9 +78,11 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         "attenuation_exact": None,
         "attenuation_at_real_frequency": None,
         "frequencies": 0,
-        "closer": _closer(field, sector, gap),
+        "closer": "",
     }
     middle = (gap.lower + gap.upper) / 2
+    curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
+    row["closer"] = _closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
     for h in own:
         curve, exact = h.measured.attenuation, h.k_exact
         if curve is None or exact is None:
@@ -86,21 +90,58 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         inside = (curve.omega > gap.lower) & (curve.omega < gap.upper) & np.isfinite(curve.k)
         if not inside.any():
             continue
-        at = int(np.argmin(np.where(inside, np.abs(curve.omega - middle), np.inf)))
-        real = wavenumber(field.medium, sector, curve.omega[at : at + 1])[0]
+        known = np.flatnonzero(inside)
+        at = float(np.clip(middle, *curve.omega[known[[0, -1]]]))
+        real = wavenumber(field.medium, sector, np.array([at]))[0]
         row |= {
-            "frequency": float(curve.omega[at]) * _HERTZ,
-            "attenuation": float(curve.k[at].imag) * _DECIBELS,
-            "attenuation_exact": float(exact[at].imag) * _DECIBELS,
+            "frequency": at * _HERTZ,
+            "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * _DECIBELS,
+            "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * _DECIBELS,
             "attenuation_at_real_frequency": float(real.imag) * _DECIBELS,
-            "frequencies": int(inside.sum()),
+            "frequencies": len(known),
         }
     return row
 
 
-def _closer(field: Field, sector: str, gap: Gap) -> str:
-    """What to change in the case to put a gap in the middle of what is driven."""
+def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
+    """Values at some frequencies at one among them, by the parabola through the three nearest."""
+    near = np.argsort(np.abs(omega - at))[:3]
+    return float(BarycentricInterpolator((omega[near] - at) / at, values[near])(0.0))
+
+
+def _finer(field: Field, frequencies: int) -> str:
+    """What to change for frequencies twice as fine; on a ring twice as long no wave comes round."""
+    simulated = field.simulation
+    twice = {
+        "bar.length": f"{2 * field.bar.length:.6g}",
+        "time.duration": f"{2 * simulated.duration:.6g}",
+        "time.samples": f"{2 * simulated.frames}",
+        "analysis.frequencies": f"{min(2 * frequencies, FREQUENCIES[1])}",
+    }
+    return " ".join(f"--set {key}={value}" for key, value in twice.items())
+
+
+def _driven(field: Field, fields: Sequence[str], omega: float) -> bool:
+    """Whether a source of these fields drives a frequency half as much as its own, or more."""
+    own = [s for s in field.sources if s.field in fields and math.isfinite(s.peak_frequency)]
+    return any(
+        abs(s.spectrum(omega)) >= abs(s.spectrum(2 * math.pi * s.peak_frequency)) / 2 for s in own
+    )
+
+
+def _closer(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:
+    """What to change in the case to see more of a gap.
+
+    Args:
+        field: the field.
+        sector: of its waves.
+        gap: the gap.
+        frequencies: of the curve that shows it, where it can be had finer; where the gap is well
+            driven that helps, and else a source in the middle of the gap.
+    """
     fields = [name for block in field.medium.family.blocks_of(sector) for name in block.fields]
+    if frequencies and _driven(field, fields, (gap.lower + gap.upper) / 2):
+        return _finer(field, frequencies)
     pitch = float(f"{(gap.lower + gap.upper) / 2 * _HERTZ:.3g}")
     sets = [
         f"--set sources.{number}.{_PITCH[source.kind]}={pitch:.4g}"

@@ -9,6 +9,9 @@ if TYPE_CHECKING:  # what measures is loaded while a run compiles
     from wavesim.case.load import Case
     from wavesim.simulation.simulation import Simulation
 
+# Stands in a note for the folder of the run, which is not known here.
+FOLDER = "FOLDER"
+
 
 @dataclass(frozen=True)
 class Found:
@@ -74,12 +77,24 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     return Found(checks, answers, reading, reading.tables(), summary, told)
 
 
+# What of a pulse each convention follows, so that its speed is not taken for another.
+_TIMED = {
+    "first break": "the speed of its earliest motion, which the fastest of its waves bring: no "
+    "phase velocity at any one frequency",
+    "threshold": "the speed of its first rise, which the faster of its waves bring: no phase "
+    "velocity at any one frequency",
+    "envelope": "the speed of its energy, a group velocity",
+    "correlation": "the speed at which its shape is carried on, near the phase velocity at its "
+    "peak frequency",
+}
+
+
 def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     """What ``wavesim pulse`` reads of a run with two receivers or more beside its sources.
 
     Returns:
-        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a line for each
-        velocity); nothing where there are no such receivers.
+        ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a note of the
+        velocities); nothing where there are no such receivers.
     """
     from wavesim.readings.pulse.answers import answer
     from wavesim.readings.pulse.array_reading import read_array
@@ -103,12 +118,16 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     told = answer(readings, None)
     for one in told["records"]:
         one.pop("frequencies", None)
+    read: dict[str, list[str]] = {}
+    for one in readings:
+        if one.best.valid:
+            speed = f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s"
+            name = one.file.rpartition(" ")[2]
+            read.setdefault(one.best.convention, []).append(f"{name} {speed}")
     said = [
-        f"pulse test on {one.file.rpartition(' ')[2]}, {len(one.receivers)} receivers: "
-        f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s by {one.best.convention}; "
-        "wavesim pulse reads more of the folder"
-        for one in readings
-        if one.best.valid
+        f"pulse velocity between receivers by {by}, {_TIMED[by]}: {', '.join(speeds)}; "
+        f"wavesim pulse {FOLDER} tells more"
+        for by, speeds in read.items()
     ]
     return {"pulse": told}, said
 

@@ -17,6 +17,7 @@ from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
 from wavesim.readings.bar.loudness import Loudness, blurred
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
 from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, specimen
+from wavesim.readings.damped_transform import check_asked
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import at_double_moment
 
@@ -28,7 +29,7 @@ class Reading:
     """What was measured, each beside its exact counterpart.
 
     Attributes:
-        exact: {receiver: {field: signal (nt,)}} of the exact solver, rad and 1/m.
+        exact: {receiver: {field: signal (nt,)}} of the exact solver, in its unit.
         error: {receiver: {field: largest difference over the field's largest value within half a
             wavelength}}, of those that are loud enough there to be judged, where the grid has them
             to its order; see loudness.
@@ -90,7 +91,7 @@ class Expected:
     """What the exact solvers say of a bar before anything is simulated.
 
     Attributes:
-        signals: {receiver: {field: signal (nt,)}}, rad and 1/m; none inside an absorber, which is
+        signals: {receiver: {field: signal (nt,)}}, in its unit; none inside an absorber, which is
             no part of the bar that it ends, and none on a point source of a micro-field.
         specimens, repeated, eigenfrequencies: by sector, of those that have them.
         refused: why the exact solvers do not have some of it.
@@ -162,7 +163,15 @@ def read_bar(
 
     Returns:
         The reading.
+
+    Raises:
+        ValueError: the field is of a ring of one medium, or a number is out of its range.
     """
+    check_asked(frequencies, damping)
+    if field.simulation.endless:
+        raise ValueError(
+            "field: of a ring of one medium, with no layers and no ends to be read; take extract"
+        )
     known = known or expected(field, frequencies, damping, bands)
     exact, loud = known.signals, Loudness(field)
     error: dict[str, dict[str, float]] = {}

@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesim.material.family import Block
 from wavesim.material.shown import Shown
+from wavesim.readings.damped_transform import check_asked
 from wavesim.readings.dispersion.decay_along_ring import FEWEST_POINTS, Attenuation, attenuation
 from wavesim.readings.dispersion.spectrum import Ridge, Spectrum, ridges, spectrum
 from wavesim.simulation.field import Field
@@ -64,8 +65,10 @@ def extract(
         One entry for each block that the sources set in motion.
 
     Raises:
-        ValueError: the bar has layers or ends, where waves have no k of one medium.
+        ValueError: the bar has layers or ends, where waves have no k of one medium; or a number
+            is out of its range.
     """
+    check_asked(frequencies, damping)
     if not field.simulation.endless:
         raise ValueError(
             f"field: of a bar of {len(field.layers.layers)} layers with ends "

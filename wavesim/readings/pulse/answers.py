@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.readings.pulse.reading import Reading, Series
+from wavesim.readings.pulse.reading import Reading
+from wavesim.readings.pulse.series_reading import Series
 
 
 def plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What a pulse test says: arrivals by convention, the best of them, velocity, Q, a series' law.
+"""What a pulse test says: arrivals by convention, the best of them, velocity, Q.
 
 A record of one receiver is read against what was sent, one of several receivers by the line through
 their arrivals. What is common to both stands in :class:`Reading`.
@@ -15,19 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.measurement import PulseResult
-from wavesim.readings.pulse.series import (
-    LEAST_CORRELATION,
-    STRESS_POWER,
-    Followed,
-    PowerLaw,
-    clearest,
-    follow,
-    power_law,
-)
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
-    blanked,
-    static_until,
 )
 from wavesim.readings.pulse.travel_time import (
     TravelTime,
@@ -41,16 +30,12 @@ Float = NDArray[Any]
 
 # Of one receiver the first break is taken; it needs no assumption about the pulse's form.
 OF_ONE = "first break"
-FOLLOWED = "followed"
 # An answer whose standard error is more than this part of it is none.
 _LARGEST_ERROR = 0.25
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
-_HIDDEN = 0.1
-# Words of a parameter that make waves faster as Hertz's contacts do.
-_STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
+HIDDEN = 0.1
 
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
-UNLIKE = "it does not look like its neighbours in the series: look at the record"
 
 
 @dataclass(frozen=True)
@@ -110,21 +95,6 @@ class Reading:
     delay: float = 0.0
 
 
-@dataclass(frozen=True)
-class Series:
-    """A series of readings.
-
-    Attributes:
-        parameter: its name.
-        values: shape (n,).
-        law: the power law; None where there is none.
-    """
-
-    parameter: str
-    values: Float
-    law: PowerLaw | None
-
-
 def refused(file: str, name: str, position: float, reason: str) -> Reading:
     """A reading of a record that can't be read."""
     nan = math.nan
@@ -154,7 +124,7 @@ def read_one(
     if at is None:
         nothing = refused(record.name, "receiver", distance, NOTHING)
         return replace(nothing, record=record, notes=record.notes)
-    found = _settled(record, heard, heard[at].begins, distance, delays, speeds)
+    found = settled(record, heard, heard[at].begins, distance, delays, speeds)
     # Of waves that are told apart by their speeds the largest is the one that the test is after.
     known = [
         one for one in found.packets if one.wave and one.name in ("direct", f"{one.wave} wave")
@@ -162,10 +132,10 @@ def read_one(
     main = max(known, key=lambda one: one.size, default=None)
     if main is None or main.name == "direct":
         return found
-    return _settled(record, heard, main.begins, distance, delays, speeds)
+    return settled(record, heard, main.begins, distance, delays, speeds)
 
 
-def _settled(
+def settled(
     record: TransmissionRecord,
     heard: list[Packet],
     begins: float,
@@ -193,8 +163,8 @@ def _settled(
         )
     error = float(np.hypot(best.error, share))
     answer = judged(OF_ONE, best.time, error, distance, best.reason)
-    if answer.valid and begins + record.start - record.blank < _HIDDEN * record.period:
-        answer = replace(answer, valid=False, reason=_hidden(record))
+    if answer.valid and begins + record.start - record.blank < HIDDEN * record.period:
+        answer = replace(answer, valid=False, reason=hidden(record))
     return Reading(
         record.name,
         (ReceiverArrivals("receiver", distance, _with_delay(found, delays)),),
@@ -216,7 +186,7 @@ def _with_delay(
     }
 
 
-def _hidden(record: TransmissionRecord) -> str:
+def hidden(record: TransmissionRecord) -> str:
     until = record.blank - record.start
     if record.crosstalk:
         return (
@@ -277,145 +247,3 @@ def judged(convention: str, time: float, error: float, distance: float, reason: 
     if not reason and error > _LARGEST_ERROR * time:
         reason = f"its standard error is {error / time:.0%} of it"
     return Best(convention, time, error, velocity, bar, not reason, reason)
-
-
-def read_series(
-    records: Sequence[TransmissionRecord],
-    distance: float | Sequence[float],
-    delays: Mapping[str, float],
-    parameter: str,
-    values: Sequence[float],
-) -> tuple[list[Reading], Series]:
-    """Read records of one receiver in different states, following one arrival through all.
-
-    Args:
-        records: in any order.
-        distance: from tip to tip, m; of each, where they differ.
-        delays: of the system, by convention, s.
-        parameter: name of what makes the states differ.
-        values: of it, one for each record.
-
-    Returns:
-        (readings in the order given, the series).
-    """
-    p = np.asarray(values, float)
-    L = np.broadcast_to(np.asarray(distance, float), p.shape)
-    records = _without_what_is_static(records)
-    heard = [packets(one) for one in records]
-    reference = clearest(records, heard)
-    if reference is None:
-        none = [
-            replace(refused(one.name, "receiver", float(d), NOTHING), record=one, notes=one.notes)
-            for one, d in zip(records, L, strict=True)
-        ]
-        return none, Series(parameter, p, None)
-    at = direct(heard[reference])
-    assert at is not None
-    begins = heard[reference][at].begins
-    delay = delays.get(OF_ONE, 0.0)
-    grows = (p > 0).all() and any(word in parameter.lower() for word in _STRESSES)
-    foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
-    order = np.argsort(p, kind="stable").tolist()
-    found = follow(records, order, reference, begins - delay, delay, foreseen)
-    alone = [
-        _settled(one, own, time + delay, float(d), delays)
-        for one, own, time, d in zip(records, heard, found.time, L, strict=True)
-    ]
-    readings = _on_one_line(alone, found, L)
-    law = law_of(readings, p)
-    return readings, Series(parameter, p, law)
-
-
-def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
-    """The power law through the valid answers of readings at values p."""
-    best = [one.best for one in readings]
-    velocity = np.array([b.velocity if b.valid else np.nan for b in best])
-    time = np.array([b.time for b in best])
-    common = np.array([one.common for one in readings])
-    total = np.array([b.error for b in best])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
-        return power_law(p, velocity, noise, common / time)
-
-
-def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[TransmissionRecord]:
-    """Records blanked up to where all hold the same, if that is before their direct waves."""
-    if len(records) < 3 or not any(one.crosstalk for one in records):
-        return list(records)
-    until = static_until(records)
-    first = [packets(one) for one in records]
-    breaks = [own[at].begins for own in first if (at := direct(own)) is not None]
-    if not breaks or until > 0.8 * min(breaks):
-        return list(records)
-    return [
-        blanked(one, one.start + until) if one.start + until > one.blank else one for one in records
-    ]
-
-
-def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list[Reading]:
-    """Followed arrivals, put where the records' own first breaks lie.
-
-    Following tells how the arrival moves, and jumps no cycle; where it breaks is told by the
-    records, each with its noise. The difference is taken as a line over the time.
-    """
-    own = np.array([one.best.time for one in alone])
-    period = np.array([one.record.period if one.record else np.nan for one in alone])
-    off = own - found.time
-    near = np.isfinite(off) & (np.abs(off) < 0.6 * period)
-    moved = _line(found.time, off, near)
-    left = np.abs(off - moved)[near]
-    scatter = 1.4826 * float(np.median(left)) if near.any() else 0.0
-    shares = period * _open_in_periods(alone, found.time + moved, period)
-    readings = []
-    for i, one in enumerate(alone):
-        time = float(found.time[i] + moved[i])
-        noise = float(np.hypot(np.nan_to_num(found.error[i]), scatter))
-        arrivals = one.receivers[0].arrivals
-        share = float(shares[i])
-        notes = list(one.notes)
-        if np.isfinite(found.rival[i]):
-            share = float(np.hypot(share, found.rival[i]))
-            notes.append(
-                f"two cycles follow its neighbours as well, {found.rival[i]:.3g} s apart; the "
-                "error holds both"
-            )
-        reason = ""
-        record = one.record
-        assert record is not None
-        if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
-            reason = UNLIKE
-        elif time + record.start - record.blank < _HIDDEN * record.period:
-            reason = _hidden(record)
-        best = judged(FOLLOWED, time, float(np.hypot(noise, share)), float(distance[i]), reason)
-        followed = TravelTime(time + one.delay, noise, "" if best.valid else best.reason)
-        receiver = replace(one.receivers[0], arrivals={**arrivals, FOLLOWED: followed})
-        readings.append(
-            replace(one, receivers=(receiver,), best=best, notes=tuple(notes), common=share)
-        )
-    return readings
-
-
-def _open_in_periods(alone: list[Reading], time: Float, period: Float) -> float:
-    """What conventions leave open in the whole series, as one standard error, in periods.
-
-    A single record's convention may have read something else; in the median over all it has not.
-    """
-    apart = {}
-    for name in alone[0].receivers[0].arrivals:
-        each = np.array([one.receivers[0].arrivals[name].time - one.delay for one in alone])
-        off = (each - time) / period
-        if np.isfinite(off).sum() >= max(1, len(alone) // 2):
-            apart[name] = TravelTime(float(np.nanmedian(off)), 0.0)
-    return open_between(apart, 0.0, 1.0)
-
-
-def _line(x: Float, y: Float, own: NDArray[np.bool_]) -> Float:
-    """A line through most of the points, whatever the others do; a constant for few."""
-    from scipy.stats import theilslopes  # slow to import, and only a reading needs it
-
-    if own.sum() < 1:
-        return np.zeros(len(x))
-    if own.sum() < 5 or np.ptp(x[own]) == 0:
-        return np.full(len(x), float(np.median(y[own])))
-    slope, start = theilslopes(y[own], x[own])[:2]
-    return np.asarray(start + slope * x)

@@ -49,9 +49,9 @@
   const plain = (text, more) => ({ title: { text, standoff: 8 }, zeroline: false, ...more });
   const narrow = () => window.innerWidth < 640;
   const layout = more => ({
-    margin: { l: 62, r: narrow() ? 12 : 24, t: 34, b: 48 }, font: { family: "system-ui, sans-serif", size: 12, color: INK },
+    margin: { l: 62, r: narrow() ? 12 : 24, t: narrow() ? 34 : 58, b: 48 }, font: { family: "system-ui, sans-serif", size: 12, color: INK },
     paper_bgcolor: "#fff", plot_bgcolor: "#fff", hovermode: "closest", dragmode: narrow() ? false : "zoom",
-    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 11 } }, shapes: [], annotations: [],
+    legend: { orientation: "h", x: 0, font: { size: 11 }, ...(narrow() ? { y: -0.25, yanchor: "top" } : { y: 1.02, yanchor: "bottom" }) }, shapes: [], annotations: [],
     ...more,
   });
   const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
@@ -206,8 +206,8 @@
     ], made];
   }
 
-  function velocities() {
-    const [name, own] = Object.entries(data.pulse || {})[0] || [];
+  function velocities(sector) {
+    const [name, own] = Object.entries(data.pulse || {}).find(([, one]) => one.sector === sector) || [];
     if (!own) return null;
     const made = layout({ xaxis: axis("frequency"), yaxis: plain("velocity (m/s)", { rangemode: "tozero" }),
       yaxis2: plain("Q", { overlaying: "y", side: "right", rangemode: "tozero", showgrid: false }) });
@@ -303,7 +303,7 @@
     if (data.transmission) place("transmission", "Transmission and reflection", ["frequency", null], () => transmission(state.sector));
     if (data.bloch) place("bloch", "Bloch wave of the repeated stretch", ["frequency", null], () => bloch(state.sector), true);
     if (data.eigenfrequencies) place("eigenfrequencies", "Eigenfrequencies", ["frequency", null], () => ringing(state.sector));
-    if (data.pulse) place("velocities", "Velocities and Q between receivers", ["frequency", null], velocities);
+    if (data.pulse) place("velocities", "Velocities and Q between receivers", ["frequency", null], () => velocities(state.sector));
     place("spacetime", "Amplitude in the bar over time", ["length", "time"], () => spacetime(state.sector));
     const section = place("snapshot", "The field in the bar", ["length", null], snapshot, true);
     const slider = document.createElement("div");

@@ -14,18 +14,6 @@ from wavesim.planewave.branches import follow
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.gap_map import family_gaps
 
-# Names of the paper for the branches: what each optical wave is at k = 0.
-PAPER_NAMES: dict[str, str] = {
-    "LA": "LA",
-    "LO1": "LO(B_D)",
-    "LO2": "LO(B̄)",
-    "TA": "TA",
-    "TO1": "TO(B[12])",
-    "TO2": "TO(B(12))",
-    "TSO[23]": "TSO(B[23])",
-    "TSO(23)": "TSO(B(23))",
-    "TSO(22-33)": "TSO(B22−B33)",
-}
 A_VALUES = np.linspace(0.0, 1.0, 21)
 ETA_VALUES = np.linspace(0.0, 1.0, 61) ** 2  # denser near 0, where edges go as √η
 K_BAR = np.linspace(0.0, 1.0, 201)

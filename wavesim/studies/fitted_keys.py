@@ -1,0 +1,87 @@
+"""What the keys of a fit name: parameters of which media of a case, and values laid over them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from wavesim.case.load import Case
+from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.layers import Layer, Layers
+from wavesim.studies.least_squares import FitError
+
+QUALITY = "quality_factor"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A parameter that is varied: of which layers, which of their medium's."""
+
+    key: str
+    name: str
+    layers: tuple[int, ...]
+
+
+def targets(case: Case, keys: Sequence[str]) -> list[Target]:
+    """What keys of a case name.
+
+    Args:
+        case: the case.
+        keys: "medium.NAME", "layers.N.NAME" (from 0), or NAME for medium.NAME.
+
+    Raises:
+        FitError: a key names no parameter of a medium.
+    """
+    allowed = (*case.medium.known(), QUALITY)
+    layers = case.simulation.layers.layers
+    found: list[Target] = []
+    for key in keys:
+        parts = key.split(".")
+        name, table = parts[-1], parts[:-1] or ["medium"]
+        if name not in allowed:
+            raise FitError(f"--vary {key}: must end in one of {', '.join(allowed)}")
+        if table == ["medium"]:
+            if name == QUALITY:
+                own = tuple(range(len(layers)))
+            else:
+                base = getattr(case.medium, name)
+                own = tuple(i for i, one in enumerate(layers) if getattr(one.medium, name) == base)
+        elif len(table) == 2 and table[0] == "layers" and table[1].isdigit():
+            number = int(table[1])
+            if name == QUALITY:
+                raise FitError(
+                    f"--vary {key}: one quality factor is fitted for all layers: name "
+                    f"medium.{QUALITY}"
+                )
+            if number >= len(layers):
+                raise FitError(f"--vary {key}: the case has {len(layers)} layers, from 0 on")
+            own = (number,)
+        else:
+            raise FitError(f"--vary {key}: must be medium.NAME or layers.N.NAME, N from 0")
+        if not own:
+            raise FitError(f"--vary {key}: layers have values of their own; name layers.N.{name}")
+        full = ".".join([*table, name])
+        if any(one.key == full for one in found):
+            raise FitError(f"--vary {key}: is named twice")
+        found.append(Target(full, name, own))
+    if not found:
+        raise FitError("--vary: name what to fit, such as medium.anisotropy")
+    return found
+
+
+def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> tuple[Layers, Damping]:
+    """Layers with parameters laid over, and the law of their losses."""
+    made: list[Layer] = list(layers.layers)
+    law = made[0].medium.damping
+    for one, value in zip(varied, theta, strict=True):
+        if one.name == QUALITY:
+            assert law.made is not None
+            law = constant_quality(float(value), law.made[1])
+            continue
+        for number in one.layers:
+            layer = made[number]
+            ends = [layer.medium] + ([] if layer.last is None else [layer.last])
+            ends = [replace(medium, **{one.name: value}) for medium in ends]
+            made[number] = replace(layer, medium=ends[0], last=ends[1] if ends[1:] else None)
+    return Layers(tuple(made)), law
