@@ -82,10 +82,10 @@ class Storing:
             return
         due = time.monotonic() - self._shown_at > _SHOWN_EVERY
         due = due or end == self._results.simulation.frames
+        if due:
+            self._shown_at = time.monotonic()
         try:
             self._results.append(first, dict(keeping.result()), energy, state, due)
         except BaseException:
             self._failed = True
             raise
-        if due:
-            self._shown_at = time.monotonic()
