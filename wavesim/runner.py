@@ -187,6 +187,7 @@ def _run(
     from wavesim.io import result_reader as resultfile
     from wavesim.io import result_writer as storage
     from wavesim.io.storing import Storing
+    from wavesim.io.whole_files import write_whole
     from wavesim.timedomain.cost import in_memory
     from wavesim.timedomain.integrate import Timing
     from wavesim.timedomain.time_step import time_step
@@ -204,7 +205,7 @@ def _run(
     else:
         results.create()
     _take_away_old(folder)
-    storage.write_whole(folder / "resolved.toml", resolved.encode())
+    write_whole(folder / "resolved.toml", resolved.encode())
     kept: dict[str, SharedArray] = {}
     if start is None and in_memory(simulated):
         sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
@@ -266,14 +267,14 @@ def _run(
     } | found.summary
     summary = _plain(summary)
     text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
-    storage.write_whole(folder / "summary.json", text.encode())
+    write_whole(folder / "summary.json", text.encode())
     notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
     for failure in undrawn:
         why = str(failure).partition("\n")[0]
         notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
     if data is not None:
         made = page(summary, data, resolved, folder, rerun, notes)
-        storage.write_whole(folder / "report.html", made.encode())
+        write_whole(folder / "report.html", made.encode())
     for failure in undrawn:
         if isinstance(failure, OSError):
             raise failure

@@ -19,9 +19,8 @@ import h5py
 import numpy as np
 
 from wavesim.io.packing import chunk_of, pack, packed_dataset
+from wavesim.io.whole_files import LIBVER
 
-# Metadata with checksums too.
-LIBVER = ("v110", "v110")
 # Frames of parts that are packed otherwise are read so many numbers at a time.
 _AT_ONCE = 4_000_000
 

@@ -23,6 +23,8 @@ PACKED: dict[str, Any] = {
     "shuffle": True,
     "fletcher32": True,
 }
+# Arrays of more numbers than this are packed.
+_LONG = 65536
 _CHUNK_POINTS = 16384
 _WIDEST, _HIGHEST = 1024, 64
 # So many threads compress, each so many points of the bar at a time.
@@ -50,6 +52,25 @@ def packed_dataset(file: h5py.File, name: str, frames: int, points: int) -> h5py
     high, wide = chunk_of(points)
     chunks = min(high, frames), wide
     return file.create_dataset(name, (frames, points), np.float64, chunks=chunks, **PACKED)
+
+
+def put(group: h5py.Group, name: str, data: Any, unit: str) -> Any:
+    """An array with its unit and checksum, packed where it is long; else an attribute.
+
+    Returns:
+        The data set; None of a plain number or text, which is an attribute.
+    """
+    if isinstance(data, float | str):
+        where, _, name = name.rpartition("/")
+        group.require_group(where).attrs[name] = data
+        return None
+    kept: dict[str, Any] = {"fletcher32": True} if np.ndim(data) and np.size(data) else {}
+    made = group.create_dataset(
+        name, data=data, **(PACKED if np.size(data) > _LONG and kept else kept)
+    )
+    if unit:
+        made.attrs["units"] = unit
+    return made
 
 
 def pack(data: h5py.Dataset, values: Any, first: int = 0) -> None:

@@ -1,11 +1,10 @@
 """result.h5: readable at any moment of a run and after a crash.
 
 No file that a reader may see is ever changed in place: the frames of a run go to parts beside
-result.h5, packed and written once each, and result.h5 itself, which presents them as one array, is
-written anew after a chunk and moved into place; it holds the last frames,
-which fill no whole chunk of a part. A run that is killed, at whatever instant, so leaves a whole
-file of whole chunks.
-At the end the parts are gathered into result.h5, by a thread, while figures are drawn.
+result.h5, packed and written once each, and result.h5 itself, which presents them as one array and
+holds the last frames, which fill no whole chunk of a part, is written anew after a chunk and moved
+into place. A run that is killed, at whatever instant, so leaves a whole file of whole chunks. At
+the end the parts are gathered into result.h5, by a thread, while figures are drawn.
 """
 
 from __future__ import annotations
@@ -13,11 +12,9 @@ from __future__ import annotations
 import datetime
 import functools
 import importlib.metadata
-import io
-import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -26,8 +23,8 @@ import h5py
 import numpy as np
 
 from wavesim.grid.points import sampling
-from wavesim.io.gathering import LIBVER, Gathering
-from wavesim.io.packing import PACKED, chunk_of, pack, packed_dataset
+from wavesim.io.gathering import Gathering
+from wavesim.io.packing import chunk_of, pack, packed_dataset, put
 from wavesim.io.result_reader import (
     CHECKSUM,
     StorageError,
@@ -35,6 +32,7 @@ from wavesim.io.result_reader import (
     attributes_checksum,
     reading,
 )
+from wavesim.io.whole_files import written
 from wavesim.material.family import is_macro, known_field
 from wavesim.simulation.field import Energy
 from wavesim.simulation.simulation import Simulation
@@ -42,8 +40,6 @@ from wavesim.sources import parameters
 
 FORMAT_VERSION = 1
 FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
-# Arrays of more numbers than this are packed.
-_LONG = 65536
 _VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
 
 
@@ -122,7 +118,7 @@ class Results:
         if self._stored == self._frames:
             return
         with self._writing():
-            with _written(self.path) as file:
+            with written(self.path) as file:
                 self._lay_out(file, "running")
                 for name in self.simulation.fields:
                     self._show(file, name)
@@ -140,7 +136,7 @@ class Results:
         high = max(chunk_of(data.shape[1])[0] for data in whole.values())
         full = count // high * high
         if full:
-            with _written(self._part(before + full)) as part:
+            with written(self._part(before + full)) as part:
                 for name, data in whole.items():
                     pack(packed_dataset(part, name, full, data.shape[1]), data[:full])
             self._ends.append(before + full)
@@ -188,7 +184,7 @@ class Results:
                 for name in self.simulation.fields:
                     self._label(file, name, file[f"fields/{name}"])
                 for path, (values, unit) in (tables or {}).items():
-                    _put(file, path, values, unit)
+                    put(file, path, values, unit)
                 _attach_axes(file)
                 file.attrs[CHECKSUM] = attributes_checksum(file)
             shutil.rmtree(self._parts, ignore_errors=True)
@@ -290,11 +286,11 @@ class Results:
             | versions()
         )
         for name, values in axes.items():
-            _put(file, name, values, "s" if name == "t" else "m")
+            put(file, name, values, "s" if name == "t" else "m")
             file[name].make_scale(name)
         units = {name: known_field(name).unit for name in self.simulation.fields}
         for name, values in self._series.items():
-            _put(file, name, values, units.get(name.rpartition("/")[2], "J/m²"))
+            put(file, name, values, units.get(name.rpartition("/")[2], "J/m²"))
             file[name].dims[0].attach_scale(file["t"])
         file["energy/t"] = h5py.SoftLink("/t")
         for receiver, position in self.simulation.receivers.items():
@@ -302,7 +298,7 @@ class Results:
         self._sources(file.create_group("source"))
         file["restart/ends"] = np.array(self._ends, np.int64)
         for number, array in enumerate(self._state):
-            _put(file, f"restart/state/{number}", np.asarray(array), "")
+            put(file, f"restart/state/{number}", np.asarray(array), "")
 
     def _show(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
@@ -314,7 +310,7 @@ class Results:
             layout[first:end] = h5py.VirtualSource(str(where), name, (end - first, points))
             first = end
         if first < self._frames:
-            kept = _put(file, f"restart/tail/{name}", self._tail[name], "")
+            kept = put(file, f"restart/tail/{name}", self._tail[name], "")
             layout[first : self._frames] = h5py.VirtualSource(kept)
         self._label(file, name, file.create_virtual_dataset(f"fields/{name}", layout, np.nan))
 
@@ -338,54 +334,8 @@ class Results:
                     entry[name] = value
                 else:
                     entry.attrs[name] = value
-            _put(entry, "t", t, "s")
-            _put(entry, "signal", source.signal(t), "")
-
-
-@contextmanager
-def _written(path: Path) -> Iterator[h5py.File]:
-    """A new file, which takes the place of an old one once it is whole.
-
-    It is made in memory: no failure to write can upset the HDF5 library.
-    """
-    image = io.BytesIO()
-    with h5py.File(image, "w", libver=LIBVER) as file:
-        yield file
-    write_whole(path, image.getbuffer())
-
-
-def write_whole(path: Path, data: bytes | memoryview) -> None:
-    """A file that is there as a whole, or is what it was before.
-
-    Raises:
-        OSError: it can't be written.
-    """
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-
-
-def _put(group: h5py.Group, name: str, data: Any, unit: str) -> Any:
-    """An array with its unit and checksum, packed where it is long; else an attribute.
-
-    Returns:
-        The data set; None of a plain number or text, which is an attribute.
-    """
-    if isinstance(data, float | str):
-        where, _, name = name.rpartition("/")
-        group.require_group(where).attrs[name] = data
-        return None
-    kept: dict[str, Any] = {"fletcher32": True} if np.ndim(data) and np.size(data) else {}
-    made = group.create_dataset(
-        name, data=data, **(PACKED if np.size(data) > _LONG and kept else kept)
-    )
-    if unit:
-        made.attrs["units"] = unit
-    return made
+            put(entry, "t", t, "s")
+            put(entry, "signal", source.signal(t), "")
 
 
 def _attach_axes(file: h5py.File) -> None:

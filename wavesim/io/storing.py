@@ -45,6 +45,7 @@ class Storing:
         """
         if self._failed or not self._kept:
             self.wait()
+            self._keeping, self._writing = [], []  # of what is stored nothing is held
         known = chunk.first, chunk.first + chunk.count, chunk.energy, chunk.state
         keeping = self._keeper.submit(self._keep, *known[:2], chunk.values)
         self._keeping.append(keeping)
