@@ -22,6 +22,7 @@ from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.layered.specimen import specimen
 from wavesim.material.layers import Layers
 from wavesim.material.medium import PARAMETERS
+from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.complex_wavenumber import wavenumber
 
 # Uniform slices of a graded layer: in the search, and on the finer net of frequencies.
@@ -221,8 +222,17 @@ def problem(file: CaseFile, name: str) -> Problem:
     make(("design",), _check_consistent, wishes)
     keys, low, high = _variables(table, known, name)
     make(("design",), _check_room, table, known.layers, keys, low)
-    stack = make(("layers",), traced_layers, known.layers)
+    stack = make(("layers",), _traced, known.layers)
     return Problem(known, stack, wishes, keys, low, high, table.length_at_most, table.tolerance)
+
+
+def _traced(layers: Layers) -> TracedLayers:
+    if keeps_gradient(layers):
+        raise ValueError(
+            "the gradient term counts in these layers, and the search leaves it out; lower its "
+            "stiffness (G_n_g, K_n_g)"
+        )
+    return traced_layers(layers)
 
 
 def _wishes(table: DesignTable) -> tuple[Wish, ...]:
