@@ -102,14 +102,14 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     make(("bar",), _check_half_spaces, bar, file.layers)
     places = make(("layers",), _with_buffers, bar, file.layers, float(medium.length_scale))
     stretches: list[Layer] = []
-    ends: dict[Medium, tuple[str, ...]] = {}  # each medium is looked at once
+    media: dict[Medium, tuple[str, ...]] = {}  # each medium is looked at once
     for one in places:
         layer = make(one.where, one.table.build, file.medium, one.start, one.end)
         for end in layer.sampled(2):
-            ends.setdefault(end, one.where)
+            media.setdefault(end, one.where)
         stretches.append(layer)
         make(one.where, check_follow, stretches[-2:], max(one.end, stretches[-1].end))
-    for (end, where), doubted in zip(ends.items(), doubtful(tuple(ends)), strict=True):
+    for (end, where), doubted in zip(media.items(), doubtful(tuple(media)), strict=True):
         make(where, check_hyperbolic if doubted else check_reckoned, end)
     if len(stretches) == 1 and stretches[0].last is None:
         medium = stretches[0].medium

@@ -187,10 +187,12 @@ def _doubtful(media: tuple[Medium, ...]) -> list[bool]:
     for alike in groups.values():
         if len(alike) >= _MANY:
             given = [media[number].parameters for number in alike]
-            own = {name: np.array([float(each[name]) for each in given]) for name in given[0]}
+            own: dict[str, Any] = {
+                name: np.array([float(each[name]) for each in given]) for name in given[0]
+            }
             grown = growing(dataclasses.replace(media[alike[0]], **own), len(alike))
-            for number, grows in zip(alike, grown, strict=True):
-                found[number] = bool(grows)
+            for at, grows in zip(alike, grown, strict=True):
+                found[at] = bool(grows)
     return found
 
 
