@@ -81,5 +81,8 @@ def end() -> None:
     os._exit(INTERRUPTED)
 
 
-if os.path.basename(sys.argv[0]) == "wavesim" or "wavesim.cli.main" in sys.orig_argv[:3]:
+_BY_NAME = "-m wavesim ", "-m wavesim.cli.main "
+if os.path.basename(sys.argv[0]) == "wavesim" or any(
+    named in " ".join([*sys.orig_argv, ""]) for named in _BY_NAME
+):
     install()
