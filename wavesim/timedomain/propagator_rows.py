@@ -91,28 +91,28 @@ def _one(group: Group, block: int) -> Group:
 def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> Rows:
     n, ring = group.free.shape[-1], bar.periodic
     reach = step.reach if group.c.macro or group.c.gradient is not None else 0
-    width = min(n, RUN + 2 * reach)
+    width, macro = min(n, RUN + 2 * reach), group.c.macro
+    fields = macro + group.rest.B.shape[0]
     starts, order = _runs(bar, n)
     kinds: dict[bytes, int] = {}
     members: list[list[int]] = []
     windows, made = [], []
     uniform = ring and width < n and all(_even(a, n) for a in jax.tree.leaves(group))
+    alike = np.zeros(n, int) if uniform else _alike(group)
+    whole = None if uniform else _halves(group)
     for number, start in enumerate(starts):
         first = start - reach if width < n else 0
         first = first % n if ring else int(np.clip(first, 0, n - width))
         points = (first + np.arange(width)) % n
         windows.append(points)
         inside = (start - first) % n
-        if uniform:
-            key = b"all alike"
-        else:
-            cut = window(group, points)
-            arrays = (np.ascontiguousarray(a).tobytes() for a in jax.tree.leaves(cut))
-            key = b"".join(arrays) + bytes(str(inside), "ascii")
+        key = alike[points].tobytes() + bytes(str(inside), "ascii")
         kind = kinds.setdefault(key, len(kinds))
         if kind == len(members):
             members.append([])
-            made.append(_run_rows(window(group, points), inside, step, uniform))
+            halves = whole or _halves(window(group, points))
+            cut = halves if uniform else _cut(halves, points, n)
+            made.append(_run_rows(cut, (fields, macro, inside), step, uniform))
         members[kind].append(number)
     many = [kind for kind, own in enumerate(members) if len(own) >= _FEW]
     few = [(number, kind) for kind, own in enumerate(members) for number in own if len(own) < _FEW]
@@ -128,6 +128,44 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
         np.stack([windows[number] for number in own], axis=1).astype(np.int32) for own in taken
     )
     return Rows(tuple(blocks), tuple(matrices), of_runs, order.astype(np.int32))
+
+
+def _alike(group: Group) -> np.ndarray:
+    """A number for each point, the same where everything about the point is the same."""
+    n = group.free.shape[-1]
+    at_points = [group.c, group.losses, group.half_norm, group.node_norm, group.free]
+    rows = []
+    for difference in (group.D, group.QT):
+        at_points += [difference.weights, difference.scale]
+        own, (count, width) = difference.rows, np.shape(difference.factors)
+        special = np.zeros((1 + 2 * width, n))
+        if count:
+            away = (difference.columns - np.asarray(own)[:, None]) % n
+            special[:, own] = np.vstack(
+                [np.ones((1, count)), np.transpose(away), difference.factors.T]
+            )
+        rows.append(special)
+    for leaf in map(np.asarray, jax.tree.leaves(at_points)):
+        if leaf.shape[-1:] == (n,):
+            rows.append(leaf.reshape(-1, n))
+    known: dict[bytes, int] = {}
+    columns = np.ascontiguousarray(np.concatenate(rows).T)
+    return np.array([known.setdefault(one.tobytes(), len(known)) for one in columns])
+
+
+def _halves(group: Group) -> tuple[Any, Any]:
+    """A of a block without losses: from rates (φ̇, Ḃ) to those of strains (κ, B), and back."""
+    rest, A = group.rest, sparse_matrix(group)
+    first, unknowns = rest.phi.size, rest.phi.size + rest.B.size
+    rates = slice(unknowns, 2 * unknowns)
+    strains = np.r_[2 * unknowns : 2 * unknowns + first, first:unknowns]
+    return A[rates][:, strains], A[strains][:, rates]
+
+
+def _cut(halves: tuple[Any, Any], points: np.ndarray, n: int) -> tuple[Any, Any]:
+    """The part of both at some of n points."""
+    own = (np.arange(halves[0].shape[0] // n)[:, None] * n + points).ravel()
+    return halves[0][own][:, own], halves[1][own][:, own]
 
 
 def _even(values: Any, points: int) -> bool:
@@ -158,24 +196,21 @@ def _runs(bar: Bar, n: int) -> tuple[list[int], np.ndarray]:
     return starts, order
 
 
-def _run_rows(cut: Group, inside: int, step: TimeStep, uniform: bool) -> np.ndarray:
+def _run_rows(
+    halves: tuple[Any, Any], shape: tuple[int, int, int], step: TimeStep, uniform: bool
+) -> np.ndarray:
     """Rows of 2(C − 1) of a run on its window, shape (fields · RUN, fields · window).
 
     Args:
-        cut: a block on the window.
-        inside: place of the run's first point in it.
+        halves: of the window, of :func:`_halves`.
+        shape: numbers of fields, of macro-fields, and the place of the run's first point in it.
         step: for h and R.
         uniform: whether all points are alike: those of the first then serve for all.
     """
-    rest = cut.rest
-    fields, width = len(rest.phi) + len(rest.B), rest.B.shape[-1]
-    unknowns = fields * width
-    # From the rates (φ̇, Ḃ) to those of strains (κ, B), and from strains to the rates' rates.
-    A = sparse_matrix(cut)
-    rates = slice(unknowns, 2 * unknowns)
-    first = len(rest.phi) * width
-    strains = np.r_[2 * unknowns : 2 * unknowns + first, first:unknowns]
-    L = sp.csr_array(A[rates][:, strains] @ A[strains][:, rates])
+    fields, macro, inside = shape
+    L = sp.csr_array(halves[0] @ halves[1])
+    unknowns = L.shape[0]
+    width = unknowns // fields
     points = (inside + np.arange(1 if uniform else RUN)) % width
     chosen = (np.arange(fields)[:, None] * width + points).ravel()
     start = np.zeros((unknowns, len(chosen)))
@@ -196,7 +231,7 @@ def _run_rows(cut: Group, inside: int, step: TimeStep, uniform: bool) -> np.ndar
     if uniform:
         rows = np.concatenate([np.roll(rows, j, axis=-1) for j in range(RUN)], axis=1)
         points = inside + np.arange(RUN)
-    _let_uniform_fields_be(rows, points, len(rest.phi))
+    _let_uniform_fields_be(rows, points, macro)
     return rows.reshape(fields * RUN, unknowns)
 
 
