@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,10 @@ from test_transmission_command import transfer
 
 from wavesim.case.layered_case import load_layers
 from wavesim.case.load import load
+from wavesim.case.schema import read
+from wavesim.studies.design_problem import problem
+from wavesim.studies.design_search import Search
+from wavesim.studies.design_tolerance import allowed_offsets
 
 CASE = """\
 title = "A wish"
@@ -157,6 +162,27 @@ def test_bad_input_gives_2_and_one_line(override, path, tmp_path):
     assert len(result.stderr.splitlines()) == 1
     assert BAD[override] in result.stderr
     assert not (tmp_path / "design.toml").exists()
+
+
+def test_a_variable_of_value_0_may_be_off_absolutely(path):
+    """0.5 % above a = 0 keeps a wish with so much room, and the offset is one of a itself."""
+    other = 'layers.1.layers.0.anisotropy"\nfrom = 0.0\nto = 0.8'
+    path.write_text(CASE.replace('layers.1.layers.0.G_n_r"\nfrom = 3.0\nto = 40.0', other))
+    own = Search(problem(read(path), str(path)))
+    values = np.append(own.problem.low[:-1], 0.0)
+    level = own.reached(values[None])[0]
+    wishes = tuple(
+        replace(wish, limit=float(reached) + (1.0 if wish.most else -1.0))
+        for wish, reached in zip(own.problem.wishes, level, strict=True)
+    )
+    own.problem = replace(own.problem, wishes=wishes)
+    *others, last = allowed_offsets(own, values)
+    assert not any(off.absolute for off in others)
+    assert last.absolute
+    assert last.down == 0  # a may not be below 0 in this range
+    assert 0 < last.up <= 0.3 * 0.8
+    moved = own.reached(np.append(values[:-1], last.up)[None])
+    assert (own.problem.short(moved) == 0).all()
 
 
 def test_a_variable_that_does_not_matter_is_told(path, tmp_path):

@@ -89,7 +89,7 @@ def test_a_shorter_step_is_told_where_a_solver_is_not_exact_in_time():
         assert "duration" in remedies.of_frequencies(field, LONGITUDINAL, k, 2, 1e-2)
 
 
-def test_wavenumbers_tell_the_grid_from_waves_that_went_round():
+def test_wavenumbers_tell_the_grid_from_the_end_of_the_record():
     omega = np.linspace(1e6, 4e6, 30) + 3e5j
     field = endless(2)
     exact, slow = (
@@ -99,7 +99,9 @@ def test_wavenumbers_tell_the_grid_from_waves_that_went_round():
     assert remedies.wavenumber_grid_error(field, LONGITUDINAL, omega, error) == pytest.approx(1)
     assert "[bar] spacing" in remedies.of_wavenumbers(field, LONGITUDINAL, omega, error)
     told = remedies.of_wavenumbers(endless(8), LONGITUDINAL, omega, error)
-    assert told.startswith("lengthen [bar] length (now 0.128 m)")
+    assert told.startswith("raise [analysis] damping to 21 (now 15)")
+    told = remedies.of_wavenumbers(endless(8), LONGITUDINAL, omega.real + 6e5j, error)
+    assert told.startswith("lengthen [time] duration")
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,18 @@ def test_a_band_of_the_case_is_told_and_judged(path):
         assert band["kept"] == kept
 
 
+def test_a_band_says_its_unit_and_one_far_too_low_is_told(path):
+    """600kHz is 6e5; 600 to 1000 is taken as Hz, and a note says what to write for kHz."""
+    words = ("--points", "3", "--json")
+    one, two, low = (
+        json.loads(call("transmission", path, "--band", *band, *words).stdout)
+        for band in (("600kHz", "0.9 MHz"), ("6e5", "900000"), ("600", "1000"))
+    )
+    assert one == two
+    assert not any("kHz was meant" in note for note in one["notes"])
+    assert "--band 600kHz 1000kHz" in low["notes"][0]
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -23,7 +23,8 @@ from wavesim.case.schema import (
 )
 from wavesim.material.layers import End, Layer, Layers, check_follow
 from wavesim.material.medium import Medium
-from wavesim.planewave.hyperbolicity import check_hyperbolic
+from wavesim.planewave.hyperbolicity import check_hyperbolic, check_reckoned
+from wavesim.planewave.many_media import doubtful
 
 # A half-space is, in a run, a buffer of so many branch lengths: an absorber, and room for a source
 # and a receiver.
@@ -101,14 +102,15 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     make(("bar",), _check_half_spaces, bar, file.layers)
     places = make(("layers",), _with_buffers, bar, file.layers, float(medium.length_scale))
     stretches: list[Layer] = []
-    sound = {medium}  # each medium is looked at once
+    media: dict[Medium, tuple[str, ...]] = {}  # each medium is looked at once
     for one in places:
         layer = make(one.where, one.table.build, file.medium, one.start, one.end)
-        for end in set(layer.sampled(2)) - sound:
-            make(one.where, check_hyperbolic, end)
-            sound.add(end)
+        for end in layer.sampled(2):
+            media.setdefault(end, one.where)
         stretches.append(layer)
-        make(one.where, check_follow, stretches, max(one.end, stretches[-1].end))
+        make(one.where, check_follow, stretches[-2:], max(one.end, stretches[-1].end))
+    for (end, where), doubted in zip(media.items(), doubtful(tuple(media)), strict=True):
+        make(where, check_hyperbolic if doubted else check_reckoned, end)
     if len(stretches) == 1 and stretches[0].last is None:
         medium = stretches[0].medium
     ends = tuple("absorbing" if end == HALF_SPACE else end for end in (bar.left, bar.right))

@@ -46,12 +46,12 @@ def numbered(key: str, message: str, value: str) -> str:
     unit = unit_of(key)
     if unit:
         message = message.replace("must be a number", f"must be a number in {unit}", 1)
-    meant = _meant(unit, value)
+    meant = meant_by(unit, value)
     return f"{message}, without quotes or unit{f': {meant}' if meant else ''}"
 
 
-def _meant(unit: str | None, value: str) -> str | None:
-    """The number in the key's unit, as TOML; None where it can't be told."""
+def meant_by(unit: str | None, value: str) -> str | None:
+    """The number in a unit that a text such as "50 kHz" gives; None where it can't be told."""
     match = _TEXT.fullmatch(value.strip())
     if match is None:
         return None

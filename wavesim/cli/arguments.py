@@ -34,6 +34,27 @@ def keys(context: click.Context, parameter: click.Parameter, begun: str) -> list
     return [CompletionItem(key) for key in found if key.startswith(begun)]
 
 
+class Frequency(click.ParamType):
+    """A frequency as 6e5 or 600kHz, in Hz."""
+
+    name = "frequency"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """The number of Hz, else a line that says how it is given."""
+        from wavesim.case.units import meant_by
+
+        known = meant_by("Hz", str(value))
+        if known is None:
+            self.fail(f"{value!r} is no frequency; give it as 6e5 (Hz) or 600kHz", param, ctx)
+        return float(known)
+
+
+BAND = click.option(
+    "--band",
+    type=(Frequency(), Frequency()),
+    metavar="F1 F2",
+    help="Lowest and highest frequency, in Hz or as 600kHz.",
+)
 CASE = click.argument("case", type=click.Path(), shell_complete=cases)
 SET = click.option(
     "--set",

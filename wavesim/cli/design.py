@@ -98,6 +98,8 @@ def _draw(found: Any, folder: Path) -> None:
 def _tell(shown: Any, found: Any) -> None:
     from rich.table import Table
 
+    from wavesim.case.units import unit_of
+
     table = Table(box=None, pad_edge=False)
     for head in ("wish", "from kHz", "to kHz", "dB", "reached", ""):
         table.add_column(head, justify="left" if head in ("wish", "") else "right")
@@ -109,12 +111,11 @@ def _tell(shown: Any, found: Any) -> None:
         )  # fmt: skip
     shown.print(table)
     variables = Table(box=None, pad_edge=False)
-    for head in ("variable", "value", "may be off, %"):
+    for head in ("variable", "value", "may be off"):
         variables.add_column(head, justify="left" if head == "variable" else "right")
     may = found.offsets or [None] * len(found.values)
     for key, value, off in zip(found.problem.keys, found.values, may, strict=True):
-        told = "" if off is None else f"−{100 * off[0]:.2g} +{100 * off[1]:.2g}"
-        variables.add_row(key.key, f"{value:.6g}", told)
+        variables.add_row(key.key, f"{value:.6g}", _may(off, unit_of(key.name)))
     shown.print(variables)
     length = float(found.problem.length(found.values))
     shown.print(f"{length * 1e3:.4g} mm between the half-spaces.")
@@ -129,6 +130,14 @@ def _tell(shown: Any, found: Any) -> None:
             levels = ", ".join(f"{level:.2f}" for level in row["reached"])
             shown.print(f"  {levels}")
     shown.print(f"{found.evaluations} stacks from {found.starts} starts, {found.seconds:.1f} s.")
+
+
+def _may(off: Any, unit: str) -> str:
+    """How far a variable may be off; of a value of 0 in its unit."""
+    if off is None:
+        return ""
+    size, word = (1.0, unit) if off.absolute else (100.0, "%")
+    return f"−{size * off.down:.2g} +{size * off.up:.2g} {word}".rstrip()
 
 
 def _verify(shown: Any, folder: Path, answer: dict[str, Any]) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import JSON, RING, SOURCES, WRITTEN, options, record_options
+from wavesim.cli.arguments import BAND, JSON, RING, SOURCES, WRITTEN, options, record_options
 from wavesim.cli.shared import print_json, read_case, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
@@ -291,7 +291,7 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 
 @click.command()
 @_OPTIONS
-@click.option("--band", type=float, nargs=2, help="Lowest and highest frequency, Hz.")
+@BAND
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)
 @click.option("--damping", type=click.FloatRange(4, 30),
               help="σT of the exponential window; by the noise where not given.")  # fmt: skip

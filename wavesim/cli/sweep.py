@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET
+from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.shared import folder_for
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
@@ -34,7 +34,7 @@ _STOPPED = 3
     default="gaps",
     show_default=True,
 )
-@click.option("--band", type=(float, float), metavar="F1 F2", help="Of transmission, Hz.")
+@BAND
 @click.option("--points", type=int, default=200, show_default=True, help="Of transmission.")
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
@@ -108,6 +108,8 @@ def _tell(asked: Any, data: Any, folder: Path, quiet: bool) -> None:
         shown.print(f"Map {path}")
     if "fell_short" in data:
         short = int((data["fell_short"].values > 0).sum())
+    for note in getattr(asked.measure, "notes", ()):
+        shown.print(f"Note: {note}.")
     shown.print(f"{asked.count - failed} of {asked.count} members in {asked.store.path}")
     if short:
         shown.print(f"{short} runs fell short of a check; the variable shortfall names it.")

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, JSON, OUT, SET
+from wavesim.cli.arguments import BAND, CASE, JSON, OUT, SET
 from wavesim.cli.shared import (
     folder_for,
     print_json,
@@ -23,7 +23,7 @@ _ROWS = 12
 
 @click.command()
 @CASE
-@click.option("--band", type=(float, float), metavar="F1 F2", help="Frequencies, Hz.")
+@BAND
 @click.option("--points", type=click.IntRange(2, 100_000), default=400, show_default=True)
 @OUT
 @JSON

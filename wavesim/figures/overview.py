@@ -22,9 +22,11 @@ from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.simulation.field import Field
 
 Panel = Callable[[Axes], str]
-_WIDTH, _HEIGHT, _HEAD = 11.0, 3.5, 0.75
+_WIDTH, _HEIGHT, _HEAD = 11.0, 3.7, 1.0
 # Layout and titles stand where they are told to: to have them found takes as long as all the rest.
 _PLAIN = {"figure.constrained_layout.use": False, "axes.titley": 1.02, "figure.dpi": 130}
+# Where a title stands that has a legend of two rows under it.
+_ABOVE = 1.14
 
 
 def write_overview(path: Path, field: Field, found: Any, title: str, verdict: str) -> None:
@@ -50,7 +52,7 @@ def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
     figure = Figure(figsize=(_WIDTH, height))
     figure.subplots_adjust(
         left=0.065, right=0.955, bottom=0.55 / height, top=1 - (_HEAD + 0.3) / height,
-        wspace=0.24, hspace=0.4,
+        wspace=0.24, hspace=0.5,
     )  # fmt: skip
     figure.text(
         0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
@@ -60,7 +62,8 @@ def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
     for number, panel in enumerate(panels, start=1):
         wide = number == len(panels) and number % 2 == 1
         axes = figure.add_subplot(rows, 2, (number, number + 1) if wide else number)
-        axes.set_title(panel(axes), fontsize=9)
+        text = panel(axes)
+        axes.set_title(text, fontsize=9, y=axes.title.get_position()[1])
     return figure
 
 
@@ -82,6 +85,15 @@ def _panels(field: Field, found: Any) -> list[Panel]:
     return panels[:4]
 
 
+def _legend(axes: Axes) -> None:
+    """Above the axes, where it covers nothing; the title makes room."""
+    axes.title.set_y(_ABOVE)
+    axes.legend(
+        loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=3, fontsize=7.5, borderpad=0.2,
+        labelspacing=0.25, columnspacing=1.6,
+    )  # fmt: skip
+
+
 def _spacetime(axes: Axes, field: Field, sector: str) -> str:
     image = of_fields.spacetime_panel(axes, field, sector)
     axes.set(xlabel="x (mm)", ylabel="t (µs)")
@@ -98,21 +110,21 @@ def _spectrum(axes: Axes, field: Field, held: Any, sector: str) -> str:
 def _attenuation(axes: Axes, field: Field, held: Any) -> str:
     endless.attenuation_panel(axes, field, held)
     axes.set_xlabel("ω/2π (kHz)")
-    axes.legend(loc="upper right")
+    _legend(axes)
     return f"Attenuation, {title([held.measured.block])}"
 
 
 def _transmission(axes: Axes, field: Field, found: Any) -> str:
     bar.level_panel(axes, field, found)
     axes.set_xlabel("ω/2π (kHz)")
-    axes.legend(loc="lower right", ncols=2)
+    _legend(axes)
     return f"Transmission and reflection, {found.sector}"
 
 
 def _ringing(axes: Axes, found: Any) -> str:
     bar.ringing_panel(axes, found)
     axes.set_xlabel("ω/2π (kHz)")
-    axes.legend(loc="lower left", ncols=2)
+    _legend(axes)
     return f"Eigenfrequencies, {found.sector}"
 
 
@@ -129,7 +141,7 @@ def _velocity(axes: Axes, test: PulseTest) -> str:
     speeds = found.phase_velocity[np.isfinite(found.phase_velocity)]
     top = 1.6 * float(np.median(speeds)) if len(speeds) else 1.0
     axes.set(xlabel="ω/2π (kHz)", ylabel="velocity (m/s)", xlim=(f[0], f[-1]), ylim=(0, top))
-    axes.legend(loc="lower left", ncols=2)
+    _legend(axes)
     return f"Velocities between receivers, {test.name}"
 
 

@@ -51,8 +51,9 @@ def transmission_figure(study: Study) -> Figure:
         axis.set_title(" and ".join(names), loc="left")
         axis.set_ylabel("amplitude over incident (dB)")
     axes[-1].set_xlabel("frequency (kHz), real ω")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    told = {label: handle for axis in axes for handle, label in zip(
+        *axis.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    figure.legend(told.values(), told.keys(), loc="outside upper center", ncols=4)
     return figure
 
 
@@ -63,11 +64,13 @@ def draw_masks(axes: Axes, masks: Sequence[Any]) -> float:
         A level below the lowest of them, 0 where there is none.
     """
     lowest = 0.0
-    for mask in masks:
+    for number, mask in enumerate(masks):
         low, high = mask.low / 1e3, mask.high / 1e3
+        told = "where T must not be" if number == 0 else None
         for limit, end in ((mask.at_most, 20.0), (mask.at_least, -400.0)):
             if limit is not None:
-                axes.fill_between([low, high], limit, end, color=FOUND, alpha=0.15, lw=0)
+                kept_off = axes.fill_between([low, high], limit, end, color=FOUND, alpha=0.15, lw=0)
+                kept_off.set_label(told)
                 axes.plot([low, high], [limit] * 2, "-", color=FOUND, lw=1.2)
                 lowest = min(lowest, limit - 15)
         if mask.at_most is None and mask.at_least is None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wavesim.planewave.dispersion_relation import wave_speeds
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
-from wavesim.records.files import HDF5, read
+from wavesim.records.files import own_result, read
 
 Float = NDArray[Any]
 
@@ -60,12 +60,9 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         RecordError: the file can't be used.
     """
     path = Path(path)
-    result = path / "result.h5" if path.is_dir() else path
-    if result.suffix.lower() in HDF5 and result.is_file():
-        from wavesim.io.result_reader import is_result
-
-        if is_result(result):
-            return _of_run(result)
+    result = own_result(path)
+    if result is not None:
+        return _of_run(result)
     record = read(path, replace(layout, placed=False))
     if len(record.values) > 1:
         raise RecordError(
@@ -99,18 +96,16 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
 
 def _of_run(path: Path) -> list[PulseTestRecord]:
     """Rotations at the receivers of a run, on that side of its sources where most stand."""
-    from wavesim.case.schema import CaseError
     from wavesim.io.result_reader import StorageError
-    from wavesim.records.run_folder import open_run
+    from wavesim.records.run_folder import field_of
 
+    field = field_of(path)
     try:
-        run = open_run(path)
-    except (StorageError, CaseError) as error:
-        raise RecordError(str(error)) from None
-    try:
-        return of_field(run.field, str(path))
+        return of_field(field, str(path))
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+    except StorageError as error:
+        raise RecordError(str(error)) from None
 
 
 def of_field(field: Any, name: str) -> list[PulseTestRecord]:

@@ -12,7 +12,7 @@ import numpy as np
 from wavesim.case.schema import CaseError, parse, tables_of
 from wavesim.studies.design_problem import Problem, problem
 from wavesim.studies.design_search import SECONDS, Search, Tell, search
-from wavesim.studies.design_tolerance import allowed_offsets, trade_off, yield_of
+from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
 from wavesim.studies.designed_case import designed_tables
 
 # Digits that a value is written with; what is reached is that of the value as written.
@@ -29,7 +29,7 @@ class Design:
         problem: what was sought.
         values: of the variables, as written, shape (n,).
         reached: worst level of each wish, dB, shape (wishes,).
-        offsets: (down, up) that each variable may be off, relatively; None where a wish is missed.
+        offsets: how far each variable may be off; None where a wish is missed.
         made: share of designs within the tolerance that keep every wish.
         trade_off: what can be had where a wish is missed.
         evaluations, starts, seconds, seed: of the search.
@@ -39,7 +39,7 @@ class Design:
     problem: Problem
     values: Any
     reached: Any
-    offsets: list[tuple[float, float]] | None
+    offsets: list[Offset] | None
     made: float
     trade_off: list[dict[str, Any]]
     evaluations: int
@@ -83,8 +83,8 @@ class Design:
             "variables": dict(zip(keys, map(float, self.values), strict=True)),
             "length": float(self.problem.length(self.values)),
             "may_be_off": {
-                key: {"down": down, "up": up}
-                for key, (down, up) in zip(keys, may, strict=bool(may))
+                key: {"down": off.down, "up": off.up, "absolute": off.absolute}
+                for key, off in zip(keys, may, strict=bool(may))
             },
             "tolerance": self.problem.tolerance,
             "yield": self.made,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,29 +21,54 @@ def _short(own: Search, values: Any) -> Any:
     return own.problem.short(own.reached(values)).max(axis=1)
 
 
-def allowed_offsets(own: Search, values: Any) -> list[tuple[float, float]]:
-    """How far down and up each variable may be off, relatively, all others as they are.
+@dataclass(frozen=True)
+class Offset:
+    """How far one variable may be off, all others as they are.
+
+    Attributes:
+        down, up: relatively; in the variable's unit where its value is 0.
+        absolute: whether they are.
+    """
+
+    down: float
+    up: float
+    absolute: bool
+
+
+def _reach(own: Search, values: Any) -> tuple[Any, Any]:
+    """What an offset of 1 down and up is: the value's size, and of 0 how far the range goes."""
+    zero, size = values == 0, np.abs(values)
+    down, up = np.maximum(-own.problem.low, 0.0), np.maximum(own.problem.high, 0.0)
+    return np.where(zero, down, size), np.where(zero, up, size)
+
+
+def allowed_offsets(own: Search, values: Any) -> list[Offset]:
+    """How far down and up each variable may be off.
 
     Args:
         own: the problem's functions.
         values: of a design that keeps every wish, shape (n,).
 
     Returns:
-        (down, up) for each, from 0 to 0.3, the largest looked at.
+        Of each, from 0 to 0.3 of its value, the largest looked at; of 0, of its range.
     """
-    members = np.repeat(values[None], 2 * len(_OFFSETS) * len(values), axis=0)
-    shape = (len(values), 2, len(_OFFSETS), len(values))
-    members = members.reshape(shape)
-    for n in range(len(values)):
+    n, reach = len(values), _reach(own, values)
+    members = np.repeat(values[None], 2 * len(_OFFSETS) * n, axis=0)
+    members = members.reshape(n, 2, len(_OFFSETS), n)
+    for k in range(n):
         for side, sign in enumerate((-1.0, 1.0)):
-            members[n, side, :, n] *= 1 + sign * _OFFSETS
-    kept = (_short(own, members.reshape(-1, len(values))) == 0).reshape(shape[:3])
+            members[k, side, :, k] += sign * _OFFSETS * reach[side][k]
+    kept = (_short(own, members.reshape(-1, n)) == 0).reshape(members.shape[:3])
     found = []
-    for sides in kept:
+    for k, sides in enumerate(kept):
         # Up to the first that fails.
         counts = [int(np.argmin(np.append(side, False))) for side in sides]
-        down, up = (float(_OFFSETS[c - 1]) if c else 0.0 for c in counts)
-        found.append((down, up))
+        zero = bool(values[k] == 0)
+        down, up = (
+            (float(_OFFSETS[c - 1]) if c else 0.0) * (float(by[k]) if zero else 1.0)
+            for c, by in zip(counts, reach, strict=True)
+        )
+        found.append(Offset(down, up, zero))
     return found
 
 
@@ -52,11 +78,13 @@ def yield_of(own: Search, values: Any, tolerance: float, seed: int) -> float:
     Args:
         own: the problem's functions.
         values: of the design, shape (n,).
-        tolerance: relative.
+        tolerance: relative; of a value of 0, to its range.
         seed: of the sample.
     """
     spread = np.random.default_rng(seed).uniform(-1, 1, (MEMBERS, len(values)))
-    return float(np.mean(_short(own, values * (1 + tolerance * spread)) == 0))
+    down, up = _reach(own, values)
+    moved = values + tolerance * spread * np.where(spread < 0, down, up)
+    return float(np.mean(_short(own, moved) == 0))
 
 
 def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:

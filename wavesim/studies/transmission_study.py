@@ -60,9 +60,21 @@ class Study:
     bands: tuple[tuple[BandTable, tuple[float, float], tuple[float, float]], ...] = ()
 
     @property
+    def too_low(self) -> str | None:
+        """A note where the band is far below what the half-spaces carry, as kHz taken for Hz is."""
+        low, high = (float(self.curves[0].frequency[n]) for n in (0, -1))
+        usual = default_band(self.specimen)
+        if high >= usual[0]:
+            return None
+        return (
+            f"{low:g} to {high:g} Hz is far below the half-spaces' first band, which goes to "
+            f"{usual[1] / 1e3:.4g} kHz; if kHz was meant, take --band {low:g}kHz {high:g}kHz"
+        )
+
+    @property
     def notes(self) -> list[str]:
         """What a reader should know beside the numbers."""
-        found = []
+        found = [self.too_low] if self.too_low else []
         ends = [self.specimen.layers.layers[n].medium for n in (0, -1)]
         if any(medium.damping for medium in ends):
             found.append(
@@ -147,7 +159,7 @@ def transmission_study(
         raise ValueError("layers: there are none to be passed; add [[layers]]")
     own = specimen(known.layers)
     family = known.medium.family
-    low, high = band or _default_band(own, family.travelling)
+    low, high = band or default_band(own)
     if not 0 < low < high < np.inf:
         raise ValueError(f"band {low:g} {high:g}: must be two frequencies in Hz, 0 < F1 < F2")
     frequency = np.linspace(low, high, points)
@@ -174,10 +186,15 @@ def kept(band: BandTable, highest: float, lowest: float) -> bool:
     return bool(highest <= most and lowest >= least)
 
 
-def _default_band(own: Specimen, sectors: tuple[str, ...]) -> tuple[float, float]:
+def default_band(own: Specimen) -> tuple[float, float]:
+    """Frequencies that the half-spaces' first band holds, Hz."""
     ends = [own.layers.layers[n].medium for n in (0, -1)]
-    edge = max(float(asymptotes(m, sector)[0]) for m in ends for sector in sectors) / (2 * np.pi)
-    return _FROM * edge, _TO * edge
+    edge = max(
+        float(asymptotes(medium, sector)[0])
+        for medium in ends
+        for sector in medium.family.travelling
+    )
+    return _FROM * edge / (2 * np.pi), _TO * edge / (2 * np.pi)
 
 
 def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:

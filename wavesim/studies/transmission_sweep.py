@@ -85,6 +85,7 @@ class TransmissionMeasure:
         rule: how stacks depend on the keys; None where they are solved one by one.
         sectors: in which waves are looked at.
         frequency: Hz, shape (n,).
+        notes: what a reader should know beside the numbers.
     """
 
     swept: SweptCase
@@ -92,6 +93,7 @@ class TransmissionMeasure:
     rule: _Rule | None
     sectors: tuple[str, ...]
     frequency: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
 
     @property
     def layout(self) -> Layout:
@@ -257,4 +259,6 @@ def transmission_measure(
     ends = study.curves[0].frequency
     frequency = np.linspace(float(ends[0]), float(ends[-1]), points)
     sectors = tuple(curve.sector for curve in study.curves)
-    return TransmissionMeasure(swept, swept_media(swept)[0], rule, sectors, frequency)
+    low = study.too_low
+    notes = () if low is None else (low,)
+    return TransmissionMeasure(swept, swept_media(swept)[0], rule, sectors, frequency, notes)

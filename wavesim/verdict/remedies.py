@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.stencils import ORDERS
+from wavesim.material.arguments import WINDOW
 from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -19,8 +20,8 @@ from wavesim.simulation.field import Field
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
-# By how much a step is to be shorter.
-_SHORTER = 5
+# By how much a step is to be shorter, and σT of the exponential window larger.
+_SHORTER, _MORE_DAMPING = 5, 6.0
 # So many cells from an interface or an end the differences are exact to a lower degree.
 ONE_SIDED = 8
 # Steppers that leave no error of their own, rounding apart, whatever the step.
@@ -90,10 +91,14 @@ def of_wavenumbers(field: Field, block: Block, omega: NDArray[Any], error: Any) 
     """
     if wavenumber_grid_error(field, block, omega, error) >= _EXPLAINS:
         return finer(field)
-    return (
-        f"lengthen [bar] length (now {field.bar.length:.4g} m), so that waves that went round the "
-        "bar come back later, or raise [analysis] damping, which weighs them down"
-    )
+    damping = float(np.imag(omega[0]) * field.t[-1])
+    more = min(damping + _MORE_DAMPING, WINDOW[1])
+    if more > damping * (1 + 1e-9):
+        return (
+            f"raise [analysis] damping to {more:.4g} (now {damping:.4g}), which leaves less of the "
+            "record's end"
+        )
+    return longer_run(field, "of what still rings too much lies past the record's end")
 
 
 def wavenumber_grid_error(

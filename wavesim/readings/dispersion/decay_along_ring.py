@@ -1,7 +1,7 @@
 """Attenuation and complex wavenumber of an endless bar, from the decay along its longest free part.
 
 At ω + iσ (``readings.damped_transform``) amplitudes go as exp(ikx) with the plane-wave root
-k(ω + iσ), in gaps as in bands.
+k(ω + iσ), in gaps as in bands, and as exp(−ikx) where a wave has gone round the ring the other way.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.family import Block
 from wavesim.readings.damped_transform import damped_transform
+from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -28,6 +29,8 @@ _ABOVE_FLOOR = 30.0
 # So many columns of the record are read at a time that they and their transform fit into these
 # bytes.
 _AT_ONCE = 64e6
+# A fit needs about so many bytes for an amplitude.
+_FIT_BYTES = 400
 FEWEST_POINTS = 6
 
 
@@ -50,29 +53,25 @@ class Attenuation:
     level: Float
 
 
-def wavenumber_of_decay(amplitude: Complex, distance: Float, floor: float) -> complex:
-    """k of exp(ikx) through complex amplitudes: least squares of log U against x.
-
-    Weights are |U|, since an error of given size matters less to a larger amplitude.
+def wavenumbers(U: Complex, x: Float, floor: Float) -> Complex:
+    """k of A exp(ikx) + B exp(−ikx) through complex amplitudes, by least squares.
 
     Args:
-        amplitude: U at ascending distances, shape (nx,).
-        distance: x, shape (nx,), m.
-        floor: amplitude below which U is not trusted; the fit stops where U first is.
+        U: amplitudes at n frequencies, shape (n, nx).
+        x: ascending, even, shape (nx,), m.
+        floor: amplitude below which U is not trusted, shape (n,); the fit stops where U first is.
 
     Returns:
-        k, rad/m; NaN where fewer than six points stand above the floor.
+        k, shape (n,), rad/m; NaN where fewer than six points stand above the floor.
     """
-    above = np.abs(amplitude) > floor
-    count = len(above) if above.all() else int(np.argmin(above))
-    if count < FEWEST_POINTS:
-        return complex(np.nan, np.nan)
-    U, x = amplitude[:count], distance[:count]
-    logarithm = np.log(np.abs(U)) + 1j * np.unwrap(np.angle(U))
-    weight = np.abs(U) / np.abs(U).max()
-    design = np.stack([x, np.ones(count)], axis=1) * weight[:, None]
-    slope = np.linalg.lstsq(design, logarithm * weight, rcond=None)[0][0]
-    return complex(slope / 1j)
+    k = np.full(len(U), complex(np.nan, np.nan))
+    used = np.logical_and.accumulate(np.abs(U) > floor[:, None], axis=1)
+    rows = np.flatnonzero(used.sum(axis=1) >= FEWEST_POINTS)
+    at_once = max(1, int(_AT_ONCE / (_FIT_BYTES * max(len(x), 1))))
+    for first in range(0, len(rows), at_once):
+        some = rows[first : first + at_once]
+        k[some] = fit_line(U[some], x, used[some], 1, both=True).k[:, 0]
+    return k
 
 
 def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Attenuation:
@@ -110,10 +109,7 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
         here = (low <= columns) & (columns < low + width)
         seen[:, here] = transform[:, columns[here] - low]
     distance = (origin + steps) * spacing - start
-    floor = largest * np.exp(-damping) * _ABOVE_FLOOR
-    k = np.array(
-        [wavenumber_of_decay(u, distance, f) for u, f in zip(seen, floor, strict=True)], complex
-    )
+    k = wavenumbers(seen, distance, _ABOVE_FLOOR * _truncation(largest, omega, sigma, damping))
     level = np.abs(seen)
     del seen  # of a long bar it is large
     if len(steps):
@@ -122,6 +118,15 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
         np.log10(level, out=level)
         level *= 20
     return Attenuation(omega, sigma, k, distance, level)
+
+
+def _truncation(largest: Float, omega: Float, sigma: float, damping: float) -> Float:
+    """What the record's end leaves out of U, of what rings at all frequencies: shape (n,).
+
+    A wave that rings at ω′ with the transform U′ there leaves U′ e^{−σT} σ/|σ + i(ω − ω′)| at ω.
+    """
+    nearness = sigma / np.hypot(sigma, omega[:, None] - omega)
+    return np.asarray((largest * nearness).max(axis=1) * np.exp(-damping))
 
 
 def free_stretch(field: Field, block: Block) -> tuple[float, float]:
