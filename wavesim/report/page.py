@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesim.report.answers import KINDS, Answer, answers, number, shown, verdict
+from wavesim.report.answers import KINDS, Answer, answers, explained, number, shown, verdict
 
 _ASSETS = Path(__file__).parent / "assets"
 _KIBI = 1024.0
@@ -52,6 +52,7 @@ def page(
         notes=list(notes),
         closer=_closer(summary, folder, rerun or repeat),
         checks=[_check(check) for check in checks],
+        explained=explained(checks),
         repeat=repeat,
         facts=_facts(summary),
         case=case,
