@@ -200,7 +200,7 @@ def test_a_record_too_short_for_eigenfrequencies_is_noted():
     exact = {name: {} for name in PLACES}
     ring = Ringing("longitudinal", *(np.ones(1),) * 4, 1e3)
     (note,) = bar_notes(reading_of(exact=exact), plain_field())
-    assert "no eigenfrequency was judged: a record of 0.0001 s" in note
+    assert "no eigenfrequency was judged: none that a record of 0.0001 s" in note
     assert "lengthen [time] duration" in note
     assert bar_notes(reading_of(exact=exact, ringing=(ring,)), plain_field()) == []
     assert bar_notes(reading_of(exact=exact), plain_field(absorbing=True)) == []

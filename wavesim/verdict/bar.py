@@ -281,15 +281,15 @@ def _some(names: list[str]) -> str:
 
 
 def _too_short(reading: Reading, field: Field) -> list[str]:
-    """Bars that ring, of which the record is too short to tell one eigenfrequency."""
+    """Bars that ring, of which the receivers hear no eigenfrequency apart from the next."""
     if field.simulation.lossy or not field.receivers or reading.ringing:
         return []
     if not any(block.macro for block in field.blocks):
         return []
     last = float(field.t[-1])
     return [
-        f"no eigenfrequency was judged: a record of {last:.3g} s does not tell one from the next; "
-        "lengthen [time] duration"
+        f"no eigenfrequency was judged: none that a record of {last:.3g} s tells from the next is "
+        "heard at the receivers; lengthen [time] duration, or move a receiver"
     ]
 
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from wavesim.material.family import Block
 from wavesim.material.scaling import JUDGED
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
 from wavesim.planewave.driven_waves import driven_waves
+from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
 from wavesim.readings.dispersion.extract import Measured
 from wavesim.readings.dispersion.spectrum import (
     ABOVE_CUT,
@@ -160,9 +162,9 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     sources = [s for s in field.sources if s.field in block.fields]
     inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
     covered = (excitation(sources, exact, found.k[:, None]) >= EXCITED) & (exact <= found.omega[-1])
-    candidate = clear & covered & inside[:, None]
-    loudness = np.where(candidate, _seen(field, block, found.k), 0.0)
-    judged = loudness >= _SEEN
+    loudness = np.where(clear & covered, _seen(field, block, found.k), 0.0)
+    judged = _long_enough(loudness >= _SEEN) & inside[:, None]
+    loudness *= inside[:, None]
     branches, strays = [], []
     owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
     for number, name in enumerate(block.branches):
@@ -210,6 +212,16 @@ def _seen(field: Field, block: Block, k: Float) -> Float:
     spread = spread_of_cut(sum(ends) / field.interval**2, omega.real, power)
     power = np.where(power > _SURELY * ABOVE_CUT * spread, power, 0.0)
     return np.asarray(power / np.maximum(power.max(axis=1, keepdims=True), 1e-300))
+
+
+def _long_enough(shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those of the wavenumbers, shape (n, branches), that make a branch with their neighbours."""
+    length = min(SHORTEST_BRANCH, len(shown))
+    runs = np.all(sliding_window_view(shown, length, axis=0), axis=-1)
+    kept = np.zeros_like(shown)
+    for shift in range(length):
+        kept[shift : len(shown) - length + 1 + shift] |= runs
+    return kept
 
 
 def _clear(exact: Float, distance: float) -> NDArray[np.bool_]:
