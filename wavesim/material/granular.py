@@ -17,7 +17,8 @@ from wavesim.material.contact_tensors import (
     gradient_stiffness,
     relative_stiffness,
 )
-from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.medium import FluxForm, Medium
+from wavesim.material.parameter import Parameter
 
 _NEGATIVE_CONTACTS = "the contact density is negative in some direction outside it"
 # Gradient stiffness over the relative one, below which nothing grows for it.

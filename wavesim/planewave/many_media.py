@@ -19,7 +19,8 @@ import numpy as np
 
 from wavesim.material.family import Block
 from wavesim.material.granular import GranularMedium
-from wavesim.material.medium import Medium, check_parameter
+from wavesim.material.medium import Medium
+from wavesim.material.parameter import PARAMETERS
 from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import spectral_form, stiffness
 from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
@@ -42,8 +43,8 @@ def _check(medium: Medium) -> None:
     for name in medium.known():
         value = getattr(medium, name)
         if value is not None:
-            check_parameter(name, float(np.min(value)))
-            check_parameter(name, float(np.max(value)))
+            PARAMETERS[name].check(name, float(np.min(value)))
+            PARAMETERS[name].check(name, float(np.max(value)))
 
 
 def _factors(medium: GranularMedium) -> BlockCoefficients:

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from wavesim.material.family import Block
 from wavesim.material.scaling import JUDGED
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
 from wavesim.planewave.driven_waves import driven_waves
+from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
 from wavesim.readings.dispersion.extract import Measured
 from wavesim.readings.dispersion.spectrum import (
     ABOVE_CUT,
@@ -34,6 +36,7 @@ Float = NDArray[Any]
 MEDIAN_TOLERANCE = 1e-3
 MAXIMUM_TOLERANCE = 1e-2
 WAVENUMBER_TOLERANCE = 1e-3
+_UNCERTAIN = 0.3 * WAVENUMBER_TOLERANCE
 # A peak so far above the least that a spectrum is searched for is sure to be found.
 _SURELY = 10.0
 _SEEN = _SURELY * FLOOR
@@ -132,6 +135,7 @@ def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
             meaning = "k at the complex frequency omega + i sigma (rad/s)"
             found[f"{group}/meaning"] = meaning, "–"
             found[f"{group}/k"] = curve.k, "rad/m"
+            found[f"{group}/error"] = curve.error, "rad/m"
             found[f"{group}/k_exact"] = h.k_exact, "rad/m"
             found[f"{group}/distance"] = curve.distance, "m"
             found[f"{group}/level"] = curve.level, "dB"
@@ -160,9 +164,9 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     sources = [s for s in field.sources if s.field in block.fields]
     inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
     covered = (excitation(sources, exact, found.k[:, None]) >= EXCITED) & (exact <= found.omega[-1])
-    candidate = clear & covered & inside[:, None]
-    loudness = np.where(candidate, _seen(field, block, found.k), 0.0)
-    judged = loudness >= _SEEN
+    loudness = np.where(clear & covered, _seen(field, block, found.k), 0.0)
+    judged = _long_enough(loudness >= _SEEN) & inside[:, None]
+    loudness *= inside[:, None]
     branches, strays = [], []
     owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
     for number, name in enumerate(block.branches):
@@ -210,6 +214,16 @@ def _seen(field: Field, block: Block, k: Float) -> Float:
     spread = spread_of_cut(sum(ends) / field.interval**2, omega.real, power)
     power = np.where(power > _SURELY * ABOVE_CUT * spread, power, 0.0)
     return np.asarray(power / np.maximum(power.max(axis=1, keepdims=True), 1e-300))
+
+
+def _long_enough(shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those of the wavenumbers, shape (n, branches), that make a branch with their neighbours."""
+    length = min(SHORTEST_BRANCH, len(shown))
+    runs = np.all(sliding_window_view(shown, length, axis=0), axis=-1)
+    kept = np.zeros_like(shown)
+    for shift in range(length):
+        kept[shift : len(shown) - length + 1 + shift] |= runs
+    return kept
 
 
 def _clear(exact: Float, distance: float) -> NDArray[np.bool_]:
@@ -342,7 +356,9 @@ def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
     curve, exact = h.measured.attenuation, h.k_exact
     if curve is None or exact is None:
         return []
-    error = np.abs(curve.k / exact - 1)
+    # Where the record's end may hide more than that, the simulation is not to blame.
+    told = curve.error <= _UNCERTAIN * np.abs(curve.k)
+    error = np.where(told, np.abs(curve.k / exact - 1), np.nan)
     sector = h.measured.block.sector
     in_bands = np.ones(len(error), bool)
     parts = []

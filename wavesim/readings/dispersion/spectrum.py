@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.family import Block
+from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
 
 Float = NDArray[Any]
@@ -27,9 +28,8 @@ _PADDING = 8
 ABOVE_CUT = 100.0
 # Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
 _AT_ONCE = 64e6
-# A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
+# A branch may miss this many wavenumbers and go on.
 _LONGEST_BREAK = 3
-_SHORTEST_BRANCH = 5
 # The second point of a branch may lie this part of the way to the first one's nearest neighbour.
 _BEGINNING = 0.45
 
@@ -225,7 +225,7 @@ def ridges(found: Spectrum) -> list[Ridge]:
             tracks.append([(index, omega[column], power[column])])
             others = np.abs(np.delete(omega, column) - omega[column])
             room[id(tracks[-1])] = _BEGINNING * min(omega[column], others.min(initial=np.inf))
-    kept = [np.array(track) for track in tracks if len(track) >= _SHORTEST_BRANCH]
+    kept = [np.array(track) for track in tracks if len(track) >= SHORTEST_BRANCH]
     branches = [Ridge(found.k[t[:, 0].astype(int)], t[:, 1], t[:, 2]) for t in kept]
     return sorted(branches, key=lambda branch: float(np.median(branch.omega)))
 
