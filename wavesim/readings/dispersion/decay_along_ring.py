@@ -32,9 +32,11 @@ _AT_ONCE = 64e6
 # A fit needs about so many bytes for an amplitude.
 _FIT_BYTES = 400
 FEWEST_POINTS = 6
-# Below this part of the strongest frequency there is the tail of a spectrum, of which frames that
-# sample a signal fold some back.
-_TAIL = 1e-4
+# A k that may be off by more of itself is not given.
+_LARGEST_ERROR = 0.1
+# Frames fold back what lies beyond their Nyquist frequency: of the tail of a spectrum, which goes
+# on falling there, this part of what is seen from the first of these parts of that frequency on.
+_FOLDED, _TOP = 0.25, (0.97, 1.0)
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Attenuation:
         omega: real part of the frequencies, shape (n,), rad/s.
         sigma: their imaginary part σ, rad/s.
         k: measured complex wavenumber at ω + iσ, shape (n,), rad/m; NaN where not measurable.
-        error: of |k|, by what the record's end leaves out, shape (n,), rad/m.
+        error: of |k|, by what the record's end leaves out and its frames fold back, shape (n,),
+            rad/m.
         distance: of the grid points used, from the source, shape (nx,), m.
         level: amplitude over these against that at the first of them, shape (n, nx), dB.
     """
@@ -58,18 +61,21 @@ class Attenuation:
     level: Float
 
 
-def wavenumbers(U: Complex, x: Float, truncation: Float) -> tuple[Complex, Float]:
+def wavenumbers(
+    U: Complex, x: Float, truncation: Float, folded: float = 0.0
+) -> tuple[Complex, Float]:
     """k of A exp(ikx) + B exp(−ikx) through complex amplitudes, by least squares.
 
     Args:
         U: amplitudes at n frequencies, shape (n, nx).
         x: ascending, even, shape (nx,), m.
-        truncation: what may be wrong with U, alike at all x, shape (n,); the fit stops where U
-            first is not 30 times as large.
+        truncation: what the record's end leaves out of U, alike at all x, shape (n,); the fit stops
+            where U first is not 30 times as large.
+        folded: what the frames fold into it.
 
     Returns:
         k, shape (n,), rad/m; NaN where fewer than six points are left; and how far off |k|
-        may be by what may be wrong with U, shape (n,), rad/m.
+        may be by both, shape (n,), rad/m.
     """
     k, error = np.full(len(U), complex(np.nan, np.nan)), np.full(len(U), np.nan)
     used = np.logical_and.accumulate(np.abs(U) > _ABOVE_FLOOR * truncation[:, None], axis=1)
@@ -80,7 +86,8 @@ def wavenumbers(U: Complex, x: Float, truncation: Float) -> tuple[Complex, Float
         some = rows[first : first + at_once]
         fit = fit_line(U[some], x, used[some], 1, both=True)
         k[some] = fit.k[:, 0]
-        error[some] = truncation[some] * np.sqrt(count[some]) * fit.unit[:, 0]
+        wrong = np.hypot(truncation[some], folded)
+        error[some] = wrong * np.sqrt(count[some]) * fit.unit[:, 0]
     return k, error
 
 
@@ -110,17 +117,19 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
     origin = int(np.ceil(start / spacing - 1e-9))
     sigma = damping / float(field.t[-1])
     columns = (origin + steps) % field.bar.cells
-    seen, largest = np.empty((len(omega), len(columns)), complex), np.zeros(len(omega))
+    wanted = np.concatenate([omega, np.multiply(_TOP, np.pi / field.interval)])
+    seen, largest = np.empty((len(omega), len(columns)), complex), np.zeros(len(wanted))
     width = max(1024, int(_AT_ONCE / (8 * len(field.t) + 40 * len(omega))) // 1024 * 1024)
     for low in range(0, field.bar.cells, width):
         values = field.part(name, points=slice(low, low + width))
-        transform = damped_transform(values, field.t, omega, sigma)
+        transform = damped_transform(values, field.t, wanted, sigma)
         largest = np.maximum(largest, np.abs(transform).max(axis=1))
         here = (low <= columns) & (columns < low + width)
-        seen[:, here] = transform[:, columns[here] - low]
+        seen[:, here] = transform[: len(omega), columns[here] - low]
     distance = (origin + steps) * spacing - start
-    k, error = wavenumbers(seen, distance, _truncation(largest, omega, sigma, damping))
-    k[largest < _TAIL * largest.max()] = np.nan
+    truncation = _truncation(largest[: len(omega)], omega, sigma, damping)
+    k, error = wavenumbers(seen, distance, truncation, _FOLDED * largest[len(omega) :].max())
+    k[error > _LARGEST_ERROR * np.abs(k)] = np.nan
     level = np.abs(seen)
     del seen  # of a long bar it is large
     if len(steps):
