@@ -1,6 +1,7 @@
-"""Measure all contestants and write results.json and results.md beside this file.
+"""Measure all contestants; write results.json and results.md beside this file, and their short
+table into docs/performance.md.
 
-    python benchmarks/run.py [--only PART] [--problems ring,…] [--quick] [--folder FOLDER]
+    python benchmarks/run.py [--only PART] [--problems ring,…] [--rounds N] [--folder FOLDER]
 
 A process of its own for each measurement, contestants in turn, with compile caches that are empty.
 Settings are those of settings.json, which ``python benchmarks/search.py`` finds.
@@ -24,14 +25,15 @@ from typing import Any
 
 import numpy as np
 from problems import FRAMES, PROBLEMS, error, exact, for_peers, in_fields, problem
-from table import markdown
+from table import into, markdown
 
 HERE = Path(__file__).resolve().parent
+DOCUMENT = HERE.parent / "docs" / "performance.md"
 TARGETS = ("1e-06", "1e-04")
 # A slow contestant is measured over a tenth of the time, and its steps count ten times.
 TENTH = (FRAMES - 1) // 10 + 1
 # No more processes for a contestant that has taken so many seconds; wavesim has all rounds.
-_ROUNDS, _ENOUGH = 3, 25.0
+_ENOUGH = 25.0
 
 # {name: (module, class, name in settings.json or None where it is exact, problems, those of which
 # a tenth is measured)}
@@ -150,7 +152,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="part of a contestant's name")
     parser.add_argument("--problems", default=",".join(PROBLEMS))
-    parser.add_argument("--quick", action="store_true", help="one round")
+    parser.add_argument("--rounds", type=int, default=3, help="processes of each, at most")
     parser.add_argument("--folder", type=Path, help="where problems and references are kept")
     options = parser.parse_args()
     settings = json.loads((HERE / "settings.json").read_text(encoding="utf-8"))
@@ -169,7 +171,7 @@ def main() -> None:
                     row = {"problem": name, "contestant": contestant, "target": target}
                     row |= {"setting": setting, "error": seen, "tenth": name in tenths}
                     rows.append(row | {"cold": [], "warm": [], "spent": 0.0})
-        for turn in range(1 if options.quick else _ROUNDS):
+        for turn in range(options.rounds):
             for row in rows:
                 spent = row["spent"] > _ENOUGH and row["contestant"] != "wavesim"
                 if spent or "failed" in row:
@@ -191,10 +193,12 @@ def main() -> None:
                 print(turn, row["problem"], row["contestant"], row["target"], found, flush=True)
             results["rows"] = [summed(row) for row in rows]
             page = markdown(results)
-            if not (options.only or options.quick) and options.problems == ",".join(PROBLEMS):
+            if not options.only and options.problems == ",".join(PROBLEMS):
                 text = json.dumps(results, indent=1) + "\n"
                 (HERE / "results.json").write_text(text, encoding="utf-8")
                 (HERE / "results.md").write_text(page, encoding="utf-8")
+                told = into(DOCUMENT.read_text(encoding="utf-8"), results)
+                DOCUMENT.write_text(told, encoding="utf-8")
     print(page)
 
 

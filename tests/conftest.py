@@ -2,6 +2,7 @@
 
 import os
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 WORKER = os.environ.get("PYTEST_XDIST_WORKER")
@@ -9,6 +10,12 @@ WORKER = os.environ.get("PYTEST_XDIST_WORKER")
 # for each other there take ten times as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("EQX_ON_ERROR", "nan")  # as a run has it, so that compiled functions are kept
+# Most of what tests wait for is compilation; these save a quarter of it, where runs are short. (An
+# XLA ends at an option that it does not know: of this version it is known that it does.)
+if version("jaxlib").startswith("0.10."):
+    os.environ.setdefault(
+        "XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=1"
+    )
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402

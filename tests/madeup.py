@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from wavesim.grid.bar import layered_bar
-from wavesim.material.damping import constant_quality
+from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium, fastest_speed
 from wavesim.material.rotation import ROTATION
@@ -65,8 +65,9 @@ def pulsed(layers, right, places, source=None, echo=0.0, absorber=0.0, t=T):
 PLACES = {"1": 0.010, "2": 0.014, "3": 0.018}
 
 
-def plain_field(energy=None, receivers=PLACES, absorbing=False):
-    layers = chain((0.06, STIFF))
+def plain_field(energy=None, receivers=PLACES, absorbing=False, lossy=False):
+    medium = dataclasses.replace(STIFF, damping=Damping(mass=1e3)) if lossy else STIFF
+    layers = chain((0.06, medium))
     ends = ("absorbing", "absorbing", 8e-3) if absorbing else ("free", "free", 0.0)
     bar = layered_bar(layers, 1.25e-4, 8, *ends)
     values = np.zeros((len(T), len(bar.nodes)))

@@ -95,3 +95,18 @@ def test_a_recorded_signal_with_a_hole_gives_2_and_one_line(good, tmp_path):
     line = told(good)
     assert 'file = "signal.csv": line 92' in line
     assert "fill it in by interpolation" in line
+
+
+def test_of_many_media_looked_at_together_the_one_that_grows_is_named(tmp_path):
+    stable = "[[layers]]\nthickness = 0.001\nanisotropy = -{}\n"
+    head = '[medium]\nclosure = "printed"\nstiffness_ratio = 1.3\n' + GOOD.split("[[layers]]")[0]
+    rest = "[[sources]]" + GOOD.split("[[sources]]")[1]
+    layers = [stable.format(n / 40) for n in range(32)]
+    path = tmp_path / "many.toml"
+    path.write_text(head + "".join(layers) + rest)
+    assert call("check", path).exit_code in (0, 1)
+    layers[20] = "[[layers]]\nthickness = 0.001\nanisotropy = 2.0\n"
+    path.write_text(head + "".join(layers) + rest)
+    line = told(path)
+    assert "[[layers]] number 21:" in line
+    assert "unstable" in line

@@ -26,7 +26,7 @@ from wavesim.timedomain import integrate, time_step
 def wavesim(*arguments, **options):
     """Run a command as a user does."""
     return subprocess.run(
-        [sys.executable, "-m", "wavesim.cli.main", *map(str, arguments)],
+        [sys.executable, "-m", "wavesim", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=120,

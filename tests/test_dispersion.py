@@ -108,6 +108,25 @@ def test_spectrum_is_exact_in_space_and_scaled():
     assert power[0] == pytest.approx(1, abs=1e-3)
 
 
+@pytest.mark.parametrize("decay", [6.0, 15.0, 28.0])
+def test_a_wave_that_decays_within_the_record_is_one_wave(decay):
+    """Of e^{−γt} cos ω₁t, γT = 6 to 28, and one of a hundredth of its size and 0.6 γ the window
+    leaves a jump where the record begins, whose spectrum has ripples of its own (three peaks from
+    γT = 15 on): two peaks, and no other, each within 0.05 bins."""
+    k, waves = BAR.wavenumbers[9], (100.3 * BIN, 40.2 * BIN)
+    t = np.linspace(0, DURATION, FRAMES)
+    fall = (decay / DURATION, 0.6 * decay / DURATION)
+    in_time = sum(
+        a * np.exp(-g * t) * np.cos(w * t + 0.4)
+        for a, g, w in zip((1.0, 1e-2), fall, waves, strict=True)
+    )
+    fields = {f: np.zeros((FRAMES, BAR.cells)) for f in BLOCK.fields}
+    fields["phi1"] = np.outer(in_time, np.cos(k * BAR.nodes))
+    found = spectrum(made_field(t, fields, Medium(), BAR, (SOURCE,)), BLOCK, BAR.wavenumbers[40])
+    omega, _ = peaks(found, 9)
+    np.testing.assert_allclose(omega, sorted(waves), atol=0.05 * BIN)
+
+
 def test_spectrum_up_to_a_frequency_is_part_of_the_whole():
     field = field_of(optical, falling)
     whole, part = spectrum(field, BLOCK, 4e3), spectrum(field, BLOCK, 4e3, 90 * BIN)

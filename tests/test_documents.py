@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = sorted(
     path for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("benchmarks/*.md"))
 )
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 KEYS = (ROOT / "docs" / "case-file.md").read_text(encoding="utf-8")
 
 
@@ -42,7 +42,7 @@ def test_every_room_has_its_line_and_every_file_its_own():
 
 
 def test_every_command_is_told_of_and_none_besides():
-    told = set(re.findall(r"^    wavesim (\w+) ", README, re.MULTILINE))
+    told = set(re.findall(r"^    wavesim (\w+) ", COMMANDS, re.MULTILINE))
     assert told == set(main.commands)
 
 

@@ -90,20 +90,25 @@ def test_what_is_absorbed_never_comes_back():
 def test_work_is_what_the_sources_do_on_the_field_that_is_recorded(damping):
     """Law: W = Σ ∫ s(t) u̇(x_s, t) dt = Σ s u − ∫ ṡ u dt, by quintic splines through the signals at
     the sources, frames 20 ns apart; to 1e-7 of the largest work, measured 1e-9. What dampers have
-    taken of it, the work less the stored energy, never falls (1e-9 of the largest energy)."""
+    taken of it, the work less the stored energy, never falls (1e-9 of the largest energy).
+
+    φ = 0 at a fixed end, though a source's stencil reaches it, and what holds it does no work."""
     layers = three(damping)
+    beside_end = ws.Ricker("phi1", 1.1 * CELL, 7e5, amplitude=8.0)
     sources = [
+        beside_end,
         ws.Ricker("phi1", 1.3e-3, 6e5, amplitude=8.0),
         ws.Ricker("B11", 4.1e-3, 5e5, amplitude=1e-3),
         ws.Ricker("phi1", layers.length, 5e5, amplitude=6.0, drive="moment"),
     ]
-    field = run(layers, ("free", "free"), sources, 8e-6, 401)
+    field = run(layers, ("fixed", "free"), sources, 8e-6, 401)
+    assert not np.any(field["phi1"][:, 0])
     t, work = field.t, 0.0
     for source in sources:
         u, small = field.at(source.position, source.field), 1e-5 / source.peak_frequency
         rate = (source.signal(t + small) - source.signal(t - small)) / (2 * small)
         done = source.signal(t) * u - make_interp_spline(t, rate * u, 5).antiderivative()(t)
-        assert np.abs(done).max() > 0.05 * np.abs(field.energy.work).max()
+        assert np.abs(done).max() > 0.05 * np.abs(field.energy.work).max() or source is beside_end
         work = work + done
     largest = np.abs(field.energy.work).max()
     assert np.abs(field.energy.work - work).max() <= 1e-7 * largest
@@ -121,17 +126,6 @@ def test_an_initial_field_keeps_its_energy():
     assert energy.total[0] > 0
     assert np.ptp(energy.total) <= 1e-11 * energy.total[0]
     assert np.ptp(energy.kinetic) > 0.1 * energy.total[0]
-
-
-def test_a_source_beside_a_held_end_does_not_move_it():
-    """Law: φ = 0 at a fixed end, though a source's stencil reaches it; what holds it does no work:
-    energy is the sources' work, to 1e-11 of its largest."""
-    source = ws.Ricker("phi1", 1.1 * CELL, 7e5)
-    field = run(three(), ("fixed", "free"), [source], 8e-6, 65)
-    assert not np.any(field["phi1"][:, 0])
-    assert np.abs(field["phi1"]).max() > 0
-    energy = field.energy
-    assert np.abs(energy.total - energy.work).max() <= 1e-11 * energy.total.max()
 
 
 def power_lost(group, y):

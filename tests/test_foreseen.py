@@ -58,6 +58,7 @@ def foreseen(text, *overrides):
 @pytest.mark.parametrize(
     ("text", "overrides", "told"),
     [
+        (RING, ("bar.cells=65536",), ("[bar] length = 8.192", "stays at rest; shorten it")),
         (ENDED, ("sources.0.position=0",), ("within half a cell of the fixed end", "inward")),
         (ENDED, ("sources.0.position=6e-5",), ("within half a cell of the fixed end", "inward")),
         (ENDED, ("receivers.0.position=0",), ('"near" position = 0', "no rotation moves")),

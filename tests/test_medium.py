@@ -18,7 +18,8 @@ from wavesim.material.contact_tensors import (
     gradient_stiffness,
     relative_stiffness,
 )
-from wavesim.material.medium import Medium, check_parameter
+from wavesim.material.medium import Medium
+from wavesim.material.parameter import PARAMETERS
 from wavesim.material.rotation import CLOSURES
 
 POSITIVE = (
@@ -94,7 +95,7 @@ def test_out_of_range(name, value, allowed):
     with pytest.raises(ValueError, match=rf"^{name} = {value:g}: must be {allowed}"):
         Medium(**{name: value})
     with pytest.raises(ValueError, match=rf"^{name} = {value:g}: must be {allowed}"):
-        check_parameter(name, value)
+        PARAMETERS[name].check(name, value)
 
 
 @pytest.mark.parametrize("name", Medium().known())

@@ -34,14 +34,11 @@ def exact_points(medium, block, part=1e-4):
     return points(omega.ravel(), np.repeat(k, omega.shape[1]), part * omega.ravel(), branch)
 
 
-@pytest.mark.parametrize(
-    "block", [ROTATION.blocks[0], ROTATION.blocks[1], ROTATION.blocks[4]], ids=lambda b: b.name
-)
-@pytest.mark.parametrize("closure", ["printed", "consistent"])
-def test_slopes_against_differences(closure, block):
+@pytest.mark.parametrize(("closure", "number"), [("printed", 0), ("consistent", 1), ("printed", 4)])
+def test_slopes_against_differences(closure, number):
     # Law: ∂ω/∂θ = uᵀ ∂K v/2ω against central differences of the solver, h = 1e-5: their own error
     # is h² and 1e-16/h. Measured 3e-9 of the largest slope.
-    medium = replace(MEDIUM, closure=closure)
+    medium, block = replace(MEDIUM, closure=closure), ROTATION.blocks[number]
     names = ("anisotropy", "stiffness_ratio", "G_n_a", "G_n_r", "density")
     observed = [Observed(block, exact_points(medium, block))]
     unit = np.array([abs(float(getattr(medium, n))) for n in names])
@@ -77,7 +74,8 @@ def test_slopes_of_complex_k_against_differences(simulated):
 def test_a_and_eta_back_from_a_simulated_field(closure, simulated, recovered):
     """a and η to 1e-6 from the field of the shipped case, from a guess 0.15 off. Measured 1e-14."""
     field = simulated(closure)
-    observed = [Observed(block, found, field.bar) for block, _, found in recovered(closure)]
+    known = recovered(closure)
+    observed = [Observed(b, found.take(slice(None, None, 4)), field.bar) for b, _, found in known]
     start = replace(field.medium, anisotropy=field.medium.anisotropy - 0.15, stiffness_ratio=0.62)
     found = fit(observed, start, ("anisotropy", "stiffness_ratio"))
     assert abs(found.values["anisotropy"] - field.medium.anisotropy) < 1e-6

@@ -173,6 +173,17 @@ def test_a_result_file_is_judged_against_both_references(small_run, tmp_path):
     assert figure.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_a_run_is_looked_over_by_its_folder_and_by_its_file(shipped):
+    run = shipped("pulse_test")
+    for given in (run.folder, run.folder / "result.h5"):
+        shown = json.loads(call("inspect", given, "--json").output)
+        assert shown["run"].startswith("a run of wavesim, complete: fields phi1, ")
+        assert shown["frames"] == len(run.field.t)
+        assert shown["findings"] == []
+        assert not shown["usable"]["pulse"]
+        assert shown["usable"]["dispersion"].startswith("is of a bar with layers or ends")
+
+
 def test_every_name_of_a_block_makes_a_file_of_its_own(simulated):
     names = [RecordOfMedium(b.name, None).label for b in simulated("printed").blocks]
     assert len(set(names)) == 6

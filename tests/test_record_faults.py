@@ -150,6 +150,16 @@ def test_a_record_that_begins_late_loses_the_receivers_that_it_cuts():
         along(CLEAN[70:], T[70:])
 
 
+def test_a_first_row_of_zeros_beside_an_offset_is_left_out():
+    """As some scopes write it; without an offset it is a frame like any other."""
+    spoilt = CLEAN + 25.0
+    spoilt[0] = 0.0
+    found = record(spoilt, T, X)
+    assert found.t[0] == T[1]
+    assert np.abs(found.values[0] - CLEAN[1:]).max() < 1e-3
+    assert len(record(np.r_[0 * CLEAN[:1], CLEAN[1:]], T, X).t) == len(T)
+
+
 @pytest.mark.parametrize(
     ("values", "x", "message"),
     [

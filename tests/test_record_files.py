@@ -80,11 +80,23 @@ def test_a_table_of_text_whoever_wrote_it(tmp_path, name):
     same(read(path))
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+@pytest.mark.parametrize(
+    "encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "cp437"]
+)
 def test_a_table_in_another_encoding(tmp_path, encoding):
     path = tmp_path / "a.txt"
     path.write_text(HEAD.replace("t_s", "Zeit/µs") + rows(T * 1e6), encoding=encoding)
     same(read(path))
+
+
+def test_units_that_cannot_be_are_told_by_where_the_file_says_them(tmp_path):
+    t = np.arange(400) * 5e-7
+    u = np.exp(-(((t[:, None] - 1e-4 - X / 3000) / 1e-5) ** 2))
+    path = tmp_path / "a.csv"
+    path.write_text(HEAD.replace("t_s", "Zeit/µs") + rows(t, u), encoding="cp1252")
+    with pytest.raises(RecordError, match=r"times in µs, as row 1 \('Zeit/µs'\) says"):
+        read(path)
+    assert read(path, Layout(time_unit="s")).t == pytest.approx(t, abs=1e-12)
 
 
 def test_dates_and_times_of_day(tmp_path):
@@ -126,12 +138,21 @@ def test_marks_of_overload_are_missing_samples(tmp_path):
             HEAD + rows().replace(f"{U[3, 1]:g}", "bad7", 1),
             r"row 5, column 3 .*'bad7' is no number",
         ),
+        (HEAD + rows().replace(f"{U[3, 1]:g}", '"', 1), "row 5: a quotation mark has no other"),
         (
             HEAD + rows().replace("\n", ",7\n", 1),
             r"row 2 has 6 cells; the heading has 5.*semicolons",
         ),
     ],
-    ids=["channels", "numbers", "sensors", "no heading", "a word", "decimal commas"],
+    ids=[
+        "channels",
+        "numbers",
+        "sensors",
+        "no heading",
+        "a word",
+        "a quotation mark",
+        "decimal commas",
+    ],
 )
 def test_a_message_names_row_column_and_option(tmp_path, text, message):
     (tmp_path / "a.csv").write_text(text)

@@ -11,12 +11,13 @@ from wavesim.grid.bar import Bar
 from wavesim.material.layers import as_layers
 from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
+from wavesim.planewave.driven_waves import driven_waves
 from wavesim.readings.dispersion.extract import Measured, extract
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum
 from wavesim.simulation.field import Energy
 from wavesim.sources import EXCITED, Ricker, excitation
 from wavesim.verdict.check import Check
-from wavesim.verdict.endless import Branch, hold, judge, tables
+from wavesim.verdict.endless import Branch, faint, hold, judge, tables
 
 LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")
@@ -103,12 +104,42 @@ def test_what_is_judged():
     top = omega[60, 2]
     judged(measured(*ridges, width=fine, top=top / 2 / np.pi), 2, inside & (omega[:, 2] <= top))
     # excitation
-    slow = Ricker("phi1", 0.064, 0.4e6)
+    slow = Ricker("B11", 0.064, 0.4e6)
     excited = excitation([slow], omega[:, 2]) >= EXCITED
     assert 0 < (excited & inside).sum() < inside.sum()
     judged(measured(*ridges, width=fine), 2, inside & excited, (slow,))
     # a source of another block excites nothing here
     judged(measured(*ridges, width=fine), 2, inside & excited, (slow, Ricker("phi2", 0.064, 1e6)))
+
+
+def test_branches_are_as_strong_as_the_source_drives_them(small_run, small_held):
+    """Power of the ridges over what eigenvectors and the source's spectrum foretell is one number,
+    for all branches and wavenumbers: to 1e-3, as the parabola through a peak is off by 2e-4."""
+    field = small_run.field
+    for held in small_held:
+        block, found = held.measured.block, held.measured.spectrum
+        own = [s for s in field.sources if s.field in block.fields]
+        omega, size = driven_waves(field.medium, block, own, found.k)
+        ratio = []
+        for ridge in held.measured.ridges:
+            at = np.searchsorted(found.k, ridge.k)
+            branch = int(np.abs(omega[at].real - ridge.omega[:, None]).sum(axis=0).argmin())
+            judged = np.isin(ridge.k, held.branches[branch].k[held.branches[branch].judged])
+            ratio.append((ridge.power / size[at, branch] ** 2)[judged])
+        every = np.concatenate(ratio)
+        assert len(every) > 20
+        np.testing.assert_allclose(every, np.median(every), rtol=1e-3)
+
+
+def test_a_branch_that_is_hardly_driven_is_not_judged():
+    """φ₁ at 385 kHz drives LO2, at 1.1 MHz, 5e-8 as strongly as LA: told, not held against it."""
+    ridges = [exact(0), exact(1)]
+    held = hold(field(Ricker("phi1", 0.064, 0.385e6)), measured(*ridges), K_RANGE)
+    assert [b.expected > 0 for b in held.branches] == [True, True, False]
+    assert "longitudinal LO2" in faint([held])
+    held = hold(field(Ricker("B11", 0.064, 1e6)), measured(*ridges), K_RANGE)
+    assert held.branches[2].expected > 0
+    assert faint([held]) is None
 
 
 def test_presence_is_nine_tenths_of_what_is_expected():

@@ -14,13 +14,14 @@ def lossy(omega, speed, quality):
 
 
 def record(speed, distance=0.12, quality=18.0, precursor=0.12, guided=1.3, crosstalk=0.25,
-           creep=0.09, noise=0.01, bits=8, seed=0, delay=0.0):  # fmt: skip
-    """(t, sent, received): a single sine sent; a P wave, the S wave at ``speed``, a guided one."""
+           creep=0.09, noise=0.01, bits=8, seed=0, delay=0.0, cycles=1):  # fmt: skip
+    """(t, sent, received): a sine of some cycles sent; a P wave, the S wave at ``speed``, a guided
+    one."""
     rng = np.random.default_rng(seed)
     n = 8 * COUNT
     t = BEGIN + INTERVAL * np.arange(n)
     omega = 2 * np.pi * np.fft.rfftfreq(n, INTERVAL)
-    sent = np.where((t >= 0) & (t <= 1 / FREQUENCY), np.sin(2 * np.pi * FREQUENCY * t), 0.0)
+    sent = np.where((t >= 0) & (t <= cycles / FREQUENCY), np.sin(2 * np.pi * FREQUENCY * t), 0.0)
     spectrum = np.fft.rfft(sent)
 
     def path(c, q=quality):

@@ -22,7 +22,7 @@ _HOMES = {
     "Family": "wavesim.material.family",
     "Block": "wavesim.material.family",
     "FluxForm": "wavesim.material.medium",
-    "Parameter": "wavesim.material.medium",
+    "Parameter": "wavesim.material.parameter",
     "together": "wavesim.material.several_families",
     "Bar": "wavesim.grid.bar",
     "layered_bar": "wavesim.grid.bar",

@@ -7,7 +7,8 @@ from typing import Any
 from wavesim.case.schema import learned
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.family import known_fields
-from wavesim.material.medium import PARAMETERS, families
+from wavesim.material.medium import families
+from wavesim.material.parameter import PARAMETERS
 
 # What a key means; those of the medium have theirs from its parameters.
 _MEANS = {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wavesim.case.medium_tables import LayerTable, Placed, placed
+from wavesim.case.medium_tables import MOST_REPEATS, LayerTable
 from wavesim.case.messages import place
 from wavesim.case.schema import (
     HALF_SPACE,
@@ -23,11 +23,28 @@ from wavesim.case.schema import (
 )
 from wavesim.material.layers import End, Layer, Layers, check_follow
 from wavesim.material.medium import Medium
-from wavesim.planewave.hyperbolicity import check_hyperbolic
+from wavesim.planewave.hyperbolicity import check_hyperbolic, check_reckoned
+from wavesim.planewave.many_media import doubtful
 
 # A half-space is, in a run, a buffer of so many branch lengths: an absorber, and room for a source
 # and a receiver.
 BUFFER = 24
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A layer of the bar, groups written out.
+
+    Attributes:
+        where: the path to its table, such as ("layers", "1", "layers", "0").
+        table: its table.
+        start, end: m.
+    """
+
+    where: tuple[str, ...]
+    table: LayerTable
+    start: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -101,14 +118,15 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     make(("bar",), _check_half_spaces, bar, file.layers)
     places = make(("layers",), _with_buffers, bar, file.layers, float(medium.length_scale))
     stretches: list[Layer] = []
-    sound = {medium}  # each medium is looked at once
+    media: dict[Medium, tuple[str, ...]] = {}  # each medium is looked at once
     for one in places:
         layer = make(one.where, one.table.build, file.medium, one.start, one.end)
-        for end in set(layer.sampled(2)) - sound:
-            make(one.where, check_hyperbolic, end)
-            sound.add(end)
+        for end in layer.sampled(2):
+            media.setdefault(end, one.where)
         stretches.append(layer)
-        make(one.where, check_follow, stretches, max(one.end, stretches[-1].end))
+        make(one.where, check_follow, stretches[-2:], max(one.end, stretches[-1].end))
+    for (end, where), doubted in zip(media.items(), doubtful(tuple(media)), strict=True):
+        make(where, check_hyperbolic if doubted else check_reckoned, end)
     if len(stretches) == 1 and stretches[0].last is None:
         medium = stretches[0].medium
     ends = tuple("absorbing" if end == HALF_SPACE else end for end in (bar.left, bar.right))
@@ -130,12 +148,39 @@ def _check_half_spaces(bar: BarTable, tables: Sequence[LayerTable]) -> None:
             )
 
 
+def _placed(tables: Sequence[LayerTable]) -> list[Placed]:
+    """The layers of a case in order, each where it stands.
+
+    Raises:
+        ValueError: there are more than can be meant.
+    """
+    found: list[Placed] = []
+
+    def put(inside: Sequence[LayerTable], path: tuple[str, ...]) -> None:
+        for number, table in enumerate(inside):
+            where = (*path, str(number))
+            if table.group:
+                for _ in range(table.repeat or 1):
+                    put(table.layers, (*where, "layers"))
+                continue
+            if len(found) >= MOST_REPEATS:
+                raise ValueError(f"more than {MOST_REPEATS} layers; lower a repeat")
+            start = table.start
+            if start is None:
+                start = found[-1].end if found else 0.0
+            end = start + table.thickness if table.end is None else table.end  # type: ignore[operator]
+            found.append(Placed(where, table, start, end))
+
+    put(tables, ("layers",))
+    return found
+
+
 def _with_buffers(bar: BarTable, tables: Sequence[LayerTable], unit: float) -> list[Placed]:
     """The layers where they stand, with a buffer of [medium] for each half-space."""
     own = LayerTable(thickness=BUFFER * unit)
     first = [own] if bar.left == HALF_SPACE else []
     last = [own] if bar.right == HALF_SPACE else []
-    found = placed([*first, *tables, *last])
+    found = _placed([*first, *tables, *last])
     given = next((p for p in found if p.table.start is not None), None)
     if first and given is not None:
         raise ValueError(

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import numbers
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
@@ -23,14 +21,15 @@ from pydantic.fields import FieldInfo
 from wavesim.case.table import NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
-from wavesim.material.medium import PARAMETERS, Medium, check_parameter, families, medium_of
+from wavesim.material.medium import Medium, families, medium_of
+from wavesim.material.parameter import PARAMETERS
 from wavesim.material.rotation import Closure
 from wavesim.material.several_families import together
 
 
 def _held(name: str, value: float) -> float:
     try:
-        check_parameter(name, value)
+        PARAMETERS[name].check(name, value)
     except ValueError as error:
         raise ValueError(str(error).split(": ", 1)[1]) from None
     return value
@@ -289,49 +288,6 @@ def learn() -> bool:
             table.model_fields[name] = FieldInfo.from_annotated_attribute(kind, None)
         table.model_rebuild(force=True)
     return bool(new)
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A layer of the bar, groups written out.
-
-    Attributes:
-        where: the path to its table, such as ("layers", "1", "layers", "0").
-        table: its table.
-        start, end: m.
-    """
-
-    where: tuple[str, ...]
-    table: LayerTable
-    start: float
-    end: float
-
-
-def placed(tables: Sequence[LayerTable]) -> list[Placed]:
-    """The layers of a case in order, each where it stands.
-
-    Raises:
-        ValueError: there are more than can be meant.
-    """
-    found: list[Placed] = []
-
-    def put(inside: Sequence[LayerTable], path: tuple[str, ...]) -> None:
-        for number, table in enumerate(inside):
-            where = (*path, str(number))
-            if table.group:
-                for _ in range(table.repeat or 1):
-                    put(table.layers, (*where, "layers"))
-                continue
-            if len(found) >= MOST_REPEATS:
-                raise ValueError(f"more than {MOST_REPEATS} layers; lower a repeat")
-            start = table.start
-            if start is None:
-                start = found[-1].end if found else 0.0
-            end = start + table.thickness if table.end is None else table.end  # type: ignore[operator]
-            found.append(Placed(where, table, start, end))
-
-    put(tables, ("layers",))
-    return found
 
 
 def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from wavesim.material.medium import PARAMETERS
+from wavesim.material.parameter import PARAMETERS
 
 # By key; where the tables give one key two meanings the unit is the same.
 UNITS = (

@@ -58,8 +58,11 @@ def _show(summary: dict[str, Any]) -> None:
     end = summary["start_s"] + summary["interval_s"] * (summary["frames"] - 1)
     _say(
         f"{summary['file']}: {summary['frames']} frames, {summary['interval_s']:.6g} s apart, from "
-        f"{summary['start_s']:.6g} to {end:.6g} s; {len(channels)} receivers, {where}"
+        f"{summary['start_s']:.6g} to {end:.6g} s; {len(channels)} "
+        f"{'points' if summary['run'] else 'receivers'}, {where}"
     )
+    if summary["run"]:
+        _say(f"It is {summary['run']}.")
     for assumed in summary["assumed"]:
         _say(f"Assumed: {assumed}.")
     findings = summary["findings"]

@@ -44,11 +44,12 @@ def install() -> None:
         return
     listen, speak = os.pipe()
     os.set_blocking(speak, False)
+    # First, so that no signal comes between: one that does is heard once the thread runs.
+    signal.set_wakeup_fd(speak, warn_on_full_buffer=False)
     for number in _SIGNALS:
         # A terminal that is gone is ignored where nohup says so; who sends the others means it.
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _nothing)
-    signal.set_wakeup_fd(speak, warn_on_full_buffer=False)
     Thread(target=_listen, args=(listen, os.getpid()), daemon=True).start()
 
 
@@ -71,6 +72,11 @@ def end() -> None:
         if beside is not None:
             beside.end_all()
     with suppress(Exception):
+        beside = sys.modules.get("multiprocessing")  # of a sweep
+        if beside is not None:
+            for child in beside.active_children():
+                child.kill()
+    with suppress(Exception):
         more = _said[-1]() if _said else ""
         text = f"{text}; {more}" if more else text
     with suppress(Exception):
@@ -81,5 +87,8 @@ def end() -> None:
     os._exit(INTERRUPTED)
 
 
-if os.path.basename(sys.argv[0]) == "wavesim" or "wavesim.cli.main" in sys.orig_argv[:3]:
+_BY_NAME = "-m wavesim ", "-m wavesim.cli.main "
+if os.path.basename(sys.argv[0]) == "wavesim" or any(
+    named in " ".join([*sys.orig_argv, ""]) for named in _BY_NAME
+):
     install()

@@ -234,6 +234,7 @@ def entry() -> None:
     try:
         if not sys.warnoptions:
             warnings.simplefilter("ignore")  # what is amiss a command says itself
+            sys.warnoptions.append("ignore")  # and of processes beside it too
         main()
     except SystemExit as stop:
         code = stop.code

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from wavesim.material.medium import PARAMETERS, Medium
+from wavesim.material.medium import Medium
+from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
 from wavesim.planewave.gap_map import GapMap, edge_families
 

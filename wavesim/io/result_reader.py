@@ -144,11 +144,25 @@ def read(path: Path, simulation: Simulation) -> Field:
         t = file["t"][()]
         if len(t) < 2:
             raise StorageError(f"{path}: holds {len(t)} frames; at least 2 are needed")
+        _hold_parts(path, file)
         names = [part.name for part in fields(Energy)]
         energy = Energy(**{name: file[f"energy/{name}"][: len(t)] for name in names})
         stepper, step = str(file.attrs["stepper"]), float(file.attrs["step"])
     values = {name: _Lazy(path, f"fields/{name}") for name in simulation.fields}
     return Field(simulation, t, values, energy, stepper, step)
+
+
+def _hold_parts(path: Path, file: h5py.File) -> None:
+    """Refuse a file of a run that has not ended without the parts that it presents."""
+    for stored in file["fields"].values():
+        if not stored.is_virtual:
+            continue
+        for name in sorted({source.file_name for source in stored.virtual_sources()} - {"."}):
+            if not (path.parent / name).is_file():
+                raise StorageError(
+                    f"{path}: its part {name} is not beside it: a run that has not ended lies in "
+                    "more files than result.h5; copy the whole folder"
+                )
 
 
 def is_result(path: Path) -> bool:

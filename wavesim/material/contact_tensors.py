@@ -55,9 +55,23 @@ def fabric_moments(anisotropy: Any, order: int) -> Any:
     Returns:
         Array of shape (3,)*m, dimensionless.
     """
+    isotropic, slope = _fabric_terms(order)
+    return isotropic + anisotropy * slope
+
+
+@cache
+def _fabric_terms(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """What :func:`fabric_moments` is made of: itself at a = 0, and its slope in a."""
     isotropic = direction_moments(order)
     along_axis = direction_moments(order + 2)[..., 0, 0]
-    return isotropic + anisotropy * (1.5 * along_axis - 0.5 * isotropic)
+    return isotropic, 1.5 * along_axis - 0.5 * isotropic
+
+
+@cache
+def _spread_terms(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same, times δ_ik."""
+    isotropic, slope = (np.multiply.outer(np.eye(3), part) for part in _fabric_terms(order))
+    return isotropic, slope
 
 
 def _contact_stiffness_average(medium: Medium, normal: Any, order: int) -> Any:
@@ -67,9 +81,8 @@ def _contact_stiffness_average(medium: Medium, normal: Any, order: int) -> Any:
     """
     tangential = medium.stiffness_ratio * normal
     aligned = fabric_moments(medium.anisotropy, order + 2)
-    spread = np.multiply.outer(np.eye(3), np.ones((3,) * order)) * fabric_moments(
-        medium.anisotropy, order
-    )
+    isotropic, slope = _spread_terms(order)
+    spread = isotropic + medium.anisotropy * slope
     return (normal - tangential) * aligned + tangential * spread
 
 

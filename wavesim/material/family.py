@@ -12,10 +12,11 @@ here, and the coefficients from the family's medium (``medium``).
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -48,6 +49,17 @@ class Block:
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that this block's components combine."""
         return tuple(dict.fromkeys(name for part in self.macro + self.micro for name in part))
+
+    def projections(self, family: Family) -> tuple[np.ndarray, np.ndarray]:
+        """Matrices from a family's macro- and micro-fields to components: :func:`weights`."""
+        names = family.macro, family.micro
+        if names not in self._projections:
+            self._projections[names] = weights(self.macro, names[0]), weights(self.micro, names[1])
+        return self._projections[names]
+
+    @functools.cached_property
+    def _projections(self) -> dict[Any, tuple[np.ndarray, np.ndarray]]:
+        return {}
 
 
 def weights(parts: Sequence[Part], names: Sequence[str]) -> np.ndarray:

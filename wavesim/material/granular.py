@@ -10,14 +10,19 @@ import abc
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
+
 from wavesim.material.contact_tensors import (
     average_stiffness,
     gradient_stiffness,
     relative_stiffness,
 )
-from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.medium import FluxForm, Medium
+from wavesim.material.parameter import Parameter
 
 _NEGATIVE_CONTACTS = "the contact density is negative in some direction outside it"
+# Gradient stiffness over the relative one, below which nothing grows for it.
+_FELT = 1e-6
 _NEGATIVE_STIFFNESS = "a tangential stiffness can't be negative"
 
 
@@ -63,8 +68,19 @@ class GranularMedium(Medium):
 
     @property
     def stable(self) -> bool:
-        """Of closure "consistent": each strain costs energy, as every contact's does."""
-        return self.closure == "consistent"
+        """Of closure "consistent": each strain costs energy, as every contact's does; of "printed"
+        where it is :attr:`settled`."""
+        if self.closure == "consistent":
+            return True
+        return self.closure == "printed" and bool(np.all(self.settled))
+
+    @property
+    def settled(self) -> Any:
+        """Whether a and η are within 0 to 1 and no gradient is felt, where the equations as printed
+        have real ω at every k, as scans have found; of each where parameters are arrays."""
+        a, eta = self.anisotropy, self.stiffness_ratio
+        _, normal, gradient = self.stiffnesses
+        return (a >= 0) & (a <= 1) & (eta >= 0) & (eta <= 1) & (gradient <= _FELT * normal)
 
     @property
     def in_words(self) -> str:

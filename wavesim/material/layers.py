@@ -79,8 +79,8 @@ class Layer:
         """Its medium, or those at so many places from its start to its end where it is graded."""
         if self.last is None:
             return (self.medium,)
-        if places == GRADES:
-            return self._grades
+        if (GRADES - 1) % (places - 1) == 0:
+            return self._grades[:: (GRADES - 1) // (places - 1)]
         return tuple(self.at(float(x)) for x in np.linspace(self.start, self.end, places))
 
     @functools.cached_property
@@ -123,7 +123,7 @@ class Layers(Shown):
             raise ValueError("layers = []: at least one layer is needed")
         for number in range(1, len(self.layers) + 1):
             try:
-                check_follow(self.layers[:number], self.layers[-1].end)
+                check_follow(self.layers[max(number - 2, 0) : number], self.layers[-1].end)
             except ValueError as error:
                 raise ValueError(f"layer {number}: {error}") from None
 
@@ -182,7 +182,7 @@ class Layers(Shown):
         """Whether the equations of every layer conserve energy, losses apart."""
         return all(medium.conserves_energy for medium in self.media)
 
-    @property
+    @functools.cached_property
     def first(self) -> Medium:
         """The medium at the left end, whose units the program scales by."""
         return self.layers[0].at(0.0)

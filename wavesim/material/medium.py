@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,46 +18,11 @@ import numpy as np
 from wavesim.material.arguments import unknown
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block, Family, register
+from wavesim.material.parameter import PARAMETERS, Parameter
 from wavesim.material.shown import Shown
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """What is said once of a parameter of a medium.
-
-    Attributes:
-        symbol: the paper's, such as "G_n^a".
-        unit: SI, "" for none.
-        low, high: the admissible range.
-        open: whether low itself is outside it.
-        why: what is wrong outside it.
-    """
-
-    symbol: str
-    unit: str
-    low: float = 0.0
-    high: float = math.inf
-    open: bool = True
-    why: str = ""
-
-    @property
-    def allowed(self) -> str:
-        """The range in words."""
-        if math.isfinite(self.high):
-            text = f"between {self.low:g} and {self.high:g}"
-        else:
-            text = f"greater than {self.low:g}" if self.open else f"{self.low:g} or greater"
-        return f"{text} ({self.why})" if self.why else text
-
-    def admits(self, value: float) -> bool:
-        """Whether a value is in the range."""
-        return self.low < value <= self.high or (value == self.low and not self.open)
-
 
 _NO_NUMBERS = (bool, str, bytes, list, tuple, dict, complex)
 
-PARAMETERS: dict[str, Parameter] = {}
-"""What is known of the parameters of the media of all families, by name."""
 _MEDIA: dict[str, type[Medium]] = {}
 _USED: list[type[Medium]] = []
 _LISTENERS: list[Callable[[type[Medium]], None]] = []
@@ -159,10 +123,10 @@ class Medium(Shown, metaclass=_ByFamily):
         for name, known in self.declared().items():
             value = getattr(self, name)
             if isinstance(value, numbers.Real) and not isinstance(value, bool):
-                _check(name, float(value), known)
+                known.check(name, float(value))
             elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size:
-                _check(name, float(value.min()), known)
-                _check(name, float(value.max()), known)
+                known.check(name, float(value.min()))
+                known.check(name, float(value.max()))
             elif isinstance(value, _NO_NUMBERS) or (
                 value is None and getattr(type(self), name, None) is not None
             ):
@@ -338,26 +302,6 @@ def families() -> tuple[str, ...]:
 def _same(value: Any, default: Any) -> bool:
     """Whether a parameter is a plain number or word that equals its default."""
     return isinstance(value, str | numbers.Real) and value == default
-
-
-def check_parameter(name: str, value: float) -> None:
-    """Hold one parameter of a medium to its admissible range.
-
-    Args:
-        name: one of PARAMETERS.
-        value: its value, in that parameter's unit.
-
-    Raises:
-        ValueError: the value is not finite or not admissible.
-    """
-    _check(name, value, PARAMETERS[name])
-
-
-def _check(name: str, value: float, known: Parameter) -> None:
-    if not math.isfinite(value):
-        raise ValueError(f"{name} = {value}: must be finite")
-    if not known.admits(value):
-        raise ValueError(f"{name} = {value:g}: must be {known.allowed}")
 
 
 def fastest_speed(medium: Medium) -> float:

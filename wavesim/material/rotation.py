@@ -15,7 +15,8 @@ import numpy as np
 
 from wavesim.material.family import Family, granular_blocks
 from wavesim.material.granular import GranularMedium
-from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.medium import FluxForm, Medium
+from wavesim.material.parameter import Parameter
 
 Closure = Literal["printed", "consistent"]
 SpectralClosure = Literal["printed", "consistent", "appendix_c"]

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from wavesim.material.family import Block, Family, known_field, weights
+from wavesim.material.family import Block, Family, known_field
 from wavesim.material.medium import Medium
 
 # Branches are judged between these k̄ where nobody says otherwise.
@@ -136,7 +136,7 @@ def block_coefficients(medium: Medium, block: Block, units: Scales) -> BlockCoef
     """
     medium = medium.part(block)
     form, family = medium.form, medium.family
-    macro, micro = weights(block.macro, family.macro), weights(block.micro, family.micro)
+    macro, micro = block.projections(family)
     inertias = medium.inertias
     return BlockCoefficients(
         c_pp=form.per * (macro @ form.C_phi_phi @ macro.T),

@@ -14,7 +14,8 @@ from typing import Any
 
 from wavesim.material.damping import Damping
 from wavesim.material.family import Block, Family
-from wavesim.material.medium import FluxForm, Medium, Parameter
+from wavesim.material.medium import FluxForm, Medium
+from wavesim.material.parameter import Parameter
 
 
 @cache

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 from wavesim.material.family import Family, granular_blocks
 from wavesim.material.granular import GranularMedium
-from wavesim.material.medium import Parameter
+from wavesim.material.parameter import Parameter
 
 TRANSLATION = Family(
     name="translation",

@@ -119,13 +119,17 @@ def _worst(medium: Medium) -> tuple[tuple[float, float], Block]:
     )
 
 
-def _check_reckoned(medium: Medium) -> None:
-    """Hold a medium's numbers to what floating point has room for."""
+def check_reckoned(medium: Medium) -> None:
+    """Hold a medium's numbers to what floating point has room for.
+
+    Raises:
+        ValueError: they are too large or too small beside each other.
+    """
     with np.errstate(all="ignore"):
         try:
             numbers: list[Any] = [
-                getattr(spectral_form(medium, block), name)
-                for block in medium.family.blocks
+                getattr(form, name)
+                for form in (spectral_form(medium, block) for block in medium.family.blocks)
                 for name in ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
             ]
             if medium.closure != "appendix_c":  # which has no wave equations
@@ -151,7 +155,7 @@ def check_hyperbolic(medium: Medium) -> None:
     Raises:
         NotHyperbolicError: one was found; it says where growth is fastest, and how fast.
     """
-    _check_reckoned(medium)
+    check_reckoned(medium)
     if medium.stable:
         return
     try:

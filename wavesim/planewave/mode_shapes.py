@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.material.family import Block, weights
+from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.planewave.dispersion_relation import scaled_group_velocity
@@ -64,8 +64,9 @@ def block_modes(medium: Medium, block: Block, k: ArrayLike) -> Modes:
     vectors = vectors * amplitude[..., None]
     p, family = len(block.macro), medium.part(block).family
     units = units.of(family)
-    macro = float(units.macro) * (vectors[..., :p] @ weights(block.macro, family.macro))
-    micro = float(units.micro) * (vectors[..., p:] @ weights(block.micro, family.micro))
+    of_macro, of_micro = block.projections(family)
+    macro = float(units.macro) * (vectors[..., :p] @ of_macro)
+    micro = float(units.micro) * (vectors[..., p:] @ of_micro)
     return Modes(
         block,
         given,

@@ -92,6 +92,7 @@ class Found:
         input: the source's signal, shape (nt,); None without.
         stored: the dtypes that times and positions had, and the factors to s and m.
         notes: what was assumed.
+        units: what times and positions were read in, and why, for a message that doubts it.
         rest: scalars and other arrays of the file.
         truth: arrays named truth_….
     """
@@ -103,6 +104,7 @@ class Found:
     input: Float | None
     resolution: tuple[float, float]
     notes: tuple[str, ...]
+    units: str
     rest: dict[str, Float]
     truth: dict[str, Float]
 
@@ -141,11 +143,12 @@ def find(content: Content, layout: Layout) -> Found:
     assumed = [n for n in (t_note, x_note) if n]
     if assumed:
         notes.append("; ".join(assumed))
+    read_in = "; ".join((t_note or "times in s", x_note or "positions in m"))
     if not labels or len(labels) != values.shape[-1]:
         labels = tuple(f"receiver {j}" for j in range(1, values.shape[-1] + 1))
     rest = {n: a for n, a in arrays.items() if a is not arrays.get(name)}
-    return Found(values, t, x, labels, signal, (t_resolution, x_resolution), tuple(notes), rest,
-                 truth)  # fmt: skip
+    return Found(values, t, x, labels, signal, (t_resolution, x_resolution), tuple(notes), read_in,
+                 rest, truth)  # fmt: skip
 
 
 def _bare(name: str) -> str:
@@ -233,7 +236,7 @@ def _values(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], s
         if len(equal) > 1:
             raise RecordError(
                 f"holds {len(equal)} arrays of shape {values.shape}; name one with --values: "
-                f"{_listed(arrays)}"
+                f"{_listed({n: arrays[n] for n in equal})}"
             )
     if values.ndim not in (2, 3):
         raise RecordError(f"values of shape {values.shape}: must have two or three axes")
@@ -340,7 +343,7 @@ def _seconds(
             else (f"unit of time {said!r} is not known: taken as s, --time-unit says otherwise")
         )
     elif scale != 1.0:
-        note = f"times in {said}"
+        note = f"times in {said}{_says(name, layout.time_unit, 'time', content)}"
     return _scaled(stored, scale), note, _rounding(stored) * scale
 
 
@@ -382,7 +385,7 @@ def _places(content: Content, layout: Layout, count: int) -> tuple[Float, str, f
                 )
             )
         elif scale != 1.0:
-            note = f"positions in {said}"
+            note = f"positions in {said}{_says(name, layout.position_unit, 'position', content)}"
         x, resolution = _scaled(stored, scale), _rounding(stored) * scale
     if layout.spacing is not None:
         first = layout.first if x is None else float(x[0])
@@ -398,6 +401,16 @@ def _places(content: Content, layout: Layout, count: int) -> tuple[Float, str, f
     if not layout.placed:
         return np.full(count, np.nan), "", 0.0
     return None
+
+
+def _says(name: str, given: str | None, kind: str, content: Content) -> str:
+    """Where a unit is said, as the end of a note."""
+    if given is not None:
+        return f", as --{kind}-unit says"
+    place = content.said_in.get(name)
+    if place is None:
+        place = f"the unit of {name!r}" if name in content.units else f"the name {name!r}"
+    return f", as {place} says"
 
 
 def _along(spots: Float, name: str) -> tuple[Float, str]:

@@ -16,6 +16,10 @@ class RecordError(ValueError):
     """A record can't be used; the message names what is wrong, the limit and the remedy."""
 
 
+class UnitsError(RecordError):
+    """What times and positions are read in can't be right."""
+
+
 @dataclass
 class Content:
     """Named arrays of a file.
@@ -29,6 +33,7 @@ class Content:
         overload: how many samples were marked as out of range, by label.
         unplaced, unplaced_columns: columns whose heading says no position where others' do, and
             their numbers: a transmitter's voltage, a temperature.
+        said_in: where units are said, by name: "row 1 ('Zeit/µs')".
     """
 
     arrays: dict[str, NDArray[Any]]
@@ -39,6 +44,7 @@ class Content:
     overload: dict[str, int] = field(default_factory=dict)
     unplaced: dict[str, NDArray[Any]] = field(default_factory=dict)
     unplaced_columns: dict[str, int] = field(default_factory=dict)
+    said_in: dict[str, str] = field(default_factory=dict)
 
 
 def check_size(shape: tuple[int, ...], name: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.arrays import Layout, find
-from wavesim.records.content import Content, RecordError
+from wavesim.records.content import Content, RecordError, UnitsError
 from wavesim.records.record import Record, record
 
 Float = NDArray[Any]
@@ -36,6 +36,10 @@ def read(path: str | Path, layout: Layout | None = None) -> Record:
         RecordError: the file can't be read or used; the message names it.
     """
     path, layout = file_of(Path(path)), layout or Layout()
+    if path.is_dir():
+        raise RecordError(
+            f"{path}: is a folder without a result.h5: give a file, or the folder of a run"
+        )
     if not path.is_file():
         raise RecordError(f"{path}: no such file")
     try:
@@ -52,6 +56,16 @@ def file_of(path: Path) -> Path:
     """A record's file: of the folder of a run its result.h5."""
     inside = path / "result.h5"
     return inside if inside.is_file() else path
+
+
+def own_result(path: str | Path) -> Path | None:
+    """The result.h5 of one of wavesim's runs, of its folder or its file; None of any other."""
+    path = file_of(Path(path))
+    if path.suffix.lower() not in HDF5 or not path.is_file():
+        return None
+    from wavesim.io.result_reader import is_result
+
+    return path if is_result(path) else None
 
 
 def from_arrays(arrays: Mapping[str, Any], layout: Layout | None = None) -> Record:
@@ -124,21 +138,24 @@ def _build(content: Content, layout: Layout) -> Record:
     sources = list(layout.sources)
     if not sources and "sources" in rest and rest["sources"].dtype.kind in "fiu":
         sources = [float(s) for s in np.atleast_1d(rest["sources"]).ravel()]
-    return record(
-        found.values,
-        found.t,
-        found.x,
-        ring=layout.ring or bool(_scalar(rest, "ring")),
-        quiet_from=quiet,
-        sources=sources,
-        answer=found.truth or None,
-        lattice=layout.lattice or bool(_scalar(rest, "lattice")),
-        labels=found.labels,
-        input=found.input,
-        storage=found.resolution,
-        notes=found.notes,
-        placed=layout.placed,
-    )
+    try:
+        return record(
+            found.values,
+            found.t,
+            found.x,
+            ring=layout.ring or bool(_scalar(rest, "ring")),
+            quiet_from=quiet,
+            sources=sources,
+            answer=found.truth or None,
+            lattice=layout.lattice or bool(_scalar(rest, "lattice")),
+            labels=found.labels,
+            input=found.input,
+            storage=found.resolution,
+            notes=found.notes,
+            placed=layout.placed,
+        )
+    except UnitsError as error:
+        raise RecordError(f"{error} ({found.units})") from None
 
 
 def _scalar(arrays: Mapping[str, Float], name: str) -> float | None:

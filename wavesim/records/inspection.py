@@ -12,7 +12,7 @@ from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quiet import fine_noise
-from wavesim.records.files import read
+from wavesim.records.files import own_result, read
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.record import Record
 
@@ -26,12 +26,14 @@ class Inspection:
         assumed: what the file does not say and was assumed, a sentence each.
         findings: what is wrong with it, and what was done.
         usable: by command what it would refuse the record for; "" where it takes it.
+        run: of one of wavesim's runs its status, fields and receivers, a sentence; else "".
     """
 
     record: Record
     assumed: tuple[str, ...]
     findings: tuple[Finding, ...]
     usable: dict[str, str]
+    run: str = ""
 
     def summary(self) -> dict[str, Any]:
         """Plain, for JSON, SI units; NaN as None."""
@@ -55,6 +57,7 @@ class Inspection:
             for j, label in enumerate(record.labels)
         ]
         return {
+            "run": self.run,
             "frames": len(record.t),
             "start_s": float(record.t[0]),
             "interval_s": record.interval,
@@ -75,7 +78,7 @@ def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspec
     """Look a record over, before anything is read off it.
 
     Args:
-        source: a file, or a record that has been read.
+        source: a file, a run's folder or result.h5, or a record that has been read.
         layout: what the file does not say for itself; positions need not be known.
 
     Returns:
@@ -87,10 +90,42 @@ def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspec
     if isinstance(source, Record):
         record = source
     else:
-        record = read(source, replace(layout or Layout(), placed=False))
+        layout, result = layout or Layout(), own_result(source)
+        if result is not None and layout.values is None:
+            return _of_run(result)
+        record = read(source, replace(layout, placed=False))
     said = {finding.said for finding in record.findings}
     assumed = tuple(note for note in record.notes if note not in said)
     return Inspection(record, assumed, record.findings, _usable(record))
+
+
+def _of_run(path: Path) -> Inspection:
+    """A run of wavesim: its first field, and what its own commands say to it."""
+    from wavesim.case.schema import CaseError
+    from wavesim.io.result_reader import StorageError
+    from wavesim.records.of_field import OF_LAYERS
+    from wavesim.records.of_pulse_test import of_field
+    from wavesim.records.run_folder import open_run
+
+    try:
+        run = open_run(path)
+        field = run.field
+        name = field.names[0]
+        values, x = field[name], field.positions(name)
+    except (StorageError, CaseError) as error:
+        raise RecordError(str(error)) from None
+    labels = tuple(f"{name} {j}" for j in range(1, len(x) + 1))
+    endless = field.simulation.endless
+    record = Record(field.t, x, values[None], (name,), endless, labels=labels)
+    usable = dict.fromkeys(("attenuation", "dispersion"), "" if endless else OF_LAYERS)
+    try:
+        of_field(field, str(path))
+        usable["pulse"] = ""
+    except RecordError as error:
+        usable["pulse"] = str(error)
+    heard = ", ".join(f"{n} at {1e3 * p:.6g} mm" for n, p in field.receivers.items()) or "none"
+    told = f"a run of wavesim, {run.status}: fields {', '.join(field.names)}; receivers {heard}"
+    return Inspection(record, (), (), usable, told)
 
 
 def _usable(record: Record) -> dict[str, str]:

@@ -9,6 +9,11 @@ from wavesim.records.record import Record, record
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 
+OF_LAYERS = (
+    "is of a bar with layers or ends; its run has read its receivers already: see summary.json and "
+    "the groups exact, transmission, bloch, eigenfrequencies, pulse"
+)
+
 
 def block_record(field: Field, block: Block) -> Record:
     """One block's components on the grid, a ring.

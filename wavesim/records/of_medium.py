@@ -13,7 +13,7 @@ from typing import Any
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.records.files import HDF5, Layout, file_of, read
+from wavesim.records.files import Layout, file_of, own_result, read
 from wavesim.records.record import Record, RecordError
 from wavesim.records.relations import OfMedium
 
@@ -67,11 +67,8 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
         RecordError: the file can't be used.
     """
     path = file_of(path)
-    if path.suffix.lower() in HDF5 and path.is_file():
-        from wavesim.io import result_reader as resultfile
-
-        if resultfile.is_result(path):
-            return _of_result(path)
+    if own_result(path) is not None:
+        return _of_result(path)
     record = read(path, layout)
     if medium is None:
         return [RecordOfMedium(path.stem, record)]
@@ -88,24 +85,20 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
 
 
 def _of_result(path: Path) -> list[RecordOfMedium]:
-    from wavesim.case.schema import CaseError
     from wavesim.io.result_reader import StorageError
-    from wavesim.records.of_field import block_record
-    from wavesim.records.run_folder import open_run
+    from wavesim.records.of_field import OF_LAYERS, block_record
+    from wavesim.records.run_folder import field_of
 
+    field = field_of(path)
+    if not field.simulation.endless:
+        # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
+        raise RecordError(f"{path}: {OF_LAYERS}")
     try:
-        field = open_run(path).field
-        if not field.simulation.endless:
-            # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
-            raise RecordError(
-                "is of a bar with layers or ends; its run has read its receivers already: see "
-                "summary.json and the groups exact, transmission, bloch, eigenfrequencies, pulse"
-            )
         return [
             RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar)
             for b in field.blocks
         ]
-    except (StorageError, CaseError) as error:
-        raise RecordError(str(error)) from None
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+    except StorageError as error:
+        raise RecordError(str(error)) from None

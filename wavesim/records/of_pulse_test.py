@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 from wavesim.planewave.dispersion_relation import wave_speeds
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
-from wavesim.records.files import HDF5, read
+from wavesim.records.files import own_result, read
 
 Float = NDArray[Any]
 
+UNLIKE = (
+    "the receivers stand in layers that differ: a velocity between them is of the path, and there "
+    "is no α or Q of a medium; put two receivers or more into one layer"
+)
 # More missing frames than this part are no small gap.
 _MOST_MISSING = 0.01
 
@@ -33,6 +37,7 @@ class PulseTestRecord:
         sent: what was sent, shape (nt,); None where it was not recorded.
         notes: what was done to the file's numbers, and assumed.
         speeds: {wave: speed} of the medium, m/s; None where it is not known.
+        unlike: why there is not one medium between the receivers; "" where there may be.
     """
 
     name: str
@@ -42,6 +47,7 @@ class PulseTestRecord:
     sent: Float | None
     notes: tuple[str, ...] = ()
     speeds: dict[str, float] | None = None
+    unlike: str = ""
 
     @property
     def placed(self) -> bool:
@@ -60,12 +66,9 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         RecordError: the file can't be used.
     """
     path = Path(path)
-    result = path / "result.h5" if path.is_dir() else path
-    if result.suffix.lower() in HDF5 and result.is_file():
-        from wavesim.io.result_reader import is_result
-
-        if is_result(result):
-            return _of_run(result)
+    result = own_result(path)
+    if result is not None:
+        return _of_run(result)
     record = read(path, replace(layout, placed=False))
     if len(record.values) > 1:
         raise RecordError(
@@ -99,18 +102,16 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
 
 def _of_run(path: Path) -> list[PulseTestRecord]:
     """Rotations at the receivers of a run, on that side of its sources where most stand."""
-    from wavesim.case.schema import CaseError
     from wavesim.io.result_reader import StorageError
-    from wavesim.records.run_folder import open_run
+    from wavesim.records.run_folder import field_of
 
+    field = field_of(path)
     try:
-        run = open_run(path)
-    except (StorageError, CaseError) as error:
-        raise RecordError(str(error)) from None
-    try:
-        return of_field(run.field, str(path))
+        return of_field(field, str(path))
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+    except StorageError as error:
+        raise RecordError(str(error)) from None
 
 
 def of_field(field: Any, name: str) -> list[PulseTestRecord]:
@@ -133,7 +134,10 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
         signals = {key: np.asarray(field.at(field.receivers[key], macro)) for key in places}
         speeds = wave_speeds(field.medium) or None
-        found.append(PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, speeds=speeds))
+        layers = [field.layers.layer_at(field.receivers[key]) for key in places]
+        one = len(set(map(id, layers))) == 1 and layers[0].last is None
+        record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, speeds=speeds)
+        found.append(record if one else replace(record, unlike=UNLIKE))
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"

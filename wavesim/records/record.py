@@ -20,7 +20,7 @@ from wavesim.records.faults.clock import check_ascending, even_times, one_clock
 from wavesim.records.faults.examination import Raw, levels, samples, together
 from wavesim.records.faults.fill_values import within_range
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames
+from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames, without_first_zeros
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -250,6 +250,8 @@ def record(
     signal = None if input is None else np.array(input, float)
     if signal is not None and len(signal) != len(t):
         raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
+    if not trusted:
+        values, t, signal = without_first_zeros(values, t, signal, found)
     frames = len(t)
     values, t = whole_frames(values, t, found)
     if signal is not None and len(t) != frames:

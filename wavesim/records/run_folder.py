@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wavesim.case.load import Case, build
-from wavesim.case.schema import parse
+from wavesim.case.schema import CaseError, parse
 from wavesim.io.result_reader import StorageError, describe, read
 from wavesim.material.shown import Shown
+from wavesim.records.content import RecordError
 from wavesim.simulation.field import Field
 
 if TYPE_CHECKING:
@@ -93,3 +94,15 @@ def open_run(folder: str | Path) -> Run:
     stored = describe(path)
     case = build(parse(stored.case, str(path)), str(path))
     return Run(path.parent, stored.status, case, read(path, case.simulation))
+
+
+def field_of(path: Path) -> Field:
+    """The field of a run as a record's source.
+
+    Raises:
+        RecordError: its file can't be used; the message names it.
+    """
+    try:
+        return open_run(path).field
+    except (StorageError, CaseError) as error:
+        raise RecordError(str(error)) from None

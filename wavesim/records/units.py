@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
-_SMALL = {"m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9, "p": 1e-12}
+# The last four are µ read in another encoding than it was written in.
+_MICRO = ("u", "µ", "μ", "æ", "Âµ", "Î¼", "�")
+_SMALL = {"m": 1e-3, "n": 1e-9, "p": 1e-12} | dict.fromkeys(_MICRO, 1e-6)
 _WORDS = {"milli": 1e-3, "micro": 1e-6, "nano": 1e-9, "pico": 1e-12, "": 1.0}
 TIME = (
     {f"{p}{s}": f for p, f in _SMALL.items() for s in ("s", "sec", "secs")}
@@ -54,12 +56,21 @@ def is_unit(text: str) -> bool:
     return bool(bare) and bool(known)
 
 
+_BRACKETED = r"[\(\[\{<]\s*((?:[^\d\W]|�)+)\s*[\)\]\}>]"
+
+
+def unknown_unit_in(heading: str) -> str | None:
+    """What stands in a heading's brackets, where that is no unit that is known."""
+    found = re.search(_BRACKETED, heading)
+    return found.group(1) if found and not is_unit(found.group(1)) else None
+
+
 def unit_in(heading: str, kind: str) -> str | None:
     """The unit that a heading or a name carries: "Time (us)", "t_ms", "Zeit/µs", "time, us"."""
     for pattern in (
-        r"[\(\[\{<]\s*([^\d\W]+)\s*[\)\]\}>]",
-        r"(?:[/_,:]|\bin\b)\s*([^\d\W_]+)\.?\s*$",
-        r"\s([^\d\W_]+)\.?\s*$",
+        _BRACKETED,
+        r"(?:[/_,:]|\bin\b)\s*((?:[^\d\W_]|�)+)\.?\s*$",
+        r"\s((?:[^\d\W_]|�)+)\.?\s*$",
     ):
         for found in re.findall(pattern, heading):
             if factor(found, kind) is not None:

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesim.report.answers import KINDS, Answer, answers, number, shown, verdict
+from wavesim.report.answers import KINDS, Answer, answers, explained, number, shown, verdict
 
 _ASSETS = Path(__file__).parent / "assets"
 _KIBI = 1024.0
@@ -52,6 +52,7 @@ def page(
         notes=list(notes),
         closer=_closer(summary, folder, rerun or repeat),
         checks=[_check(check) for check in checks],
+        explained=explained(checks),
         repeat=repeat,
         facts=_facts(summary),
         case=case,
@@ -144,20 +145,20 @@ def _fell_short(check: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _closer(summary: Mapping[str, Any], folder: Path, rerun: str) -> list[dict[str, str]]:
-    """For each gap the command, or the words, that put it in the middle of what is driven."""
-    found: list[dict[str, str]] = []
-    seen = set()
+    """The commands, or the words, that show more of gaps, each with those that it shows."""
     told_of = summary.get("answers", {})
+    by_command: dict[str, list[str]] = {}
     for row in (*told_of.get("gaps", ()), *told_of.get("transmission", ())):
-        what, told = row.get("gap") or row["where"], row["closer"]
-        if what in seen:  # both transverse sectors have the same
-            continue
-        seen.add(what)
-        name = f"{what}, {shown(row['sector'], '')}"
-        out = shlex.quote(f"{folder}_{what.split()[-1]}")
+        if row["closer"]:
+            what = row.get("gap") or f"{row['where']}, {shown(row['sector'], '')}"
+            by_command.setdefault(row["closer"], []).append(what)
+    found = []
+    for told, names in by_command.items():
+        gaps = list(dict.fromkeys(names))  # both transverse sectors have the same
+        name = gaps[0].split(",")[0].split()[-1] if len(gaps) == 1 else "closer"
+        out = shlex.quote(f"{folder}_{name}")
         command = f"{rerun} {told} --out {out}" if told.startswith("--set") else told
-        if told:
-            found.append({"name": name, "command": command})
+        found.append({"name": ", ".join(gaps), "command": command})
     return found
 
 

@@ -17,7 +17,7 @@ from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
-from wavesim.report.answers import KINDS, answers, number, short_name, shown
+from wavesim.report.answers import KINDS, answers, explained, number, short_name, shown
 from wavesim.report.answers import verdict as sentence
 from wavesim.simulation.resolution import highest_frequency
 from wavesim.simulation.simulation import Simulation
@@ -97,6 +97,8 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
             console.print(f"     {name} is {_off(check)}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
+    if explained(short):
+        console.print(explained(short), style="dim")
 
 
 def _off(check: dict[str, Any]) -> str:

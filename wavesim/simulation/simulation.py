@@ -24,6 +24,8 @@ from wavesim.material.medium import Medium
 from wavesim.material.shown import Shown, quantity
 from wavesim.planewave import block_frequencies, check_hyperbolic
 from wavesim.planewave.band_edges import keeps_gradient
+from wavesim.planewave.hyperbolicity import check_reckoned
+from wavesim.planewave.many_media import doubtful
 from wavesim.sources import InitialField, Source
 
 # "auto" takes "propagator" where nothing is lost, else "chebyshev"; the others are diffrax's own.
@@ -101,10 +103,11 @@ class Simulation(Shown):
                 sampling(self.bar, position, False)
             except ValueError as error:
                 raise ValueError(f"receivers, {name!r}: {error}") from None
-        for medium in self.layers.media:
-            if medium.family is not self.medium.family:
-                raise ValueError("layers: the media of a bar must be of one family")
-            check_hyperbolic(medium)
+        media = _looked_at(self.layers)
+        if any(medium.family is not self.medium.family for medium in media):
+            raise ValueError("layers: the media of a bar must be of one family")
+        for medium, doubted in zip(media, doubtful(media), strict=True):
+            (check_hyperbolic if doubted else check_reckoned)(medium)
         self.blocks  # noqa: B018  (says which source drives none)
         if self.samples is None and self.frames < _FEWEST_FRAMES:
             raise ValueError(
@@ -237,3 +240,16 @@ def default_samples(sources: Sequence[Source], medium: Medium, duration: float) 
         if math.isinf(source.spectral_end) and math.isfinite(source.band):
             highest = max(highest, 3 * source.excited[1])
     return max(2, math.ceil(duration * highest / math.pi) + 1)
+
+
+def _looked_at(layers: Layers) -> tuple[Medium, ...]:
+    """Media whose waves may grow, each once: of a graded layer the ends, and what is between them
+    where it is not known beforehand to be stable."""
+    ends = [layer.sampled(2) for layer in layers.layers]
+    if not all(medium.stable for pair in ends for medium in pair):
+        return layers.media
+    found = tuple(medium for pair in ends for medium in pair)
+    try:
+        return tuple(dict.fromkeys(found))
+    except TypeError:  # numbers that jax holds have no hash
+        return found

@@ -21,7 +21,7 @@ from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.layered.specimen import specimen
 from wavesim.material.layers import Layers
-from wavesim.material.medium import PARAMETERS
+from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.complex_wavenumber import wavenumber
 

@@ -7,8 +7,10 @@ itself writes what comes back, so that workers need no disk in common.
 from __future__ import annotations
 
 import logging
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 from wavesim.studies.variation import SweepError
@@ -121,8 +123,8 @@ def pool(workers: int | None = None, address: str | None = None) -> Iterator[Poo
     with ExitStack() as until_the_end:
         until_the_end.enter_context(dask.config.set(settings))
         if address is None:
-            cluster = until_the_end.enter_context(
-                LocalCluster(
+            with _deaf_to_the_terminal():
+                cluster = LocalCluster(
                     n_workers=workers,
                     threads_per_worker=1,
                     dashboard_address="127.0.0.1:0",  # with None it would be port 8787, for all
@@ -130,7 +132,7 @@ def pool(workers: int | None = None, address: str | None = None) -> Iterator[Poo
                     memory_limit=0,
                     env=_ONE_THREAD,
                 )
-            )
+            until_the_end.enter_context(cluster)
             yield Pool(until_the_end.enter_context(Client(cluster)))
             return
         try:
@@ -149,6 +151,18 @@ def pool(workers: int | None = None, address: str | None = None) -> Iterator[Poo
             )
         _check_version(client, address)
         yield found
+
+
+@contextmanager
+def _deaf_to_the_terminal() -> Iterator[None]:
+    """Threads and processes that are begun in here do not hear Ctrl-C, which a terminal sends to
+    all: they end with the process that began them."""
+    resource_tracker.ensure_running()  # that, when it begins, has this thread hear again
+    heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, heard)
 
 
 def _check_version(client: Any, address: str) -> None:

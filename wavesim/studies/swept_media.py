@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from wavesim.case.layered_case import bar_layers
 from wavesim.case.schema import CaseFile
-from wavesim.material.medium import Medium, check_parameter
+from wavesim.material.medium import Medium
+from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.many_media import growing
 from wavesim.studies.sweep_case import SweptCase
 
@@ -79,7 +80,7 @@ def _family(medium: Medium, own: dict[str, Any], messages: list[str], where: str
             bad &= values != known.low
         for member in np.flatnonzero(bad):
             try:
-                check_parameter(parameter, float(values[member]))
+                PARAMETERS[parameter].check(parameter, float(values[member]))
             except ValueError as error:
                 messages[member] = messages[member] or f"{where}{error}"
         stand_in = float(values[~bad][0]) if not bad.all() else float(getattr(medium, parameter))

@@ -84,8 +84,8 @@ def duration_in_words(seconds: float) -> str:
     for unit, name in ((31557600.0, "years"), (604800.0, "weeks"), (86400.0, "days"),
                        (3600.0, "hours"), (60.0, "minutes")):  # fmt: skip
         if seconds >= 2 * unit:
-            return f"{seconds / unit:.2g} {name}"
-    return f"{seconds:.2g} seconds"
+            return f"{float(f'{seconds / unit:.2g}'):g} {name}"
+    return f"{float(f'{seconds:.2g}'):g} seconds"
 
 
 @functools.cache

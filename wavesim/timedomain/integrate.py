@@ -211,7 +211,8 @@ def stream(
         frame, arrays = carry_on
         carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
     known = (equation, stepper, carried, np.asarray(0.0), h)
-    run = compiled(advance, known, meanwhile, frames=size, per_frame=step.per_frame)
+    settings = {"frames": size, "per_frame": step.per_frame}
+    run = compiled(advance, known, meanwhile, isinstance(stepper, Propagator), **settings)
     timing.compile += time.perf_counter() - begun
 
     def integrated(frame: int, carried: Any) -> Any:

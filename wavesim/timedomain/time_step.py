@@ -222,19 +222,22 @@ def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> f
     """
     units = scales(simulation.medium)
     bar, layers, largest = simulation.bar, layers or simulation.layers, 0.0
-    for layer, (_, spacing) in zip(layers.layers, bar.all_stretches, strict=True):
-        norm = difference_norm(spacing / float(units.length), bar.order)
-        for medium in layer.sampled():
-            for block in simulation.blocks:
-                c = block_coefficients(medium, block, units)
-                rows = [
-                    [norm**2 * c.c_pp, -norm * c.c_pb],
-                    [-norm * c.c_bp, c.c_bb + norm**2 * c.gamma],
-                ]
-                inertia = [c.i_phi] * len(c.c_pp) + [c.i_B] * len(c.c_bb)
-                matrix = np.block(rows) / np.array(inertia, float)[:, None]
-                size = np.abs(np.linalg.eigvals(matrix)).max() * medium.damping.unrelaxed
-                largest = max(largest, float(size))
+    looked_at = [
+        (medium, difference_norm(spacing / float(units.length), bar.order))
+        for layer, (_, spacing) in zip(layers.layers, bar.all_stretches, strict=True)
+        for medium in layer.sampled()
+    ]
+    for block in simulation.blocks:
+        p, size = len(block.macro), len(block.macro + block.micro)
+        matrices = np.empty((len(looked_at), size, size))
+        for matrix, (medium, norm) in zip(matrices, looked_at, strict=True):
+            c = block_coefficients(medium, block, units)
+            scale = medium.damping.unrelaxed
+            matrix[:p, :p] = norm**2 * c.c_pp * (scale / c.i_phi)
+            matrix[:p, p:] = -norm * c.c_pb * (scale / c.i_phi)
+            matrix[p:, :p] = -norm * c.c_bp * (scale / c.i_B)
+            matrix[p:, p:] = (c.c_bb + norm**2 * c.gamma) * (scale / c.i_B)
+        largest = max(largest, float(np.abs(np.linalg.eigvals(matrices)).max()))
     closures = 1.0 if bar.uniform and bar.periodic else _ENDS
     return math.sqrt(1.01 * largest) * closures
 

@@ -185,11 +185,14 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
         k = pulse.result.dispersion.damped
         known = np.isfinite(k)
         if known.any():
-            error = np.abs(k / pulse.k_exact - 1)
-            worst = float(error[known].max())
+            error, of_exact = (
+                np.abs(own.dispersion.damped / pulse.k_exact - 1)[known]
+                for own in (pulse.result, pulse.exact)
+            )
+            worst = float(error.max())
             label = f"{pulse.name} k between receivers: |Δk|/|k|, {known.sum()} frequencies"
-            omega = pulse.result.dispersion.omega + 1j * pulse.result.dispersion.sigma
-            remedy = remedies.of_one_wave(field, pulse, omega, error)
+            as_far = float(np.nan_to_num(of_exact, nan=np.inf)[np.argmax(error)])
+            remedy = remedies.of_one_wave(field, pulse, worst, as_far)
             checks.append(Check(label, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
         checks += _quality_checks(field, pulse)
     return checks
@@ -217,9 +220,13 @@ def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
         passes &= (found.omega < gap.lower - away) | (found.omega > gap.upper + away)
     if not passes.any():
         return []
-    ratio = float(np.median((found.quality / law)[passes]))
+    ratio, same = (
+        float(np.median((own.dispersion.quality / law)[passes]))
+        for own in (pulse.result, pulse.exact)
+    )
     label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
-    remedy = remedies.of_one_wave(field, pulse)
+    of_exact = abs(same - 1) if math.isfinite(same) else math.inf
+    remedy = remedies.of_one_wave(field, pulse, abs(ratio - 1), of_exact)
     return [Check(label, ratio, 1.0, QUALITY_TOLERANCE, remedy=remedy)]
 
 
@@ -274,15 +281,15 @@ def _some(names: list[str]) -> str:
 
 
 def _too_short(reading: Reading, field: Field) -> list[str]:
-    """Bars that ring, of which the record is too short to tell one eigenfrequency."""
+    """Bars that ring, of which the receivers hear no eigenfrequency apart from the next."""
     if field.simulation.lossy or not field.receivers or reading.ringing:
         return []
     if not any(block.macro for block in field.blocks):
         return []
     last = float(field.t[-1])
     return [
-        f"no eigenfrequency was judged: a record of {last:.3g} s does not tell one from the next; "
-        "lengthen [time] duration"
+        f"no eigenfrequency was judged: none that a record of {last:.3g} s tells from the next is "
+        "heard at the receivers; lengthen [time] duration, or move a receiver"
     ]
 
 

@@ -8,12 +8,24 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from wavesim.material.family import Block
 from wavesim.material.scaling import JUDGED
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
+from wavesim.planewave.driven_waves import driven_waves
+from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
 from wavesim.readings.dispersion.extract import Measured
-from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge
+from wavesim.readings.dispersion.spectrum import (
+    ABOVE_CUT,
+    FLOOR,
+    LOBE_BINS,
+    WINDOW,
+    Ridge,
+    analysed_from,
+    spread_of_cut,
+)
 from wavesim.simulation.field import Field
 from wavesim.sources import EXCITED, excitation
 from wavesim.verdict import remedies
@@ -24,6 +36,12 @@ Float = NDArray[Any]
 MEDIAN_TOLERANCE = 1e-3
 MAXIMUM_TOLERANCE = 1e-2
 WAVENUMBER_TOLERANCE = 1e-3
+_UNCERTAIN = 0.3 * WAVENUMBER_TOLERANCE
+# A peak so far above the least that a spectrum is searched for is sure to be found.
+_SURELY = 10.0
+_SEEN = _SURELY * FLOOR
+# Rates of decay at which the window is reckoned.
+_FALLS = 257
 # A wave is present where its branch was found at this part of the wavenumbers it is judged at.
 _PRESENT = 0.9
 
@@ -39,6 +57,8 @@ class Branch:
         omega_exact: of the plane-wave solver there, rad/s.
         judged: where it was excited, clear of its neighbours and within the judged range.
         expected: number of wavenumbers of the bar at which it is judged.
+        loudness: its power over that of the strongest branch at the same k, the most where nothing
+            else keeps it from being judged; 0 where there is no such k.
     """
 
     name: str
@@ -47,6 +67,7 @@ class Branch:
     omega_exact: Float
     judged: NDArray[np.bool_]
     expected: int
+    loudness: float = 1.0
 
     @property
     def error(self) -> Float:
@@ -114,6 +135,7 @@ def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
             meaning = "k at the complex frequency omega + i sigma (rad/s)"
             found[f"{group}/meaning"] = meaning, "–"
             found[f"{group}/k"] = curve.k, "rad/m"
+            found[f"{group}/error"] = curve.error, "rad/m"
             found[f"{group}/k_exact"] = h.k_exact, "rad/m"
             found[f"{group}/distance"] = curve.distance, "m"
             found[f"{group}/level"] = curve.level, "dB"
@@ -124,8 +146,9 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     """Put the theory beside the measurement of one block.
 
     A ridge is taken for the branch that it lies nearest to; a branch is judged where its
-    frequency was excited, stands the window's main lobe clear of its neighbours and of ω = 0,
-    and its wavenumber is in the judged range.
+    frequency was excited, where it is driven so strongly that a spectrum shows it, where it stands
+    the window's main lobe clear of its neighbours and of ω = 0, and its wavenumber is in
+    the judged range.
 
     Args:
         field: the field.
@@ -141,7 +164,9 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     sources = [s for s in field.sources if s.field in block.fields]
     inside = (found.k >= k_range[0]) & (found.k <= k_range[1])
     covered = (excitation(sources, exact, found.k[:, None]) >= EXCITED) & (exact <= found.omega[-1])
-    judged = clear & covered & inside[:, None]
+    loudness = np.where(clear & covered, _seen(field, block, found.k), 0.0)
+    judged = _long_enough(loudness >= _SEEN) & inside[:, None]
+    loudness *= inside[:, None]
     branches, strays = [], []
     owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
     for number, name in enumerate(block.branches):
@@ -159,6 +184,7 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
                 exact[at, number],
                 judged[at, number],
                 int(judged[:, number].sum()),
+                float(loudness[:, number].max()),
             )
         )
     strays = [r for r, o in zip(measured.ridges, owner, strict=True) if o is None]
@@ -167,6 +193,37 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     if curve is not None:
         k_exact = wavenumber(field.medium, block.sector, curve.omega + 1j * curve.sigma)
     return Held(measured, branches, strays, k_exact)
+
+
+def _seen(field: Field, block: Block, k: Float) -> Float:
+    """Power of each branch in the spectrum over that of the strongest at its k, as the sources
+    drive it and losses leave it, shape (n, branches)."""
+    from scipy.signal import get_window  # slow to import, and only a reading needs it
+
+    sources = [s for s in field.sources if s.field in block.fields]
+    omega, size = driven_waves(field.medium, block, sources, k)
+    t = field.t[analysed_from(field) :]
+    window = get_window(WINDOW, len(t), fftbins=False)
+    # What the window leaves of a wave goes with its decay alone, and smoothly.
+    fall = np.linspace(0, max(float(-omega.imag.min()), 0.0), _FALLS)
+    left = np.log(np.maximum(window @ np.exp(-np.outer(t, fall)), 1e-300))
+    power = (size * np.exp(np.interp(-omega.imag, fall, left))) ** 2
+    ends = [
+        np.sum((size * np.exp(omega.imag * t[i])) ** 2, axis=1) * window[i] ** 2 for i in (0, -1)
+    ]
+    spread = spread_of_cut(sum(ends) / field.interval**2, omega.real, power)
+    power = np.where(power > _SURELY * ABOVE_CUT * spread, power, 0.0)
+    return np.asarray(power / np.maximum(power.max(axis=1, keepdims=True), 1e-300))
+
+
+def _long_enough(shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those of the wavenumbers, shape (n, branches), that make a branch with their neighbours."""
+    length = min(SHORTEST_BRANCH, len(shown))
+    runs = np.all(sliding_window_view(shown, length, axis=0), axis=-1)
+    kept = np.zeros_like(shown)
+    for shift in range(length):
+        kept[shift : len(shown) - length + 1 + shift] |= runs
+    return kept
 
 
 def _clear(exact: Float, distance: float) -> NDArray[np.bool_]:
@@ -217,6 +274,22 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
     for h in held:
         checks += _wavenumber_checks(field, h)
     return checks + energy_checks(field)
+
+
+def faint(held: Sequence[Held]) -> str | None:
+    """Which branches no spectrum shows, as the sources drive them too weakly."""
+    lost = [
+        f"{h.measured.block.sector} {b.name} (−{-10 * math.log10(b.loudness):.0f} dB)"
+        for h in held
+        for b in h.branches
+        if not b.expected and b.loudness
+    ]
+    if not lost:
+        return None
+    return (
+        f"not judged, as the sources drive another branch so much more strongly: "
+        f"{', '.join(lost)}; add a source nearer to it in frequency, or on another field"
+    )
 
 
 def _branch_checks(field: Field, h: Held) -> list[Check]:
@@ -283,7 +356,9 @@ def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
     curve, exact = h.measured.attenuation, h.k_exact
     if curve is None or exact is None:
         return []
-    error = np.abs(curve.k / exact - 1)
+    # Where the record's end may hide more than that, the simulation is not to blame.
+    told = curve.error <= _UNCERTAIN * np.abs(curve.k)
+    error = np.where(told, np.abs(curve.k / exact - 1), np.nan)
     sector = h.measured.block.sector
     in_bands = np.ones(len(error), bool)
     parts = []

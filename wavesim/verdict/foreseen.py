@@ -25,6 +25,10 @@ _PROPORTION = 30
 _FEW_PRODUCTS = 20_000
 # On either side of an interface, in cells.
 _ON_INTERFACE = 1e-6
+# A source reaches this many of its widths.
+_REACH = 3.0
+# Least part of a bar that is set in motion in a run that is meant.
+_MOVED = 0.1
 # Q is constant to 8 % within its band.
 _OFF_QUALITY = 0.2
 # Wavenumbers at which the judged range is looked at.
@@ -39,7 +43,8 @@ def foreseen(case: Case, steps: TimeStep) -> list[str]:
         steps: how it would be stepped.
     """
     simulated = case.simulation
-    found = [*_in_time(simulated), *_at_ends(simulated), *_receivers(simulated)]
+    found = [*_in_time(simulated), *_at_rest(simulated), *_at_ends(simulated)]
+    found += _receivers(simulated)
     found += [*_absorbed(simulated), *_on_the_grid(simulated), *_losses(simulated)]
     return [*found, *_judged(case), *_products(simulated, steps)]
 
@@ -68,6 +73,21 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
         )
     for source in simulated.sources:
         yield from _begins_with_a_jump(source)
+
+
+def _at_rest(simulated: Simulation) -> Iterator[str]:
+    """A bar of which next to all stays at rest."""
+    bar, duration = simulated.bar, simulated.duration
+    speed = max(fastest_speed(medium) for medium in simulated.layers.media)
+    gone = speed * duration
+    reached = [(one.position, gone + _REACH * one.width) for one in simulated.sources]
+    moved = max(x + r for x, r in reached) - min(x - r for x, r in reached)
+    if moved < _MOVED * bar.length:
+        yield (
+            f"[bar] length = {bar.length:g}: the fastest wave goes {gone:.3g} m within the "
+            f"{duration:g} s of [time] duration, and the rest of the bar stays at rest; shorten it "
+            f"to about {moved:.2g} m, or see that lengths are in metres and times in seconds"
+        )
 
 
 def _at_ends(simulated: Simulation) -> Iterator[str]:
@@ -125,7 +145,7 @@ def _reached(simulated: Simulation, source: Source, position: float) -> float:
         begun = source.peak_time
         if source.peak_frequency > 0:  # a recorded step has none
             begun = min(begun, source.onset + 1 / source.peak_frequency)
-    reach = 3.0 * source.width
+    reach = _REACH * source.width
     low, high = sorted((position, source.position))
     low, high = min(low + reach, high), max(high - reach, low)
     across = _travel(simulated, low, high)

@@ -55,14 +55,15 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
         from wavesim.verdict.answers import of_endless
-        from wavesim.verdict.endless import hold, judge, tables
+        from wavesim.verdict.endless import faint, hold, judge, tables
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]
         checks = judge(field, held)
         found = tables(held)
         passing, said = pulse_tests(field)
-        told = notes(case.simulation, checks) + said
+        weak = faint(held)
+        told = notes(case.simulation, checks) + ([weak] if weak else []) + said
         return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
@@ -109,7 +110,7 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
         for test in of_field(field, "run"):
             if test.placed:
                 given = test.signals, test.positions, test.sent
-                readings.append(read_array(test.name, test.t, *given))
+                readings.append(read_array(test.name, test.t, *given, unlike=test.unlike))
     except (RecordError, PulseError):
         # Receivers on both sides, or where nothing came: nothing that could be read.
         pass

@@ -46,6 +46,8 @@ def contour(
         ω, shape (n,), and σ, rad/s; the largest |spectrum| of a source over its own peak at each ω.
     """
     low, high = excited_band(sources)
+    # From the first bin on, where a signal has a mean value.
+    low = low or 2 * np.pi / float(field.t[-1])
     end = _NYQUIST * np.pi / field.interval
     omega = np.linspace(low, min(high, end), frequencies)
     if also:

@@ -188,12 +188,13 @@ def read_bar(
                 error.setdefault(receiver, {})[name] = off
     of = {block.sector: block for block in field.blocks if block.macro}
     pulses = [pulse_test(field, block, exact, damping, heard) for block in of.values() if exact]
+    rung = [ringing(field, of[name], one, exact) for name, one in known.eigenfrequencies.items()]
     return Reading(
         exact,
         error,
         tuple(scattered(field, of[name], one, loud) for name, one in known.specimens.items()),
         tuple(cells(field, of[name], one, loud) for name, one in known.repeated.items()),
-        tuple(ringing(field, of[name], one, exact) for name, one in known.eigenfrequencies.items()),
+        tuple(one for one in rung if len(one.exact)),
         tuple(test for test in pulses if test is not None),
         heard,
         loud.moved,

@@ -14,13 +14,15 @@ the error of k is a part of the aperture's resolution: about √(unexplained)/X.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.ndimage import median_filter
 
+from wavesim.readings.dispersion.hidden_mode import Bends
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.noise_level import noise_of_transform
 
@@ -39,8 +41,8 @@ _STEPS = 12
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 2.0
-# A bend of phase or amplitude is one from so many of its errors on; so many frequencies share it.
-_BENT, _ALONG = 4.0, 5
+# Noise is common to receivers where it is by so many deviations.
+_SURELY = 3.0
 # Unexplained up to so many times the noise's own is noise.
 _NOISE_SPREAD = 1.5
 # Amplitudes are tame where so many receivers for each wave hold the power …
@@ -51,6 +53,8 @@ _BETTER = 6.0
 _LEFT = 1e-6
 # Waves closer than half of 2π/X are believed only where nothing at all is left.
 _EXACT = 1e-13
+# What the record's end leaves of the waves, over their amplitude.
+_ENDED = 3e-8
 _WEAKEST = 0.02
 MOST_WAVES = 3
 # A line's beam that comes back to this height is an alias.
@@ -72,6 +76,7 @@ class Beams:
         amplitude: root mean square over the line, unit of the record times s.
         unexplained: part of the power, or of the phases, that no wave explains.
         clear: whether chance explains it no better.
+        bends: of those that are alone at their frequency; 0 of others.
     """
 
     step: NDArray[np.int64]
@@ -80,6 +85,7 @@ class Beams:
     amplitude: Float
     unexplained: Float
     clear: NDArray[np.bool_]
+    bends: Bends
 
 
 def transform(values: Float, interval: float) -> tuple[Float, Complex]:
@@ -139,6 +145,24 @@ def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
     return np.asarray(np.abs(np.einsum("fx,fxk->fk", unit, steer)) / total)
 
 
+def _in_step(U: Complex, x: Float) -> Callable[[Float], Float]:
+    """How much more of the noise's power a wave of given k hears than if receivers shared none.
+
+    A clock that shivers shifts all receivers at once: its noise, seen at the highest frequencies,
+    is as long in x as the signal is, and has the signal's wavenumbers.
+    """
+    high = U[-max(4, len(U) // 10) : -1]
+    high = high / np.maximum(np.sqrt(np.mean(np.abs(high) ** 2, axis=0)), 1e-290)
+    lever = (x - x.mean()) / np.sqrt(np.sum((x - x.mean()) ** 2))
+
+    def heard(k: Float) -> Float:
+        power = np.abs(high @ (lever[:, None] * np.exp(-1j * np.outer(x, k)))) ** 2
+        more = power.mean(axis=0)
+        return np.where(more > 1 + _SURELY / np.sqrt(len(high)), more, 1.0)
+
+    return heard
+
+
 def weights(U: Complex, noise: Float) -> Float:
     """What each receiver's phase tells, shape of U: 1 far above the noise, 0 within it."""
     strength = np.abs(U) / np.maximum(noise, 1e-290)
@@ -165,6 +189,7 @@ def beams(
     """
     omega, U = transform(values, interval)
     kept = omega <= omega_max
+    together = _in_step(U, x)
     omega, U = omega[kept], U[kept]
     noise = noise_of_transform(values, interval, omega, quantum)
     weight = weights(U, noise)
@@ -172,19 +197,24 @@ def beams(
     rows = np.flatnonzero((weight > 0).sum(axis=1) >= min(FEWEST, len(x)))
     U, noise, weight = U[rows], noise[rows], weight[rows]
     k, length = _highest(U, x, weight)
-    one = _by_phase(U, x, noise, weight, k, length)
+    bends = _bends(U, x, weight, k)
+    alone = _by_phase(U, x, noise, weight, k, length, together(k))
+    one = (*alone, bends.size, bends.noise, bends.over)
     fits = _fitted(U, x, weight > 0, k, noise)
-    parts = [[np.zeros(0)] * 6]
+    parts = [[np.zeros(0)] * 9]
     for i, row in enumerate(rows):
         if i not in fits:
             parts.append([np.array([v]) for v in (row, *(column[i] for column in one))])
             continue
         ks, errors, sizes, left = fits[i]
-        m = len(ks)
+        errors, m = errors * np.sqrt(together(ks)), len(ks)
         error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(left) / length[i])
-        parts.append([np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m)])
-    step, k, error, size, left, clear = (np.concatenate(c) for c in zip(*parts, strict=True))
-    return omega, Beams(step.astype(int), k, error, size, left, clear > 0)
+        parts.append(
+            [np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m), *np.zeros((3, m))]
+        )
+    columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
+    step, k, error, size, left, clear = columns[:6]
+    return omega, Beams(step.astype(int), k, error, size, left, clear > 0, Bends(*columns[6:]))
 
 
 def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
@@ -214,7 +244,7 @@ def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
 
 
 def _by_phase(
-    U: Complex, x: Float, noise: Float, weight: Float, k: Float, length: Float
+    U: Complex, x: Float, noise: Float, weight: Float, k: Float, length: Float, together: Float
 ) -> tuple[Float, Float, Float, Float, Float]:
     """k, its error, amplitude, unexplained and whether clear, of one wave at each frequency."""
     B = phase_beam(U, x, weight, k[:, None])[:, 0]
@@ -231,48 +261,42 @@ def _by_phase(
     # Noise that is known too low shows in what is left over.
     more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
     noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
+    noisy = noisy * np.sqrt(together)
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
-    error = np.hypot(error, _hidden(U, x, weight, k))
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))
     return k, error, size, left, (chance < _BY_CHANCE).astype(float)
 
 
-def _hidden(U: Complex, x: Float, weight: Float, k: Float) -> Float:
-    """How far k may be off by a second wave that the line does not tell apart, shape (nω,).
+def _bends(U: Complex, x: Float, weight: Float, k: Float) -> Bends:
+    """How the logarithm of one wave bends along the line, at each frequency.
 
-    Two waves Δk apart, of amplitudes 1 − s to s, pass for one of k₁ + Δk Re s, of which nothing
-    tells but the bend of its logarithm, d² ln U/dx² = −Δk² s(1 − s): k is off from the nearer of
-    both by √|d² ln U/dx²| at most. Amplitudes that only spread or fade are convex: no such bend.
+    Amplitudes that only spread or fade are convex: no such bend is counted.
     """
     total = np.maximum(weight.sum(axis=1), 1e-290)[:, None]
-    middle = weight @ x / total[:, 0]
-    length = np.sqrt(np.sum(weight * (x - middle[:, None]) ** 2, axis=1) / total[:, 0])
-    away = (x - middle[:, None]) / np.maximum(length, 1e-290)[:, None]
-    turned = U * np.exp(-1j * k[:, None] * (x - middle[:, None]))
-    turned = (
-        turned
-        * np.exp(
-            -1j * np.angle(np.sum(weight * turned / np.maximum(np.abs(turned), 1e-290), axis=1))
-        )[:, None]
-    )
-    bends = []
+    away = x - weight @ x[:, None] / total
+    length = np.sqrt(np.sum(weight * away**2, axis=1, keepdims=True) / total)
+    turned = U * np.exp(-1j * k[:, None] * away)
+    mean = np.sum(weight * turned / np.maximum(np.abs(turned), 1e-290), axis=1)
+    turned = turned * np.exp(-1j * np.angle(mean))[:, None]
+    away = away / np.maximum(length, 1e-290)
+    root = np.sqrt(weight)
+    basis = np.stack([np.ones_like(away), away, away**2 / 2], axis=-1) * root[..., None]
+    inverse = np.linalg.inv(np.swapaxes(basis, 1, 2) @ basis + 1e-9 * total[..., None] * np.eye(3))
+    spare = np.maximum((weight > 0).sum(axis=1) - 3, 1)
+    found = []
     for seen in (np.angle(turned), np.log(np.maximum(np.abs(turned), 1e-290))):
-        basis = (
-            np.stack([np.ones_like(away), away, away**2 / 2], axis=-1) * np.sqrt(weight)[..., None]
-        )
-        normal = np.swapaxes(basis, 1, 2) @ basis + 1e-9 * total[..., None] * np.eye(3)
-        right = np.swapaxes(basis, 1, 2) @ (np.sqrt(weight) * seen)[..., None]
-        fit = np.linalg.solve(normal, right)[..., 0]
-        left = np.sqrt(weight) * seen - (basis @ fit[..., None])[..., 0]
-        spare = np.maximum((weight > 0).sum(axis=1) - 3, 1)
-        variance = np.sum(left**2, axis=1) / spare * np.linalg.inv(normal)[:, 2, 2]
-        bends.append((fit[:, 2], _BENT * np.sqrt(variance)))
-    (phase, unsure), (level, rough) = bends
-    bent = np.where(np.abs(phase) > unsure, np.abs(phase), 0.0)
-    bent = np.maximum(bent, np.where(-level > rough, -level, 0.0))
-    bent = maximum_filter1d(bent, _ALONG, mode="nearest")
-    return np.sqrt(bent) / np.maximum(length, 1e-290)
+        right = np.swapaxes(basis, 1, 2) @ (root * seen)[..., None]
+        fit = inverse @ right
+        left = root * seen - (basis @ fit)[..., 0]
+        found += [fit[:, 2, 0], np.sum(left**2, axis=1) / spare * inverse[:, 2, 2]]
+    phase, unsure, level, rough = found
+    size, noise = phase**2 + np.minimum(level, 0) ** 2, unsure + rough / 2
+    # Of bends of amplitude half are concave by chance.
+    over = phase**2 / np.maximum(unsure, 1e-290)
+    over = (over + 2 * np.minimum(level, 0) ** 2 / np.maximum(rough, 1e-290)) / 2
+    square = np.maximum(length[:, 0], 1e-290) ** 2
+    return Bends(np.sqrt(size) / square, np.sqrt(noise) / square, over)
 
 
 def _uneven(U: Complex, x: Float, weight: Float, ratio: Float) -> Float:
@@ -322,7 +346,8 @@ def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int
             )
             if good:
                 chosen[i] = now.residual[j]
-                deviation = np.sqrt(max(now.residual[j], level[i] ** 2))
+                ended = (_ENDED * np.abs(U[i][used[i]]).max()) ** 2
+                deviation = np.sqrt(max(now.residual[j], level[i] ** 2) + ended)
                 errors = deviation * now.unit[j]
                 best[int(i)] = (now.k[j].real, errors, size, float(now.unexplained[j]))
         settled |= chosen <= 4 * level**2

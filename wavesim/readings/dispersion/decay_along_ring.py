@@ -1,7 +1,7 @@
 """Attenuation and complex wavenumber of an endless bar, from the decay along its longest free part.
 
 At ω + iσ (``readings.damped_transform``) amplitudes go as exp(ikx) with the plane-wave root
-k(ω + iσ), in gaps as in bands.
+k(ω + iσ), in gaps as in bands, and as exp(−ikx) where a wave has gone round the ring the other way.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.family import Block
 from wavesim.readings.damped_transform import damped_transform
+from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -28,7 +29,14 @@ _ABOVE_FLOOR = 30.0
 # So many columns of the record are read at a time that they and their transform fit into these
 # bytes.
 _AT_ONCE = 64e6
+# A fit needs about so many bytes for an amplitude.
+_FIT_BYTES = 400
 FEWEST_POINTS = 6
+# A k that may be off by more of itself is not given.
+_LARGEST_ERROR = 0.1
+# Frames fold back what lies beyond their Nyquist frequency: of the tail of a spectrum, which goes
+# on falling there, this part of what is seen from the first of these parts of that frequency on.
+_FOLDED, _TOP = 0.25, (0.97, 1.0)
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,8 @@ class Attenuation:
         omega: real part of the frequencies, shape (n,), rad/s.
         sigma: their imaginary part σ, rad/s.
         k: measured complex wavenumber at ω + iσ, shape (n,), rad/m; NaN where not measurable.
+        error: of |k|, by what the record's end leaves out and its frames fold back, shape (n,),
+            rad/m.
         distance: of the grid points used, from the source, shape (nx,), m.
         level: amplitude over these against that at the first of them, shape (n, nx), dB.
     """
@@ -46,33 +56,39 @@ class Attenuation:
     omega: Float
     sigma: float
     k: Complex
+    error: Float
     distance: Float
     level: Float
 
 
-def wavenumber_of_decay(amplitude: Complex, distance: Float, floor: float) -> complex:
-    """k of exp(ikx) through complex amplitudes: least squares of log U against x.
-
-    Weights are |U|, since an error of given size matters less to a larger amplitude.
+def wavenumbers(
+    U: Complex, x: Float, truncation: Float, folded: float = 0.0
+) -> tuple[Complex, Float]:
+    """k of A exp(ikx) + B exp(−ikx) through complex amplitudes, by least squares.
 
     Args:
-        amplitude: U at ascending distances, shape (nx,).
-        distance: x, shape (nx,), m.
-        floor: amplitude below which U is not trusted; the fit stops where U first is.
+        U: amplitudes at n frequencies, shape (n, nx).
+        x: ascending, even, shape (nx,), m.
+        truncation: what the record's end leaves out of U, alike at all x, shape (n,); the fit stops
+            where U first is not 30 times as large.
+        folded: what the frames fold into it.
 
     Returns:
-        k, rad/m; NaN where fewer than six points stand above the floor.
+        k, shape (n,), rad/m; NaN where fewer than six points are left; and how far off |k|
+        may be by both, shape (n,), rad/m.
     """
-    above = np.abs(amplitude) > floor
-    count = len(above) if above.all() else int(np.argmin(above))
-    if count < FEWEST_POINTS:
-        return complex(np.nan, np.nan)
-    U, x = amplitude[:count], distance[:count]
-    logarithm = np.log(np.abs(U)) + 1j * np.unwrap(np.angle(U))
-    weight = np.abs(U) / np.abs(U).max()
-    design = np.stack([x, np.ones(count)], axis=1) * weight[:, None]
-    slope = np.linalg.lstsq(design, logarithm * weight, rcond=None)[0][0]
-    return complex(slope / 1j)
+    k, error = np.full(len(U), complex(np.nan, np.nan)), np.full(len(U), np.nan)
+    used = np.logical_and.accumulate(np.abs(U) > _ABOVE_FLOOR * truncation[:, None], axis=1)
+    count = used.sum(axis=1)
+    rows = np.flatnonzero(count >= FEWEST_POINTS)
+    at_once = max(1, int(_AT_ONCE / (_FIT_BYTES * max(len(x), 1))))
+    for first in range(0, len(rows), at_once):
+        some = rows[first : first + at_once]
+        fit = fit_line(U[some], x, used[some], 1, both=True)
+        k[some] = fit.k[:, 0]
+        wrong = np.hypot(truncation[some], folded)
+        error[some] = wrong * np.sqrt(count[some]) * fit.unit[:, 0]
+    return k, error
 
 
 def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Attenuation:
@@ -101,19 +117,19 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
     origin = int(np.ceil(start / spacing - 1e-9))
     sigma = damping / float(field.t[-1])
     columns = (origin + steps) % field.bar.cells
-    seen, largest = np.empty((len(omega), len(columns)), complex), np.zeros(len(omega))
+    wanted = np.concatenate([omega, np.multiply(_TOP, np.pi / field.interval)])
+    seen, largest = np.empty((len(omega), len(columns)), complex), np.zeros(len(wanted))
     width = max(1024, int(_AT_ONCE / (8 * len(field.t) + 40 * len(omega))) // 1024 * 1024)
     for low in range(0, field.bar.cells, width):
         values = field.part(name, points=slice(low, low + width))
-        transform = damped_transform(values, field.t, omega, sigma)
+        transform = damped_transform(values, field.t, wanted, sigma)
         largest = np.maximum(largest, np.abs(transform).max(axis=1))
         here = (low <= columns) & (columns < low + width)
-        seen[:, here] = transform[:, columns[here] - low]
+        seen[:, here] = transform[: len(omega), columns[here] - low]
     distance = (origin + steps) * spacing - start
-    floor = largest * np.exp(-damping) * _ABOVE_FLOOR
-    k = np.array(
-        [wavenumber_of_decay(u, distance, f) for u, f in zip(seen, floor, strict=True)], complex
-    )
+    truncation = _truncation(largest[: len(omega)], omega, sigma, damping)
+    k, error = wavenumbers(seen, distance, truncation, _FOLDED * largest[len(omega) :].max())
+    k[error > _LARGEST_ERROR * np.abs(k)] = np.nan
     level = np.abs(seen)
     del seen  # of a long bar it is large
     if len(steps):
@@ -121,7 +137,16 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
         level /= level[:, :1].copy()
         np.log10(level, out=level)
         level *= 20
-    return Attenuation(omega, sigma, k, distance, level)
+    return Attenuation(omega, sigma, k, error, distance, level)
+
+
+def _truncation(largest: Float, omega: Float, sigma: float, damping: float) -> Float:
+    """What the record's end leaves out of U, of what rings at all frequencies: shape (n,).
+
+    A wave that rings at ω′ with the transform U′ there leaves U′ e^{−σT} σ/|σ + i(ω − ω′)| at ω.
+    """
+    nearness = sigma / np.hypot(sigma, omega[:, None] - omega)
+    return np.asarray((largest * nearness).max(axis=1) * np.exp(-damping))
 
 
 def free_stretch(field: Field, block: Block) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from scipy.signal import get_window
 
 from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
+from wavesim.readings.dispersion.hidden_mode import CLOSE, Bends, of_lines, worth
 from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.waves_along_line import along_line
@@ -154,17 +155,22 @@ def in_time(
             missing,
             leaks if leaks.any() else None,
         )
-        points = _from_sinusoids(found, k)
+        points, bends = _from_sinusoids(found, k), found.bends
         if leaks.any():
             at = np.round(points.omega * quiet.interval / per_bin).astype(int)
             error = _beside_leakage(points, found.series, at, leaks, cell)
             points = replace(points, error=error)
     else:
-        points = _from_peaks(channels, k, quiet)
+        points, bends = _from_peaks(channels, k, quiet)
     points = _judged(points, quiet, cell)
     if omega_max is not None:
-        points = points.take(points.omega <= omega_max)
+        low = points.omega <= omega_max
+        points, bends = points.take(low), bends.take(low)
     points = widened(with_branches(points, k, cell), k)
+    step = np.searchsorted(k, points.k * (1 - 1e-12))
+    close = CLOSE if method == "harmonic" else 0.0
+    more = worth(bends, points.omega, points.branch, step, cell, points.decay, close)
+    points = replace(points, error=np.hypot(points.error, more))
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
     return _with_rounding(points, quiet)
@@ -322,7 +328,7 @@ def _leaks(record: Record, heights: Float, per_bin: float) -> Float:
     return leaks
 
 
-def _from_peaks(channels: Float, k: Float, record: Record) -> BranchPoints:
+def _from_peaks(channels: Float, k: Float, record: Record) -> tuple[BranchPoints, Bends]:
     """Peaks of the windowed FFT, placed by a parabola through their logarithm.
 
     The error is half the difference between that and the middle of the peak by a parabola through
@@ -369,11 +375,15 @@ def _from_peaks(channels: Float, k: Float, record: Record) -> BranchPoints:
         np.full(len(row), -1),
     )
     cell = 2 * np.pi / (len(record.t) * interval)
-    return replace(found, error=_beside_leakage(found, row, at, leaks, cell))
+    found = replace(found, error=_beside_leakage(found, row, at, leaks, cell))
+    beside = np.sqrt(local[row, at] + _SIDE_LOBE * heights.max(axis=1)[row])
+    return found, of_lines(channels, row, found.omega, interval, beside)
 
 
 # Error of the parabola through the logarithm of a Blackman–Harris peak padded twice, in its bins.
 _SHAPE = 2e-3
+# Power of the window's side lobes, over the line's.
+_SIDE_LOBE = 1e-9
 
 
 def _vertex(left: Float, middle: Float, right: Float) -> tuple[Float, Float]:

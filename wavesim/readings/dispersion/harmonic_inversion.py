@@ -23,8 +23,15 @@ from scipy.fft import next_fast_len, rfft
 from scipy.signal import get_window
 from scipy.stats import gamma as gamma_distribution
 
+from wavesim.readings.dispersion.hidden_mode import Bends, of_sinusoids
 from wavesim.readings.dispersion.noise_level import continuum
-from wavesim.readings.dispersion.sinusoids import Fit, Float, exponentials, fit, transposed
+from wavesim.readings.dispersion.sinusoids import (
+    Fit,
+    Float,
+    exponentials,
+    fit,
+    transposed,
+)
 
 FALSE_ALARM = 1e-6
 # Part of the strongest amplitude below which no sinusoid is sought: weaker ones are at the level
@@ -63,6 +70,7 @@ class Sinusoids:
         amplitude_error: standard error, unit of the series.
         resolved: whether the fit holds it apart from its neighbours.
         residual: part of each series' power that no sinusoid explains, shape (n,).
+        bends: how far from straight ln y is beside one sinusoid's, 1/s².
         settled: whether no further peak was left in the series, shape (n,).
         broad: whether many sinusoids crowd about its strongest, as under a line that is broad and
             random, shape (n,).
@@ -76,6 +84,7 @@ class Sinusoids:
     omega_error: Float
     decay_error: Float
     amplitude_error: Float
+    bends: Bends
     resolved: np.ndarray
     residual: Float
     settled: np.ndarray
@@ -185,6 +194,7 @@ class _Found:
     shape: np.ndarray
     errors: Float
     amplitude_error: Float
+    bends: Bends
     resolved: np.ndarray
     residual: Float
     settled: np.ndarray
@@ -316,6 +326,8 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
     apart = apart + np.where(np.eye(p, dtype=bool), np.inf, 0)
     closest = apart.min(axis=-1) * count / (2 * np.pi)
     resolved = (closest > _CLOSEST_BINS) & (errors[:, :p] * count < np.pi)
+    # Of two that are hardly told apart the error is no small one, which it is taken for.
+    errors[:, :p] *= 1 + 2 * errors[:, :p] / apart.min(axis=-1)
     return _Found(
         found.omega,
         found.decay,
@@ -323,6 +335,7 @@ def _report(found: Fit, series: Float, search: _Search) -> _Found:
         transposed(found.amplitude * search.scale[:, None] / np.maximum(norm, 1e-290)[:, None]),
         errors,
         amplitude_error * start,
+        of_sinusoids(found, level, search.scale, search.weight),
         resolved & (norm > 4 * amplitude_error),
         np.mean(found.residual**2, axis=(1, 2)) / np.mean(series**2, axis=(1, 2)),
         np.ones(n, bool),
@@ -371,14 +384,21 @@ def _gather(
             "omega_error": found.errors[:, :p] / interval,
             "decay_error": found.errors[:, p:] / interval,
             "amplitude_error": found.amplitude_error,
+            "bend": found.bends.size / interval**2,
+            "noise": found.bends.noise / interval**2,
+            "over": found.bends.over,
             "resolved": found.resolved,
         }
         for name, values in flat.items():
             kept = values if name == "shape" else values.ravel()
             columns.setdefault(name, [np.zeros(0)]).append(kept)
-    for name in ("omega", "decay", "amplitude", "omega_error", "decay_error", "amplitude_error"):
+    for name in (
+        "omega", "decay", "amplitude", "omega_error", "decay_error", "amplitude_error", "bend",
+        "noise", "over",
+    ):  # fmt: skip
         columns.setdefault(name, [np.zeros(0)])
     whole = {name: np.concatenate(parts) for name, parts in columns.items()}
     order = np.lexsort((whole["omega"], whole["series"]))
     ordered = {name: values[order] for name, values in whole.items()}
-    return Sinusoids(**ordered, residual=residual, settled=settled, broad=broad)
+    bends = Bends(*(ordered.pop(name) for name in ("bend", "noise", "over")))
+    return Sinusoids(**ordered, bends=bends, residual=residual, settled=settled, broad=broad)

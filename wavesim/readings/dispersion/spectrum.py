@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.family import Block
+from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
 
 Float = NDArray[Any]
@@ -21,13 +22,14 @@ Float = NDArray[Any]
 # (1978)). A peak counts above −80 dB of the strongest at its wavenumber.
 WINDOW = "blackmanharris"
 LOBE_BINS = 4
-_FLOOR = 1e-8
+FLOOR = 1e-8
 _PADDING = 8
+# … and so far above what the record's ends spread of the strongest, in power.
+ABOVE_CUT = 100.0
 # Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
 _AT_ONCE = 64e6
-# A branch may miss this many wavenumbers and go on; one shorter than this is no branch.
+# A branch may miss this many wavenumbers and go on.
 _LONGEST_BREAK = 3
-_SHORTEST_BRANCH = 5
 # The second point of a branch may lie this part of the way to the first one's nearest neighbour.
 _BEGINNING = 0.45
 
@@ -41,12 +43,15 @@ class Spectrum:
         omega: angular frequencies, even, shape (nω,), rad/s.
         power: shape (nk, nω), relative to the strongest entry.
         bin: frequency resolution 2π/T of the record, rad/s.
+        cut: what the jumps at the record's ends, which the window leaves, spread over ω: power
+            times the squared distance from a line, shape (nk,), (rad/s)²; none where None.
     """
 
     k: Float
     omega: Float
     power: Float
     bin: float
+    cut: Float | None = None
 
 
 @dataclass(frozen=True)
@@ -108,16 +113,19 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         kept = min(kept, int(np.searchsorted(omega, omega_max, side="right")) + 1)
     taken = slice(0, count, -(-count // MOST_WAVENUMBERS))
     k = k[taken]
-    power = np.zeros((len(k), kept))
+    power, cut = np.zeros((len(k), kept)), np.zeros(len(k))
     width = max(1, int(_AT_ONCE / (32 * padded)))
     for in_space in _in_space(field, block, first, taken):
         in_space *= window
+        cut += (np.abs(in_space[:, [0, -1]]) ** 2).sum(axis=1)
         for low in range(0, len(k), width):
             in_time = np.abs(np.fft.fft(in_space[low : low + width], padded)) ** 2
             power[low : low + width] += in_time[:, :kept]
             power[low : low + width, 1:] += in_time[:, : padded - kept : -1]
-    power /= max(power.max(), 1e-300)
-    return Spectrum(k, omega[:kept], power, 2 * np.pi / (frames * field.interval))
+    strongest = max(power.max(), 1e-300)
+    cut /= strongest * field.interval**2
+    power /= strongest
+    return Spectrum(k, omega[:kept], power, 2 * np.pi / (frames * field.interval), cut)
 
 
 def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[np.complex128]:
@@ -143,6 +151,9 @@ def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[n
 def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
     """Frequencies and heights of the peaks at one wavenumber, by a parabola through log power.
 
+    A wave that loses much within the record is loud where the window begins: the jump there
+    spreads over all frequencies, and what it makes is no peak of a wave.
+
     Args:
         found: the spectrum.
         index: of the wavenumber.
@@ -153,13 +164,29 @@ def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
     from scipy.signal import find_peaks
 
     height = np.log(np.maximum(found.power[index], 1e-300))
-    at, _ = find_peaks(height, height=height.max() + np.log(_FLOOR))
+    at, _ = find_peaks(height, height=height.max() + np.log(FLOOR))
     left, middle, right = height[at - 1], height[at], height[at + 1]
     round_top = left + right < 2 * middle  # a plateau, as of nothing at all, is no peak
     at, left, middle, right = at[round_top], left[round_top], middle[round_top], right[round_top]
     shift = 0.5 * (left - right) / (left - 2 * middle + right)
-    top = middle - 0.25 * (left - right) * shift
-    return found.omega[0] + (at + shift) * (found.omega[1] - found.omega[0]), np.exp(top)
+    top = np.exp(middle - 0.25 * (left - right) * shift)
+    omega = found.omega[0] + (at + shift) * (found.omega[1] - found.omega[0])
+    if found.cut is not None and len(top):
+        real = top >= ABOVE_CUT * spread_of_cut(found.cut[index], omega, top)
+        omega, top = omega[real], top[real]
+    return omega, top
+
+
+def spread_of_cut(cut: Any, omega: Float, power: Float) -> Float:
+    """Power at each peak of what the record's ends spread of a stronger one.
+
+    Args:
+        cut: as of :class:`Spectrum`, shape (…).
+        omega, power: of the peaks, shape (…, m).
+    """
+    away = np.abs(omega[..., :, None] - omega[..., None, :])
+    away = np.where(power[..., None, :] > power[..., :, None], away, np.inf)
+    return np.asarray(np.asarray(cut)[..., None] / np.maximum(away.min(axis=-1), 1e-300) ** 2)
 
 
 def ridges(found: Spectrum) -> list[Ridge]:
@@ -198,7 +225,7 @@ def ridges(found: Spectrum) -> list[Ridge]:
             tracks.append([(index, omega[column], power[column])])
             others = np.abs(np.delete(omega, column) - omega[column])
             room[id(tracks[-1])] = _BEGINNING * min(omega[column], others.min(initial=np.inf))
-    kept = [np.array(track) for track in tracks if len(track) >= _SHORTEST_BRANCH]
+    kept = [np.array(track) for track in tracks if len(track) >= SHORTEST_BRANCH]
     branches = [Ridge(found.k[t[:, 0].astype(int)], t[:, 1], t[:, 2]) for t in kept]
     return sorted(branches, key=lambda branch: float(np.median(branch.omega)))
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from wavesim.readings.dispersion.beam import FEWEST, Beams, beams, highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, is_folded, points_to_zero
+from wavesim.readings.dispersion.hidden_mode import worth
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.records.record import Record, RecordError
 
@@ -104,6 +105,7 @@ def _as_points(
         )
     at = omega[found.step]
     error = np.hypot(found.error, _FLOOR * cell)
+    error = np.hypot(error, worth(found.bends, np.abs(found.k), branch, found.step, cell))
     error = np.hypot(error, np.abs(found.k) * np.hypot(record.spacing_error, record.interval_error))
     speed = at / np.maximum(np.abs(found.k), 1e-290)
     folded, gap = np.zeros(n, bool), np.pi / highest_wavenumber(x)

@@ -22,9 +22,18 @@ from wavesim.readings.pulse.travel_time import (
     TravelTime,
     open_between,
     second_cycle,
+    slow_rise,
     travel_times,
 )
-from wavesim.readings.pulse.wave_packets import DIRECT, P_OVER_S, Packet, direct, named, packets
+from wavesim.readings.pulse.wave_packets import (
+    DIRECT,
+    P_OVER_S,
+    Packet,
+    direct,
+    hidden_by_noise,
+    named,
+    packets,
+)
 
 Float = NDArray[Any]
 
@@ -34,7 +43,13 @@ OF_ONE = "first break"
 _LARGEST_ERROR = 0.25
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
 HIDDEN = 0.1
+# A later packet may be the one that is meant from this part of the direct one's size on.
+_NO_SMALLER = 0.8
 
+SLOW = (
+    "what was sent rises over more than half a period, so that its first cycle does not stand out; "
+    "the error holds one cycle either way: a pulse that begins at once would tell it"
+)
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 
@@ -125,6 +140,9 @@ def read_one(
         nothing = refused(record.name, "receiver", distance, NOTHING)
         return replace(nothing, record=record, notes=record.notes)
     found = settled(record, heard, heard[at].begins, distance, delays, speeds)
+    below = hidden_by_noise(record)
+    if speeds is None and below > DIRECT and found.best.valid:
+        found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
     # Of waves that are told apart by their speeds the largest is the one that the test is after.
     known = [
         one for one in found.packets if one.wave and one.name in ("direct", f"{one.wave} wave")
@@ -161,6 +179,10 @@ def settled(
             f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
             "pulse would tell them apart"
         )
+    slow = slow_rise(record)
+    if slow:
+        share = float(np.hypot(share, slow))
+        notes.append(SLOW)
     error = float(np.hypot(best.error, share))
     answer = judged(OF_ONE, best.time, error, distance, best.reason)
     if answer.valid and begins + record.start - record.blank < HIDDEN * record.period:
@@ -186,6 +208,13 @@ def _with_delay(
     }
 
 
+def noisy(below: float) -> str:
+    return (
+        f"noise hides packets of up to {below:.0%} of the largest, and one of them may be the "
+        "direct wave: average more, or read the record in a series (--against)"
+    )
+
+
 def hidden(record: TransmissionRecord) -> str:
     until = record.blank - record.start
     if record.crosstalk:
@@ -202,7 +231,6 @@ def _other_readings(
     """What else the direct wave might be."""
     notes = []
     own = next((one for one in told if one.name == "direct"), None)
-    largest = max((one.size for one in told), default=0.0)
     ahead_named = any(one.wave and one.begins < begins for one in told if one.name != "direct")
     for one in told:
         speed = distance / (one.begins - delay) if one.begins > delay else math.nan
@@ -222,9 +250,10 @@ def _other_readings(
         follows = own is not None and one.begins > begins and one.name != "direct"
         ratio = 1 + (one.top - own.top) / (begins - delay) if own else 0.0
         pair = P_OVER_S[0] <= ratio <= P_OVER_S[1] and not ahead_named
-        if own and follows and pair and not own.wave and one.size == largest > own.size:
+        as_large = one.size >= max(DIRECT, _NO_SMALLER * own.size) if own else False
+        if own and follows and pair and not own.wave and as_large:
             notes.append(
-                f"a larger packet follows at {ratio:.2f} times "
+                f"a packet {one.size / own.size:.1f} times as large follows at {ratio:.2f} times "
                 "the time, as an S wave does its P wave or a guided wave the direct one; were it "
                 f"the direct one, the velocity would be {speed:.4g} m/s: --medium tells them apart"
             )

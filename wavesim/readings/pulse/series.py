@@ -7,7 +7,8 @@ which the stretch from 0.9 to 1.7 of the arrival correlates best,
 
     C(r) = Σ u_i(τ) u_j(rτ) / √(Σ u_i²(τ) Σ u_j²(rτ)),
 
-less a mild prior, (ln r − ln r₀)²/2s². Pairs of records one, two and three apart then vote on all
+less a mild prior, (ln r − ln r₀)²/2s², and a little more where the record by itself shows its
+direct wave. Pairs of records one, two and three apart then vote on all
 times at once, by the shift that lays the packet of one on that of the other best, in least squares:
 VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
 
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.wave_packets import Packet
 
@@ -101,6 +103,10 @@ _MOST = 0.5
 _PRIOR = 0.25
 # Its weight beside a correlation.
 _TRUST = 0.15
+# What is sent is a burst from this many periods on.
+_BURST = 1.6
+# The weight of the direct wave that a record shows by itself, and how near it counts, in periods.
+_ALONE, _NEAR = 0.2, 0.25
 # The packet about its break, in periods; another shift nearly as good is a rival.
 _PACKET = (-0.5, 1.5)
 _NEARLY = 0.97
@@ -158,6 +164,7 @@ def follow(
     arrival: float,
     delay: float,
     foreseen: Float,
+    alone: Float,
 ) -> Followed:
     """Follow an arrival.
 
@@ -168,6 +175,8 @@ def follow(
         arrival: there, after the start and less the delay, s.
         delay: of the system, s.
         foreseen: ln of the times that are foreseen, up to a constant, shape (n,); 0 for none.
+        alone: when the direct wave of each record begins by itself, shape (n,), after the start and
+            less the delay, s; NaN where none is seen.
 
     Returns:
         The arrivals.
@@ -193,6 +202,8 @@ def follow(
             total += C / len(near)
         expected = foreseen[index] - foreseen[near[0]]
         score = total - _TRUST * (lags - expected) ** 2 / (2 * _PRIOR**2)
+        off = np.exp(log_time[near[0]] + lags) - alone[index]
+        score += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
         log_time[index] = log_time[near[0]] + lags[int(np.argmax(score))]
     return _voted(signals, order, reference, np.exp(log_time))
 
@@ -204,16 +215,24 @@ class _Signal:
         self.tau = one.t - one.start - delay
         self.u = one.got / (float(np.abs(one.got).max()) or 1.0)
         self.period = one.period
+        # A burst's cycles keep their length, and only its envelope moves as a stretch does.
+        self.burst = one.length > _BURST * one.period
+        self.outline = envelope(self.u) if self.burst else self.u
 
     def at(self, tau: Float) -> Float:
         return np.interp(tau, self.tau, self.u, left=0.0, right=0.0)
+
+    def outline_at(self, tau: Float) -> Float:
+        """What a stretch is judged by: the signal, or of a burst its envelope about its mean."""
+        outline = np.interp(tau, self.tau, self.outline, left=0.0, right=0.0)
+        return outline - outline.mean(axis=-1, keepdims=True) if self.burst else outline
 
     def correlations(self, other: _Signal, time: float, log_ratios: Float) -> Float:
         """C(r) with another one, for an arrival at ``time`` here; shape of log_ratios."""
         step = min(self.period, other.period) / 16
         tau = np.arange(_FROM * time, max(_TO * time, _FROM * time + 2 * self.period), step)
-        own = self.at(tau)
-        there = other.at(np.exp(log_ratios)[:, None] * tau)
+        own = self.outline_at(tau)
+        there = other.outline_at(np.exp(log_ratios)[:, None] * tau)
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         # A stretch that reaches into silence correlates with noise alone.
         least = 0.1 * np.sqrt(np.sum(own**2) * len(tau)) * float(np.sqrt(np.mean(other.u**2)))

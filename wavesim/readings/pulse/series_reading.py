@@ -28,12 +28,14 @@ from wavesim.readings.pulse.series import (
     power_law,
 )
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
-from wavesim.readings.pulse.travel_time import TravelTime, open_between
+from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_rise
 from wavesim.readings.pulse.wave_packets import direct, packets
 
 Float = NDArray[np.float64]
 
 FOLLOWED = "followed"
+# Arrivals within this part of a period are the same.
+_SAME = 0.6
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
@@ -90,15 +92,32 @@ def read_series(
     delay = delays.get(OF_ONE, 0.0)
     grows = (p > 0).all() and any(word in parameter.lower() for word in _STRESSES)
     foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
+    own_at = [direct(own) for own in heard]
+    begun = np.array([np.nan if i is None else own[i].begins - delay
+                      for own, i in zip(heard, own_at, strict=True)])  # fmt: skip
     order = np.argsort(p, kind="stable").tolist()
-    found = follow(records, order, reference, begins - delay, delay, foreseen)
+    found = follow(records, order, reference, begins - delay, delay, foreseen, begun)
     alone = [
         settled(one, own, time + delay, float(d), delays)
         for one, own, time, d in zip(records, heard, found.time, L, strict=True)
     ]
-    readings = _on_one_line(alone, found, L)
+    readings = _with_own(_on_one_line(alone, found, L), begun)
     law = law_of(readings, p)
     return readings, Series(parameter, p, law)
+
+
+def _with_own(readings: list[Reading], begun: Float) -> list[Reading]:
+    """A note where a record by itself would be read otherwise."""
+    result = []
+    for one, time in zip(readings, begun, strict=True):
+        best, record = one.best, one.record
+        assert record is not None
+        if best.valid and time > 0 and abs(time - best.time) > _SAME * record.period:
+            speed = one.receivers[0].position / time
+            note = f"by itself it would be read as {speed:.4g} m/s: look whether a cycle was missed"
+            one = replace(one, notes=(*one.notes, note))
+        result.append(one)
+    return result
 
 
 def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
@@ -136,7 +155,7 @@ def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list
     own = np.array([one.best.time for one in alone])
     period = np.array([one.record.period if one.record else np.nan for one in alone])
     off = own - found.time
-    near = np.isfinite(off) & (np.abs(off) < 0.6 * period)
+    near = np.isfinite(off) & (np.abs(off) < _SAME * period)
     moved = _line(found.time, off, near)
     left = np.abs(off - moved)[near]
     scatter = 1.4826 * float(np.median(left)) if near.any() else 0.0
@@ -157,6 +176,7 @@ def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list
         reason = ""
         record = one.record
         assert record is not None
+        share = float(np.hypot(share, slow_rise(record)))
         if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
             reason = UNLIKE
         elif time + record.start - record.blank < HIDDEN * record.period:
@@ -177,10 +197,13 @@ def _open_in_periods(alone: list[Reading], time: Float, period: Float) -> float:
     """
     apart = {}
     for name in alone[0].receivers[0].arrivals:
-        each = np.array([one.receivers[0].arrivals[name].time - one.delay for one in alone])
+        own = [one.receivers[0].arrivals[name] for one in alone]
+        each = np.array([a.time - one.delay for a, one in zip(own, alone, strict=True)])
         off = (each - time) / period
         if np.isfinite(off).sum() >= max(1, len(alone) // 2):
             apart[name] = TravelTime(float(np.nanmedian(off)), 0.0)
+        else:
+            apart[name] = TravelTime(np.nan, np.nan, next(a.reason for a in own if a.reason))
     return open_between(apart, 0.0, 1.0)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,14 @@ class TransmissionRecord:
     def interval(self) -> float:
         """Δt, s."""
         return float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
+
+    @cached_property
+    def rise(self) -> float:
+        """How long what is sent takes to half of its envelope's peak, s; 0 where not recorded."""
+        if self.sent is None:
+            return 0.0
+        size = envelope(self.sent)
+        return max(0.0, float(self.t[int(np.argmax(size >= size.max() / 2))]) - self.start)
 
     @property
     def noise_in_band(self) -> float:
@@ -185,7 +194,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     quiet = band[: int(np.searchsorted(t, found.start - 0.25 * rough))]
     noise = float(np.std(quiet)) if len(quiet) >= _FEWEST_BEFORE else 0.0
     # It comes with what is sent, when no wave can have come yet.
-    inside = (t >= found.start) & (t <= found.start + _AT_ONCE * rough)
+    inside = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part = found.start, 0.0
     if found.start > t[0] and peak > max(_HEARD * noise, _LEAST * float(size.max())):

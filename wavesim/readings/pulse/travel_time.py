@@ -24,7 +24,7 @@ from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
-from wavesim.readings.pulse.wave_packets import break_between, direct, packets
+from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
 
 Float = NDArray[Any]
 
@@ -36,6 +36,9 @@ _ELSEWHERE = 0.6
 _FURTHEST = 0.7
 # Another lag with this part of the largest correlation is a second cycle.
 _SECOND = 0.9
+# What takes longer than this to rise, in periods, has no first cycle that stands out.
+_SLOW = 0.6
+NOTHING_ALIKE = "nothing in common with what was sent near the break"
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
 ELSEWHERE = (
@@ -114,12 +117,19 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     """What the conventions leave open about a time, as one standard error, s.
 
     Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
-    1.2 times that; an eighth of a period where only one tells.
+    1.2 times that. Where only one tells, an eighth of a period; half of one where others were read
+    and none bears it out.
     """
     known = [one.time for one in found.values() if np.isfinite(one.time)]
     if len(known) < 2:
-        return period / 8
+        alone = sum(one.reason in (ELSEWHERE, NOTHING_ALIKE) for one in found.values()) > 1
+        return period / 2 if alone else period / 8
     return _FURTHEST * float(np.abs(np.array(known) - time).max())
+
+
+def slow_rise(record: TransmissionRecord) -> float:
+    """What a burst that rises slowly leaves open of its first cycle, s; 0 of one that does not."""
+    return record.period if record.rise > _SLOW * record.period else 0.0
 
 
 def second_cycle(record: TransmissionRecord, begins: float) -> float:
@@ -150,16 +160,27 @@ def _window(record: TransmissionRecord, begins: float, before: float, after: flo
     return slice(low, max(low + 1, min(len(record.t), int(at + after * reach) + 1)))
 
 
+def _packet(record: TransmissionRecord, begins: float) -> slice:
+    """Samples of the packet that breaks at a time; a burst lasts as long as it was sent."""
+    before, after = _PACKET
+    return _window(record, begins, before, max(after, record.length / record.period + 1.0))
+
+
 def _first_break(record: TransmissionRecord, begins: float) -> TravelTime:
     own = _window(record, begins, *_ABOUT)
-    found = break_between(record, own.start, own.stop)
+    # What a wave ahead of it leaves is no noise to divide from: it breaks about the lull between.
+    size = envelope(record.got)[own.start : own.stop]
+    until = max(1, int((begins + record.start - record.t[own.start]) / record.interval))
+    lull = own.start + int(np.argmin(size[: until + 1]))
+    low = max(own.start, lull - int(LULL * record.period / record.interval))
+    found = break_between(record, low, own.stop)
     if found is None:
         return TravelTime(np.nan, np.nan, "no break stands out near the direct wave")
     return TravelTime(*found)
 
 
 def _threshold(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
-    own = _window(record, begins, *_PACKET)
+    own = _packet(record, begins)
     part = record.got[own]
     place, slope = _reaches_half(part)
     there, _ = _reaches_half(sent)
@@ -183,7 +204,7 @@ def _reaches_half(u: Float) -> tuple[float, float]:
 
 
 def _envelope(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
-    own = _window(record, begins, *_PACKET)
+    own = _packet(record, begins)
     size = envelope(record.got)[own]
     first = _first_top(size)
     if first is None:
@@ -219,7 +240,7 @@ def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> Trav
     near = np.abs(np.arange(len(c)) - (np.argmax(np.abs(c)) if first is None else first)) <= reach
     at = int(np.argmax(np.where(near, np.abs(c), -1.0)))
     if not 0 < at < len(c) - 1:
-        return TravelTime(np.nan, np.nan, "nothing in common with what was sent near the break")
+        return TravelTime(np.nan, np.nan, NOTHING_ALIKE)
     place = top(np.abs(c), at)
     bend = abs(float(c[at - 1] - 2 * c[at] + c[at + 1]))
     energy = float(np.sum(np.diff(sent) ** 2))
@@ -232,7 +253,7 @@ def _correlations(record: TransmissionRecord, sent: Float, begins: float) -> tup
     """Lags about the direct wave, s, and the correlation of its packet with what was sent."""
     from scipy.signal import correlate  # slow to import, and only a reading needs it
 
-    own = _window(record, begins, *_PACKET)
+    own = _packet(record, begins)
     packet = np.zeros(len(record.t))
     packet[own] = record.got[own] * np.hanning(own.stop - own.start + 2)[1:-1] ** 0.25
     c = correlate(packet, sent, mode="full", method="fft")

@@ -33,7 +33,7 @@ _APART = 0.6
 _BEFORE = 2.5
 # An echo comes within this part of three times the direct wave's time.
 _ECHO = 0.08
-_LULL = 0.5
+LULL = 0.3
 # V_P/V_S of dry grains: above √(4/3), the least that an elastic solid has.
 P_OVER_S = (1.155, 2.6)
 # A packet's time may be off by this part of that of the wave which it is.
@@ -69,8 +69,7 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     dt, period = record.interval, record.period
     size = envelope(record.got)
     largest = float(size.max())
-    noise = float(np.nan_to_num(record.noise_in_band))
-    least = max(_COUNTS * largest, _ABOVE_NOISE * noise)
+    least = max(_COUNTS, hidden_by_noise(record)) * largest
     apart = max(1, int(_APART * period / dt))
     tops, _ = find_peaks(size, height=least, distance=apart, prominence=0.25 * least)
     found = []
@@ -79,12 +78,18 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     for at, before in zip(tops.tolist(), [first, *tops.tolist()], strict=False):
         # It breaks after the envelope's least since the packet before, or little earlier.
         least_at = before + int(np.argmin(size[before : at + 1]))
-        low = max(first, at - int(_BEFORE * period / dt), least_at - int(_LULL * period / dt))
+        low = max(first, at - int(_BEFORE * period / dt), least_at - int(LULL * period / dt))
         begins = break_between(record, low, at + 1)
         if begins is not None:
             place = float(record.t[0] + at * dt - record.start)
             found.append(Packet(place, *begins, float(size[at]) / largest))
     return found
+
+
+def hidden_by_noise(record: TransmissionRecord) -> float:
+    """Size below which noise hides a packet, over that of the largest, –."""
+    largest = float(envelope(record.got).max())
+    return _ABOVE_NOISE * float(np.nan_to_num(record.noise_in_band)) / max(largest, 1e-300)
 
 
 def break_between(record: TransmissionRecord, low: int, high: int) -> tuple[float, float] | None:

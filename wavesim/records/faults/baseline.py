@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.faults.finding import CURED, Finding, places
+from wavesim.records.faults.finding import CURED, Finding, beside_peak, places
 from wavesim.records.faults.quiet import FEWEST, Rest
 
 Float = NDArray[Any]
@@ -78,9 +78,8 @@ def without_baseline(
             part = max(size / max(rest.peak[j], 1e-300) for j, size in those)
             where = places(x, which, labels)
             found.append(
-                Finding(kind, where, f"{most:.3g}, {100 * part:.3g} % of peak", CURED,
-                        f"{kind} of up to {most:.3g} ({100 * part:.3g} % of the peak) taken out "
-                        f"({where})")
+                Finding(kind, where, f"{most:.3g}, {beside_peak(part)}", CURED,
+                        f"{kind} of up to {most:.3g} ({beside_peak(part)}) taken out ({where})")
             )  # fmt: skip
     return values
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.content import RecordError
+from wavesim.records.content import UnitsError
 from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, clocks, duplicates, misfits
@@ -155,7 +155,7 @@ def together(
         place = source_within(x, arrival)
         v = speed(x, arrival)
         if v > FASTEST and place is None:
-            raise RecordError(
+            raise UnitsError(
                 f"by its times and positions the signal goes at {v:.3g} m/s, faster than light: "
                 "one of them is in another unit; say which with --time-unit or --position-unit"
             )

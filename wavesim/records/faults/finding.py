@@ -55,3 +55,8 @@ def places(
     if np.isfinite(x[chosen]).all():
         return "x = " + ", ".join(f"{p:g}" for p in x[chosen[:most]]) + more + " m"
     return ", ".join(labels[j] for j in chosen[:most]) + more
+
+
+def beside_peak(part: float) -> str:
+    """A size beside the signal's peak, in words: "3 % of the peak", "25 times the peak"."""
+    return f"{100 * part:.3g} % of the peak" if part < 2 else f"{part:,.0f} times the peak"

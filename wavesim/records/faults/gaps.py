@@ -15,8 +15,35 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 FEWEST_FRAMES = 16
+# A first frame of zeros is none where the next ones are off by this many times their own range.
+_HEAD, _APART = 8, 4.0
 # A break of up to this many frames at one receiver is bridged.
 _BRIDGED = 2
+
+
+def without_first_zeros(
+    values: Float, t: Float, signal: Float | None, found: list[Finding]
+) -> tuple[Float, Float, Float | None]:
+    """The first frame left out where it holds zeros alone and no channel comes from there.
+
+    Some scopes write such a row; beside an offset it is a spike.
+
+    Args:
+        values, t: shape (C, nt, nx) and (nt,).
+        signal: the source's, shape (nt,), or None.
+        found: findings, added to.
+    """
+    head = values[:, : _HEAD + 1]
+    if len(t) <= 2 * _HEAD or head[:, 0].any() or not np.isfinite(head).all():
+        return values, t, signal
+    from_zero = np.abs(head[:, 1]) > _APART * np.ptp(head[:, 1:], axis=1)
+    if not from_zero.any():
+        return values, t, signal
+    found.append(
+        Finding("first row", f"t = {t[0]:.6g} s", "1 frame", CURED,
+                "the first frame holds zeros alone, as some scopes write it: left out")
+    )  # fmt: skip
+    return values[:, 1:], t[1:], None if signal is None else signal[1:]
 
 
 def whole_frames(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import Content, RecordError
 from wavesim.records.formats.text import Table, read_table
-from wavesim.records.units import factor, is_index, is_time, position_in, unit_in
+from wavesim.records.units import factor, is_index, is_time, position_in, unit_in, unknown_unit_in
 
 # A column that goes evenly upward to this part of its step, and is not named otherwise, is a clock.
 _EVEN = 0.51
@@ -41,11 +41,17 @@ def of_table(table: Table) -> Content:
         )
     arrays: dict[str, NDArray[Any]] = {"values": table.data[:, channels]}
     units: dict[str, str] = {}
+    said_in: dict[str, str] = {}
     if clocks:
         first = clocks[0]
         arrays["t"] = table.data[:, first]
-        unit = unit_in(table.headings[first], "time") or table.units[first]
+        heading = unit_in(table.headings[first], "time")
+        unit = heading or table.units[first]
         if factor(unit, "time") is not None:
+            units["t"] = unit
+            text = table.headings[first].strip() if heading else unit
+            said_in["t"] = f"row {table.rows[0 if heading else 1]} ({text[:40]!r})"
+        elif unit or (unit := unknown_unit_in(table.headings[first]) or ""):
             units["t"] = unit
         if len(clocks) > 1:
             notes += _one_clock(table, clocks, channels, arrays)
@@ -59,6 +65,7 @@ def of_table(table: Table) -> Content:
         tuple(table.columns[c] for c in channels),
         notes,
         overload,
+        said_in=said_in,
     )
     _positions(found, table, channels)
     return found

@@ -40,6 +40,9 @@ _CLOCK = re.compile(
 # Most likely first: of those that read as many rows the first is taken.
 _DIALECTS = (("\t", "."), (";", "."), (";", ","), (",", "."), ("|", "."), ("\t", ","), (None, "."),
              (None, ","), (",", ","))  # fmt: skip
+# What begins with a longer mark begins with the shorter one too.
+_MARKED = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"),
+           (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))  # fmt: skip
 _REMARK = re.compile(r"comment|remark|note|bemerkung", re.IGNORECASE)
 _SAMPLE = 80
 _LONGEST_HEAD = 4
@@ -52,6 +55,7 @@ class Table:
     Attributes:
         headings: of its columns, "" where there is none.
         units: of its columns, "" where none is said.
+        rows: lines of the file that headings and units stand in, 0 where there are none.
         data: shape (n, m), NaN where a cell is blank or marked.
         columns: their numbers in the file, from 1.
         lines: of the file, that each row stands in.
@@ -63,6 +67,7 @@ class Table:
 
     headings: list[str]
     units: list[str]
+    rows: tuple[int, int]
     data: NDArray[Any]
     columns: list[int]
     lines: NDArray[Any]
@@ -105,7 +110,7 @@ def read_table(path: Path) -> Table:
     if not any(len(row) == width for _, row in above[-1:]):
         above = sorted(above + before)
     _check_heading(above, width, body[0][0], decimal, separator)
-    headings, units = _headings([row for _, row in above[-_LONGEST_HEAD:]], width)
+    headings, units, rows = _headings(above[-_LONGEST_HEAD:], width)
     if decimal == ",":
         headings = [re.sub(r"(?<=\d),(?=\d)", ".", heading) for heading in headings]
     # The last row of a file cut short.
@@ -120,6 +125,7 @@ def read_table(path: Path) -> Table:
     return Table(
         [headings[c] for c in kept],
         [units[c] for c in kept],
+        rows,
         data[:, kept],
         [c + 1 for c in kept],
         np.array([n for n, _ in body]),
@@ -131,13 +137,12 @@ def read_table(path: Path) -> Table:
 
 
 def _decoded(raw: bytes) -> tuple[str, list[str]]:
-    for mark, name in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"),
-                       (b"\xfe\xff", "utf-16")):  # fmt: skip
-        if raw.startswith(mark):
-            try:
-                return raw.decode(name), []
-            except UnicodeDecodeError as error:
-                raise RecordError(f"can't be read as text: {error}") from None
+    name = _wide(raw)
+    if name:
+        try:
+            return raw.decode(name), []
+        except UnicodeDecodeError as error:
+            raise RecordError(f"can't be read as text: {error}") from None
     if b"\0" in raw[:100_000]:
         raise RecordError(
             "can't be read as text: it holds bytes that no text has; give it the suffix of what "
@@ -147,6 +152,18 @@ def _decoded(raw: bytes) -> tuple[str, list[str]]:
         return raw.decode("utf-8"), []
     except UnicodeDecodeError:
         return raw.decode("cp1252", "replace"), []
+
+
+def _wide(raw: bytes) -> str:
+    """An encoding that the first bytes mark, or UTF-16 by the zeros in every other byte; or ""."""
+    for mark, name in _MARKED:
+        if raw.startswith(mark):
+            return name
+    head = raw[:1000]
+    even, odd = head[::2].count(0), head[1::2].count(0)
+    if len(head) > 8 and max(even, odd) > 0.4 * len(head) and min(even, odd) == 0:
+        return "utf-16-le" if odd else "utf-16-be"
+    return ""
 
 
 def _uncommented(line: str) -> str:
@@ -243,8 +260,10 @@ def _whole(line: str, cells: Any, decimal: str, width: int) -> bool:
     return len(row) == width and all(_readable(c, decimal) for c in row)
 
 
-def _headings(above: list[list[str]], width: int) -> tuple[list[str], list[str]]:
-    """Headings and units from the rows next above the numbers."""
+def _headings(
+    above: list[tuple[int, list[str]]], width: int
+) -> tuple[list[str], list[str], tuple[int, int]]:
+    """Headings and units from the rows next above the numbers, and these rows' lines."""
     blank = [""] * width
 
     def fitted(row: list[str]) -> list[str] | None:
@@ -254,12 +273,14 @@ def _headings(above: list[list[str]], width: int) -> tuple[list[str], list[str]]
             row = [*row, ""]  # rows that end in a separator
         return list(row) if len(row) == width else None
 
-    rows = [fitted(row) for row in above]
-    units = blank
-    if rows and rows[-1] is not None and _all_units(rows[-1]):
-        units = rows.pop() or blank
-    heading = rows[-1] if rows else None
-    return heading or blank, [u.strip("()[]{} ") for u in units]
+    rows = [(number, fitted(row)) for number, row in above]
+    line, units = rows[-1] if rows else (0, None)
+    if units is not None and _all_units(units):
+        rows.pop()
+    else:
+        line, units = 0, blank
+    at, heading = rows[-1] if rows else (0, None)
+    return heading or blank, [u.strip("()[]{} ") for u in units], (at if heading else 0, line)
 
 
 def _check_heading(
@@ -386,6 +407,8 @@ def _check_widths(
     body: list[tuple[int, str]], cells: Any, separator: str | None, width: int
 ) -> None:
     for number, line in body:
+        if line.count('"') % 2:
+            raise RecordError(f"row {number}: a quotation mark has no other: take it out")
         quick = len(line.split()) if separator is None else line.count(separator) + 1
         if quick == width and '"' not in line:
             continue
