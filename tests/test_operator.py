@@ -18,9 +18,12 @@ from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
+from wavesim.simulation.simulation import simulation
+from wavesim.sources.ricker import Ricker
 from wavesim.timedomain.energy import energy
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
+from wavesim.timedomain.time_step import series_coefficients, time_step
 
 CELL = 1.25e-4
 SOFT = Medium(anisotropy=0.3, closure="consistent")
@@ -328,3 +331,22 @@ def test_absorbed_waves_of_a_damped_medium_obey_the_stretched_equations(rng):
     left = ((d - 1j * omega) * (alpha - 1j * omega) * stretched / (-1j * omega))[:, inner]
     scale = np.abs(pull).max()
     np.testing.assert_allclose(by_A[:, inner], left, atol=1e-12 * scale)
+
+
+def test_a_fast_mode_that_loses_nothing_is_stepped_beside_an_absorber():
+    """A thin layer has the fastest modes, the ends damp others: of the series of exp(hλ) at λ = iω
+    of such a mode no term is so large that its rounding is felt above 1e-7."""
+    stiff = Medium(closure="consistent", G_n_a=40.0, G_n_r=40.0)
+    soft = dataclasses.replace(stiff, G_n_a=3.0, G_n_r=24.0)
+    layers = Layers((Layer(0.0, 0.024, stiff), Layer(0.024, 0.02426, soft),
+                     Layer(0.02426, 0.048, stiff)))  # fmt: skip
+    bar = layered_bar(layers, (5e-5, 1.6e-5, 5e-5), 8, "absorbing", "absorbing", 8e-3)
+    made = time_step(simulation(layers, bar, (Ricker("phi1", 0.012, 3e5),), 1e-4, 11))
+    c = series_coefficients(np.array([made.step]), made.radius, made.shift, made.degree)[0]
+    fastest = 1j * made.radius / 1.05
+    X = (fastest + made.shift) / made.radius
+    before, here, largest = 1.0, X, 0.0
+    for factor in c[1:]:
+        largest = max(largest, abs(factor * here))
+        before, here = here, 2 * X * here + before
+    assert largest * 1e-16 <= 1e-7

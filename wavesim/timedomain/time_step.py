@@ -6,6 +6,7 @@ a step h, R ≥ every frequency of the bar. Tal-Ezer, SIAM J. Numer. Anal. 23, 1
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -36,6 +37,9 @@ _ENDS = 1.05
 _LONGEST_STEP = 200.0
 # Decay of what is lost fastest over a step, by e to twice this: rounding then is felt at 1e-9.
 _MOST_DECAY = 16.0
+# Growth, as a power of e, of the terms of a mode that is fast and loses nothing, where others do:
+# rounding then is felt at 1e-8 of what there is of it.
+_MOST_GROWTH = 18.0
 # A propagator that reaches further than this many cells only costs memory.
 _LONGEST_REACH = 160
 # Points of a run whose rows of the propagator are held as one dense matrix.
@@ -117,7 +121,8 @@ def time_step(simulation: Simulation) -> TimeStep:
     elif solver == "chebyshev":
         longest = _LONGEST_STEP / radius
         if loss > 0:
-            longest = min(longest, 2 * _MOST_DECAY / loss)
+            grows = radius * math.log(_growth(radius, loss / 2)) - loss / 2
+            longest = min(longest, 2 * _MOST_DECAY / loss, _MOST_GROWTH / grows)
     else:
         longest = EXPLICIT[solver][1] / (radius + loss)
     if simulation.step is not None:
@@ -259,6 +264,12 @@ def fastest_loss(simulation: Simulation, radius: float) -> float:
     return max(rates) + max(ends) * unit
 
 
+def _growth(radius: float, shift: float) -> float:
+    """g of |φ_k((A + s)/R)| ≤ g^k, that of the fastest mode there may be if it loses nothing."""
+    z = shift / radius + 1j / _ENDS  # R is so much beyond the fastest mode
+    return float(abs(z + cmath.sqrt(z**2 + 1)))
+
+
 def series_coefficients(
     times: Float, radius: float, shift: float, degree: int | None = None
 ) -> Float:
@@ -280,7 +291,8 @@ def series_coefficients(
     times = np.asarray(times)
     phase = radius * times[:, None]
     if degree is None:
-        # |φ_k| on the rectangle is at most g^k, g that of its corner.
+        # |φ_k| is at most g^k on the real axis; near the corners it grows by more (_growth), which
+        # the length of a step bounds.
         corner = shift / radius
         growth = corner + math.sqrt(1 + corner**2)
         longest = float(phase.max())
