@@ -7,6 +7,7 @@ import pytest
 from test_waves_along_line import dispersive, passing
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.record import record
 
 N, NT, D, DT = 32, 400, 1e-3, 2e-7
@@ -58,3 +59,19 @@ def test_modes_close_in_wavenumber(rng, apart, loss):
     off = np.abs(np.stack([dispersive(own.omega), near(own.omega)]) - own.k).min(axis=0)
     assert len(own) >= 20
     assert np.mean(off <= 1.96 * own.k_error) >= 0.85
+
+
+@pytest.mark.parametrize(("apart", "noise"), [(0.1, 0.0), (0.3, 1e-3), (0.3, 0.01)])
+def test_modes_close_at_few_receivers(rng, apart, noise):
+    """Complex k at ten receivers that lose 1 neper over them: within no bar before."""
+    x = 0.05 + 0.005 * np.arange(10)
+    part = apart * 2 * np.pi / np.ptp(x) / dispersive(2 * np.pi * 4e4)
+    near = lambda w: (1 - part) * dispersive(w)  # noqa: E731
+    fall = lambda r: np.exp(-(r - x[0]) / np.ptp(x))  # noqa: E731
+    u = passing(x, [(dispersive, fall), (near, lambda r: 0.3 * fall(r))])
+    u += noise * rng.normal(size=u.shape)
+    points = in_space(record(u, np.arange(len(u)) * 1e-6, x), 2 * np.pi * np.linspace(2e4, 8e4, 25))
+    own = points.take(points.valid)
+    exact = np.stack([dispersive(own.omega), near(own.omega)]) + 1j / np.ptp(x)
+    assert len(own) >= 20
+    assert np.mean(np.abs(exact - own.k).min(axis=0) <= own.bar) >= 0.85

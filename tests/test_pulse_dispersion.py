@@ -9,6 +9,7 @@ from wavesim.readings.pulse.attenuation_and_quality import (
     attenuation_of_amplitudes,
     constant_quality_of_amplitudes,
 )
+from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
 from wavesim.readings.pulse.phase_velocity import dispersion
 from wavesim.readings.pulse.signals import PulseError, pulse_record
@@ -221,6 +222,22 @@ def test_noise_makes_far_phases_no_more_ambiguous(rng):
     scores = np.concatenate(scores)
     assert np.abs(scores).max() <= 6
     assert 0.85 <= np.sqrt(np.mean(np.abs(scores) ** 2) / 2) <= 1.15
+
+
+def test_where_no_loss_is_seen_there_is_a_bound_and_no_quality(rng):
+    """A wave without loss in noise of 1 %: at no frequency a Q, but one that it lies above; and
+    none over the band."""
+    x = np.array([0.0, 0.004, 0.009, 0.02])
+    values = through(lambda w: w / C, T, ricker(T, F, 1.5e-5), x)
+    values = values + 1e-2 * np.abs(values).max() * rng.standard_normal(values.shape)
+    result = measure(T, *named(values, x))
+    found = result.dispersion
+    own = found.valid & np.isfinite(found.quality_at_least)
+    assert own.sum() >= 10
+    assert np.mean(np.isfinite(found.quality[own])) <= 0.05
+    assert (found.quality_at_least[own] > 0).all()
+    assert np.isnan(result.quality.quality)
+    assert result.quality.reason.startswith("no loss is seen: Q above")
 
 
 def test_what_is_not_driven_or_not_given_is_told():

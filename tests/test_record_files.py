@@ -138,12 +138,21 @@ def test_marks_of_overload_are_missing_samples(tmp_path):
             HEAD + rows().replace(f"{U[3, 1]:g}", "bad7", 1),
             r"row 5, column 3 .*'bad7' is no number",
         ),
+        (HEAD + rows().replace(f"{U[3, 1]:g}", '"', 1), "row 5: a quotation mark has no other"),
         (
             HEAD + rows().replace("\n", ",7\n", 1),
             r"row 2 has 6 cells; the heading has 5.*semicolons",
         ),
     ],
-    ids=["channels", "numbers", "sensors", "no heading", "a word", "decimal commas"],
+    ids=[
+        "channels",
+        "numbers",
+        "sensors",
+        "no heading",
+        "a word",
+        "a quotation mark",
+        "decimal commas",
+    ],
 )
 def test_a_message_names_row_column_and_option(tmp_path, text, message):
     (tmp_path / "a.csv").write_text(text)

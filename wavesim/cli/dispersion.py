@@ -167,7 +167,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             shown.print(f"  {int((points.reason == reason).sum())} refused: {reason}.")
         if entry.get("waves"):
             shown.print(_waves(entry["waves"], one.origin.bar is not None))
-        elif points.in_space:
+        elif points.in_space and points.valid.any():
             shown.print(_decays(points.take(points.valid)))
             sigma = float(max(points.omega.imag, default=0.0))
             if sigma > 0:
@@ -241,7 +241,7 @@ def _decays(own: Any) -> Any:
     headings = "frequency\nkHz", "attenuation\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
     for heading in (*headings, f"one of\n{len(own)}"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for n in range(0, len(own), -(-len(own) // _FEW)):
+    for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
         k, hertz = complex(own.k[n]), own.omega[n].real / 6.283185307179586
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
         decibels = 20e-3 * math.log10(math.e) * k.imag

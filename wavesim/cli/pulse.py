@@ -288,7 +288,9 @@ def _array(test: Any, expected: tuple[float, float] | None) -> Any:
 
     placed = {name: x for name, x in test.positions.items() if math.isfinite(x)}
     signals = {name: test.signals[name] for name in placed}
-    return _noted(read_array(test.name, test.t, signals, placed, test.sent, expected), test)
+    return _noted(
+        read_array(test.name, test.t, signals, placed, test.sent, expected, test.unlike), test
+    )
 
 
 def _single(test: Any, distance: float) -> tuple[Any, float]:

@@ -17,6 +17,10 @@ from wavesim.records.files import own_result, read
 
 Float = NDArray[Any]
 
+UNLIKE = (
+    "the receivers stand in layers that differ: a velocity between them is of the path, and there "
+    "is no α or Q of a medium; put two receivers or more into one layer"
+)
 # More missing frames than this part are no small gap.
 _MOST_MISSING = 0.01
 
@@ -33,6 +37,7 @@ class PulseTestRecord:
         sent: what was sent, shape (nt,); None where it was not recorded.
         notes: what was done to the file's numbers, and assumed.
         speeds: {wave: speed} of the medium, m/s; None where it is not known.
+        unlike: why there is not one medium between the receivers; "" where there may be.
     """
 
     name: str
@@ -42,6 +47,7 @@ class PulseTestRecord:
     sent: Float | None
     notes: tuple[str, ...] = ()
     speeds: dict[str, float] | None = None
+    unlike: str = ""
 
     @property
     def placed(self) -> bool:
@@ -128,7 +134,10 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
         signals = {key: np.asarray(field.at(field.receivers[key], macro)) for key in places}
         speeds = wave_speeds(field.medium) or None
-        found.append(PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, speeds=speeds))
+        layers = [field.layers.layer_at(field.receivers[key]) for key in places]
+        one = len(set(map(id, layers))) == 1 and layers[0].last is None
+        record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, speeds=speeds)
+        found.append(record if one else replace(record, unlike=UNLIKE))
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"

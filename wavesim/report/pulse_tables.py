@@ -145,9 +145,17 @@ def _spectra(console: Console, one: Reading) -> None:
             number(found.phase_velocity[i], found.phase_error[i]),
             number(found.group_velocity[i], found.group_error[i]),
             number(found.attenuation[i], found.attenuation_error[i]),
-            number(found.quality[i], found.quality_error[i]),
+            _quality(found, i),
         )
     console.print(table)
+
+
+def _quality(found: Any, i: int) -> str:
+    """Q, or what it is above where no loss is seen."""
+    if math.isfinite(found.quality[i]):
+        return number(found.quality[i], found.quality_error[i])
+    least = found.quality_at_least[i]
+    return f"> {least:.3g}" if math.isfinite(least) else "–"
 
 
 def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:

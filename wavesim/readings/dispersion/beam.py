@@ -14,6 +14,7 @@ the error of k is a part of the aperture's resolution: about √(unexplained)/X.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +41,8 @@ _STEPS = 12
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 2.0
+# Noise is common to receivers where it is by so many deviations.
+_SURELY = 3.0
 # Unexplained up to so many times the noise's own is noise.
 _NOISE_SPREAD = 1.5
 # Amplitudes are tame where so many receivers for each wave hold the power …
@@ -142,6 +145,24 @@ def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
     return np.asarray(np.abs(np.einsum("fx,fxk->fk", unit, steer)) / total)
 
 
+def _in_step(U: Complex, x: Float) -> Callable[[Float], Float]:
+    """How much more of the noise's power a wave of given k hears than if receivers shared none.
+
+    A clock that shivers shifts all receivers at once: its noise, seen at the highest frequencies,
+    is as long in x as the signal is, and has the signal's wavenumbers.
+    """
+    high = U[-max(4, len(U) // 10) : -1]
+    high = high / np.maximum(np.sqrt(np.mean(np.abs(high) ** 2, axis=0)), 1e-290)
+    lever = (x - x.mean()) / np.sqrt(np.sum((x - x.mean()) ** 2))
+
+    def heard(k: Float) -> Float:
+        power = np.abs(high @ (lever[:, None] * np.exp(-1j * np.outer(x, k)))) ** 2
+        more = power.mean(axis=0)
+        return np.where(more > 1 + _SURELY / np.sqrt(len(high)), more, 1.0)
+
+    return heard
+
+
 def weights(U: Complex, noise: Float) -> Float:
     """What each receiver's phase tells, shape of U: 1 far above the noise, 0 within it."""
     strength = np.abs(U) / np.maximum(noise, 1e-290)
@@ -168,6 +189,7 @@ def beams(
     """
     omega, U = transform(values, interval)
     kept = omega <= omega_max
+    together = _in_step(U, x)
     omega, U = omega[kept], U[kept]
     noise = noise_of_transform(values, interval, omega, quantum)
     weight = weights(U, noise)
@@ -176,7 +198,7 @@ def beams(
     U, noise, weight = U[rows], noise[rows], weight[rows]
     k, length = _highest(U, x, weight)
     bends = _bends(U, x, weight, k)
-    alone = _by_phase(U, x, noise, weight, k, length)
+    alone = _by_phase(U, x, noise, weight, k, length, together(k))
     one = (*alone, bends.size, bends.noise, bends.over)
     fits = _fitted(U, x, weight > 0, k, noise)
     parts = [[np.zeros(0)] * 9]
@@ -185,7 +207,7 @@ def beams(
             parts.append([np.array([v]) for v in (row, *(column[i] for column in one))])
             continue
         ks, errors, sizes, left = fits[i]
-        m = len(ks)
+        errors, m = errors * np.sqrt(together(ks)), len(ks)
         error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(left) / length[i])
         parts.append(
             [np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m), *np.zeros((3, m))]
@@ -222,7 +244,7 @@ def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
 
 
 def _by_phase(
-    U: Complex, x: Float, noise: Float, weight: Float, k: Float, length: Float
+    U: Complex, x: Float, noise: Float, weight: Float, k: Float, length: Float, together: Float
 ) -> tuple[Float, Float, Float, Float, Float]:
     """k, its error, amplitude, unexplained and whether clear, of one wave at each frequency."""
     B = phase_beam(U, x, weight, k[:, None])[:, 0]
@@ -239,6 +261,7 @@ def _by_phase(
     # Noise that is known too low shows in what is left over.
     more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
     noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
+    noisy = noisy * np.sqrt(together)
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))

@@ -34,6 +34,8 @@ _KNOWN, _SURE = 1.1, 2.5
 # Two modes closer than this part of the resolution 2π/X are told as one where nothing shows; what
 # noise hides beyond that is part of the bar.
 CLOSE = 0.3
+# What is left above so many times the noise's power is the receivers' own.
+_ALIKE = 3.0
 # √720 times the phase error over the record that a simulated field's rounding leaves, rad.
 _ROUNDING = 3e-10
 
@@ -55,6 +57,13 @@ class Bends:
     def take(self, which: Any) -> Bends:
         """Those at an index or mask."""
         return Bends(self.size[which], self.noise[which], self.over[which])
+
+    def put(self, which: Any, others: Bends) -> Bends:
+        """With others at an index or mask."""
+        columns = [v.copy() for v in (self.size, self.noise, self.over)]
+        for column, new in zip(columns, (others.size, others.noise, others.over), strict=True):
+            column[which] = new
+        return Bends(*columns)
 
 
 def worth(
@@ -188,3 +197,43 @@ def of_sinusoids(found: Fit, level: Float, scale: Float, weight: Float | None) -
         noise[:, j] = 2 * np.sqrt(chance[:, 2] / power[:, j])
         over[:, j] = (size[:, 1] / chance[:, 1] + size[:, 2] / chance[:, 2]) / 2
     return Bends(bend / count**2, noise / count**2, over)
+
+
+def of_receivers(U: Any, x: Float, used: Any, k: Any, both: bool, level: Float) -> Bends:
+    """Bends of one wave e^{ikx} at receivers of any places, and of what comes back where it does.
+
+    Args:
+        U: shape (n, nx).
+        x: places, shape (nx,), m.
+        used: receivers that count, shape (n, nx), bool.
+        k: complex, shape (n,), rad/m.
+        both: whether a wave e^{−ikx} is part of the model.
+        level: deviation of the noise, shape (n,).
+
+    Returns:
+        Their noise is what no bend explains, as of receivers that differ from each other, 0 where
+        that is the record's own; all 0 where no receiver is to spare.
+    """
+    t = (x - x.mean()) / np.ptp(x)
+    turn = 1j * np.where(np.isfinite(k), k, 0)[:, None] * (x - x.mean())
+    turn = np.exp(np.clip(turn.real, -200, 200) + 1j * turn.imag) * used
+    columns = [turn, turn * t, turn * t**2]
+    if both:
+        columns.append(used / np.where(used, turn, 1))
+    basis = np.stack(columns, axis=-1)
+    scale = np.maximum(np.linalg.norm(basis, axis=1, keepdims=True), 1e-290)
+    basis = basis / scale
+    inverse = np.linalg.pinv(basis)
+    fit = (inverse @ np.where(used, U, 0)[..., None])[..., 0]
+    left = np.where(used, U, 0) - (basis @ fit[..., None])[..., 0]
+    spare = used.sum(axis=1) - len(columns)
+    rest = np.sum(np.abs(left) ** 2, axis=1) / np.maximum(spare, 1)
+    spread = np.sum(np.abs(inverse[:, 2]) ** 2, axis=1)
+    amplitude = np.maximum(np.abs(fit[:, 0] / scale[:, 0, 0]), 1e-290)
+    unit = 2 / (amplitude * scale[:, 0, 2] * np.ptp(x) ** 2)
+    noise = np.sqrt(spread * np.maximum(rest, level**2))
+    over = np.abs(fit[:, 2]) ** 2 / np.maximum(noise, 1e-290) ** 2
+    # What is off at all frequencies alike tells nothing more at many than at one.
+    unlike = (rest > _ALIKE * level**2) & (spare > 0)
+    over = np.where((spare > 0) & ~(unlike & (over < _ALONE)), over, 0.0)
+    return Bends(unit * np.abs(fit[:, 2]), unit * noise * unlike, over)

@@ -21,9 +21,10 @@ from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, folded_in_pieces
+from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
-from wavesim.readings.dispersion.points import BAR, BranchPoints
+from wavesim.readings.dispersion.points import COMPLEX_BAR, BranchPoints
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.records.record import Record, RecordError
 
@@ -68,6 +69,8 @@ _ENDED = 1e-3
 _WORTH_CUTTING = 0.1
 # A signal is seen from these parts of its peak on; noise is within so many of its deviations.
 _FEET, _OF_NOISE = (0.5, 0.1), 5.5
+# What receivers that differ hide of a second mode is part of the bar beyond this, over 2π/X.
+_CLOSE = 0.1
 # Part of a ring, from its source on, in which receivers are used.
 _PART_OF_RING = 0.125
 
@@ -139,7 +142,7 @@ def in_space(
         )
     level = np.hypot(truncation, noise)
     fits = _fits(U, x, used, pairs)
-    points = _chosen(fits, used, omega + 1j * sigma, level)
+    points, chosen = _chosen(fits, used, omega + 1j * sigma, level)
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
     high = points.omega.real > _BAND * np.pi / record.interval
     reason = np.where(high, "near the Nyquist frequency: sample more often", points.reason)
@@ -149,7 +152,29 @@ def in_space(
     part = np.hypot(record.spacing_error, record.interval_error)
     points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
     points = _with_branches(points, omega)
+    points = _with_hidden(points, U, x, used, level, [fits[c][:2] for c in chosen])
     return points if record.lattice else _unfolded(points, x, omega)
+
+
+def _with_hidden(
+    points: BranchPoints, U: Any, x: Float, used: Any, level: Float, models: Any
+) -> BranchPoints:
+    """Errors with what a second wave leaves, where one was laid through the receivers."""
+    step = np.repeat(np.arange(len(U)), [pairs for pairs, _ in models])
+    nil = np.zeros(len(points))
+    bends = Bends(nil, nil, nil)
+    for both in (False, True):
+        rows = np.flatnonzero([model == (1, both) for model in models])
+        own = np.flatnonzero(np.isin(step, rows))
+        if len(rows):
+            told = of_receivers(U[rows], x, used[rows], points.k[own], both, level[rows])
+            bends = bends.put(own, told)
+    cell = 2 * np.pi / float(np.ptp(x))
+    more = worth(bends, points.k.real, points.branch, step, cell, points.k.imag, _CLOSE)
+    points = replace(points, error=np.hypot(points.error, more))
+    # A loss that may be none, as of two modes that swell together, tells no direction.
+    turned = (more > 0) & (points.k.real < 0) & (points.k.imag < points.bar)
+    return replace(points, k=np.where(turned, -points.k.real + 0j, points.k))
 
 
 def _rest(values: Float) -> int:
@@ -248,8 +273,8 @@ def _fits(U: Any, x: Float, used: Any, pairs: int) -> list[tuple[int, bool, Line
 
 def _chosen(
     fits: list[tuple[int, bool, LineFit]], used: Any, omega: Any, level: Float
-) -> BranchPoints:
-    """At each frequency the simplest model that a richer one does not better by far."""
+) -> tuple[BranchPoints, NDArray[np.int64]]:
+    """At each frequency the simplest model that a richer one does not better by far; and which."""
     n = len(omega)
     count = used.sum(axis=1)
     chosen = np.zeros(n, int)
@@ -284,7 +309,8 @@ def _chosen(
         if excess:
             # … and is known from no more receivers than there are to spare.
             spare = max(int(count[i]) - unknowns(pairs, both), 1)
-            noise *= student.isf(_OUTSIDE / 2, spare) / BAR
+            # Gains alone are off along one direction of the complex plane.
+            noise *= student.isf(_OUTSIDE / 2, spare) / COMPLEX_BAR
         for p in range(pairs):
             columns["omega"].append(omega[i])
             columns["k"].append(one.k[i, p])
@@ -307,7 +333,7 @@ def _chosen(
     reason[weak & loud] = UNLIKE
     more &= ~weak
     reason[more] = "unexplained power: more waves than sought, or uneven noise"
-    return BranchPoints(
+    points = BranchPoints(
         "space",
         np.array(columns["k"]),
         np.array(columns["omega"]),
@@ -319,6 +345,7 @@ def _chosen(
         reason,
         np.full(len(reason), -1),
     )
+    return points, chosen
 
 
 def _weak(one: LineFit, i: int, count: int, free: int, level: float) -> bool:

@@ -71,6 +71,7 @@ def of_reading(one: Reading) -> dict[str, Any]:
         answer["quality"] = {
             "value": quality.quality,
             "error": quality.error,
+            "at_least": quality.at_least,
             "inverse": quality.inverse,
             "inverse_error": quality.inverse_error,
             "band": list(quality.band),

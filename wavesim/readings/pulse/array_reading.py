@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,8 @@ def _period(u: Float) -> int:
 _PREFERRED = ("correlation", "envelope", "threshold", "first break")
 # A convention tells of what others leave open where it is known this well.
 _KNOWN = 0.2
+# An error this many times the convention's own is told of.
+_OPEN = 3.0
 _FURTHEST = 0.7
 # Group and phase velocity that far apart are dispersion.
 _DISPERSES = 0.03
@@ -105,6 +108,7 @@ def read_array(
     positions: Mapping[str, float],
     sent: ArrayLike | None = None,
     expected: tuple[float, float] | None = None,
+    unlike: str = "",
 ) -> Reading:
     """Read a record of two receivers or more.
 
@@ -115,6 +119,8 @@ def read_array(
         positions: of each, m; the wave runs towards larger ones.
         sent: what was sent, shape (nt,); None where it was not recorded.
         expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s.
+        unlike: why what lies between the receivers is not one medium, so that there is no k of it;
+            "" where it is one.
 
     Returns:
         The reading: times are those of the record's clock, ``best.time`` is that from the first to
@@ -137,10 +143,15 @@ def read_array(
         t, given, positions, window=window, expected=expected,
         source=None if sent is None else np.asarray(sent, float),
     )  # fmt: skip
+    if unlike:
+        ratio = replace(result.constant_quality, quality=math.nan, error=math.nan, reason=unlike)
+        refused = result.dispersion.refused(unlike)
+        result = replace(result, dispersion=refused, constant_quality=ratio)
+        notes.append(unlike)
     notes = [*result.record.notes, *notes]
     if overlap:
         notes.append(overlap)
-    best = _best(result, ("first break",) if overlap else _PREFERRED)
+    best = _best(result, ("first break",) if overlap else _PREFERRED, notes)
     notes += _dispersion(result)
     receivers = tuple(
         ReceiverArrivals(key, float(result.record.x[j]), _arrivals(result, j))
@@ -180,8 +191,8 @@ def _arrivals(result: PulseResult, j: int) -> dict[str, TravelTime]:
     }
 
 
-def _best(result: PulseResult, preferred: tuple[str, ...]) -> Best:
-    """The velocity that counts, with what the conventions leave open."""
+def _best(result: PulseResult, preferred: tuple[str, ...], notes: list[str]) -> Best:
+    """The velocity that counts, with what the conventions leave open; a note where that is most."""
     speeds = result.velocities
     span = float(result.record.x[-1] - result.record.x[0])
     told = [
@@ -201,6 +212,12 @@ def _best(result: PulseResult, preferred: tuple[str, ...]) -> Best:
         for n in told
     ]
     bar = math.hypot(one.error, _FURTHEST * max(others))
+    if bar > _OPEN * one.error:
+        each = [speeds[n].velocity for n in told]
+        notes.append(
+            f"the velocity's error is what the conventions leave open, which read {min(each):.4g} "
+            f"to {max(each):.4g} m/s, and not the noise of one of them"
+        )
     time = span / one.velocity
     reason = ""
     if not one.velocity > 0:

@@ -30,6 +30,7 @@ from wavesim.readings.pulse.velocity import weighted_line
 Float = NDArray[Any]
 
 _FEWEST_FREQUENCIES = 3
+UNSEEN = "no loss is seen: Q above {:.3g}"
 # The spectral ratio is refused where a velocity that changes puts it off by more than this part.
 _CONSTANT = 0.1
 
@@ -142,7 +143,8 @@ class MeanQuality:
     """Q = ω/(2αv_g) over a band, where it is the same at all frequencies.
 
     Attributes:
-        quality, error: Q and its standard error, –.
+        quality, error: Q and its standard error, –; NaN where there is none.
+        at_least: Q by two standard errors of 1/Q more, –; NaN where nothing is known.
         inverse, inverse_error: 1/Q, which is averaged, and its standard error, –.
         used: frequencies that count.
         band: the lowest and highest of them, Hz.
@@ -158,6 +160,7 @@ class MeanQuality:
     band: tuple[float, float]
     excess: float
     reason: str = ""
+    at_least: float = math.nan
 
 
 def mean_quality(
@@ -182,6 +185,11 @@ def mean_quality(
     nan = np.nan
     if count < _FEWEST_FREQUENCIES:
         why = f"{count} frequencies with α and v_g; at least {_FEWEST_FREQUENCIES} are needed"
+        if int((np.isfinite(inverse) & ~np.isfinite(error)).sum()) >= _FEWEST_FREQUENCIES:
+            why = (
+                "the error of α is not known: two receivers have none to spare, and the record "
+                "shows no noise before the wave; add a receiver, or begin earlier"
+            )
         return MeanQuality(nan, nan, nan, nan, count, (nan, nan), nan, why)
     inverse, error, f = inverse[own], error[own], omega[own] / (2 * np.pi)
     weight = 1 / error**2
@@ -191,12 +199,11 @@ def mean_quality(
     bar = float(np.sqrt(max(1.0, excess) * shared / weight.sum()))
     # Losses change v_g themselves, by the part 1/πQ of it, which the definition leaves open.
     bar = math.hypot(bar, mean**2 / math.pi)
-    reason = ""
-    if not mean > 2 * bar:
-        reason = f"no loss is seen: Q above {1 / max(mean + 2 * bar, 1e-300):.3g}"
+    least = 1 / max(max(mean, 0.0) + 2 * bar, 1e-300)
+    seen = mean > 2 * bar
     return MeanQuality(
-        1 / mean if mean else np.inf, bar / mean**2 if mean else nan, mean, bar, count,
-        (float(f[0]), float(f[-1])), excess, reason,
+        1 / mean if seen else nan, bar / mean**2 if seen else nan, mean, bar, count,
+        (float(f[0]), float(f[-1])), excess, "" if seen else UNSEEN.format(least), least,
     )  # fmt: skip
 
 
@@ -214,6 +221,9 @@ def under_its_assumption(
     """
     if ratio.reason:
         return ratio
+    if not ratio.inverse > 2 * ratio.inverse_error:
+        least = 1 / max(max(ratio.inverse, 0.0) + 2 * ratio.inverse_error, 1e-300)
+        return replace(ratio, quality=np.nan, error=np.nan, reason=UNSEEN.format(least))
     with np.errstate(invalid="ignore"):
         own = np.isfinite(group) & (group > 0) & (group_error < 0.1 * group)
     if own.sum() < _FEWEST_FREQUENCIES:

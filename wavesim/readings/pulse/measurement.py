@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -64,10 +65,13 @@ class PulseResult:
     def quality(self) -> MeanQuality:
         """Q over the band, from α and v_g."""
         found = self.dispersion
-        return mean_quality(
+        of_band = mean_quality(
             found.omega, found.k, found.k_error, found.group_velocity, found.group_error,
             self.spectra.duration,
         )  # fmt: skip
+        if found.valid.any():
+            return of_band
+        return replace(of_band, reason=Counter(found.reason).most_common(1)[0][0])
 
     def rows(self) -> dict[str, list[dict[str, Any]]]:
         """Plain tables, for JSON or print: units stand in the names, None where there is no number.
@@ -107,6 +111,7 @@ class PulseResult:
             "attenuation_error_Np_m": found.attenuation_error,
             "quality": found.quality,
             "quality_error": found.quality_error,
+            "quality_at_least": found.quality_at_least,
             "modulus_quality": found.modulus_quality,
             "reason": found.reason,
             "amplitude_attenuation_Np_m": self.amplitude_attenuation,

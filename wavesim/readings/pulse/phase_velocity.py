@@ -22,7 +22,7 @@ Sachse & Pao, J. Appl. Phys. 49, 4320 (1978); Carcione, Wave Fields in Real Medi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ DECIBELS_PER_NEPER = 20 / np.log(10)
 _SPAN = 7
 # Deviations of the noise that explain a difference.
 _EXPLAINED = 3.0
+# A loss is seen where α is this many times its standard error.
+SEEN = 3.0
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,9 @@ class Dispersion:
         phase_velocity, phase_error: c and its standard error, shape (n,), m/s.
         group_velocity, group_error: v_g and its standard error, shape (n,), m/s.
         attenuation, attenuation_error: α and its standard error, shape (n,), Np/m.
-        quality, quality_error: Q_E = ω/(2αv_g) and its standard error, shape (n,), –.
+        quality, quality_error: Q_E = ω/(2αv_g) and its standard error, shape (n,), –; NaN where α
+            is not three times its error.
+        quality_at_least: Q_E by α and three errors more, shape (n,), –.
         modulus_quality: Q_M = Re k²/Im k², shape (n,), –.
         intercept: of the phase at ω = 0, turns; see ``phase_unwrapping.py``.
         reason: why there is no k, n of them; "" where there is one.
@@ -79,9 +83,20 @@ class Dispersion:
     attenuation_error: Float
     quality: Float
     quality_error: Float
+    quality_at_least: Float
     modulus_quality: Float
     intercept: float
     reason: tuple[str, ...]
+
+    def refused(self, reason: str) -> Dispersion:
+        """The same frequencies with nothing at any of them, for one reason."""
+        nothing = np.full(len(self.omega), np.nan)
+        of_frequency: dict[str, Any] = {
+            name: nothing.astype(value.dtype)
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and name != "omega"
+        }
+        return replace(self, **of_frequency, reason=(reason,) * len(self.omega))
 
     @property
     def decibels(self) -> Float:
@@ -138,10 +153,11 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     decay = -weighted_line(np.broadcast_to(seen.x, U.shape), size, used * np.abs(U) ** 2)[0]
     fit = fit_line(U, seen.x, used, 1, False, (guess.k[rows] + 1j * decay)[:, None])
     k[rows] = fit.k[:, 0]
-    noise = np.where(used, seen.noise[rows], 0)
+    noise = np.where(used, np.hypot(seen.noise[rows], seen.cut[rows]), 0)
     count = used.sum(axis=1)
     # With no receiver to spare nothing is left over, and the noise must be known.
-    own = np.where((count > unknowns(1, False))[:, None], np.nan_to_num(noise), noise)
+    spare = (count > unknowns(1, False))[:, None]
+    own = np.where(spare & np.isnan(noise), seen.cut[rows] * used, noise)
     power = np.maximum(np.sum(own**2, axis=1) / count, fit.residual)
     error[rows] = np.sqrt(power / 2) * fit.unit[:, 0]
     return k, error
@@ -164,8 +180,12 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
     with np.errstate(divide="ignore", invalid="ignore"):
         phase, group = omega / k.real, 1 / k1.real
         lossy = (k.imag > 0) & (k.imag < np.abs(k.real))
-        quality = np.where(lossy, omega * k1.real / (2 * k.imag), np.nan)
-        modulus = np.where(lossy, (k**2).real / (k**2).imag, np.nan)
+        # Where no loss is seen there is no Q, but a bound of it.
+        seen_loss = lossy & (k.imag >= SEEN * k_error)
+        quality = np.where(seen_loss, omega * k1.real / (2 * k.imag), np.nan)
+        modulus = np.where(seen_loss, (k**2).real / (k**2).imag, np.nan)
+        most = np.maximum(k.imag, 0.0) + SEEN * k_error
+        at_least = np.where((k1.real > 0) & (most > 0), omega * k1.real / (2 * most), np.nan)
         quality_error = np.abs(quality) * np.hypot(k_error / k.imag, e1 / k1.real)
         phase_error = phase**2 / omega * k_error
         group_error = group**2 * e1
@@ -175,7 +195,8 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
     ]
     return Dispersion(
         omega, sigma, damped, error, k, k_error, phase, phase_error, group, group_error,
-        k.imag.copy(), k_error, quality, quality_error, modulus, guess.intercept, tuple(reason),
+        k.imag.copy(), k_error, quality, quality_error, at_least, modulus, guess.intercept,
+        tuple(reason),
     )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ Complex = NDArray[np.complex128]
 ABOVE_NOISE = 3.0
 ABOVE_TRUNCATION = 10.0
 _TAIL = 0.1
+_ENDING = 0.15
 # A source whose spectrum is below this part of its peak drives nothing.
 SOURCE_PART = 0.01
 
@@ -60,6 +61,12 @@ class Gate:
         inner = np.minimum(s, 1 - s)
         flank = np.clip(inner / self.taper, 0, 1) if self.taper else np.ones_like(s)
         return np.where(inner >= 0, np.sin(np.pi / 2 * flank) ** 2, 0.0)
+
+    def ending(self, t: Float, x: Float) -> Float:
+        """A bump over the gate's last part, by which is seen what it cuts off; shape (nt, m)."""
+        s = (t[:, None] - (x - x[0]) / self.velocity - self.start) / (self.end - self.start)
+        inner = (s - 1 + _ENDING) / _ENDING
+        return np.where((inner > 0) & (inner < 1), np.sin(np.pi * inner) ** 2, 0.0)
 
     def sigma(self, t: Float) -> float:
         """0: the frequency is real."""
@@ -107,6 +114,7 @@ class Spectra:
         values: U, shape (n, m), unit of u times s.
         noise: standard deviation of U by the noise before the arrival, shape (n, m); NaN where
             that is unknown.
+        cut: about what waves that still pass as a gate closes would add to U, shape (n, m).
         truncation: most that what follows the record may add to U, shape (m,): with the largest
             |u| of the record's last tenth, |u| exp(−σT)/σ. Through a gate 0.
         source: |spectrum| of the source's signal, or where that is not known of the first
@@ -123,6 +131,7 @@ class Spectra:
     truncation: Float
     source: Float
     duration: float
+    cut: Float
     unusable: tuple[str, ...] = ()
 
     @property
@@ -140,7 +149,8 @@ class Spectra:
     def above(self) -> NDArray[np.bool_]:
         """Where a receiver is whole, and above noise and truncation, shape (n, m)."""
         floor = np.maximum(
-            ABOVE_NOISE * np.nan_to_num(self.noise), ABOVE_TRUNCATION * self.truncation
+            ABOVE_NOISE * np.hypot(np.nan_to_num(self.noise), self.cut),
+            ABOVE_TRUNCATION * self.truncation,
         )
         return (np.abs(self.values) > floor) & self.whole
 
@@ -185,8 +195,14 @@ def spectra(
     total = weights * np.exp(-sigma * t)[:, None]
     power = (total**2).sum(axis=0) * record.interval
     noise = np.sqrt(record.density(omega / (2 * np.pi)) * power)
+    cut = np.zeros_like(noise)
+    if isinstance(window, Gate):
+        # Waves that still pass as the gate closes are cut off: they go on about as they were.
+        last = record.values * window.ending(record.t, record.x)
+        cut = np.abs(damped_transform(last, t, omega, 0.0))
     tail = np.abs(record.values[t > (1 - _TAIL) * t[-1]]).max(axis=0)
     truncation = tail * np.exp(-sigma * t[-1]) / sigma if sigma else 0 * tail
     duration = float((total[:, 0].sum() * record.interval) ** 2 / power[0])
     driving = np.abs(U[:, 0] if source is None else damped_transform(source, t, omega, sigma))
-    return Spectra(omega, sigma, record.x, U, noise, truncation, driving, duration, record.unusable)
+    return Spectra(omega, sigma, record.x, U, noise, truncation, driving, duration, cut,
+                   record.unusable)  # fmt: skip

@@ -18,7 +18,7 @@ _ABOVE, _PART = 4.0, 2e-3
 _WITHOUT_REST = 0.4
 _FIRST = 3
 _BLOCKS = 8
-_STEADY = 3.0
+_STEADY, _HISS = 3.0, 2.0
 # Faster than this nothing is: light's phase alone, and not by three times.
 FASTEST = 1e9
 _ARRIVED = 0.2
@@ -39,6 +39,9 @@ def begun(component: Float, rest: Rest) -> Mask:
         head = float(np.sqrt(np.mean(v[:_FIRST] ** 2)))
         # Where no rest was seen at the start, less is needed to doubt it.
         part = 1.0 if rest.onset[j] else _WITHOUT_REST
+        # What is as loud in the first part as it ever is in the quietest is noise, of any colour.
+        hiss = blocks[0] < _HISS * blocks.min()
+        noise = max(noise, float(blocks.min()) if hiss else 0.0)
         within[j] = head > part * max(_ABOVE * noise, _PART * float(np.abs(v).max()))
     # Alike from beginning to end beside channels that are not, it is nothing but noise.
     if not steady.all():

@@ -407,6 +407,8 @@ def _check_widths(
     body: list[tuple[int, str]], cells: Any, separator: str | None, width: int
 ) -> None:
     for number, line in body:
+        if line.count('"') % 2:
+            raise RecordError(f"row {number}: a quotation mark has no other: take it out")
         quick = len(line.split()) if separator is None else line.count(separator) + 1
         if quick == width and '"' not in line:
             continue
