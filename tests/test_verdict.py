@@ -162,8 +162,10 @@ def test_a_branch_beyond_the_frames_is_no_ridge_of_another():
     slow = dataclasses.replace(made, t=made.t * (np.pi / made.interval / nyquist))
     back = np.abs(np.mod(there.omega + nyquist, 2 * nyquist) - nyquist)
     seen = measured(exact(0), dataclasses.replace(there, omega=back))
-    assert len(hold(made, seen, K_RANGE).strays) == 1
-    assert hold(slow, seen, K_RANGE).strays == []
+    for one, right in ((slow, True), (made, False)):
+        held = hold(one, seen, K_RANGE)
+        worst = max(b.error.max(initial=0) for b in held.branches)
+        assert (worst < 1e-12 and not held.strays) == right
 
 
 def test_presence_is_nine_tenths_of_what_is_expected():
