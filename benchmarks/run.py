@@ -1,4 +1,4 @@
-"""Measure all contestants and write results.json and results.md beside this file.
+"""Measure all contestants; write results.json, results.md and the table of docs/performance.md.
 
     python benchmarks/run.py [--only PART] [--problems ring,…] [--rounds N] [--folder FOLDER]
 
@@ -24,9 +24,10 @@ from typing import Any
 
 import numpy as np
 from problems import FRAMES, PROBLEMS, error, exact, for_peers, in_fields, problem
-from table import markdown
+from table import into, markdown
 
 HERE = Path(__file__).resolve().parent
+DOCUMENT = HERE.parent / "docs" / "performance.md"
 TARGETS = ("1e-06", "1e-04")
 # A slow contestant is measured over a tenth of the time, and its steps count ten times.
 TENTH = (FRAMES - 1) // 10 + 1
@@ -195,6 +196,8 @@ def main() -> None:
                 text = json.dumps(results, indent=1) + "\n"
                 (HERE / "results.json").write_text(text, encoding="utf-8")
                 (HERE / "results.md").write_text(page, encoding="utf-8")
+                told = into(DOCUMENT.read_text(encoding="utf-8"), results)
+                DOCUMENT.write_text(told, encoding="utf-8")
     print(page)
 
 

@@ -20,8 +20,13 @@ _AGREES = 1e-3
 @CASE
 @OUT
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
-@click.option("--seconds", type=click.FloatRange(1), default=40.0, show_default=True,
-              help="After which no further round is begun.")  # fmt: skip
+@click.option(
+    "--seconds",
+    type=click.FloatRange(1),
+    default=40.0,
+    show_default=True,
+    help="Of work after which no further round is begun; twice that where less than 1 dB lacks.",
+)
 @click.option("--verify", is_flag=True, help="Run the design in the time domain too.")
 @QUIET
 @SET

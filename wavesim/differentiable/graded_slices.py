@@ -122,6 +122,7 @@ def uniform_slices(stack: TracedLayers, count: int) -> TracedLayers:
         losses=loss_law(stack.losses, at),
         kinds=tuple(stack.kinds[n] for n in at),
         gradings=(None,) * len(at),
+        kept=stack.kept,
     )
 
 

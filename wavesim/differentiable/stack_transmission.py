@@ -32,8 +32,9 @@ from wavesim.differentiable.coefficients import (
     waves,
 )
 from wavesim.differentiable.graded_slices import graded_slices
+from wavesim.differentiable.gradient_waves import with_gradient
 from wavesim.differentiable.traced_layers import TracedLayers
-from wavesim.material.family import Block
+from wavesim.material.family import Block, travelling_block
 
 STEPS = 16
 
@@ -55,14 +56,15 @@ class Scattered(NamedTuple):
 
 
 def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEPS) -> Scattered:
-    """T and R of a stack between half-spaces of its first and its last medium, as Γ → 0.
+    """T and R of a stack between half-spaces of its first and its last medium.
 
     A pure function of the stack's arrays and of ω: ``jax.jit`` (sector and steps static),
     ``jax.grad`` and ``jax.vmap`` go through. In 64-bit floats.
 
     Args:
         stack: of :func:`~wavesim.differentiable.traced_layers.traced_layers`.
-        sector: one with a macro-field, such as longitudinal or transverse2.
+        sector: such as longitudinal or transverse2. Where the stack keeps Γ a block of
+            micro-fields alone too, such as inplane(23): ratios are those of its field then.
         omega: real ω, (N,), not 0, rad/s.
         steps: of a graded layer, each of order 16; those of ``layered`` refine by themselves.
 
@@ -70,10 +72,13 @@ def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEP
         T, R, level and power coefficients.
 
     Raises:
-        ValueError: the sector has no macro-field, or is unknown.
+        ValueError: the sector is unknown, or nothing travels in it: as Γ → 0 micro-fields alone
+            swing on the spot, each at one frequency.
     """
     block = block_of(stack, sector)
     with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
+        if stack.kept:
+            return Scattered(*with_gradient(stack, block, jnp.asarray(omega)))
         return _transmission(stack, block, jnp.asarray(omega), steps)
 
 
@@ -147,12 +152,5 @@ def _through_slice(state: Any, piece: Any) -> Any:
 
 
 def block_of(stack: TracedLayers, sector: str) -> Block:
-    """The block of a sector with a macro-field."""
-    family = stack.kinds[0].family
-    for block in family.blocks:
-        if block.sector == sector and block.macro:
-            return block
-    raise ValueError(
-        f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
-        f"{', '.join(family.travelling)}"
-    )
+    """The block in which a sector's waves travel, by the name of either."""
+    return travelling_block(stack.kinds[0].family, sector, stack.kept)

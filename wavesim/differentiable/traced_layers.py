@@ -35,6 +35,7 @@ class TracedLayers:
             :class:`~wavesim.material.damping.Damping`; None where nothing is lost.
         kinds: of each layer, a medium of the closure at hand; its parameters do not count.
         gradings: of each layer "smooth" or "linear" where it is graded, else None.
+        kept: whether the gradient term Γ is kept.
     """
 
     first: dict[str, Any]
@@ -43,6 +44,7 @@ class TracedLayers:
     losses: dict[str, Any] | None
     kinds: tuple[Medium, ...] = dataclasses.field(metadata={"static": True})
     gradings: tuple[Grading | None, ...] = dataclasses.field(metadata={"static": True})
+    kept: bool = dataclasses.field(default=False, metadata={"static": True})
 
     def with_values(self, name: str, layers: Any, value: Any, end: str = "both") -> TracedLayers:
         """The same with a value, or one for each, laid over some layers.
@@ -68,21 +70,23 @@ class TracedLayers:
         return dataclasses.replace(self, first=first, last=last)
 
 
-def traced_layers(layers: Layers) -> TracedLayers:
+def traced_layers(layers: Layers, gradient: bool | None = None) -> TracedLayers:
     """Layers of plain numbers as arrays, the start for gradients and batches.
 
     Args:
         layers: the stack, first and last layer between half-spaces of their media.
+        gradient: whether Γ is kept; None lets its share decide, above 1e-9 of a layer.
 
     Raises:
-        ValueError: the gradient term Γ counts in a layer (share above 1e-9), which transmission in
-            jax leaves out; ``wavesim.layered.transmission`` keeps it. Or families that share a
-            parameter have values of their own: take the layers of one.
+        ValueError: Γ is kept beside a graded layer, of which ``wavesim.layered.transmission`` has
+            the answer. Or families that share a parameter have values of their own: take the
+            layers of one.
     """
-    if keeps_gradient(layers):
+    kept = keeps_gradient(layers, gradient)
+    if kept and any(layer.last is not None for layer in layers.layers):
         raise ValueError(
-            "the gradient term counts in these layers, and transmission in jax leaves it out; "
-            "lower its stiffness (G_n_g, K_n_g), or take wavesim.layered.transmission"
+            "the gradient term counts in these layers, and transmission in jax keeps it in uniform "
+            "layers alone; lower its stiffness (G_n_g, K_n_g), or take wavesim.layered.transmission"
         )
     own = layers.layers
     graded = any(layer.last is not None for layer in own)
@@ -109,6 +113,7 @@ def traced_layers(layers: Layers) -> TracedLayers:
         losses=losses,
         kinds=tuple(_kind(layer.medium) for layer in own),
         gradings=tuple(None if layer.last is None else layer.grading for layer in own),
+        kept=kept,
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
-from wavesim.material.family import Block, Family
+from wavesim.material.family import Block, Family, travelling_block
 from wavesim.material.layers import Layers
 from wavesim.material.shown import Shown
 from wavesim.planewave.band_edges import keeps_gradient
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Transmission(Shown):
-    """Amplitude ratios of macro-field φ and power coefficients at each ω.
+    """Ratios of macro-field φ, or B of a block without one, and power coefficients at each ω.
 
     Reference planes are x = 0 (incident and reflected from the left, transmitted to the left) and
     x = L (the other three). Index 0 of the modes is the wave of the closed form k(ω).
@@ -69,13 +69,7 @@ def block_of(family: Family, sector: str) -> Block:
     Raises:
         ValueError: the sector has none, or is unknown.
     """
-    blocks = family.blocks_of(sector)
-    if not blocks[0].macro:
-        raise ValueError(
-            f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
-            f"{', '.join(family.travelling)}"
-        )
-    return blocks[0]
+    return travelling_block(family, sector, kept=False)
 
 
 def _primary(of: Waves) -> Any:
@@ -90,7 +84,8 @@ def transmission(
 
     Args:
         layers: the stretch.
-        sector: longitudinal, transverse2 or transverse3.
+        sector: longitudinal, transverse2 or transverse3. Where Γ is kept a block of micro-fields
+            alone too, inplane[23], inplane(23) or inplane(22-33): ratios are those of its field.
         omega: ω, shape (N,), real or complex with Im ω ≥ 0, not 0, rad/s.
         gradient: whether Γ is kept; None lets planewave.gradient_share > 1e-9 of a layer decide.
 
@@ -98,7 +93,7 @@ def transmission(
         Amplitude ratios and power coefficients, which sum to 1 without loss.
 
     Raises:
-        ValueError: the sector has no macro-field, ω is 0 or has Im ω < 0, or Γ is singular where it
+        ValueError: nothing travels in the sector, ω is 0 or has Im ω < 0, or Γ is singular where it
             is kept.
     """
     frequencies = np.atleast_1d(np.asarray(omega))
@@ -109,7 +104,8 @@ def transmission(
             "exp(−iωt) here; where yours go as exp(+jωt), give conj(ω) and take conj(T)"
         )
     kept = keeps_gradient(layers, gradient)
-    stack = Stack(layers, block_of(layers.first.family, sector), frequencies, kept)
+    block = travelling_block(layers.first.family, sector, kept)
+    stack = Stack(layers, block, frequencies, kept)
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)
     n, rows = len(stack.impedance), np.arange(len(stack.scaled))
@@ -127,7 +123,9 @@ def transmission(
     back_in[:, n:, n:], back_out[:, n:, n:] = right.v - right.f, right.v + right.f
     amplitudes = np.linalg.solve(back_out - whole @ back_in, whole @ incoming - outgoing)
     first, last = _primary(left), n + _primary(right)
-    phi = np.concatenate([left.v[:, 0], right.v[:, 0]], axis=1)
+    # Of the block's first field: as they come in, and as they go out.
+    come = np.concatenate([left.v[:, 0], right.mirror_v[:, 0]], axis=1)
+    go = np.concatenate([left.mirror_v[:, 0], right.v[:, 0]], axis=1)
     flux = np.concatenate(
         [np.sum((np.conj(w.f) * w.v).real, axis=1) for w in (left, right)], axis=1
     )
@@ -137,7 +135,7 @@ def transmission(
     flux = np.where(carries & (np.asarray(omega, dtype=complex).imag == 0).reshape(-1, 1), flux, 0)
 
     def amplitude(to: Any, source: Any) -> Any:
-        return amplitudes[rows, to, source] * phi[rows, to] / phi[rows, source]
+        return amplitudes[rows, to, source] * go[rows, to] / come[rows, source]
 
     def power(side: slice, source: Any) -> Any:
         sent = np.abs(amplitudes[rows, side, source]) ** 2 * flux[:, side]

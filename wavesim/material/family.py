@@ -218,6 +218,33 @@ class Family:
         return {"body": "body", **self.drives, "initial": "initial"}
 
 
+def travelling_block(family: Family, sector: str, kept: bool) -> Block:
+    """The block in which a sector's waves travel.
+
+    Args:
+        family: whose.
+        sector: or the name of one of its blocks.
+        kept: whether Γ is, which alone carries micro-fields from place to place.
+
+    Raises:
+        ValueError: nothing travels in it, several blocks are meant, or it is unknown.
+    """
+    blocks = [block for block in family.blocks if block.name == sector] or list(
+        family.blocks_of(sector)
+    )
+    if not blocks[0].macro and not kept:
+        raise ValueError(
+            f"sector {sector!r}: nothing travels in it as Γ → 0; take one of "
+            f"{', '.join(family.travelling)}"
+        )
+    if not blocks[0].macro and len(blocks) > 1:
+        raise ValueError(
+            f"sector {sector!r}: has {len(blocks)} waves that know nothing of each other; take one "
+            f"of {', '.join(block.name for block in blocks)}"
+        )
+    return blocks[0]
+
+
 _WORD = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_"
 _HALF = 0.5**0.5
 

@@ -151,7 +151,7 @@ def _exact(own: Problem, values: Any, name: str) -> Any:
     Raises:
         CaseError: there is no answer somewhere in a band.
     """
-    found = own.exact(values)
+    found, _ = own.exact(values)
     for wish, level in zip(own.wishes, found, strict=True):
         if np.isnan(level):
             raise CaseError(

@@ -22,6 +22,7 @@ from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.layered.specimen import specimen
 from wavesim.material.layers import Layers
 from wavesim.material.parameter import PARAMETERS
+from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.complex_wavenumber import wavenumber
 
 # Uniform slices of a graded layer: in the search, and on the finer net of frequencies.
@@ -124,57 +125,68 @@ class Problem:
         placed = zip(own, ends[:-1], ends[1:], strict=True)
         return Layers(tuple(dataclasses.replace(one, start=a, end=b) for one, a, b in placed))
 
-    def exact(self, values: Any) -> Any:
-        """Worst level of each wish, dB, (wishes,), by ``layered``, another route than the search's.
+    def exact(self, values: Any) -> tuple[Any, Any]:
+        """Worst level of each wish, dB, and where, Hz, (wishes,) each, by ``layered``, another
+        route than the search's.
 
         NaN where a graded layer without losses has its asymptote in a band.
         """
         between, found = specimen(self.layers_at(values)), []
         for wish in self.wishes:
             highest, lowest = between.extremes(wish.sector, wish.low, wish.high)
-            found.append(highest[0] if wish.most else lowest[0])
-        return np.array(found)
+            found.append(highest if wish.most else lowest)
+        level, where = np.array(found).T
+        return level, where
 
     def length(self, values: Any) -> Any:
         """Of all between the half-spaces, m."""
         return jnp.sum(self.stack_at(values).thickness[1:-1])
 
-    def _by_sector(self, count: int, wider: Any = 0.0) -> dict[str, tuple[list[int], Any]]:
-        """{sector: which wishes it has, so many frequencies of each after another, rad/s}."""
-        found = {}
-        for sector in dict.fromkeys(wish.sector for wish in self.wishes):
-            own = [n for n, wish in enumerate(self.wishes) if wish.sector == sector]
-            bands = [self.wishes[n].frequencies(count, wider) for n in own]
-            found[sector] = own, jnp.concatenate(bands) * 2 * np.pi
+    @property
+    def _sectors(self) -> dict[str, list[int]]:
+        """{sector: which wishes it has}."""
+        found: dict[str, list[int]] = {}
+        for n, wish in enumerate(self.wishes):
+            found.setdefault(wish.sector, []).append(n)
         return found
 
-    def slopes(self, count: int) -> Callable[[Any, Any], tuple[Any, Any]]:
-        """Compiled: L in dB at so many frequencies of each wish in turn, (members, M), and ∂L/∂x,
-        (members, M, n), of x from 0 to 1, (members, n), with bands wider by a part."""
-        order = np.argsort([n for own, _ in self._by_sector(count).values() for n in own])
+    def net(self, count: int, wider: float = 0.0) -> Any:
+        """So many frequencies of each wish, of bands wider by a part, (wishes, count), Hz."""
+        return np.array([wish.frequencies(count, wider) for wish in self.wishes])
 
-        def both(x: Any, wider: Any) -> tuple[Any, Any]:
+    def slopes(self) -> Callable[[Any, Any], tuple[Any, Any]]:
+        """Compiled: L in dB at frequencies of each wish in turn, (members, M), and ∂L/∂x,
+        (members, M, n), of x from 0 to 1, (members, n), and each member's (wishes, count), Hz."""
+        order = np.argsort([n for own in self._sectors.values() for n in own])
+
+        def both(x: Any, frequency: Any) -> tuple[Any, Any]:
             parts = [
-                level_and_slopes(self.stack_at, self.values(x), sector, omega, _UNIFORM)
-                for sector, (_, omega) in self._by_sector(count, wider).items()
+                (sector, 2 * np.pi * frequency[np.array(own)].ravel())
+                for sector, own in self._sectors.items()
             ]
-            level, J = (jnp.concatenate(part) for part in zip(*parts, strict=True))
-            level, J = (a.reshape(len(order), count, *a.shape[1:])[order] for a in (level, J))
-            return level.reshape(-1), J.reshape(len(order) * count, -1) * (self.high - self.low)
+            found = level_and_slopes(self.stack_at, self.values(x), parts, _UNIFORM)
+            level, J = (a.reshape(*frequency.shape, *a.shape[1:])[order] for a in found)
+            return level.ravel(), J.reshape(level.size, -1) * (self.high - self.low)
 
-        return jax.jit(jax.vmap(both, in_axes=(0, None)))
+        return jax.jit(jax.vmap(both))
 
-    def compiled(self, count: int) -> Callable[[Any], Any]:
-        """Compiled: worst level of each wish, shape (members, wishes), of values (members, n)."""
+    def compiled(self, count: int) -> Callable[[Any], tuple[Any, Any]]:
+        """Compiled: worst level of each wish and where (Hz), shape (members, wishes) each, of
+        values (members, n)."""
+        net = self.net(count)
 
-        def worst(values: Any) -> Any:
+        def worst(values: Any) -> tuple[Any, Any]:
             stack = uniform_slices(self.stack_at(values), _FINER)
             found = [jnp.zeros(())] * len(self.wishes)
-            for sector, (own, omega) in self._by_sector(count).items():
+            where = [jnp.zeros((), int)] * len(self.wishes)
+            for sector, own in self._sectors.items():
+                omega = 2 * np.pi * net[own].ravel()
                 level = transmission(stack, sector, omega).level
                 for n, part in zip(own, level.reshape(len(own), count), strict=True):
-                    found[n] = jnp.max(part) if self.wishes[n].most else jnp.min(part)
-            return jnp.stack(found)
+                    where[n] = jnp.argmax(part) if self.wishes[n].most else jnp.argmin(part)
+                    found[n] = part[where[n]]
+            at = jnp.asarray(net)[np.arange(len(net)), jnp.stack(where)]
+            return jnp.stack(found), at
 
         return jax.jit(jax.vmap(worst))
 
@@ -210,8 +222,17 @@ def problem(file: CaseFile, name: str) -> Problem:
     make(("design",), _check_consistent, wishes)
     keys, low, high = _variables(table, known, name)
     make(("design",), _check_room, table, known.layers, keys, low)
-    stack = make(("layers",), traced_layers, known.layers)
+    stack = make(("layers",), _traced, known.layers)
     return Problem(known, stack, wishes, keys, low, high, table.length_at_most, table.tolerance)
+
+
+def _traced(layers: Layers) -> TracedLayers:
+    if keeps_gradient(layers):
+        raise ValueError(
+            "the gradient term counts in these layers, and the search leaves it out; lower its "
+            "stiffness (G_n_g, K_n_g)"
+        )
+    return traced_layers(layers)
 
 
 def _wishes(table: DesignTable) -> tuple[Wish, ...]:

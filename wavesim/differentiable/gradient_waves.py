@@ -1,0 +1,253 @@
+"""T and R where the gradient term Γ counts: all waves of a block at each ω, as pure jax functions.
+
+With w = ω²ι/m and B = ik b a wave of p ≤ 1 macro- and up to two micro-fields (``layered.section``
+has the equations) obeys, with K = k²,
+
+    (G₀ + K G₁)(φ, b) = 0,    G₀ = (−w I_φ   0          ),    G₁ = (C_φφ  −C_φB),
+                                   (−C_Bφ    C_BB − w I_B)          (0      Γ   )
+
+so that the K are roots of a polynomial of degree p + b, and (φ, b) a column of the adjugate. Fields
+are counted as a = (√z v + f/√z)/2 to the right and b = (√z v − f/√z)/2 to the left; from the right
+half-space to the left one goes what is sent back, b = ρ a, and what gets through, a_L → W a_L, with
+decaying exponentials alone. It is the physics of ``layered``, by another route.
+"""
+
+from __future__ import annotations
+
+import itertools
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wavesim.differentiable.coefficients import loss_law, moduli, units_of
+from wavesim.differentiable.traced_layers import TracedLayers, medium_of
+from wavesim.material.family import Block
+from wavesim.material.scaling import block_coefficients
+
+# Of roots by the method of Ehrlich and Aberth, which converges to the third order.
+_ITERATIONS = 30
+
+
+class Waves(NamedTuple):
+    """Waves to the right, columns, with mirror images to the left.
+
+    Attributes:
+        k: scaled, (N, n).
+        a, b: (√z v ± f/√z)/2 of those to the right, (N, n, n); a_left, b_left: to the left.
+        first: √z v of the block's first field, (N, n).
+        flux: Re(f* v), (N, n).
+    """
+
+    k: Any
+    a: Any
+    b: Any
+    a_left: Any
+    b_left: Any
+    first: Any
+    flux: Any
+
+
+def with_gradient(stack: TracedLayers, block: Block, omega: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """T, R, level and power coefficients, as ``stack_transmission.Scattered`` has them.
+
+    Args:
+        stack: of uniform layers.
+        block: of up to three fields.
+        omega: real ω, (N,), not 0, rad/s.
+    """
+    n, p, units = len(block.macro) + len(block.micro), len(block.macro), units_of(stack)
+    scaled = omega * units.time + 0j
+    own = _coefficients(stack, block, units)
+    z = jax.lax.stop_gradient(_impedance(own))
+    waves = partial(_waves, scaled, units.time, z)
+    left, right = (
+        waves(jax.tree.map(lambda c, at=at: c[at], own), loss_law(stack.losses, at))
+        for at in (0, -1)
+    )
+
+    def layer(state: Any, piece: Any) -> Any:
+        rho, through, lost = state
+        coefficients, losses, h = piece
+        here = waves(coefficients, losses)
+        decay = jnp.exp(1j * here.k * h)
+        sent = _sent(here, rho)  # at the right end
+        there = decay[:, :, None] * sent * decay[:, None, :]  # the same at the left one
+        entering = _inverse(here.a + here.a_left @ there)
+        rho = (here.b + here.b_left @ there) @ entering
+        through = through @ ((here.a + here.a_left @ sent) * decay[:, None, :]) @ entering
+        size = jax.lax.stop_gradient(jnp.abs(through).max(axis=(1, 2)))
+        size = jnp.where(size > 0, size, 1.0)
+        return (rho, through / size[:, None, None], lost - jnp.log(size)), None
+
+    unit = jnp.broadcast_to(jnp.eye(n, dtype=complex), right.a.shape)
+    state = right.b @ _inverse(right.a), unit, jnp.zeros(len(omega))
+    pieces = own, stack.losses, stack.thickness / units.length
+    (rho, through, lost), _ = jax.lax.scan(jax.checkpoint(layer), state, pieces, reverse=True)
+    # Index 0 of a wave is that of the smallest |k|, the one of the closed form.
+    come, go = (jnp.argmin(jnp.abs(one.k), axis=1)[:, None] for one in (left, right))
+    incident = jnp.take_along_axis(jnp.eye(n)[None], come[:, :, None], axis=1)[:, 0, :, None]
+    back = _sent(left, rho) @ incident
+    on = _inverse(right.a) @ (through @ (left.a @ incident + left.a_left @ back))
+    on, back = on[..., 0], back[..., 0]
+
+    def chosen(values: Any, at: Any) -> Any:
+        return jnp.take_along_axis(values, at, axis=1)[:, 0]
+
+    ratio = chosen(on * right.first, go) / chosen(left.first, come)
+    known = chosen(left.flux, come)
+    known = jnp.where(chosen(_carries(left), come) & (known > 0), known, jnp.nan)
+    power_T, power_R = (
+        jnp.sum(jnp.abs(sent) ** 2 * jnp.where(_carries(one), one.flux, 0.0), axis=1) / known
+        for sent, one in ((on, right), (back, left))
+    )
+    level = 20 / np.log(10) * (jnp.log(jnp.abs(ratio)) - lost)
+    R = chosen(back, come) * (1.0 if p else -1.0)
+    return jnp.exp(-lost) * ratio, R, level, jnp.exp(-2 * lost) * power_T, power_R
+
+
+def _sent(here: Waves, rho: Any) -> Any:
+    """Amplitudes of the waves to the left that ρ sends back, by those to the right."""
+    return _inverse(here.b_left - rho @ here.a_left) @ (rho @ here.a - here.b)
+
+
+def _carries(waves: Waves) -> Any:
+    return jnp.abs(waves.k.imag) <= 1e-9 * jnp.abs(waves.k)
+
+
+def _coefficients(stack: TracedLayers, block: Block, units: Any) -> tuple[Any, ...]:
+    """c_pp, c_pb, c_bp, c_bb, Γ and inertias of each layer, scaled, (L, …)."""
+
+    def of(kind: Any, values: Any) -> tuple[Any, ...]:
+        own = block_coefficients(medium_of(kind, values), block, units)
+        return own.c_pp, own.c_pb, own.c_bp, own.c_bb, own.gamma, own.i_phi, own.i_B
+
+    found: Any = None
+    for kind in dict.fromkeys(stack.kinds):
+        made = jax.vmap(partial(of, kind))(stack.first)
+        here = jnp.asarray([k == kind for k in stack.kinds])
+        if found is not None:
+            made = tuple(
+                jnp.where(here.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+                for new, old in zip(made, found, strict=True)
+            )
+        found = made
+    return tuple(found)
+
+
+def _impedance(own: tuple[Any, ...]) -> Any:
+    """The geometric mean of √(I_φ C_φφ) and √(I_B Γ_jj) over the layers, (n,)."""
+    c_pp, _, _, _, gamma, i_phi, i_B = own
+    diagonals = (
+        jnp.diagonal(c, axis1=1, axis2=2) * i[:, None] for c, i in ((c_pp, i_phi), (gamma, i_B))
+    )
+    return jnp.exp(jnp.mean(jnp.log(jnp.concatenate(list(diagonals), axis=1)) / 2, axis=0))
+
+
+def _waves(omega: Any, time: Any, z: Any, own: tuple[Any, ...], losses: Any) -> Waves:
+    c_pp, c_pb, c_bp, c_bb, gamma, i_phi, i_B = own
+    p, b, count = c_pp.shape[0], c_bb.shape[0], len(omega)
+    m, iota = (jnp.broadcast_to(one, (count,)) for one in moduli(losses, omega.real, time))
+    w = omega**2 * iota / m
+    if losses is None:
+        w = w.real
+    zero, one = jnp.zeros_like(w)[:, None, None], jnp.ones_like(w)[:, None, None]
+    M = c_bb - (w * i_B)[:, None, None] * jnp.eye(b)
+    G0 = jnp.block([[(-w * i_phi)[:, None, None] * jnp.eye(p), zero * c_pb], [-c_bp * one, M]])
+    G1 = jnp.block([[c_pp * one, -c_pb * one], [zero * c_bp, gamma * one]])
+    K = _roots(_polynomial(G0, G1))
+    G = G0[:, None] + K[..., None, None] * G1[:, None]
+    columns = _adjugate(G)  # (N, waves, n, n), of rank 1
+    best = jnp.argmax(jnp.abs(columns).max(axis=2), axis=2)
+    x = jnp.take_along_axis(columns, best[:, :, None, None], axis=3)[..., 0]
+    x = x / jax.lax.stop_gradient(jnp.abs(x).max(axis=2, keepdims=True))
+    x = jnp.swapaxes(x, 1, 2)  # (N, n, waves)
+    k = jnp.sqrt(K)
+    k = jnp.where((jnp.abs(k.imag) > 1e-13 * jnp.abs(k)) & (k.imag < 0), -k, k)
+    root = jnp.sqrt(z)[:, None]
+
+    def fields(k: Any) -> tuple[Any, Any]:
+        ik, at = 1j * k[:, None, :], omega[:, None, None]
+        phi, micro = x[:, :p], x[:, p:]
+        v = jnp.concatenate([-1j * at * phi, -1j * at * ik * micro], axis=1)
+        strain = jnp.einsum("ij,njw->niw", c_pp, phi) - jnp.einsum("ij,njw->niw", c_pb, micro)
+        bent = jnp.einsum("ij,njw->niw", gamma, micro)
+        f = -m[:, None, None] * jnp.concatenate([ik * strain, ik**2 * bent], axis=1)
+        return root * v, f / root
+
+    v, f = fields(k)
+    flux = jnp.sum((jnp.conj(f) * v).real, axis=1)
+    turned = (jnp.abs(k.imag) <= 1e-13 * jnp.abs(k)) & (flux < 0)
+    k, flux = jnp.where(turned, -k, k), jnp.where(turned, -flux, flux)
+    (v, f), (v_left, f_left) = fields(k), fields(-k)
+    return Waves(
+        k, (v + f) / 2, (v - f) / 2, (v_left + f_left) / 2, (v_left - f_left) / 2, v[:, 0], flux
+    )
+
+
+def _polynomial(G0: Any, G1: Any) -> Any:
+    """Coefficients of det(G₀ + K G₁), lowest power first, (N, n + 1): by rows of one or other."""
+    n = G0.shape[-1]
+    rows = np.array(list(itertools.product((False, True), repeat=n)))
+    mixed = jnp.where(rows[:, :, None], G1[:, None], G0[:, None])
+    return _determinant(mixed) @ (rows.sum(axis=1)[:, None] == np.arange(n + 1)).astype(float)
+
+
+def _roots(c: Any) -> Any:
+    """Roots of Σ c_j K^j, complex, (N, n): found without derivatives, then one step of Newton."""
+    n, real = c.shape[1] - 1, not jnp.iscomplexobj(c)
+    powers = c + 0j
+    held = jax.lax.stop_gradient(powers)
+
+    def value(c: Any, x: Any) -> tuple[Any, Any]:
+        total, slope = c[:, n, None] * jnp.ones_like(x), jnp.zeros_like(x)
+        for j in range(n - 1, -1, -1):
+            slope = slope * x + total
+            total = total * x + c[:, j, None]
+        return total, slope
+
+    def better(_: Any, x: Any) -> Any:
+        total, slope = value(held, x)
+        newton = total / jnp.where(slope == 0, 1e-300, slope)
+        apart = x[:, :, None] - x[:, None, :]
+        apart = jnp.where(apart == 0, jnp.inf, apart)
+        return x - newton / (1 - newton * jnp.sum(1 / apart, axis=2))
+
+    sizes = jnp.abs(held[:, :-1] / jnp.where(held[:, 1:] == 0, 1e-300, held[:, 1:]))
+    start = sizes * jnp.exp(1j * (0.7 + 2.1 * jnp.arange(n)))
+    x = jax.lax.fori_loop(0, _ITERATIONS, better, start)
+    if real:
+        x = jnp.where(jnp.abs(x.imag) <= 1e-13 * jnp.abs(x), x.real + 0j, x)
+    x = jax.lax.stop_gradient(x)
+    total, slope = value(powers, x)
+    return x - total / jax.lax.stop_gradient(jnp.where(slope == 0, 1e-300, slope))
+
+
+def _cross(u: Any, v: Any) -> Any:
+    on, back = np.array([1, 2, 0]), np.array([2, 0, 1])
+    return u[..., on] * v[..., back] - u[..., back] * v[..., on]
+
+
+def _adjugate(matrix: Any) -> Any:
+    """Of 1 × 1 to 3 × 3."""
+    n = matrix.shape[-1]
+    if n == 1:
+        return jnp.ones_like(matrix)
+    if n == 2:
+        turned = matrix[..., ::-1, ::-1]
+        return jnp.swapaxes(turned, -1, -2) * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    one, two, three = (matrix[..., j] for j in range(3))
+    return jnp.stack([_cross(two, three), _cross(three, one), _cross(one, two)], axis=-2)
+
+
+def _determinant(matrix: Any) -> Any:
+    return jnp.sum(_adjugate(matrix)[..., 0, :] * matrix[..., :, 0], axis=-1)
+
+
+def _inverse(matrix: Any) -> Any:
+    """By cofactors: small matrices go to no library, which may wait for its threads for ever."""
+    adjugate = _adjugate(matrix)
+    whole = jnp.sum(adjugate[..., 0, :] * matrix[..., :, 0], axis=-1)
+    return adjugate / whole[..., None, None]
