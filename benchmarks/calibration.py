@@ -308,11 +308,12 @@ points.
 
 Without noise a bar is what rounding and the record's end leave open, and holds nearly always.
 Where receivers' gains, places or clocks are off, the error is one for the whole record, so that
-the points of a record are off together. A second mode that the line does not tell apart is worth a
-part of its resolution 2π/X: such bars are wider than the errors mostly are. Where a second mode is
-so close that nothing bends above the noise (less than about a third of a radian apart over the
-line), no bar can hold it. Short of 85 %: clocks that shiver along a line, as one and the same error
-at all receivers and frequencies, and unequal gains of five receivers alone.
+the points of a record are off together. Bars of fft are its resolution, as far as noise leaves it,
+and wider than the errors of lone modes mostly are; so are those of a second mode along a line.
+Two modes that are not told apart bend the logarithm of what stands for both, and a bar holds that
+from where it shows. Modes closer than noise lets a bend be seen (at 1 % less than about 0.05 of
+2π/T in time, 0.1 to 0.15 of 2π/X along a line; less where there is less noise) pass for one, of a
+frequency between them: no bar holds that.
 
 {about}
 

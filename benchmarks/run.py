@@ -1,5 +1,4 @@
-"""Measure all contestants; write results.json and results.md beside this file, and their short
-table into docs/performance.md.
+"""Measure all contestants; write results.json, results.md and the table of docs/performance.md.
 
     python benchmarks/run.py [--only PART] [--problems ring,…] [--rounds N] [--folder FOLDER]
 

@@ -70,6 +70,20 @@ def test_slopes_of_complex_k_against_differences(simulated):
             assert np.abs(slopes[:, i] - rise).max() < 1e-5 * np.abs(slopes[:, i]).max()
 
 
+def test_what_a_coarse_grid_does_to_points_is_in_the_errors():
+    """ω of each branch off by 1e-4 (k/k_max)², as a grid's is, with errors of 1e-9: errors that
+    scatter alone stretches are many times too small; these hold the truth."""
+    block = ROTATION.blocks[0]
+    given = exact_points(MEDIUM, block, 1e-9)
+    off = replace(given, omega=given.omega * (1 - 1e-4 * (given.k / given.k.max()) ** 2))
+    found = fit([Observed(block, off)], MEDIUM, ["anisotropy", "stiffness_ratio"])
+    assert found.systematic
+    for name, value in found.values.items():
+        apart = abs(value - float(getattr(MEDIUM, name)))
+        assert apart <= 1.96 * found.errors[name] <= 1e-2
+    assert not fit([Observed(block, given)], MEDIUM, ["anisotropy"]).systematic
+
+
 @pytest.mark.parametrize("closure", ["printed", "consistent"])
 def test_a_and_eta_back_from_a_simulated_field(closure, simulated, recovered):
     """a and η to 1e-6 from the field of the shipped case, from a guess 0.15 off. Measured 1e-14."""

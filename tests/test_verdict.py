@@ -142,6 +142,32 @@ def test_a_branch_that_is_hardly_driven_is_not_judged():
     assert faint([held]) is None
 
 
+def test_a_ridge_that_goes_straight_on_where_branches_avoid_each_other():
+    """Its points are each branch's own on its side, as those of two ridges would be."""
+    low, high = exact(1), exact(2)
+    swap = np.argmin(high.omega - low.omega)
+    first = np.arange(len(low.k)) < swap
+    straight = Ridge(low.k, np.where(first, high.omega, low.omega), low.power)
+    other = Ridge(low.k, np.where(first, low.omega, high.omega), low.power)
+    held = hold(field(), measured(exact(0), straight, other, width=2 * np.pi * 1e3), K_RANGE)
+    for number in (1, 2):
+        np.testing.assert_array_equal(held.branches[number].k, exact(number).k)
+        assert held.branches[number].error.max() < 1e-12
+
+
+def test_a_branch_beyond_the_frames_is_no_ridge_of_another():
+    """Of LO2 frames of a Nyquist frequency ω_N below it show 2ω_N − ω: no branch, and no fault."""
+    there, made = exact(2), field()
+    nyquist = 0.95 * there.omega.min()
+    slow = dataclasses.replace(made, t=made.t * (np.pi / made.interval / nyquist))
+    back = np.abs(np.mod(there.omega + nyquist, 2 * nyquist) - nyquist)
+    seen = measured(exact(0), dataclasses.replace(there, omega=back))
+    for one, right in ((slow, True), (made, False)):
+        held = hold(one, seen, K_RANGE)
+        worst = max(b.error.max(initial=0) for b in held.branches)
+        assert (worst < 1e-12 and not held.strays) == right
+
+
 def test_presence_is_nine_tenths_of_what_is_expected():
     name, k = "LA", np.arange(20.0)
     for found, present in ((18, True), (17, False), (0, False)):

@@ -196,12 +196,21 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
         [medium_fit.Observed(block, points)], case.medium, [one.name for one in varied]
     )
     keyed = {one.name: one.key for one in varied}
+    notes = [
+        f"{found.points} numbers of {sector} points, χ² per degree of freedom "
+        f"{found.chi_square:.3g}"
+    ]
+    if found.systematic:
+        notes.append(
+            "what is left over is no noise: the points are held against the endless medium, and a "
+            "simulated record's grid, or another medium, puts them off; the errors hold what that "
+            "could move"
+        )
     return FitAnswer(
         {keyed[n]: v for n, v in found.values.items()},
         {keyed[n]: v for n, v in found.errors.items()},
         {}, (), found.chi_square, "points", 0, True, (), {},
-        (f"{found.points} numbers of {sector} points, χ² per degree of freedom "
-         f"{found.chi_square:.3g}",),
+        tuple(notes),
     )  # fmt: skip
 
 

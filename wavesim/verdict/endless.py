@@ -23,6 +23,7 @@ from wavesim.readings.dispersion.spectrum import (
     LOBE_BINS,
     WINDOW,
     Ridge,
+    Spectrum,
     analysed_from,
     spread_of_cut,
 )
@@ -167,12 +168,17 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     loudness = np.where(clear & covered, _seen(field, block, found.k), 0.0)
     judged = _long_enough(loudness >= _SEEN) & inside[:, None]
     loudness *= inside[:, None]
-    branches, strays = [], []
-    owner = [_nearest(ridge, found.k, exact) for ridge in measured.ridges]
+    branches = []
+    nyquist = np.pi / field.interval
+    kept = [r for r in measured.ridges if not _folded(r, found, exact, nyquist)]
+    owners = [_owners(ridge, found, exact) for ridge in kept]
     for number, name in enumerate(block.branches):
-        own = [r for r, o in zip(measured.ridges, owner, strict=True) if o == number]
         points = sorted(
-            (k, w, p) for r in own for k, w, p in zip(r.k, r.omega, r.power, strict=True)
+            (k, w)
+            for ridge, own in zip(kept, owners, strict=True)
+            if own is not None
+            for k, w, one in zip(ridge.k, ridge.omega, own, strict=True)
+            if one == number
         )
         k, omega = np.array([p[0] for p in points]), np.array([p[1] for p in points])
         at = np.searchsorted(found.k, k)
@@ -187,7 +193,7 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
                 float(loudness[:, number].max()),
             )
         )
-    strays = [r for r, o in zip(measured.ridges, owner, strict=True) if o is None]
+    strays = [r for r, own in zip(kept, owners, strict=True) if own is None]
     curve = measured.attenuation
     k_exact = None
     if curve is not None:
@@ -233,13 +239,31 @@ def _clear(exact: Float, distance: float) -> NDArray[np.bool_]:
     return np.asarray((gap[:, :-1] >= distance) & (gap[:, 1:] >= distance))
 
 
-def _nearest(ridge: Ridge, k: Float, exact: Float) -> int | None:
-    """Number of the branch a ridge is nearest to; None if another is nearly as near."""
-    distance = np.median(np.abs(exact[np.searchsorted(k, ridge.k)] - ridge.omega[:, None]), axis=0)
-    order = np.argsort(distance)
-    if len(order) > 1 and distance[order[0]] > 0.5 * distance[order[1]]:
+def _owners(ridge: Ridge, found: Spectrum, exact: Float) -> NDArray[np.int64] | None:
+    """Number of the branch each point of a ridge is of; None if another is nearly as near as the
+    nearest to all of it.
+
+    Where branches avoid each other a ridge may go straight on from one to the other: a point
+    within a bin of another branch, and out of reach of the ridge's own, is that one's.
+    """
+    at = np.searchsorted(found.k, ridge.k)
+    distance = np.abs(exact[at] - ridge.omega[:, None])
+    middle = np.median(distance, axis=0)
+    order = np.argsort(middle)
+    if len(order) > 1 and middle[order[0]] > 0.5 * middle[order[1]]:
         return None
-    return int(order[0])
+    nearest = distance.argmin(axis=1)
+    elsewhere = distance[:, order[0]] > LOBE_BINS * found.bin
+    elsewhere &= distance.min(axis=1) <= found.bin
+    return np.where(elsewhere, nearest, order[0])
+
+
+def _folded(ridge: Ridge, found: Spectrum, exact: Float, nyquist: float) -> bool:
+    """Whether a ridge is a branch above the frames' Nyquist frequency, folded back."""
+    there = exact[np.searchsorted(found.k, ridge.k)]
+    back = np.abs(np.mod(there + nyquist, 2 * nyquist) - nyquist)
+    off = np.where(there > nyquist, np.abs(back - ridge.omega[:, None]), np.inf)
+    return bool(np.median(off, axis=0).min() <= found.bin)
 
 
 def judge(field: Field, held: Sequence[Held]) -> list[Check]:

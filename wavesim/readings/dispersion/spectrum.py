@@ -24,6 +24,8 @@ WINDOW = "blackmanharris"
 LOBE_BINS = 4
 FLOOR = 1e-8
 _PADDING = 8
+# … above what rounding leaves of the strongest of all,
+_ROUNDING = 1e-26
 # … and so far above what the record's ends spread of the strongest, in power.
 ABOVE_CUT = 100.0
 # Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
@@ -45,6 +47,8 @@ class Spectrum:
         bin: frequency resolution 2π/T of the record, rad/s.
         cut: what the jumps at the record's ends, which the window leaves, spread over ω: power
             times the squared distance from a line, shape (nk,), (rad/s)²; none where None.
+        strongest: largest power at each k, of frequencies that are not kept as well, shape (nk,);
+            of those kept where None.
     """
 
     k: Float
@@ -52,6 +56,7 @@ class Spectrum:
     power: Float
     bin: float
     cut: Float | None = None
+    strongest: Float | None = None
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,7 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         kept = min(kept, int(np.searchsorted(omega, omega_max, side="right")) + 1)
     taken = slice(0, count, -(-count // MOST_WAVENUMBERS))
     k = k[taken]
-    power, cut = np.zeros((len(k), kept)), np.zeros(len(k))
+    power, cut, beyond = np.zeros((len(k), kept)), np.zeros(len(k)), np.zeros(len(k))
     width = max(1, int(_AT_ONCE / (32 * padded)))
     for in_space in _in_space(field, block, first, taken):
         in_space *= window
@@ -122,10 +127,13 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
             in_time = np.abs(np.fft.fft(in_space[low : low + width], padded)) ** 2
             power[low : low + width] += in_time[:, :kept]
             power[low : low + width, 1:] += in_time[:, : padded - kept : -1]
+            if kept < len(omega):
+                beyond[low : low + width] += in_time[:, kept : padded - kept + 1].max(axis=1)
     strongest = max(power.max(), 1e-300)
     cut /= strongest * field.interval**2
     power /= strongest
-    return Spectrum(k, omega[:kept], power, 2 * np.pi / (frames * field.interval), cut)
+    own = np.maximum(power.max(axis=1), beyond / strongest)
+    return Spectrum(k, omega[:kept], power, 2 * np.pi / (frames * field.interval), cut, own)
 
 
 def _in_space(field: Field, block: Block, first: int, taken: slice) -> NDArray[np.complex128]:
@@ -164,7 +172,11 @@ def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
     from scipy.signal import find_peaks
 
     height = np.log(np.maximum(found.power[index], 1e-300))
-    at, _ = find_peaks(height, height=height.max() + np.log(FLOOR))
+    strongest = height.max()
+    if found.strongest is not None:
+        strongest = max(strongest, np.log(max(found.strongest[index], 1e-300)))
+    least = max(strongest + np.log(FLOOR), np.log(_ROUNDING))
+    at, _ = find_peaks(height, height=least)
     left, middle, right = height[at - 1], height[at], height[at + 1]
     round_top = left + right < 2 * middle  # a plateau, as of nothing at all, is no peak
     at, left, middle, right = at[round_top], left[round_top], middle[round_top], right[round_top]
