@@ -163,7 +163,7 @@ def small_run(small_case, shared):
 def small_held(small_run):
     """What is measured from it, beside the theory, block by block."""
     from wavesim.readings.dispersion.extract import extract
-    from wavesim.verdict.endless import hold
+    from wavesim.verdict.branches import hold
 
     field, k_range = small_run.field, small_run.loaded.k_range
     return [hold(field, m, k_range) for m in extract(field, k_range[1])]

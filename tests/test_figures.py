@@ -279,7 +279,7 @@ def test_thinning_keeps_the_largest():
 def test_field_with_nothing_in_it_can_be_drawn(small_run, scale):
     """No warning of a logarithm, a division or the layout (warnings are errors here)."""
     from wavesim.readings.dispersion.extract import extract
-    from wavesim.verdict.endless import hold
+    from wavesim.verdict.branches import hold
 
     full = small_run.field
     made = made_field(

@@ -16,8 +16,9 @@ from wavesim.readings.dispersion.extract import Measured, extract
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum
 from wavesim.simulation.field import Energy
 from wavesim.sources import EXCITED, Ricker, excitation
+from wavesim.verdict.branches import Branch, faint, hold, tables
 from wavesim.verdict.check import Check
-from wavesim.verdict.endless import Branch, faint, hold, judge, tables
+from wavesim.verdict.endless import judge
 
 LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(anisotropy=0.25, closure="consistent")

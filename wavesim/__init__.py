@@ -44,7 +44,7 @@ _HOMES = {
     "traced_layers": "wavesim.differentiable.traced_layers",
     "traced_transmission": "wavesim.differentiable.stack_transmission",
     "extract": "wavesim.readings.dispersion.extract",
-    "hold": "wavesim.verdict.endless",
+    "hold": "wavesim.verdict.branches",
     "judge": "wavesim.verdict.endless",
     "read_bar": "wavesim.readings.bar.reading",
     "judge_bar": "wavesim.verdict.bar",

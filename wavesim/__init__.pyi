@@ -39,7 +39,8 @@ from wavesim.studies.sweep import sweep
 from wavesim.timedomain.gradient import traced_fields
 from wavesim.timedomain.integrate import integrate, simulate
 from wavesim.verdict.bar import judge_bar
-from wavesim.verdict.endless import hold, judge
+from wavesim.verdict.branches import hold
+from wavesim.verdict.endless import judge
 from wavesim.verdict.score import score as score
 
 __all__ = [

@@ -25,7 +25,7 @@ from wavesim.figures.style import (
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.simulation.field import Field
-from wavesim.verdict.endless import Held
+from wavesim.verdict.branches import Held
 
 _LEVEL = 120.0
 # Branches whose ends are nearer than this part of the axis have their names in one place.

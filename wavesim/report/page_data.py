@@ -19,7 +19,7 @@ from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wave
 from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.readings.bar.reading import Reading
 from wavesim.simulation.field import Field
-from wavesim.verdict.endless import Held
+from wavesim.verdict.branches import Held
 
 Data = dict[str, Any]
 

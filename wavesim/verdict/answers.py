@@ -23,7 +23,7 @@ from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
-from wavesim.verdict.endless import Held
+from wavesim.verdict.branches import Held
 
 Row = dict[str, Any]
 Answers = dict[str, list[Row]]

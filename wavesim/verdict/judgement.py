@@ -55,7 +55,8 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
         from wavesim.verdict.answers import of_endless
-        from wavesim.verdict.endless import faint, hold, judge, tables
+        from wavesim.verdict.branches import faint, hold, tables
+        from wavesim.verdict.endless import judge
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]
