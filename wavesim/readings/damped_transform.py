@@ -69,3 +69,20 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
     for end in (0, -1):
         total -= np.multiply.outer(np.exp(1j * complex_omega * t[end]) / 2, flat[end])
     return np.asarray(step * total).reshape(len(omega), *np.shape(values)[1:])
+
+
+def truncation(largest: Float, omega: Float, sigma: float, damping: float) -> Float:
+    """What a record's end leaves out of its transform, of all that still rings there.
+
+    A wave that rings at ω′ with the transform U′ there leaves U′ e^{−σT} σ/|σ + i(ω − ω′)| at ω.
+
+    Args:
+        largest: |U| where it is largest, shape (n,).
+        omega: real frequencies, shape (n,), rad/s.
+        sigma, damping: σ (rad/s), and σT.
+
+    Returns:
+        Shape (n,), unit of U.
+    """
+    nearness = sigma / np.hypot(sigma, omega[:, None] - omega)
+    return np.asarray((largest * nearness).max(axis=1) * np.exp(-damping))

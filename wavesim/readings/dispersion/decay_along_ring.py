@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.family import Block
-from wavesim.readings.damped_transform import damped_transform
+from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.simulation.field import Field
 
@@ -62,14 +62,14 @@ class Attenuation:
 
 
 def wavenumbers(
-    U: Complex, x: Float, truncation: Float, folded: float = 0.0
+    U: Complex, x: Float, left_out: Float, folded: float = 0.0
 ) -> tuple[Complex, Float]:
     """k of A exp(ikx) + B exp(−ikx) through complex amplitudes, by least squares.
 
     Args:
         U: amplitudes at n frequencies, shape (n, nx).
         x: ascending, even, shape (nx,), m.
-        truncation: what the record's end leaves out of U, alike at all x, shape (n,); the fit stops
+        left_out: what the record's end leaves out of U, alike at all x, shape (n,); the fit stops
             where U first is not 30 times as large.
         folded: what the frames fold into it.
 
@@ -78,7 +78,7 @@ def wavenumbers(
         may be by both, shape (n,), rad/m.
     """
     k, error = np.full(len(U), complex(np.nan, np.nan)), np.full(len(U), np.nan)
-    used = np.logical_and.accumulate(np.abs(U) > _ABOVE_FLOOR * truncation[:, None], axis=1)
+    used = np.logical_and.accumulate(np.abs(U) > _ABOVE_FLOOR * left_out[:, None], axis=1)
     count = used.sum(axis=1)
     rows = np.flatnonzero(count >= FEWEST_POINTS)
     at_once = max(1, int(_AT_ONCE / (_FIT_BYTES * max(len(x), 1))))
@@ -86,7 +86,7 @@ def wavenumbers(
         some = rows[first : first + at_once]
         fit = fit_line(U[some], x, used[some], 1, both=True)
         k[some] = fit.k[:, 0]
-        wrong = np.hypot(truncation[some], folded)
+        wrong = np.hypot(left_out[some], folded)
         error[some] = wrong * np.sqrt(count[some]) * fit.unit[:, 0]
     return k, error
 
@@ -127,8 +127,8 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
         here = (low <= columns) & (columns < low + width)
         seen[:, here] = transform[: len(omega), columns[here] - low]
     distance = (origin + steps) * spacing - start
-    truncation = _truncation(largest[: len(omega)], omega, sigma, damping)
-    k, error = wavenumbers(seen, distance, truncation, _FOLDED * largest[len(omega) :].max())
+    left_out = truncation(largest[: len(omega)], omega, sigma, damping)
+    k, error = wavenumbers(seen, distance, left_out, _FOLDED * largest[len(omega) :].max())
     k[error > _LARGEST_ERROR * np.abs(k)] = np.nan
     level = np.abs(seen)
     del seen  # of a long bar it is large
@@ -138,15 +138,6 @@ def attenuation(field: Field, block: Block, omega: Float, damping: float) -> Att
         np.log10(level, out=level)
         level *= 20
     return Attenuation(omega, sigma, k, error, distance, level)
-
-
-def _truncation(largest: Float, omega: Float, sigma: float, damping: float) -> Float:
-    """What the record's end leaves out of U, of what rings at all frequencies: shape (n,).
-
-    A wave that rings at ω′ with the transform U′ there leaves U′ e^{−σT} σ/|σ + i(ω − ω′)| at ω.
-    """
-    nearness = sigma / np.hypot(sigma, omega[:, None] - omega)
-    return np.asarray((largest * nearness).max(axis=1) * np.exp(-damping))
 
 
 def free_stretch(field: Field, block: Block) -> tuple[float, float]:

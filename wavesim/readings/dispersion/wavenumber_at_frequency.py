@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 
-from wavesim.readings.damped_transform import damped_transform
+from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, folded_in_pieces
@@ -128,19 +128,19 @@ def in_space(
     sigma = damping / float(t[-1])
     U = damped_transform(values, t, omega, sigma)
     everywhere = np.abs(damped_transform(record.values[component], t, omega, sigma)).max(axis=1)
-    truncation = everywhere * np.exp(-damping)
+    left_out = truncation(everywhere, omega, sigma, damping)
     noise = _noise(record, values, receivers, omega, sigma)
     if spreading:
         along = np.abs(x - _nearest(record, x)) ** spreading
         U, middle = U * along, float(np.sqrt(np.mean(along**2)))
-        truncation, noise = truncation * middle, noise * middle
-    used = np.abs(U) > np.maximum(_ABOVE_TRUNCATION * truncation, _ABOVE_NOISE * noise)[:, None]
+        left_out, noise = left_out * middle, noise * middle
+    used = np.abs(U) > np.maximum(_ABOVE_TRUNCATION * left_out, _ABOVE_NOISE * noise)[:, None]
     spread = "" if spreading or record.ring else spreads(U, x, used, _nearest(record, x, None))
     if not record.ring:
         used |= (used.sum(axis=1) < len(x))[:, None] & (
-            np.abs(U) > _ABOVE_TRUNCATION * truncation[:, None]
+            np.abs(U) > _ABOVE_TRUNCATION * left_out[:, None]
         )
-    level = np.hypot(truncation, noise)
+    level = np.hypot(left_out, noise)
     fits = _fits(U, x, used, pairs)
     points, chosen = _chosen(fits, used, omega + 1j * sigma, level)
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
