@@ -103,8 +103,9 @@ def test_what_comes_in_goes_out(rng):
 
 
 def test_gradients_are_those_of_differences_of_high_order(rng):
-    """d/dp of mean |T|² and of the level at one ω, to 1e-8 of a tenth-order difference."""
-    layers = random_stack(rng, 6, 30.0)
+    """d/dp of mean |T|² and of the level at one ω, to 1e-8 of a tenth-order difference; of graded
+    layers between uniform ones."""
+    layers = random_stack(rng, 4, 30.0, graded=True)
     stack, omega = traced_layers(layers), jnp.asarray(OMEGA[::3])
 
     def value(thickness, G, a):
@@ -158,7 +159,7 @@ def test_sine_and_cosine_are_those_of_the_library():
 
 def with_gradient(layers, rng):
     """The same with Γ of a share of up to some per cent, another in each layer."""
-    least = -5 if all(layer.last is None for layer in layers.layers) else -3
+    least = -5 if all(layer.last is None for layer in layers.layers) else -2.5
 
     def of(medium):
         return dataclasses.replace(
@@ -183,7 +184,7 @@ def test_waves_of_the_gradient_term_too(sector, count, quality, graded, rng):
     layers = with_gradient(random_stack(rng, count, quality, graded=graded), rng)
     omega = OMEGA * (4 if sector[:2] == "in" else 1)
     if graded:  # no asymptote is left in it, so that there is an answer throughout
-        omega = omega[::15]
+        omega = omega[20::40]
     known = layered.transmission(layers, sector, omega)
     found = found_of(traced_layers(layers), sector, omega)
     for name in ("T", "R", "power_T", "power_R"):
@@ -197,9 +198,9 @@ def test_waves_of_the_gradient_term_too(sector, count, quality, graded, rng):
 
 
 def test_gradients_of_waves_of_the_gradient_term(rng):
-    """By Γ and a thickness of graded layers, to 1e-8 of a tenth-order difference."""
-    stack = traced_layers(with_gradient(random_stack(rng, 1, 30.0, graded=True), rng))
-    omega = jnp.asarray(OMEGA[::30])
+    """By Γ and a thickness, to 1e-8 of a tenth-order difference."""
+    stack = traced_layers(with_gradient(random_stack(rng, 3, 30.0), rng))
+    omega = jnp.asarray(OMEGA[::12])
 
     def value(p):
         own = stack.with_values("G_n_g", 2, p[0]).with_values("thickness", 1, p[1])
@@ -208,7 +209,7 @@ def test_gradients_of_waves_of_the_gradient_term(rng):
     at = jnp.asarray([1e-2, 2e-3])
     weights = {1: 5 / 6, 2: -5 / 21, 3: 5 / 84, 4: -5 / 504, 5: 1 / 1260}
     both = jax.jit(jax.value_and_grad(value))  # one compilation for all
-    for exact, step in zip(both(at)[1], jnp.diag(at) * 2e-2, strict=True):
+    for exact, step in zip(both(at)[1], jnp.diag(at) * 3e-3, strict=True):
         moved = [w * (both(at + n * step)[0] - both(at - n * step)[0]) for n, w in weights.items()]
         assert float(sum(moved) / step.sum()) == pytest.approx(float(exact), rel=1e-8)
 

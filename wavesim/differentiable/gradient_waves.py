@@ -71,10 +71,9 @@ def with_gradient(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
         last = _coefficients(stack.kinds, stack.last, block, units)
     z = jax.lax.stop_gradient(_impedance(own))
     waves = partial(_waves, scaled, units.time, z)
-    left, right = (
-        waves(jax.tree.map(lambda c, at=at: c[at], of), loss_law(stack.losses, at))
-        for of, at in ((own, 0), (last, -1))
-    )
+    ends = jax.tree.map(lambda first, last: jnp.stack([first[0], last[-1]]), own, last)
+    both = jax.vmap(waves)(ends, loss_law(stack.losses, np.array([0, -1])))
+    left, right = (jax.tree.map(lambda x, n=n: x[n], both) for n in (0, 1))
 
     def layer(state: Any, piece: Any) -> Any:
         rho, through, lost = state
