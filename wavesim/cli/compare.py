@@ -72,7 +72,7 @@ def compare(
     """Lay the signals of CASE over those of RECORD, receiver by receiver, and tell them apart."""
     loaded, measured = laid_beside(record, case, field, overrides, layout)
     lag, scale = stated("--lag", lag), stated("--scale", scale)
-    from wavesim.readings.pulse.answers import plain
+    from wavesim.material.shown import plain
     from wavesim.studies import comparison
     from wavesim.studies.least_squares import FitError
 

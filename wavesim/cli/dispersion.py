@@ -108,7 +108,7 @@ def _fitted(results: Sequence[Any], start: Any, parameters: Sequence[str]) -> An
 
 def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
     """All that was found as one object for JSON, SI units, NaN as null."""
-    from wavesim.readings.dispersion.points import plain
+    from wavesim.material.shown import plain
     from wavesim.verdict.record import checks
     from wavesim.verdict.recovered_points import Matched
 

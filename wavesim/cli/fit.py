@@ -83,7 +83,7 @@ def fit(
         stop("--vary: required, but not given; name what to fit, as medium.anisotropy", BAD_INPUT)
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
     lag, scale = stated("--lag", lag), stated("--scale", scale)
-    from wavesim.readings.pulse.answers import plain
+    from wavesim.material.shown import plain
     from wavesim.studies.fit_answer import is_points, of_points, of_waveforms
     from wavesim.studies.least_squares import FitError
     from wavesim.studies.medium_fit import FitError as PointsError
@@ -121,7 +121,7 @@ def _of_speeds(
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    from wavesim.readings.pulse.answers import plain
+    from wavesim.material.shown import plain
     from wavesim.studies.least_squares import FitError
 
     if speeds and (shear or case is not None):
