@@ -62,14 +62,11 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
     from wavesim.records.of_medium import of_file
     from wavesim.records.record import RecordError
-    from wavesim.studies.medium_fit import FitError
+    from wavesim.studies.least_squares import FitError
 
     file = given["file"]
-    try:
-        medium = medium_of(given["medium"])
-        found = of_file(Path(file), _layout(given), medium, given["sector"])
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    medium = medium_of(given["medium"])
+    found = of_file(Path(file), _layout(given), medium, given["sector"])
     fit = None
     try:
         results = work(found)
