@@ -77,8 +77,7 @@ def _source(field: Field, source: Any) -> Data:
 
 def _gaps(field: Field, sector: str) -> list[Data]:
     """Those of the one medium; of several layers none is the bar's."""
-    inner = field.layers.layers[1:-1] or field.layers.layers
-    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    media = field.layers.inner_media
     if len(media) > 1:
         return []
     return [

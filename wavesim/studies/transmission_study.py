@@ -10,7 +10,6 @@ import numpy as np
 from wavesim.case.layered_case import BarLayers
 from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import Specimen, specimen
-from wavesim.material.layers import Layer
 from wavesim.material.shown import plain
 from wavesim.planewave.band_edges import asymptotes, gaps
 
@@ -202,7 +201,7 @@ def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
     """Open gaps of every medium of the bar, with the layers that have it."""
     media: dict[Any, list[int]] = {}
     for number, layer in enumerate(known.stretches, start=1):
-        for medium in _ends(layer):
+        for medium in layer.ends:
             media.setdefault(medium, []).append(number)
     found = []
     for medium, numbers in media.items():
@@ -214,10 +213,6 @@ def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
                 if gap.upper > gap.lower
             ]
     return found
-
-
-def _ends(layer: Layer) -> tuple[Any, ...]:
-    return (layer.medium,) if layer.last is None else (layer.medium, layer.last)
 
 
 def _ranges(numbers: list[int]) -> str:

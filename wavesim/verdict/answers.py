@@ -207,8 +207,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     real = None if found.T_real is None else _level(found.T_real)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
-    inner = field.layers.layers[1:-1] or field.layers.layers
-    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    media = field.layers.inner_media
     names = _open(media[0], found.sector) if len(media) == 1 else []
     rows: list[Row] = []
     places = []
