@@ -70,7 +70,22 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
     return taken
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _Commands(click.Group):
+    """Commands that end with a line, and its exit code, where wavesim itself finds a fault."""
+
+    def invoke(self, context: click.Context) -> Any:
+        try:
+            return super().invoke(context)
+        except Exception as error:
+            if not type(error).__module__.startswith("wavesim."):
+                raise
+            sys.exit(failed(error))
+
+
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(package_name="wavesim")
 def main() -> None:
     """Rotation waves in granular bars: simulate, extract dispersion, hold against theory."""
