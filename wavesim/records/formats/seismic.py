@@ -96,10 +96,11 @@ def _place(content: Content, stream: Any, traces: list[Any]) -> None:
     if usable is None:
         usable, what = _usable(places), "coordinates"
     if usable is None:
-        if offsets is not None and len(set(offsets.tolist())) > 1:
-            repeated = next(x for x in offsets.tolist() if (offsets == x).sum() > 1)
+        own = [] if offsets is None else offsets.tolist()
+        repeated = next((x for x in own if own.count(x) > 1), 0.0)
+        if repeated:
             content.notes.append(
-                f"offsets in the traces' headers repeat ({repeated:g} {unit}): not taken as positions"
+                f"offsets in the traces' headers repeat ({repeated:g} {unit}): no positions by them"
             )
         return
     content.arrays["x"] = usable
