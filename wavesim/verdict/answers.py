@@ -16,7 +16,9 @@ from scipy.interpolate import BarycentricInterpolator
 
 from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
+from wavesim.material.family import sector_words
 from wavesim.material.medium import Medium
+from wavesim.material.shown import plain
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -79,6 +81,7 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         "attenuation_at_real_frequency": None,
         "frequencies": 0,
         "closer": "",
+        "untold": "",
     }
     middle = (gap.lower + gap.upper) / 2
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
@@ -100,7 +103,36 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
             "attenuation_at_real_frequency": float(real.imag) * _DECIBELS,
             "frequencies": len(known),
         }
+    if row["attenuation"] is None:
+        row["untold"] = _untold(field, gap, sector, [curve.omega for curve in curves])
     return row
+
+
+def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:
+    """Why nothing was measured of a gap.
+
+    Args:
+        field: the field.
+        gap: the gap.
+        sector: of its waves.
+        measured: frequencies at which its attenuation was, rad/s.
+    """
+    family = field.medium.family
+    if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
+        return f"no source drives {sector_words(sector, sector)} waves"
+    if sector in family.unlike:
+        return "these waves do not travel"
+    if not measured:
+        return "the ring is too short to measure a decay along it"
+    low, high = (end * _HERTZ / 1e3 for end in (measured[0][0], measured[0][-1]))
+    if not gap.lower * _HERTZ / 1e3 < high:
+        return f"what the sources drive, and frames show, ends at {high:.4g} kHz"
+    if not gap.upper * _HERTZ / 1e3 > low:
+        return f"what the sources drive begins at {low:.4g} kHz"
+    inside = (measured[0] > gap.lower) & (measured[0] < gap.upper)
+    if not inside.any():
+        return "it lies between two frequencies: raise [analysis] frequencies"
+    return "too little of the waves is left there to measure"
 
 
 def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
@@ -206,8 +238,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     real = None if found.T_real is None else _level(found.T_real)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
-    inner = field.layers.layers[1:-1] or field.layers.layers
-    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    media = field.layers.inner_media
     names = _open(media[0], found.sector) if len(media) == 1 else []
     rows: list[Row] = []
     places = []
@@ -245,7 +276,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": None if real is None else _number(real[at]),
+            "level_at_real_frequency": None if real is None else plain(real[at]),
         }
     return rows
 
@@ -275,7 +306,7 @@ def _modes(found: Ringing) -> list[Row]:
         {
             "mode": number + 1,
             "sector": found.sector,
-            "frequency": _number(found.found[number] * _HERTZ),
+            "frequency": plain(found.found[number] * _HERTZ),
             "frequency_exact": float(found.exact[number]) * _HERTZ,
         }
         for number in range(min(_MOST_MODES, len(found.exact)))
@@ -289,9 +320,9 @@ def _speeds(test: PulseTest) -> list[Row]:
         {
             "by": convention,
             "field": test.name,
-            "velocity": _number(one.velocity),
-            "velocity_error": _number(one.error),
-            "velocity_exact": _number(test.exact.velocities[convention].velocity),
+            "velocity": plain(one.velocity),
+            "velocity_error": plain(one.error),
+            "velocity_exact": plain(test.exact.velocities[convention].velocity),
         }
         for convention, one in test.result.velocities.items()
         if math.isfinite(one.velocity)
@@ -341,7 +372,3 @@ def _quality(test: PulseTest) -> list[Row]:
             "quality_exact": float(law[at]),
         }
     ]
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None

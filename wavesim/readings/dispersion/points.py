@@ -174,15 +174,3 @@ def joined(parts: list[BranchPoints]) -> BranchPoints:
         known = [getattr(p, name) for p in shifted if getattr(p, name) is not None]
         whole[name] = np.concatenate(known) if len(known) == len(shifted) else None
     return replace(shifted[0], **whole)
-
-
-def plain(column: Any) -> list[Any]:
-    """A column for JSON: not a number becomes null."""
-    column = np.asarray(column)
-    if column.dtype.kind == "f":
-        return [float(v) if np.isfinite(v) else None for v in column]
-    if column.dtype.kind == "b":
-        return [bool(v) for v in column]
-    if column.dtype.kind in "iu":
-        return [int(v) for v in column]
-    return [str(v) for v in column]
