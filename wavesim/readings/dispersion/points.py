@@ -114,9 +114,9 @@ class BranchPoints(Shown):
 
     def take(self, which: Any) -> BranchPoints:
         """The points at an index or mask."""
-        kept = {n: getattr(self, n)[which] for n in _COLUMNS}
-        known = {n: getattr(self, n) for n in _OPTIONAL}
-        return replace(self, **kept, **{n: v if v is None else v[which] for n, v in known.items()})
+        known = [n for n in (*_COLUMNS, *_OPTIONAL) if getattr(self, n) is not None]
+        kept: dict[str, Any] = {n: getattr(self, n)[which] for n in known}
+        return replace(self, **kept)
 
     def refused(self, where: Any, reason: str) -> BranchPoints:
         """The points with those at a mask no longer valid; an earlier reason stays."""
