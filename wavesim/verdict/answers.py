@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BarycentricInterpolator
 
 from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
@@ -106,7 +105,7 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
 def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
     """Values at some frequencies at one among them, by the parabola through the three nearest."""
     near = np.argsort(np.abs(omega - at))[:3]
-    return float(BarycentricInterpolator((omega[near] - at) / at, values[near])(0.0))
+    return float(np.polyfit((omega[near] - at) / at, values[near], 2)[-1])
 
 
 def _finer(field: Field, frequencies: int) -> str:

@@ -36,8 +36,9 @@ class Found:
 
 def needed(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
-    endless = simulated.endless
-    return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
+    if simulated.endless:
+        return ("wavesim.verdict.endless",)
+    return "wavesim.verdict.bar", "scipy.signal"
 
 
 def measure(case: Case, field: Any, known: Any = None) -> Found:
