@@ -100,7 +100,7 @@ def build(file: CaseFile, name: str) -> Case:
         raise CaseError(f"{name}: {heading}: required, but not given; add it")
     make, known = builder(name), bar_layers(file, name)
     medium, stretches, ends = known.medium, known.stretches, known.ends
-    media = [m for layer in stretches for m in layer.sampled(2)] or [medium]
+    media = [m for layer in stretches for m in layer.ends] or [medium]
     finest = min(media, key=lambda m: float(m.length_scale))
     sized = not stretches or file.bar.length is not None or file.bar.cells is not None
     plain = make(("bar",), file.bar.build, finest) if sized else None

@@ -62,14 +62,11 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
     from wavesim.records.of_medium import of_file
     from wavesim.records.record import RecordError
-    from wavesim.studies.medium_fit import FitError
+    from wavesim.studies.least_squares import FitError
 
     file = given["file"]
-    try:
-        medium = medium_of(given["medium"])
-        found = of_file(Path(file), _layout(given), medium, given["sector"])
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    medium = medium_of(given["medium"])
+    found = of_file(Path(file), _layout(given), medium, given["sector"])
     fit = None
     try:
         results = work(found)
@@ -108,7 +105,7 @@ def _fitted(results: Sequence[Any], start: Any, parameters: Sequence[str]) -> An
 
 def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
     """All that was found as one object for JSON, SI units, NaN as null."""
-    from wavesim.readings.dispersion.points import plain
+    from wavesim.material.shown import plain
     from wavesim.verdict.record import checks
     from wavesim.verdict.recovered_points import Matched
 

@@ -26,8 +26,6 @@ from wavesim.figures.style import (
 from wavesim.figures.transmission import draw_masks
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro
-from wavesim.material.layers import Layers
-from wavesim.material.medium import Medium
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -46,12 +44,6 @@ _STYLES = ("-", "--", "-.", ":")
 _MOST_PERIODS = 90
 _MUCH = 0.7
 _MOST_POINTS = 400
-
-
-def _inner_media(layers: Layers) -> list[Medium]:
-    """Media of a specimen between two buffers, each once; a graded layer's two ends."""
-    inner = layers.layers[1:-1] or layers.layers
-    return list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
 
 
 def transmission(field: Field, found: Scattered) -> Figure:
@@ -77,7 +69,7 @@ def transmission(field: Field, found: Scattered) -> Figure:
 def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     """Transmission and reflection in decibels, measured and exact, on given axes."""
     f, judged = found.omega * KHZ, found.judged
-    media = _inner_media(field.layers)
+    media = field.layers.inner_media
     if len(media) == 1:  # the gaps of several are no specimen's
         shade(axes, gap_edges(media[0], found.sector))
     fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)

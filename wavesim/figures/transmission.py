@@ -37,7 +37,7 @@ def transmission_figure(study: Study) -> Figure:
             panels.append(([curve.sector], curve))
     figure = Figure(figsize=(6.8, 0.9 + 2.7 * len(panels)))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    inner = {medium for layer in study.specimen.inside for medium in layer.sampled(2)}
+    inner = {medium for layer in study.specimen.inside for medium in layer.ends}
     for axis, (names, curve) in zip(axes, panels, strict=True):
         if len(inner) == 1 and not masks:  # the gaps of several are no specimen's
             shade(axis, gap_edges(next(iter(inner)), curve.sector))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
 from wavesim.material.medium import Medium
+from wavesim.material.shown import plain
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -205,8 +206,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     real = None if found.T_real is None else _level(found.T_real)
     own = _stopped(found.omega, np.where(judged, level, np.inf))
     known = _stopped(found.omega, np.where(judged, exact, np.inf))
-    inner = field.layers.layers[1:-1] or field.layers.layers
-    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    media = field.layers.inner_media
     names = _open(media[0], found.sector) if len(media) == 1 else []
     rows: list[Row] = []
     places = []
@@ -244,7 +244,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": None if real is None else _number(real[at]),
+            "level_at_real_frequency": None if real is None else plain(real[at]),
         }
     return rows
 
@@ -274,7 +274,7 @@ def _modes(found: Ringing) -> list[Row]:
         {
             "mode": number + 1,
             "sector": found.sector,
-            "frequency": _number(found.found[number] * _HERTZ),
+            "frequency": plain(found.found[number] * _HERTZ),
             "frequency_exact": float(found.exact[number]) * _HERTZ,
         }
         for number in range(min(_MOST_MODES, len(found.exact)))
@@ -288,9 +288,9 @@ def _speeds(test: PulseTest) -> list[Row]:
         {
             "by": convention,
             "field": test.name,
-            "velocity": _number(one.velocity),
-            "velocity_error": _number(one.error),
-            "velocity_exact": _number(test.exact.velocities[convention].velocity),
+            "velocity": plain(one.velocity),
+            "velocity_error": plain(one.error),
+            "velocity_exact": plain(test.exact.velocities[convention].velocity),
         }
         for convention, one in test.result.velocities.items()
         if math.isfinite(one.velocity)
@@ -340,7 +340,3 @@ def _quality(test: PulseTest) -> list[Row]:
             "quality_exact": float(law[at]),
         }
     ]
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None

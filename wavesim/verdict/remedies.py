@@ -17,6 +17,7 @@ from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
+from wavesim.simulation.simulation import Simulation
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
@@ -139,10 +140,10 @@ def absorber(field: Field) -> str | None:
 def of_grid(field: Field, sector: str | None = None) -> str:
     """An absorber that is too short, or else a finer grid or a band that it carries better."""
     told = absorber(field)
-    return told or f"{finer(field)}, or {_gentler(field)}"
+    return told or f"{finer(field)}, or {gentler(field)}"
 
 
-def _gentler(field: Field) -> str:
+def gentler(field: Field | Simulation) -> str:
     """Less of the waves that are short: a smoother burst, a lower or a wider source."""
     source = field.sources[0]
     if getattr(source, "window", None) == "hann":
@@ -153,7 +154,7 @@ def _gentler(field: Field) -> str:
     return text
 
 
-def lower(field: Field) -> str:
+def lower(field: Field | Simulation) -> str:
     """A source that goes less high, by its key."""
     source = field.sources[0]
     key = {"tone-burst": "frequency", "chirp": "high", "initial": ""}.get(

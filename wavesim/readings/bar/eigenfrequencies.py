@@ -143,7 +143,7 @@ def _highest(field: Field, block: Block) -> float:
     omega = np.linspace(0, np.pi / field.interval, 4001)[1:]
     fine = np.ones(len(omega), bool)
     for layer, (_, spacing) in zip(field.layers.layers, field.bar.all_stretches, strict=True):
-        for medium in layer.sampled(2):
+        for medium in layer.ends:
             k = wavenumber(medium, block.sector, omega)
             fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS
     return float(omega[np.argmin(fine) - 1]) if not fine.all() and fine[0] else float(omega[-1])

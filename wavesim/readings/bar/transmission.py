@@ -32,7 +32,7 @@ Complex = NDArray[np.complex128]
 _AWAY = 2.0
 _FEWEST_NODES = 8
 # To this part of the incident wave T and R are told.
-_TOLD = 1e-4
+TOLD = 1e-4
 # Frequencies of a band of one's choice, at ω + iσ.
 _IN_BAND = 33
 # Ends of a band that differ by less are the same.
@@ -127,7 +127,7 @@ class Scattered:
     bands: tuple[Band, ...] = ()
 
 
-def _amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
+def amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
     """a and b of a e^{ikx} + b e^{−ikx}, least squares at each frequency; transform (n, nodes)."""
     found = []
     for values, wave in zip(transform, k, strict=True):
@@ -230,10 +230,10 @@ def scattered(
     for nodes, face, wave in zip((known.before, known.behind), known.faces, known.k, strict=True):
         record = field.part(name, points=nodes)
         transform = damped_transform(record, field.t, omega, sigma)
-        ends.append(_amplitudes(transform, field.bar.nodes[nodes] - face, wave))
+        ends.append(amplitudes(transform, field.bar.nodes[nodes] - face, wave))
         hidden = max(hidden, loud.hidden(record, sigma, name))
     (a, b), (c, _) = ends
-    judged = known.judged & (np.abs(a) * _TOLD >= hidden)
+    judged = known.judged & (np.abs(a) * TOLD >= hidden)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing came there is no ratio
         T, R = c / a, b / a
     exact = known.T, known.R, judged, known.line, known.T_real, known.R_real, known.bands

@@ -166,15 +166,3 @@ def joined(parts: list[BranchPoints]) -> BranchPoints:
     errors = [p.k_error for p in shifted if p.k_error is not None]
     k_error = np.concatenate(errors) if len(errors) == len(shifted) else None
     return replace(shifted[0], **whole, k_error=k_error)
-
-
-def plain(column: Any) -> list[Any]:
-    """A column for JSON: not a number becomes null."""
-    column = np.asarray(column)
-    if column.dtype.kind == "f":
-        return [float(v) if np.isfinite(v) else None for v in column]
-    if column.dtype.kind == "b":
-        return [bool(v) for v in column]
-    if column.dtype.kind in "iu":
-        return [int(v) for v in column]
-    return [str(v) for v in column]
