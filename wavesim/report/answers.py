@@ -18,7 +18,7 @@ KINDS: dict[str, tuple[float, str, int]] = {
     "decay": (1e-3, "dB/mm", 5),
     "velocity": (1.0, "m/s", 6),
     "wavenumber": (1e-3, "rad/mm", 4),
-    "level": (1.0, "dB", 5),
+    "level": (1.0, "dB", 4),
     "number": (1.0, "", 5),
     "time": (1e6, "µs", 5),
 }

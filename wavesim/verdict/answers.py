@@ -82,6 +82,8 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         "closer": "",
     }
     middle = (gap.lower + gap.upper) / 2
+    if sector in field.medium.family.travelling:
+        row |= {"frequency": middle * _HERTZ, **_steady_loss(field, sector, middle)}
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
     row["closer"] = _closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
     for h in own:
@@ -92,15 +94,19 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         if not len(known):
             continue
         at = float(np.clip(middle, *curve.omega[known[[0, -1]]]))
-        real = wavenumber(field.medium, sector, np.array([at]))[0]
         row |= {
             "frequency": at * _HERTZ,
             "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * _DECIBELS,
             "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * _DECIBELS,
-            "attenuation_at_real_frequency": float(real.imag) * _DECIBELS,
+            **_steady_loss(field, sector, at),
             "frequencies": len(known),
         }
     return row
+
+
+def _steady_loss(field: Field, sector: str, omega: float) -> Row:
+    real = wavenumber(field.medium, sector, np.array([omega]))[0]
+    return {"attenuation_at_real_frequency": float(real.imag) * _DECIBELS}
 
 
 def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
@@ -231,18 +237,13 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             }
         )
     top = int(np.nanargmax(np.where(within, steady, -np.inf)))
-    for where, band, (at_most, at) in (
-        ("most passes", None, (float(steady[top]), float(omega[top]) * _HERTZ)),
-        *(
-            (
-                "worst of a band asked for",
-                b.asked,
-                b.highest if b.asked.at_least is None else b.lowest,
-            )
-            for b in found.bands
-            if (b.holds(found.omega) & judged).any()
-        ),
-    ):
+    ends_of = [
+        ("worst of a band", b.asked, b.highest if b.asked.at_least is None else b.lowest)
+        for b in found.bands
+        if (b.holds(found.omega) & judged).any()
+    ]
+    best = float(steady[top]), float(omega[top]) * _HERTZ
+    for where, band, (worst, at) in [("most passes", None, best), *ends_of]:
         rows.append(
             {
                 "where": where,
@@ -251,7 +252,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
                 "lower_open": False,
                 "upper_open": False,
                 "frequency": at,
-                "level_at_real_frequency": plain(at_most),
+                "level_at_real_frequency": plain(worst),
                 "closer": "",
             }
         )

@@ -346,7 +346,7 @@
   const named = (...ids) => plots.filter(plot => ids.includes(plot.id));
 
   // Tables: each number that has a unit in the one chosen; its digits are those of the summary.
-  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 5 };
+  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 4 };
   function tables() {
     for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
       const kind = cell.dataset.kind;
