@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
-from scipy.signal import get_window
 
 from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
@@ -23,6 +22,7 @@ from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.waves_along_line import along_line
 from wavesim.records.fitness import evened, live
 from wavesim.records.record import Record, RecordError
+from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 
@@ -305,7 +305,7 @@ def power(channels: Float) -> tuple[Float, float]:
     """
     count = channels.shape[-1]
     padded = next_fast_len(_PADDING * count, real=True)
-    window = get_window("blackmanharris", count, fftbins=False)
+    window = blackman_harris(count)
     window *= 2 / window.sum()
     total = np.zeros((len(channels), padded // 2 + 1))
     for c in range(channels.shape[1]):

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
-from scipy.signal.windows import blackmanharris
 
 from wavesim.readings.dispersion.sinusoids import Fit, exponentials, solve, transposed
+from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 
@@ -167,10 +167,10 @@ def of_lines(
     """
     count = channels.shape[-1]
     lag = count // 6
-    window = blackmanharris(count - 2 * lag, sym=True)
+    window = blackman_harris(count - 2 * lag)
     power = float(np.sum(window**2))
     near, far = (float(np.sum(window[d:] * window[:-d])) / power for d in (lag, 2 * lag))
-    whole = blackmanharris(count, sym=True)
+    whole = blackman_harris(count)
     level = power / float(np.sum(whole**2)) * (whole.sum() / 2) ** 2 / channels.shape[1]
     size, hidden, over = np.zeros((3, len(row)))
     edges = np.flatnonzero(np.diff(row, prepend=-1, append=-1))

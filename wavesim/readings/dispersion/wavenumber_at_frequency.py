@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as f_distribution
-from scipy.stats import t as student
+from scipy.special import betaincinv, stdtrit
 
 from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.beam import highest_wavenumber
@@ -315,7 +314,7 @@ def _chosen(
             # … and is known from no more receivers than there are to spare.
             spare = max(int(count[i]) - unknowns(pairs, both), 1)
             # Gains alone are off along one direction of the complex plane.
-            noise *= student.isf(_OUTSIDE / 2, spare) / COMPLEX_BAR
+            noise *= -stdtrit(spare, _OUTSIDE / 2) / COMPLEX_BAR
         for p in range(pairs):
             columns["omega"].append(omega[i])
             columns["k"].append(one.k[i, p])
@@ -361,7 +360,8 @@ def _weak(one: LineFit, i: int, count: int, free: int, level: float) -> bool:
         return bool(power < _WITHOUT_SPARE * level**2)
     left = max(float(one.unexplained[i]), 1e-290)
     ratio = (1 - left) / free / (left / spare)
-    return bool(ratio < f_distribution.isf(_BY_CHANCE / count, 2 * free, 2 * spare))
+    y = betaincinv(spare, free, _BY_CHANCE / count)  # of F with 2 free, 2 spare degrees
+    return bool(ratio < spare * (1 - y) / (free * y))
 
 
 def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints:
