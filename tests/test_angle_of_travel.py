@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import modes_at_an_angle as every
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,7 +18,9 @@ from wavesim.material.contact_tensors import (
 )
 from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
+from wavesim.material.scaling import BlockCoefficients
 from wavesim.planewave import angle_of_travel as direction
+from wavesim.planewave.eigenproblem import solve
 
 property_test = settings(deadline=None, derandomize=True, max_examples=40)
 angles = st.floats(-np.pi, np.pi)
@@ -73,10 +76,10 @@ def test_contraction_with_the_direction_is_the_turned_body_along_its_axis(medium
     tensors = direction.scaled_tensors(medium)
     Q = turn(-theta)
     names = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
-    back = direction.BlockCoefficients(*(turned(getattr(tensors, name), Q) for name in names))
+    back = BlockCoefficients(*(turned(getattr(tensors, name), Q) for name in names))
     k = np.array([2 * np.pi * k_bar])
-    one = direction.solve(direction.direction_form(medium, theta), k).squares
-    two = direction.solve(direction._contract(back, np.array([1.0, 0.0, 0.0])), k).squares
+    one = solve(every.direction_form(medium, theta), k).squares
+    two = solve(every.contract(back, np.array([1.0, 0.0, 0.0])), k).squares
     np.testing.assert_allclose(one, two, rtol=0, atol=2e-13 * np.abs(one).max())
 
 
@@ -86,7 +89,7 @@ def test_along_the_axis_they_are_the_four_sectors(medium, k_bar):
     """θ = 0 gives the equations of closure "consistent": ω² to 1e-13 of the largest."""
     k = 2 * np.pi * k_bar / medium.branch_length
     sectors = np.concatenate([planewave.frequencies(medium, s, k)[0] for s in ROTATION.sectors])
-    found = direction.frequencies(medium, 0.0, k)[0]
+    found = every.frequencies(medium, 0.0, k)[0]
     scale = found.max() ** 2
     np.testing.assert_allclose(found**2, np.sort(sectors) ** 2, rtol=0, atol=1e-13 * scale)
 
@@ -96,12 +99,12 @@ def test_along_the_axis_they_are_the_four_sectors(medium, k_bar):
 def test_isotropic_bands_are_the_same_in_every_direction(medium, theta, k_bar):
     """Law: a = 0 is isotropic. ω² to 1e-13 of the largest (rounding of a 12 × 12 eigenproblem)."""
     k = 2 * np.pi * k_bar / medium.branch_length
-    one, two = (direction.frequencies(medium, x, k)[0] ** 2 for x in (0.0, theta))
+    one, two = (every.frequencies(medium, x, k)[0] ** 2 for x in (0.0, theta))
     np.testing.assert_allclose(two, one, rtol=0, atol=1e-13 * one.max())
 
 
 def test_anisotropic_bands_are_not():
-    one, two = (direction.frequencies(MEDIUM, x, 500.0)[0] for x in (0.0, np.pi / 2))
+    one, two = (every.frequencies(MEDIUM, x, 500.0)[0] for x in (0.0, np.pi / 2))
     assert np.abs(two / one - 1).max() > 0.1
 
 
@@ -109,13 +112,11 @@ def test_anisotropic_bands_are_not():
 @given(media(), angles, st.floats(0.02, 1.0))
 def test_the_mirror_splits_the_twelve_fields_at_every_angle(medium, theta, k_bar):
     """The five fields with φ₃ and the seven with φ₁, φ₂ exchange nothing, exactly."""
-    form = direction.direction_form(medium, theta)
+    form = every.direction_form(medium, theta)
     k = np.array([2 * np.pi * k_bar])
-    parts = [
-        direction.solve(direction.kind_form(form, kind), k).squares[0] for kind in direction.KINDS
-    ]
+    parts = [solve(every.kind_form(form, kind), k).squares[0] for kind in every.KINDS]
     assert [len(part) for part in parts] == [7, 5]
-    whole = direction.solve(form, k).squares[0]
+    whole = solve(form, k).squares[0]
     np.testing.assert_allclose(
         np.sort(np.concatenate(parts)), np.sort(whole), rtol=0, atol=1e-13 * whole.max()
     )
@@ -132,8 +133,8 @@ def test_group_velocity_by_two_routes(omega_bar):
             slowness = waves.slowness[i, j]
             if slowness.imag == 0:
                 k = slowness.real * waves.omega
-                omega = direction.frequencies(MEDIUM, theta, k)[0]
-                velocity = direction.group_velocity(MEDIUM, theta, k)[0]
+                omega = every.frequencies(MEDIUM, theta, k)[0]
+                velocity = every.group_velocity(MEDIUM, theta, k)[0]
                 same = np.argmin(np.abs(omega - waves.omega))
                 assert omega[same] == pytest.approx(waves.omega, rel=1e-9)
                 assert np.abs(velocity[same] - waves.group_velocity[i, j]).max() <= 1e-9 * 4121
@@ -170,6 +171,6 @@ def test_along_the_axis_slowness_is_that_of_the_plane_wave_solver():
 
 def test_what_has_no_direction_is_refused():
     with pytest.raises(ValueError, match="k = 0"):
-        direction.group_velocity(MEDIUM, 0.1, [0.0])
+        every.group_velocity(MEDIUM, 0.1, [0.0])
     with pytest.raises(ValueError, match="omega = 0"):
         direction.directed_waves(MEDIUM, 0.0, [0.1])

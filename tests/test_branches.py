@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from modes_at_an_angle import KINDS, direction_form, kind_form
 
 from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
-from wavesim.planewave.angle_of_travel import KINDS, direction_form, kind_form
 from wavesim.planewave.branches import follow, track
 from wavesim.planewave.eigenproblem import solve, spectral_form
 

@@ -1,11 +1,14 @@
 """What will make a run fall short is said before it, with the key and the remedy."""
 
+import re
+
 import pytest
 
 from wavesim.case.load import build
 from wavesim.case.schema import parse
 from wavesim.timedomain.time_step import time_step
 from wavesim.verdict.foreseen import foreseen as said
+from wavesim.verdict.foreseen_errors import foretold
 
 ENDED = """
 [medium]
@@ -39,6 +42,30 @@ duration = 4e-5
 SLOW = RING.replace(
     "peak_frequency = 6e5", 'kind = "tone-burst"\nfrequency = 1e5\ncycles = 3\nwindow = "cos4"'
 )
+BETWEEN = """
+[medium]
+closure = "consistent"
+[bar]
+spacing = 1.25e-4
+left = "half-space"
+right = "half-space"
+[[layers]]
+thickness = 0.012
+[[layers]]
+thickness = 0.004
+density = 2500.0
+[[layers]]
+thickness = 0.01
+[[sources]]
+field = "phi1"
+position = 0.011
+peak_frequency = 2.5e5
+[[receivers]]
+name = "front"
+position = 0.018
+[time]
+duration = 4e-5
+"""
 LAYERS = """
 [[layers]]
 from = 0.0
@@ -50,8 +77,12 @@ anisotropy = 0.25
 """
 
 
+def built(text, *overrides):
+    return build(parse(text, "my.toml", overrides), "my.toml")
+
+
 def foreseen(text, *overrides):
-    case = build(parse(text, "my.toml", overrides), "my.toml")
+    case = built(text, *overrides)
     return said(case, time_step(case.simulation))
 
 
@@ -84,7 +115,38 @@ def test_what_will_fall_short_is_said(text, overrides, told):
     assert len(found) <= 2
 
 
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (ENDED, r"\w+ at \"near\""),
+        (RING, r"k\(ω\) of longitudinal waves"),
+        (BETWEEN, r"(R of longitudinal waves|\w+ at \"front\")"),
+    ],
+    ids=["ends", "ring", "half-spaces"],
+)
+def test_a_grid_that_is_too_coarse_is_told_with_the_pitch_that_would_do(text, what):
+    """Whose errors then are foreseen within what is allowed. (That a run has the errors that its
+    grid is reckoned to have, to 1e-7 of a peak, is held by test_simulate_bars.)"""
+    case = built(text, "bar.spacing=5e-4", "bar.order=4")
+    errors = foretold(case.simulation, case.analysis, case.k_range)
+    (told,) = said(case, time_step(case.simulation), errors)
+    found = re.match(
+        rf"\[bar\] spacing = 0.0005: by this grid {what} will be off by \S+ \(allowed \S+\)"
+        r".*; take (\[bar\] order = 8 \(now 4\), or )?"
+        r"\[bar\] spacing = (?P<pitch>\S+) \(\d+ cells\) or finer$",
+        told,
+    )
+    assert found, told
+    fine = built(text, f"bar.spacing={found['pitch']}", "bar.order=4")
+    finer = foretold(fine.simulation, fine.analysis, fine.k_range)
+    assert finer
+    assert all(one.passed for one in finer)
+    assert float(found["pitch"]) > 5e-5
+
+
 def test_waves_shorter_than_the_grid_carries_are_said():
-    """Close below the acoustic asymptote a wave of the default grid has two cells to its length."""
-    found = foreseen(RING, "sources.0.peak_frequency=5.0e5", "bar.spacing=4e-4", "bar.order=2")
+    """Close below the acoustic asymptote a wave of the default grid has two cells to its length;
+    where nothing is judged that a grid's errors would show in."""
+    text = ENDED[: ENDED.index("[[receivers]]")] + ENDED[ENDED.index("[time]") :]
+    found = foreseen(text, "sources.0.peak_frequency=6e5", "bar.spacing=4e-4", "bar.order=2")
     assert any("cells to its length" in one and "spacing" in one for one in found), found

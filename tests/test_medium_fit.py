@@ -13,7 +13,8 @@ from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.of_field import block_record
 from wavesim.records.relations import OfMedium
-from wavesim.studies.medium_fit import FitError, Observed, _Model, fit
+from wavesim.studies.least_squares import FitError
+from wavesim.studies.medium_fit import Observed, _Model, fit
 
 UNIT = unit_wavenumber(MEDIUM)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mode_shapes as modes
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -15,7 +16,6 @@ from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
 from wavesim.planewave import eigenproblem as spectral
 from wavesim.planewave import hyperbolicity
-from wavesim.planewave import mode_shapes as modes
 
 property_test = settings(deadline=None, derandomize=True, max_examples=60)
 k_bars = st.floats(0.02, 1.0)

@@ -16,7 +16,9 @@ import pytest
 
 import wavesim as ws
 from wavesim.layered import signals
+from wavesim.layered.signals import contour_of
 from wavesim.material.layers import as_layers
+from wavesim.verdict.grid_signals import grid_spectra
 
 LENGTH = 0.016
 CELL = 1.25e-4
@@ -42,9 +44,20 @@ def layered(layers, left, right, cell=CELL):
 
 
 def error(medium, bar, sources, receivers=RECEIVERS, duration=DURATION):
-    """Largest difference of any field at any receiver, over that field's largest value there."""
+    """Largest difference of any field at any receiver, over that field's largest value there.
+
+    Beside it, law: at each ω the run is the elimination of its grid's band matrix, with no step in
+    time; 1e-7 of the peak, measured 1e-12 to 5e-8.
+    """
     field = ws.simulate(medium, bar, sources, duration, FRAMES)
     layers = as_layers(medium, bar.length)
+    grid = contour_of(layers, sources, duration)
+    on_grid = grid_spectra(field.simulation, receivers, grid.omega)
+    for name, position in receivers.items():
+        for key, spectrum in on_grid[name].items() if not field.simulation.gradient_felt else ():
+            value = field.at(position, key)
+            off = np.abs(grid.signal(spectrum, field.t) - value).max()
+            assert off <= 1e-7 * np.abs(value).max()
     exact = signals(layers, bar.left, bar.right, sources, receivers, field.t)
     worst = 0.0
     for name, position in receivers.items():

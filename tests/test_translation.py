@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
+from modes_at_an_angle import frequencies as at_an_angle
 from runs import call
 
 import wavesim as ws
@@ -15,7 +16,6 @@ from wavesim import planewave
 from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.medium import fastest_speed
-from wavesim.planewave.angle_of_travel import frequencies as at_an_angle
 from wavesim.readings.bar.eigenfrequencies import ringing
 from wavesim.studies.least_squares import FitError
 from wavesim.studies.speed_fit import fit_speeds

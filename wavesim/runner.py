@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import resource
 import shlex
 import sys
@@ -17,6 +16,7 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
+from wavesim.material.shown import plain
 from wavesim.verdict.judgement import FOLDER, measure, needed
 from wavesim.worker import Answer, Here, SharedArray, Worker
 
@@ -265,7 +265,7 @@ def _run(
         "versions": storage.versions(),
         "answers": found.answers,
     } | found.summary
-    summary = _plain(summary)
+    summary = plain(summary)
     text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
     write_whole(folder / "summary.json", text.encode())
     notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
@@ -399,14 +399,3 @@ def peak_memory() -> int:
     whom = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
     size = sum(resource.getrusage(who).ru_maxrss for who in whom)
     return size if sys.platform == "darwin" else size * 1024
-
-
-def _plain(value: Any) -> Any:
-    """Numbers that JSON has: not a number becomes null."""
-    if isinstance(value, dict):
-        return {key: _plain(v) for key, v in value.items()}
-    if isinstance(value, list):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -121,7 +121,7 @@ def bar_layers(file: CaseFile, name: str) -> BarLayers:
     media: dict[Medium, tuple[str, ...]] = {}  # each medium is looked at once
     for one in places:
         layer = make(one.where, one.table.build, file.medium, one.start, one.end)
-        for end in layer.sampled(2):
+        for end in layer.ends:
             media.setdefault(end, one.where)
         stretches.append(layer)
         make(one.where, check_follow, stretches[-2:], max(one.end, stretches[-1].end))

@@ -11,8 +11,6 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from wavesim.report.terminal import BAD_INPUT, stop
-
 
 def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """Names of shipped cases that begin so, and files."""
@@ -136,16 +134,12 @@ def record_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def layout(said: dict[str, Any]) -> Any:
-    """The layout that options say; a wrong one ends the command with a line."""
+    """The layout that options say."""
     from wavesim.records.arrays import Layout
-    from wavesim.records.content import RecordError
 
     positions = said.get("positions")
     if positions is not None:
         parts = [part for part in positions.replace(";", ",").split(",") if part.strip()]
         with contextlib.suppress(ValueError):  # else it is the name of an array
             said = said | {"positions": tuple(float(part) for part in parts)}
-    try:
-        return Layout(**said)
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    return Layout(**said)

@@ -21,14 +21,10 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 def laid_beside(record: str, case: str, field: str | None, overrides: Any, layout: Any) -> Any:
     """A case and a record matched to its receivers; what is wrong ends the command with a line."""
     from wavesim.readings.matched_record import MatchError, matched
-    from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
 
     loaded = read_case(case, overrides)
-    try:
-        tests = of_pulse_file(record, layout)
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    tests = of_pulse_file(record, layout)
     if any(not test.placed for test in tests) and len(tests) > 1:
         # Columns without places are receivers by their names.
         first = tests[0]
@@ -72,13 +68,12 @@ def compare(
     """Lay the signals of CASE over those of RECORD, receiver by receiver, and tell them apart."""
     loaded, measured = laid_beside(record, case, field, overrides, layout)
     lag, scale = stated("--lag", lag), stated("--scale", scale)
-    from wavesim.readings.pulse.answers import plain
+    from wavesim.material.shown import plain
     from wavesim.studies import comparison
-    from wavesim.studies.least_squares import FitError
 
     try:
         found = comparison.compare(loaded, measured, lag, scale)
-    except (ValueError, FitError) as error:
+    except ValueError as error:
         stop(f"{case}: {error}", BAD_INPUT)
     answer = plain(found.summary())
     if as_json:

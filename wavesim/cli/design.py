@@ -10,7 +10,7 @@ import click
 
 from wavesim.cli.arguments import CASE, OUT, QUIET, SET
 from wavesim.cli.shared import folder_for, read_case, write_json, writing
-from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop
+from wavesim.report.terminal import FAILED, FELL_SHORT, console, stop
 
 # What T of the time domain may differ by from the exact one.
 _AGREES = 1e-3
@@ -43,7 +43,6 @@ def design(
 
     design.toml is a case that wavesim run takes as it is. Exit code 1 if a wish can't be kept.
     """
-    from wavesim.case.schema import CaseError
     from wavesim.timedomain.compiled import keep_compiled
 
     folder = folder_for(out, case)
@@ -60,10 +59,7 @@ def design(
             shown.print(line)
         last = line
 
-    try:
-        found = designed(case, seed, overrides, seconds, tell)
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+    found = designed(case, seed, overrides, seconds, tell)
     answer = found.summary()
     with writing(folder):
         (folder / "design.toml").write_text(found.text, encoding="utf-8")

@@ -83,19 +83,22 @@ def fit(
         stop("--vary: required, but not given; name what to fit, as medium.anisotropy", BAD_INPUT)
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
     lag, scale = stated("--lag", lag), stated("--scale", scale)
-    from wavesim.readings.pulse.answers import plain
+    from wavesim.material.shown import plain
     from wavesim.studies.fit_answer import is_points, of_points, of_waveforms
     from wavesim.studies.least_squares import FitError
-    from wavesim.studies.medium_fit import FitError as PointsError
 
+    of_table = is_points(Path(record))
+    if of_table:
+        loaded = read_case(case, overrides)
+    else:
+        loaded, measured = laid_beside(record, case, field, overrides, layout)
     try:
-        if is_points(Path(record)):
-            found = of_points(Path(record), read_case(case, overrides), named, sector)
+        if of_table:
+            found = of_points(Path(record), loaded, named, sector)
         else:
-            loaded, measured = laid_beside(record, case, field, overrides, layout)
             found = of_waveforms(loaded, measured, named, lag, scale)
-    except (FitError, PointsError) as error:
-        stop(str(error), BAD_INPUT)
+    except FitError:
+        raise
     except ValueError as error:
         stop(f"{record}: {error}", BAD_INPUT)
     answer = plain(found.summary())
@@ -121,8 +124,7 @@ def _of_speeds(
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    from wavesim.readings.pulse.answers import plain
-    from wavesim.studies.least_squares import FitError
+    from wavesim.material.shown import plain
 
     if speeds and (shear or case is not None):
         stop("--speeds: takes CASE alone, without RECORD and --shear", BAD_INPUT)
@@ -132,12 +134,7 @@ def _of_speeds(
         )
     path = case or record
     start = read_layers(path, overrides).medium
-    try:
-        found = (
-            _of_pair(speeds, errors, start) if speeds else _of_series(record, shear or "", start)
-        )
-    except FitError as error:
-        stop(str(error), BAD_INPUT)
+    found = _of_pair(speeds, errors, start) if speeds else _of_series(record, shear or "", start)
     answer = plain(found)
     if as_json:
         print_json(answer)

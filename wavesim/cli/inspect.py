@@ -11,7 +11,7 @@ import click
 
 from wavesim.cli.arguments import INPUT, JSON, RING, SOURCES, record_options
 from wavesim.cli.shared import print_json
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, stop
+from wavesim.report.terminal import FELL_SHORT
 
 _WIDTH = 80
 
@@ -35,13 +35,9 @@ def inspect(
 
     Exit code 0: some can; 1: none can; 2: it can't be read.
     """
-    from wavesim.records.content import RecordError
     from wavesim.records.inspection import inspect as look_over
 
-    try:
-        found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
     summary = {"file": file} | found.summary()
     if as_json:
         print_json(summary)

@@ -38,6 +38,9 @@ from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
 from wavesim.worker import end_all
 
+# A run that takes so long (s) is told before what its grid will do; a shorter one tells it itself.
+_WORTH_IT = 20.0
+
 
 def _planned(case: str, loaded: Any) -> Any:
     """How the simulation of a case is stepped."""
@@ -67,7 +70,22 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
     return taken
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _Commands(click.Group):
+    """Commands that end with a line, and its exit code, where wavesim itself finds a fault."""
+
+    def invoke(self, context: click.Context) -> Any:
+        try:
+            return super().invoke(context)
+        except Exception as error:
+            if not type(error).__module__.startswith("wavesim."):
+                raise
+            sys.exit(failed(error))
+
+
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(package_name="wavesim")
 def main() -> None:
     """Rotation waves in granular bars: simulate, extract dispersion, hold against theory."""
@@ -110,7 +128,12 @@ def _whole(
     from wavesim.report.progress import progress
     from wavesim.verdict.foreseen import foreseen
 
-    warned = foreseen(loaded, steps)
+    errors = None
+    if taken.seconds >= _WORTH_IT:
+        from wavesim.verdict.foreseen_errors import foretold
+
+        errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
+    warned = foreseen(loaded, steps, errors)
     _tell(case, loaded, warned)
     console = _console(quiet)
     with progress(loaded.simulation.frames, quiet, taken.stages) as tell:
@@ -176,12 +199,14 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     from wavesim.report import tables as report
     from wavesim.timedomain.cost import check_cost, cost
     from wavesim.verdict.foreseen import foreseen
+    from wavesim.verdict.foreseen_errors import foretold
 
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
-    report.survey(_console(), loaded, steps, taken)
+    errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
+    report.survey(_console(), loaded, steps, taken, errors)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.
-    found = foreseen(loaded, steps)
+    found = foreseen(loaded, steps, errors)
     try:
         check_cost(loaded.simulation, taken)
     except ValueError as error:

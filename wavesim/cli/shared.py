@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,26 +14,17 @@ from wavesim.report.terminal import BAD_INPUT, stop
 
 
 def read_case(case: str, overrides: Sequence[str] = ()) -> Any:
-    """The case of a file or a name; what is wrong with it ends the command with a line."""
+    """The case of a file or a name."""
     from wavesim.case.load import load
 
-    return _read(load, case, overrides)
+    return load(case, overrides)
 
 
 def read_layers(case: str, overrides: Sequence[str] = ()) -> Any:
     """The material alone of a case that need not be one of a simulation."""
     from wavesim.case.layered_case import load_layers
 
-    return _read(load_layers, case, overrides)
-
-
-def _read(load: Callable[..., Any], case: str, overrides: Sequence[str]) -> Any:
-    from wavesim.case.schema import CaseError
-
-    try:
-        return load(case, overrides)
-    except CaseError as error:
-        stop(str(error), BAD_INPUT)
+    return load_layers(case, overrides)
 
 
 def folder_for(out: str | None, case: str) -> Path:

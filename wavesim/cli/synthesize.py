@@ -69,25 +69,21 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
 
     from wavesim.records import synthetic
     from wavesim.records.files import write
-    from wavesim.records.record import RecordError
 
     for name in ("spacing", "duration", "peak_frequency"):
         if not o[name] > 0:
             stop(f"--{name.replace('_', '-')} {o[name]:g}: must be greater than 0", BAD_INPUT)
-    try:
-        x = synthetic.positions(o["receivers"], o["spacing"], o["first"])
-        t = np.linspace(0, o["duration"], o["samples"])
-        spoil = synthetic.Spoil(
-            o["noise"], o["jitter"], o["misplacement"], o["dead"], o["bits"], o["seed"]
-        )
-        length = o["receivers"] * o["spacing"] if o["ring"] else o["length"]
-        if length is None:
-            length = 16 * max(float(np.ptp(x)), abs(o["source"] - o["first"]), o["spacing"])
-        pulse = synthetic.Pulse(o["peak_frequency"], o["source"], width=o["width"])
-        made = synthetic.synthesize(waves, t, x, pulse, length, o["k_max"], spoil, ring=o["ring"])
-        write(file, made)
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    x = synthetic.positions(o["receivers"], o["spacing"], o["first"])
+    t = np.linspace(0, o["duration"], o["samples"])
+    spoil = synthetic.Spoil(
+        o["noise"], o["jitter"], o["misplacement"], o["dead"], o["bits"], o["seed"]
+    )
+    length = o["receivers"] * o["spacing"] if o["ring"] else o["length"]
+    if length is None:
+        length = 16 * max(float(np.ptp(x)), abs(o["source"] - o["first"]), o["spacing"])
+    pulse = synthetic.Pulse(o["peak_frequency"], o["source"], width=o["width"])
+    made = synthetic.synthesize(waves, t, x, pulse, length, o["k_max"], spoil, ring=o["ring"])
+    write(file, made)
     click.echo(f"{file}: {len(made.t)} frames, {len(made.x)} receivers")
 
 
@@ -109,13 +105,9 @@ def score(truth: str, points: str, k_max: float | None, as_json: bool) -> None:
     from wavesim.verdict.score import points_of
     from wavesim.verdict.score import score as held
 
-    try:
-        record = read(Path(truth))
-        columns = read_points(points)
-        found = points_of(columns["k"], columns["omega"], columns.get("error"),
-                          columns.get("valid"))  # fmt: skip
-    except RecordError as error:
-        stop(str(error), BAD_INPUT)
+    record = read(Path(truth))
+    columns = read_points(points)
+    found = points_of(columns["k"], columns["omega"], columns.get("error"), columns.get("valid"))
     try:
         result = held(record, found, k_max)
     except RecordError as error:

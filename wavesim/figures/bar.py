@@ -17,6 +17,7 @@ from wavesim.figures.style import (
     THEORY,
     Drawings,
     as_written,
+    decibels,
     gap_edges,
     second_axes,
     shade,
@@ -26,8 +27,6 @@ from wavesim.figures.style import (
 from wavesim.figures.transmission import draw_masks
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro
-from wavesim.material.layers import Layers
-from wavesim.material.medium import Medium
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -46,12 +45,6 @@ _STYLES = ("-", "--", "-.", ":")
 _MOST_PERIODS = 90
 _MUCH = 0.7
 _MOST_POINTS = 400
-
-
-def _inner_media(layers: Layers) -> list[Medium]:
-    """Media of a specimen between two buffers, each once; a graded layer's two ends."""
-    inner = layers.layers[1:-1] or layers.layers
-    return list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
 
 
 def transmission(field: Field, found: Scattered) -> Figure:
@@ -77,21 +70,21 @@ def transmission(field: Field, found: Scattered) -> Figure:
 def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     """Transmission and reflection in decibels, measured and exact, on given axes."""
     f, judged = found.omega * KHZ, found.judged
-    media = _inner_media(field.layers)
+    media = field.layers.inner_media
     if len(media) == 1:  # the gaps of several are no specimen's
         shade(axes, gap_edges(media[0], found.sector))
     fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
     if len(lines) > 2:
-        level = 20 * np.log10(np.maximum(np.abs(lines[2]), 1e-15))
+        level = decibels(lines[2])
         axes.plot(fine * KHZ, level, "-", color=_REAL, lw=0.9, label="T at real ω, as a filter")
     for label, value, curve, colour, mark in (
         ("T", found.T, lines[0], FOUND, "o"),
         ("R", found.R, lines[1], _REFLECTED, "s"),
     ):
-        level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
+        level = decibels(curve)
         axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
                   label=f"{label}, exact at ω + iσ")  # fmt: skip
-        seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
+        seen = decibels(value[judged])
         axes.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
     draw_masks(axes, [band.asked for band in found.bands])
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))

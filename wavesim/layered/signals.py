@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.cross_section import limit
 from wavesim.layered.ends import check_ends, returned, waves_at_ends
-from wavesim.layered.inverse_transform import contour
+from wavesim.layered.inverse_transform import Contour, contour
 from wavesim.layered.source_loads import acts_of, body_loads, end_drives
 from wavesim.layered.stack import Load, Stack
 from wavesim.layered.star_product import inner, nothing, star, times
@@ -56,15 +56,19 @@ def signals(
     if times_.min() < 0 or not times_.max() > 0:
         raise ValueError("t: must be ≥ 0, and reach beyond 0")
     kept = keeps_gradient(layers, gradient)
-    pulses = [source for source in sources if acts_of(source) != "initial"]
-    initial = [source for source in sources if acts_of(source) == "initial"]
-    tops = [_fastest(layers, source) for source in initial]
-    grid = contour(float(times_.max()), pulses, tops)
+    grid = contour_of(layers, sources, float(times_.max()))
     found = field_spectra(layers, left, right, sources, receivers, grid.omega, kept)
     return {
         name: {field: grid.signal(values, times_) for field, values in fields.items()}
         for name, fields in found.items()
     }
+
+
+def contour_of(layers: Layers, sources: Sequence[Any], duration: float) -> Contour:
+    """Frequencies for what sources send through a bar in a time, s."""
+    pulses = [source for source in sources if acts_of(source) != "initial"]
+    initial = [source for source in sources if acts_of(source) == "initial"]
+    return contour(duration, pulses, [_fastest(layers, source) for source in initial])
 
 
 def _fastest(layers: Layers, source: Any) -> float:
@@ -150,7 +154,7 @@ def _block_spectra(
     return found
 
 
-def _named(block: Block, phi: Any, B: Any, units: Scales) -> dict[str, Any]:
+def named(block: Block, phi: Any, B: Any, units: Scales) -> dict[str, Any]:
     """Fields in SI from a block's components, (N, p) and (N, b)."""
     values = np.concatenate([phi * units.macro, B * units.micro], axis=1)
     values = values @ weights(block.macro + block.micro, block.fields)
@@ -182,13 +186,13 @@ def _fields(stack: Stack, loads: Sequence[Load], x: float, v: Any, f: Any) -> di
     omega = stack.scaled
     u = 1j * v / omega[:, None]
     if stack.kept:
-        return _named(stack.block, u[:, :p], u[:, p:], stack.units)
+        return named(stack.block, u[:, :p], u[:, p:], stack.units)
     here = stack.section(stack.layers.layer_at(x), x)
     local = limit(here, omega)
     pushed = _double_force(stack, loads, x, p, b)
     slope = (-f[:, 0] + np.sum(local.pX * pushed, axis=1)) / local.D
     B = local.Xp * slope[:, None] + times(local.X, pushed) / local.modulus[:, None]
-    return _named(stack.block, u, B, stack.units)
+    return named(stack.block, u, B, stack.units)
 
 
 def _still(stack: Stack, loads: Sequence[Load], x: float) -> dict[str, Any]:
@@ -197,4 +201,4 @@ def _still(stack: Stack, loads: Sequence[Load], x: float) -> dict[str, Any]:
     here = stack.bare(stack.layers.layer_at(x), x)
     local = limit(here, stack.scaled)
     B = times(local.X, _double_force(stack, loads, x, 0, b)) / local.modulus[:, None]
-    return _named(stack.block, np.zeros((len(B), 0)), B, stack.units)
+    return named(stack.block, np.zeros((len(B), 0)), B, stack.units)

@@ -103,7 +103,7 @@ class Specimen:
             ((level, dB, where, Hz) of the highest, of the lowest), over 801 frequencies, and more
             where it may be narrow; NaN where there is no answer somewhere in it.
         """
-        media = {medium for layer in self.inside for medium in layer.sampled(2)}
+        media = {medium for layer in self.inside for medium in layer.ends}
         edges = np.concatenate([asymptotes(m, sector) for m in media] or [np.empty(0)])
         # Below an asymptote waves are short, and resonances narrow.
         below = np.outer(edges / (2 * np.pi), 1 - _BELOW).ravel()

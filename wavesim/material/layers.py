@@ -75,6 +75,16 @@ class Layer:
         """end − start, m."""
         return self.end - self.start
 
+    @property
+    def ends(self) -> tuple[Medium, ...]:
+        """Its medium, or both of a graded one."""
+        return (self.medium,) if self.last is None else (self.medium, self.last)
+
+    def mapped(self, change: Callable[[Medium], Medium]) -> Layer:
+        """The same layer with its medium, or both, changed."""
+        last = None if self.last is None else change(self.last)
+        return dataclasses.replace(self, medium=change(self.medium), last=last)
+
     def sampled(self, places: int = GRADES) -> tuple[Medium, ...]:
         """Its medium, or those at so many places from its start to its end where it is graded."""
         if self.last is None:
@@ -137,16 +147,7 @@ class Layers(Shown):
 
     def mapped(self, change: Callable[[Medium], Medium]) -> Layers:
         """The same layers with every medium changed."""
-        return Layers(
-            tuple(
-                dataclasses.replace(
-                    layer,
-                    medium=change(layer.medium),
-                    last=None if layer.last is None else change(layer.last),
-                )
-                for layer in self.layers
-            )
-        )
+        return Layers(tuple(layer.mapped(change) for layer in self.layers))
 
     @property
     def length(self) -> float:
@@ -173,6 +174,13 @@ class Layers(Shown):
             return tuple(found)
 
     @property
+    def inner_media(self) -> tuple[Medium, ...]:
+        """Media between the first and the last layer, each once, both of a graded layer; all of
+        a bar of no more than two layers."""
+        inner = self.layers[1:-1] or self.layers
+        return tuple(dict.fromkeys(medium for layer in inner for medium in layer.ends))
+
+    @property
     def lossy(self) -> bool:
         """Whether anything is lost in a layer."""
         return any(layer.medium.damping for layer in self.layers)
@@ -196,10 +204,7 @@ class Layers(Shown):
         Raises:
             ValueError: a loss law has no keys in a case file.
         """
-        ends = [
-            [medium_table(m) for m in (layer.medium, layer.last) if m is not None]
-            for layer in self.layers
-        ]
+        ends = [[medium_table(medium) for medium in layer.ends] for layer in self.layers]
         every = [table for pair in ends for table in pair]
         # What some medium goes without can't be inherited.
         common = {k: v for k, v in every[0].items() if all(k in table for table in every)}

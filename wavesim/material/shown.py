@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 import importlib
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -70,6 +71,24 @@ _PREFIXES: dict[str, Sequence[tuple[float, str]]] = {
     "s": ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")),
     "Hz": ((1e6, "M"), (1e3, "k"), (1.0, "")),
 }
+
+
+def plain(value: Any) -> Any:
+    """Numbers of Python alone in lists and dictionaries, as JSON has them.
+
+    What is not finite is None, and a complex number a pair [real, imaginary].
+    """
+    if hasattr(value, "tolist"):  # of numpy
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
 
 
 def printable(text: str, longest: int = 200) -> str:

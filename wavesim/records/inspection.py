@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.material.shown import plain
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import Finding
@@ -41,13 +42,10 @@ class Inspection:
         strongest = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
         own = record.values[strongest]
 
-        def number(value: Any) -> float | None:
-            return float(value) if np.isfinite(value) else None
-
         channels = [
             {
                 "name": label,
-                "position_m": number(record.x[j]),
+                "position_m": plain(record.x[j]),
                 "peak": float(np.abs(own[:, j]).max()),
                 "noise": max(fine_noise(own[:, j]), float(_quantum(record, j)) / np.sqrt(12)),
                 "quantum": float(_quantum(record, j)),

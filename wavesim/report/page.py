@@ -101,7 +101,11 @@ def _script(value: Any) -> Any:
 
 def _table(answer: Answer) -> dict[str, Any]:
     columns = [
-        {"name": c.name, "kind": c.kind, "unit": KINDS[c.kind][1] if c.kind else ""}
+        {
+            "name": c.name.replace("\n", " "),
+            "kind": c.kind,
+            "unit": KINDS[c.kind][1] if c.kind else "",
+        }
         for c in answer.columns
     ]
     rows = [
@@ -109,7 +113,8 @@ def _table(answer: Answer) -> dict[str, Any]:
             {
                 "value": _digits(row.get(c.key)) if c.kind else None,
                 "kind": c.kind,
-                "text": shown(row.get(c.key), c.kind),
+                "bound": c.bound(row),
+                "text": c.shown(row),
             }
             for c in answer.columns
         ]

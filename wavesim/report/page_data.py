@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.family import is_macro, known_field
+from wavesim.material.shown import plain
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
 from wavesim.readings.amplitude_map import amplitude_map
 from wavesim.readings.bar.reading import Reading
@@ -69,15 +70,14 @@ def _source(field: Field, source: Any) -> Data:
     return {
         "field": source.field,
         "position": float(source.position),
-        "time": _finite(source.peak_time),
+        "time": plain(source.peak_time),
         "sectors": list(dict.fromkeys(own)),
     }
 
 
 def _gaps(field: Field, sector: str) -> list[Data]:
     """Those of the one medium; of several layers none is the bar's."""
-    inner = field.layers.layers[1:-1] or field.layers.layers
-    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    media = field.layers.inner_media
     if len(media) > 1:
         return []
     return [
@@ -205,11 +205,11 @@ def _attenuation(field: Field, held: Held) -> Data:
     return {
         "sigma": float(curve.sigma),
         "frequency": (curve.omega * _HERTZ).tolist(),
-        "measured": _numbers(curve.k.imag * _DECIBELS),
-        "exact": _numbers(held.k_exact.imag * _DECIBELS),
+        "measured": plain(curve.k.imag * _DECIBELS),
+        "exact": plain(held.k_exact.imag * _DECIBELS),
         "line_frequency": (omega * _HERTZ).tolist(),
-        "line_exact": _numbers(damped.imag * _DECIBELS),
-        "line_real": _numbers(real.imag * _DECIBELS),
+        "line_exact": plain(damped.imag * _DECIBELS),
+        "line_real": plain(real.imag * _DECIBELS),
     }
 
 
@@ -248,11 +248,11 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         some = _some(len(fine), _FINE)
         found["bloch"][two.sector] = {
             "frequency": (two.omega[two.judged] * _HERTZ).tolist(),
-            "phase": _numbers(two.q[two.judged].real * two.period / math.pi),
-            "decay": _numbers(two.q[two.judged].imag * two.period),
+            "phase": plain(two.q[two.judged].real * two.period / math.pi),
+            "decay": plain(two.q[two.judged].imag * two.period),
             "line_frequency": (fine[some] * _HERTZ).tolist(),
-            "line_phase": _numbers(q[some].real * two.period / math.pi),
-            "line_decay": _numbers(q[some].imag * two.period),
+            "line_phase": plain(q[some].real * two.period / math.pi),
+            "line_decay": plain(q[some].imag * two.period),
         }
     for three in reading.ringing:
         shown = np.flatnonzero(three.omega <= 1.08 * three.exact[-1])
@@ -262,7 +262,7 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             "frequency": (three.omega[shown][some] * _HERTZ).tolist(),
             "level": _levels(level, 2),
             "exact": (three.exact * _HERTZ).tolist(),
-            "measured": _numbers(three.found * _HERTZ),
+            "measured": plain(three.found * _HERTZ),
             "height": _levels(np.interp(three.found, three.omega, three.level), 2),
         }
     for test in reading.pulses:
@@ -273,8 +273,8 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         found["pulse"][test.name] = {
             "sector": test.sector,
             "frequency": (ours.omega * _HERTZ).tolist(),
-            "measured": {name: _numbers(getattr(ours, name)) for name in columns},
-            "exact": {name: _numbers(getattr(known, name)) for name in columns},
+            "measured": {name: plain(getattr(ours, name)) for name in columns},
+            "exact": {name: plain(getattr(known, name)) for name in columns},
         }
     found["exact_signals"] = _exact_signals(field, reading)
     return {name: part for name, part in found.items() if part}
@@ -309,15 +309,6 @@ def _whole(values: Any) -> Data:
     return _packed(values, 0.0, top / 32767, np.int16)
 
 
-def _levels(values: Any, decimals: int = 6) -> list[float | None]:
+def _levels(values: Any, decimals: int = 6) -> Any:
     level = 20 * np.log10(np.maximum(np.abs(values), 1e-15))
-    return _numbers(np.round(level, decimals))
-
-
-def _numbers(values: Any) -> list[float | None]:
-    """Numbers that JSON has: what is none becomes None."""
-    return [_finite(value) for value in np.asarray(values).tolist()]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return plain(np.round(level, decimals))

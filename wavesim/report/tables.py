@@ -17,13 +17,14 @@ from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
-from wavesim.report.answers import KINDS, answers, explained, number, short_name, shown
+from wavesim.report.answers import KINDS, answers, explained, number, short_name
 from wavesim.report.answers import verdict as sentence
-from wavesim.simulation.resolution import highest_frequency
+from wavesim.simulation.resolution import highest_frequency, largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
+from wavesim.verdict.foreseen_errors import Foretold
 
 _MOST_LAYERS = 8
 # Checks that fell short, of which the terminal tells.
@@ -63,7 +64,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
         summary: contents of summary.json.
     """
     for answer in answers(summary):
-        columns = [column for column in answer.columns if not column.wide]
+        columns = answer.columns
         table = _table(*(column.name for column in columns), title=answer.title)
         table.padding = (0, 1 if len(columns) < _MANY else 0, 0, 0)
         for one, column in zip(table.columns, columns, strict=True):
@@ -72,7 +73,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
         if any(units):
             table.add_row(*units, style="dim")
         for row in answer.rows:
-            table.add_row(*(shown(row.get(column.key), column.kind) for column in columns))
+            table.add_row(*(column.shown(row) for column in columns))
         console.print(table)
         if answer.note:
             console.print(answer.note, style="dim")
@@ -109,7 +110,13 @@ def _off(check: dict[str, Any]) -> str:
     return f"{measured}{unit}, allowed {reference}{allowed}{unit}"
 
 
-def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
+def survey(
+    console: Console,
+    case: Case,
+    steps: TimeStep,
+    taken: Cost,
+    errors: Sequence[Foretold] | None,
+) -> None:
     """Print what can be said of a case before integrating.
 
     Args:
@@ -117,6 +124,7 @@ def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
         case: the case.
         steps: how it would be stepped.
         taken: what that takes.
+        errors: what the grid will do to what is judged; None where that is too much to work out.
     """
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
@@ -132,7 +140,9 @@ def survey(console: Console, case: Case, steps: TimeStep, taken: Cost) -> None:
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
         ("ends", _ends(bar)),
-        ("grid carries", f"peak frequencies to {_carried(simulated) / 1e3:.5g} kHz"),
+        ("grid carries", f"to 1 % of their phase, waves of {_shortest(bar):.2g} cells and longer: "
+                         f"the fastest to {_carried(simulated) / 1e3:.0f} kHz, slower ones less"),
+        ("grid's errors", _errors(errors)),
         ("sources", ", ".join(map(_source, simulated.sources))),
         ("integrated", ", ".join(simulated.fields)),
         ("time", f"{simulated.duration:.6g} s, {frames} frames of {frame:.4g} s (Nyquist "
@@ -185,6 +195,25 @@ def _ends(bar: Bar) -> str:
         f"{side} {end}{long if end == 'absorbing' else ''}"
         for side, end in (("left", bar.left), ("right", bar.right))
     )
+
+
+def _errors(errors: Sequence[Foretold] | None) -> str:
+    """Of each kind of what is judged the worst, beside what is allowed."""
+    if errors is None:
+        return "not known beforehand: too many cells and frequencies to work them out"
+    worst: dict[float, Foretold] = {}
+    for one in errors:
+        if one.error >= worst.get(one.allowed, one).error:
+            worst[one.allowed] = one
+    told = [
+        f"{one.what} off by {one.error:.1e} (allowed {one.allowed:g})" for one in worst.values()
+    ]
+    return "; ".join(told) or "nothing is judged that they would show in"
+
+
+def _shortest(bar: Bar) -> float:
+    """Cells to the shortest wave that the grid carries."""
+    return 2 * math.pi / largest_phase(bar.order)
 
 
 def _carried(simulated: Simulation) -> float:

@@ -39,12 +39,11 @@ def failed(error: BaseException) -> int:
         return INTERRUPTED
     if os.environ.get("WAVESIM_TRACEBACK"):
         traceback.print_exception(error)
-    name, why = type(error).__name__, str(error).partition("\n")[0]
     if type(error).__module__.startswith("wavesim."):  # one of ours says what to do
-        told(why)
-        return (
-            FAILED if isinstance(error, RuntimeError) and "can't be written" in why else BAD_INPUT
-        )
+        told(str(error))
+        unwritten = isinstance(error, RuntimeError) and "can't be written" in str(error)
+        return FAILED if unwritten else BAD_INPUT
+    name, why = type(error).__name__, str(error).partition("\n")[0]
     if isinstance(error, MemoryError):
         told(f"it does not fit into memory ({why or name}); take fewer cells, or fewer frames")
     elif isinstance(error, OSError):

@@ -245,7 +245,7 @@ def default_samples(sources: Sequence[Source], medium: Medium, duration: float) 
 def _looked_at(layers: Layers) -> tuple[Medium, ...]:
     """Media whose waves may grow, each once: of a graded layer the ends, and what is between them
     where it is not known beforehand to be stable."""
-    ends = [layer.sampled(2) for layer in layers.layers]
+    ends = [layer.ends for layer in layers.layers]
     if not all(medium.stable for pair in ends for medium in pair):
         return layers.media
     found = tuple(medium for pair in ends for medium in pair)

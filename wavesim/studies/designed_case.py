@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 from wavesim.case.layered_case import BUFFER, BarLayers
 from wavesim.case.schema import HALF_SPACE
+from wavesim.case.toml_text import lay_over
 from wavesim.studies.design_problem import Problem
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
@@ -35,7 +35,7 @@ def designed_tables(
         and a source, receivers and a duration where it had none.
     """
     for varied, value in zip(own.keys, values, strict=True):
-        _put(tables, varied.key.split("."), float(value))
+        lay_over(tables, f"{varied.key}={float(value)!r}")
     analysis = tables.setdefault("analysis", {})
     asked = [*analysis.get("bands", []), *tables.pop("design")["bands"]]
     asked = [{key: v for key, v in band.items() if key != "weight"} for band in asked]
@@ -46,7 +46,7 @@ def designed_tables(
         for key in ("length", "cells"):
             tables.get("bar", {}).pop(key, None)
     first, last = _ends(tables, unit, own.known)
-    inner = _thickness(own, values)
+    inner = float(own.length(values))
     low = min(wish.low for wish in own.wishes)
     high = max(wish.high for wish in own.wishes)
     middle = (low + high) / 2
@@ -79,15 +79,6 @@ def _short(value: float, digits: int = 6) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def _put(tables: Any, parts: list[str], value: float) -> None:
-    for part in parts[:-1]:
-        tables = tables[int(part)] if part.isdigit() else tables.setdefault(part, {})
-    if isinstance(tables, list):
-        tables[int(parts[-1])] = value
-    else:
-        tables[parts[-1]] = value
-
-
 def _ends(tables: dict[str, Any], unit: float, known: BarLayers) -> tuple[float, float]:
     """Ends that absorb behind buffers long enough, and the lengths of these, m."""
     bar = tables.setdefault("bar", {})
@@ -104,18 +95,3 @@ def _ends(tables: dict[str, Any], unit: float, known: BarLayers) -> tuple[float,
                 bar.pop(key, None)
         lengths.append(length)
     return lengths[0], lengths[1]
-
-
-def _thickness(own: Problem, values: Sequence[float]) -> float:
-    """Of all between the half-spaces, m."""
-    return math.fsum(_thicknesses(own, values))
-
-
-def _thicknesses(own: Problem, values: Sequence[float]) -> list[float]:
-    """Of each layer between the half-spaces, m."""
-    thickness = [layer.thickness for layer in own.known.stretches]
-    for key, value in zip(own.keys, values, strict=True):
-        if key.name == "thickness":
-            for n in key.layers:
-                thickness[n] = float(value)
-    return thickness[1:-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from wavesim.case.load import Case
@@ -80,8 +81,5 @@ def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> tuple[L
             law = constant_quality(float(value), law.made[1])
             continue
         for number in one.layers:
-            layer = made[number]
-            ends = [layer.medium] + ([] if layer.last is None else [layer.last])
-            ends = [replace(medium, **{one.name: value}) for medium in ends]
-            made[number] = replace(layer, medium=ends[0], last=ends[1] if ends[1:] else None)
+            made[number] = made[number].mapped(partial(replace, **{one.name: value}))
     return Layers(tuple(made)), law

@@ -27,6 +27,7 @@ from wavesim.material.scaling import BlockCoefficients, block_coefficients, scal
 from wavesim.planewave.eigenproblem import stiffness, stiffness_slope
 from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.records.relations import OfMedium
+from wavesim.studies.least_squares import FitError
 
 Float = NDArray[Any]
 
@@ -35,10 +36,6 @@ _ROUNDS = 6
 # More than noise is left over where χ² per degree of freedom is this much, and residuals keep their
 # sign over so many points in the mean.
 _EXCESS, _STRETCH = 2.0, 4.0
-
-
-class FitError(ValueError):
-    """A fit can't be made; the message says why and what to do."""
 
 
 @dataclass(frozen=True)

@@ -133,10 +133,8 @@ def _media(file: CaseFile, name: str) -> Sequence[tuple[str, Medium]]:
     bar = bar_layers(file, name)
     if not bar.stretches:
         return [("medium", bar.medium)]
-    found = []
+    found: list[tuple[str, Medium]] = []
     for place, layer in zip(bar.places, bar.stretches, strict=True):
         table = ".".join(place.where)
-        found.append((table, layer.medium))
-        if layer.last is not None:
-            found.append((f"{table}, to", layer.last))
+        found += zip((table, f"{table}, to"), layer.ends, strict=False)
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from wavesim.case.layered_case import BarLayers
 from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import Specimen, specimen
-from wavesim.material.layers import Layer
+from wavesim.material.shown import plain
 from wavesim.planewave.band_edges import asymptotes, gaps
 
 POINTS = 400
@@ -100,13 +100,13 @@ class Study:
         """All of it as JSON has it; what is not a number is null."""
         sectors = {
             curve.sector: {
-                "frequency": curve.frequency.tolist(),
-                "T": _pairs(curve.T),
-                "R": _pairs(curve.R),
-                "T_dB": _plain(decibels(curve.T)),
-                "R_dB": _plain(decibels(curve.R)),
-                "transmitted": _plain(curve.transmitted),
-                "reflected": _plain(curve.reflected),
+                "frequency": curve.frequency,
+                "T": curve.T,
+                "R": curve.R,
+                "T_dB": decibels(curve.T),
+                "R_dB": decibels(curve.R),
+                "transmitted": curve.transmitted,
+                "reflected": curve.reflected,
             }
             for curve in self.curves
         }
@@ -116,12 +116,12 @@ class Study:
         ]
         bands = [
             band.model_dump(by_alias=True)
-            | {"highest": _or_null(highest[0]), "lowest": _or_null(lowest[0])}
+            | {"highest": highest[0], "lowest": lowest[0]}
             | {"kept": kept(band, highest[0], lowest[0])}
             for band, highest, lowest in self.bands
         ]
         found = {"title": self.title, "sectors": sectors, "gaps": edges, "bands": bands}
-        return found | {"notes": self.notes}
+        return dict(plain(found | {"notes": self.notes}))
 
     def table(self) -> tuple[list[str], Any]:
         """Headings and columns for a CSV file."""
@@ -201,7 +201,7 @@ def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
     """Open gaps of every medium of the bar, with the layers that have it."""
     media: dict[Any, list[int]] = {}
     for number, layer in enumerate(known.stretches, start=1):
-        for medium in _ends(layer):
+        for medium in layer.ends:
             media.setdefault(medium, []).append(number)
     found = []
     for medium, numbers in media.items():
@@ -213,10 +213,6 @@ def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
                 if gap.upper > gap.lower
             ]
     return found
-
-
-def _ends(layer: Layer) -> tuple[Any, ...]:
-    return (layer.medium,) if layer.last is None else (layer.medium, layer.last)
 
 
 def _ranges(numbers: list[int]) -> str:
@@ -238,15 +234,3 @@ def _spans(frequency: Any, chosen: Any) -> str:
         for a, b in zip(edges[::2], edges[1::2], strict=True)
     ]
     return f"{', '.join(spans)} kHz"
-
-
-def _pairs(values: Any) -> list[list[float | None]]:
-    return [[_or_null(z.real), _or_null(z.imag)] for z in values.tolist()]
-
-
-def _plain(values: Any) -> list[float | None]:
-    return [_or_null(value) for value in np.asarray(values).tolist()]
-
-
-def _or_null(value: float) -> float | None:
-    return value if np.isfinite(value) else None

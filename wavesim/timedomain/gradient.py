@@ -121,7 +121,7 @@ def traced_fields(
     kept = kept or any(
         isinstance(value, jax.Array)
         for layer in given.layers
-        for one in _ends(layer)
+        for one in layer.ends
         for value in one.of_gradient
     )
     A = operator(given, bar, blocks, medium, kept, planned.layers, sizes)
@@ -232,8 +232,7 @@ def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
     ):
         size = spacing if sizes is None else sizes[number]
         norm = difference_norm(1.0, bar.order) * float(units.length) / size
-        media = (layer.medium,) if layer.last is None else (layer.medium, layer.last)
-        for medium in media:
+        for medium in layer.ends:
             for block in planned.blocks:
                 c = block_coefficients(medium, block, units)
                 upper = [norm**2 * c.c_pp, -norm * c.c_pb]
@@ -284,19 +283,12 @@ def _check(given: Layers, planned: Simulation, quickest: Simulation) -> None:
         )
 
 
-def _ends(layer: Layer) -> list[Medium]:
-    """The medium of a layer, or both of a graded one."""
-    return [layer.medium] + ([] if layer.last is None else [layer.last])
-
-
 def _plain(layer: Layer) -> Layer | None:
     """A layer with its parameters as floats; None where one of them is traced."""
-    made = []
-    for medium in _ends(layer):
-        if any(isinstance(value, jax.core.Tracer) for value in jax.tree.leaves(medium)):
-            return None
-        made.append(jax.tree.map(float, medium))
-    return dataclasses.replace(layer, medium=made[0], last=made[1] if made[1:] else None)
+    numbers = jax.tree.leaves(layer.ends)
+    if any(isinstance(value, jax.core.Tracer) for value in numbers):
+        return None
+    return layer.mapped(lambda medium: jax.tree.map(float, medium))
 
 
 def _places(

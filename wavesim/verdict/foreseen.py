@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from wavesim.simulation.resolution import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.time_step import TimeStep
+
+if TYPE_CHECKING:  # slow to import, and only where it is asked for
+    from wavesim.verdict.foreseen_errors import Foretold
 
 # A wave propagates where its k turns less than this part of it into decay.
 _CARRIED = 0.1
@@ -35,17 +39,26 @@ _OFF_QUALITY = 0.2
 _RANGE = 65
 
 
-def foreseen(case: Case, steps: TimeStep) -> list[str]:
+def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = None) -> list[str]:
     """What will make a run less than it could be.
 
     Args:
         case: what is to be run.
         steps: how it would be stepped.
+        errors: what its grid will do to what is judged, where that was found
+            (``foreseen_errors.foretold``).
     """
     simulated = case.simulation
     found = [*_in_time(simulated), *_at_rest(simulated), *_at_ends(simulated)]
     found += _receivers(simulated)
-    found += [*_absorbed(simulated), *_on_the_grid(simulated), *_losses(simulated)]
+    found += _absorbed(simulated)
+    if errors:
+        from wavesim.verdict.pitch import too_coarse
+
+        found += too_coarse(simulated, errors, case.analysis, case.k_range)
+    else:
+        found += _on_the_grid(simulated)
+    found += _losses(simulated)
     return [*found, *_judged(case), *_products(simulated, steps)]
 
 

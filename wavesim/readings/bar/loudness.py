@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.medium import fastest_speed
 from wavesim.simulation.field import Field
+from wavesim.simulation.simulation import Simulation
 
 Float = NDArray[Any]
 
@@ -26,8 +27,8 @@ _ON_END = 1e-3
 _MOST_POINTS = 128
 # Of a record its last part, at whose size what comes after it would go on; and rounding, as a part
 # of the largest value anywhere.
-_TAIL = 0.1
-_ROUNDING = 1e-11
+TAIL = 0.1
+ROUNDING = 1e-11
 
 
 class Loudness:
@@ -49,13 +50,8 @@ class Loudness:
         return self._known[key]
 
     def _about(self, position: float, name: str) -> float:
-        field, bar = self.field, self.field.bar
-        x = field.positions(name)
-        pitches = [s.peak_frequency for s in field.sources if np.isfinite(s.peak_frequency)]
-        medium = field.layers.at(position)
-        reach = fastest_speed(medium) / 2 / min(pitches) if pitches else bar.length
-        reach = max(reach, 2 * bar.order * bar.spacing)
-        first, last = np.searchsorted(x, [position - reach, position + reach])
+        field, near = self.field, reach(self.field.simulation, position)
+        first, last = np.searchsorted(field.positions(name), [position - near, position + near])
         step = max(1, (last - first) // _MOST_POINTS)
         return float(np.abs(field.part(name, points=slice(int(first), int(last), step))).max())
 
@@ -94,12 +90,20 @@ class Loudness:
             Unit of the field times s.
         """
         t = self.field.t
-        tail = float(np.abs(record[t > t[-1] * (1 - _TAIL)]).max(initial=0.0))
+        tail = float(np.abs(record[t > t[-1] * (1 - TAIL)]).max(initial=0.0))
         late = tail * float(np.exp(-sigma * t[-1]))
-        return (late + _ROUNDING * self.overall(name)) / sigma
+        return (late + ROUNDING * self.overall(name)) / sigma
 
 
-def blurred(field: Field, position: float) -> str:
+def reach(simulated: Simulation, position: float) -> float:
+    """Half the longest wavelength at a source's peak about a place, m; the bar without one."""
+    bar = simulated.bar
+    pitches = [s.peak_frequency for s in simulated.sources if np.isfinite(s.peak_frequency)]
+    speed = fastest_speed(simulated.layers.at(position))
+    return max(speed / 2 / min(pitches) if pitches else bar.length, 2 * bar.order * bar.spacing)
+
+
+def blurred(field: Field | Simulation, position: float) -> str:
     """Why the grid does not have a signal at a place to the order of its differences; "" if it has.
 
     On an end differences are one-sided, and next to a point source the field has a kink

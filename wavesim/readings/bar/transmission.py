@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import specimen as between
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
@@ -24,13 +23,16 @@ from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
 
+if TYPE_CHECKING:  # what draws a run reads no case file
+    from wavesim.case.schema import BandTable
+
 Complex = NDArray[np.complex128]
 
 # Branch lengths that a fit keeps away from a source, a face and an absorber.
 _AWAY = 2.0
 _FEWEST_NODES = 8
 # To this part of the incident wave T and R are told.
-_TOLD = 1e-4
+TOLD = 1e-4
 # Frequencies of a band of one's choice, at ω + iσ.
 _IN_BAND = 33
 # Ends of a band that differ by less are the same.
@@ -125,7 +127,7 @@ class Scattered:
     bands: tuple[Band, ...] = ()
 
 
-def _amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
+def amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
     """a and b of a e^{ikx} + b e^{−ikx}, least squares at each frequency; transform (n, nodes)."""
     found = []
     for values, wave in zip(transform, k, strict=True):
@@ -228,10 +230,10 @@ def scattered(
     for nodes, face, wave in zip((known.before, known.behind), known.faces, known.k, strict=True):
         record = field.part(name, points=nodes)
         transform = damped_transform(record, field.t, omega, sigma)
-        ends.append(_amplitudes(transform, field.bar.nodes[nodes] - face, wave))
+        ends.append(amplitudes(transform, field.bar.nodes[nodes] - face, wave))
         hidden = max(hidden, loud.hidden(record, sigma, name))
     (a, b), (c, _) = ends
-    judged = known.judged & (np.abs(a) * _TOLD >= hidden)
+    judged = known.judged & (np.abs(a) * TOLD >= hidden)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing came there is no ratio
         T, R = c / a, b / a
     exact = known.T, known.R, judged, known.line, known.T_real, known.R_real, known.bands

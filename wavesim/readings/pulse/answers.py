@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
+from wavesim.material.shown import plain
 from wavesim.readings.pulse.reading import Reading
 from wavesim.readings.pulse.series_reading import Series
-
-
-def plain(value: Any) -> Any:
-    """Numbers of Python alone, None for what is not finite."""
-    if isinstance(value, dict):
-        return {key: plain(v) for key, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return [plain(v) for v in value.tolist()]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def of_reading(one: Reading) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.material.shown import plain
 from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
 from wavesim.readings.pulse.attenuation_and_quality import (
     ConstantQuality,
@@ -123,18 +124,7 @@ class PulseResult:
         }
         each = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
         tables = {"arrivals": picks, "velocities": speeds, "quality": [ratio], "frequencies": each}
-        return {name: [_plain(row) for row in table] for name, table in tables.items()}
-
-
-def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers of Python alone, None for what is not finite."""
-    result: dict[str, Any] = {}
-    for name, value in row.items():
-        if isinstance(value, str | int):
-            result[name] = value
-        else:
-            result[name] = float(value) if math.isfinite(value) else None
-    return result
+        return dict(plain(tables))
 
 
 def measure(

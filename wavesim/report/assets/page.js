@@ -346,11 +346,11 @@
   const named = (...ids) => plots.filter(plot => ids.includes(plot.id));
 
   // Tables: each number that has a unit in the one chosen; its digits are those of the summary.
-  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 5 };
+  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 4 };
   function tables() {
     for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
       const kind = cell.dataset.kind;
-      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
+      if (UNITS[kind]) cell.textContent = (cell.dataset.bound || "") + +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
     }
     for (const cell of document.querySelectorAll("#answers .unit[data-kind]"))
       if (UNITS[cell.dataset.kind]) cell.textContent = unit(cell.dataset.kind)[1].split(" =")[0];

@@ -1,0 +1,245 @@
+"""By how much the grid of a run will miss what is exact, found before it.
+
+Of a bar with layers or ends, signals at receivers, T and R as its grid has them stand beside those
+of the exact solver (``grid_signals.py``); of a ring, ω(k) at the grid's modified wavenumbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesim.case.schema import AnalysisTable
+from wavesim.grid.stencils import modified_wavenumber
+from wavesim.layered.inverse_transform import Contour
+from wavesim.layered.signals import contour_of, field_spectra
+from wavesim.material.family import Block
+from wavesim.material.scaling import JUDGED
+from wavesim.planewave.dispersion_relation import block_oscillations
+from wavesim.readings.bar.loudness import ARRIVED, NODE, ROUNDING, TAIL, blurred, reach
+from wavesim.readings.bar.transmission import TOLD, Specimen, amplitudes, specimen
+from wavesim.records.relations import OfMedium
+from wavesim.simulation.field import Field
+from wavesim.simulation.simulation import Simulation, at_double_moment
+from wavesim.sources import EXCITED, Source, excitation, excited_band
+from wavesim.verdict.grid_signals import grid_spectra
+
+# What is allowed: of a signal, in its peak; of T and R, in the incident wave; of ω(k) and k(ω), in
+# themselves.
+SIGNAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-4, 1e-3
+MEDIAN_TOLERANCE, MAXIMUM_TOLERANCE, WAVENUMBER_TOLERANCE = 1e-3, 1e-2, 1e-3
+# Cells times frequencies that are worked out, about a million in a second.
+BUDGET = 1.2e6
+# Places about a receiver at which a field's size is looked at, and nodes of a buffer.
+_ABOUT, _NODES = 24, 24
+# A spectrum is left out below this part of its peak, softly, over this part of the rest.
+_SMALL, _TAPER = 1e-5, 0.03
+_SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
+# Wavenumbers of a ring's judged range; how much more a folded band takes; the least part of a run
+# that tells of all of it.
+_RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.2
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """What the grid will do to one thing that is judged.
+
+    Attributes:
+        what: such as 'the signal at "r1" (phi1)'.
+        error, allowed: as its check has them, –.
+    """
+
+    what: str
+    error: float
+    allowed: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether its check will pass, as far as the grid goes."""
+        return self.error <= self.allowed
+
+
+def foretold(
+    simulated: Simulation,
+    table: AnalysisTable | None = None,
+    k_range: tuple[float, float] | None = None,
+) -> list[Foretold] | None:
+    """What the grid will do to each thing that is judged; None where that is too much to work out.
+
+    Args:
+        simulated: what is to be run.
+        table: how it is to be analysed, by default where None.
+        k_range: wavenumbers of a ring that are judged, rad/m; those by default where None.
+    """
+    table = table or AnalysisTable()
+    if not simulated.endless:
+        return _of_bar(simulated, table)
+    unit = 2 * math.pi / float(simulated.medium.length_scale)
+    return list(_of_ring(simulated, table, k_range or (JUDGED[0] * unit, JUDGED[1] * unit)))
+
+
+def _of_ring(
+    simulated: Simulation, table: AnalysisTable, k_range: tuple[float, float]
+) -> Iterator[Foretold]:
+    """ω of each branch that is excited, over the judged wavenumbers, and k(ω)."""
+    medium, bar = simulated.medium, simulated.bar
+    low, high = k_range
+    k = np.linspace(low, high, _RANGE)
+    slowed_k = modified_wavenumber(k, bar.spacing, bar.order)
+    for block in simulated.blocks:
+        own = [s for s in simulated.sources if s.field in block.fields]
+        exact, slowed = (block_oscillations(medium, block, one) for one in (k, slowed_k))
+        loud = (excitation(own, exact, k[:, None]) >= EXCITED) & (exact > 0)
+        loud &= exact <= math.pi / simulated.interval
+        off = np.where(loud, np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1), 0.0)
+        for number, name in enumerate(block.branches):
+            known = off[loud[:, number], number]
+            if len(known):
+                what = f"ω(k) of {block.sector} {name}"
+                yield Foretold(what, float(known.max()), MAXIMUM_TOLERANCE)
+                yield Foretold(what, float(np.median(known)), MEDIAN_TOLERANCE)
+        if block.macro and own:
+            yield from _along_ring(simulated, table, block, own)
+
+
+def _along_ring(
+    simulated: Simulation, table: AnalysisTable, block: Block, own: Sequence[Source]
+) -> Iterator[Foretold]:
+    """k(ω), at frequencies as of ``readings/dispersion/extract.py``."""
+    low, high = excited_band(own)
+    peak = 2 * math.pi * max(source.peak_frequency for source in own)
+    top = min(high, 0.95 * math.pi / simulated.interval, 2 * peak)
+    real = np.linspace(low or 2 * math.pi / simulated.duration, top, table.frequencies)
+    omega = np.asarray(real + 1j * table.damping / simulated.duration, complex)
+    exact, on_grid = (
+        OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)
+    )
+    off = np.abs(on_grid / exact - 1)
+    yield Foretold(f"k(ω) of {block.sector} waves", float(off.max()), WAVENUMBER_TOLERANCE)
+
+
+def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
+    """Signals at receivers, and T and R."""
+    if simulated.gradient_felt:
+        return None
+    bar, sources = simulated.bar, simulated.sources
+    low, high = bar.clear
+    seen = {
+        name: x
+        for name, x in simulated.receivers.items()
+        if low <= x <= high and not at_double_moment(simulated, x) and not blurred(simulated, x)
+    }
+    specimens = list(_specimens(simulated, table))
+    if not seen and not specimens:
+        return []
+    t = simulated.times
+    blocks = sum(bool(block.macro) for block in simulated.blocks)
+    each = bar.cells * blocks * (_FOLDED if bar.periodic else 1)
+    grid = _contour(simulated, float(t[-1]))
+    share = min(1.0, BUDGET / (each * len(grid.omega)))
+    if share < _LEAST_PART:
+        return None
+    if share < 1:  # what is too much is looked at for a part of the time
+        t = t[: max(int(len(t) * share), 2)]
+        grid, share = _contour(simulated, float(t[-1])), float(t[-1]) / simulated.duration
+    about = {(name, 0): x for name, x in seen.items()}
+    for name, x in [*seen.items(), *((f"source {i}", s.position) for i, s in enumerate(sources))]:
+        near = reach(simulated, x)
+        for number, y in enumerate(np.linspace(x - near, x + near, _ABOUT), start=1):
+            about[name, number] = float(min(max(y, 0.0), bar.length))
+    for source in sources:  # next to a point fields are largest
+        near_cells = np.argsort(np.abs(bar.half_nodes - source.position))[:_NEXT]
+        for node in near_cells:
+            about[_SOURCE, int(node)] = float(bar.half_nodes[node])
+    for _, known in specimens:
+        for nodes in (known.before, known.behind):
+            for node in (nodes.start, nodes.stop - 1):
+                about[_BUFFER, node] = float(bar.nodes[node])
+    spectra = grid_spectra(simulated, about, grid.omega)
+    record = {
+        place: {field: grid.signal(spectrum, t) for field, spectrum in fields.items()}
+        for place, fields in spectra.items()
+    }
+    size: dict[tuple[str, str], float] = {}
+    for (name, _), fields in record.items():
+        for field, signal in fields.items():
+            largest = max(size.get((name, field), 0.0), float(np.abs(signal).max()))
+            size[name, field] = largest
+    overall = {
+        field: max(value for (_, one), value in size.items() if one == field)
+        for field in dict.fromkeys(field for _, field in size)
+    }
+    found = []
+    ends = bar.left, bar.right
+    exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
+    for name in seen:
+        worst = Foretold(f'the signal at "{name}"', 0.0, SIGNAL_TOLERANCE)
+        for field, on_grid in record[name, 0].items():
+            signal = grid.signal(exact[name][field], t)
+            own, near = float(np.abs(signal).max()), size[name, field]
+            if own == 0 or own < NODE * near or own < ARRIVED * overall[field]:
+                continue
+            error = float(np.abs(on_grid - signal).max()) / max(near, own) / share
+            if error > worst.error:
+                worst = replace(worst, what=f'{field} at "{name}"', error=error)
+        found.append(worst)
+    late = t > t[-1] * (1 - TAIL)
+    for block, known in specimens:
+        (field,) = block.macro[0]
+        tail = max(
+            float(np.abs(fields[field][late]).max())
+            for (name, _), fields in record.items()
+            if name == _BUFFER
+        )
+        hidden = tail * math.exp(-known.sigma * simulated.duration) + ROUNDING * overall[field]
+        found += _of_scattering(simulated, block, known, hidden / known.sigma)
+    return found
+
+
+def _specimens(simulated: Simulation, table: AnalysisTable) -> Iterator[tuple[Block, Specimen]]:
+    """What stands between half-spaces, in each block that tells of it."""
+    field = Field(simulated, simulated.times, {})
+    for block in (block for block in simulated.blocks if block.macro):
+        with suppress(ValueError):  # what the exact solver does not have
+            known = specimen(field, block, table.frequencies, table.damping)
+            if known is not None and known.judged.any():
+                yield block, known
+
+
+def _of_scattering(
+    simulated: Simulation, block: Block, known: Specimen, hidden: float
+) -> Iterator[Foretold]:
+    """T and R, where they can be told; hidden as of ``Loudness.hidden``."""
+    (name,) = block.macro[0]
+    x = simulated.bar.nodes
+    ends = []
+    for nodes, face, k in zip((known.before, known.behind), known.faces, known.k, strict=True):
+        step = max(1, (nodes.stop - nodes.start) // _NODES)
+        places = {i: float(x[i]) for i in range(nodes.start, nodes.stop, step)}
+        spectra = grid_spectra(simulated, places, known.omega + 1j * known.sigma)
+        values = np.array([spectra[place][name] for place in places]).T
+        ends.append(amplitudes(values, x[list(places)] - face, k))
+    (a, b), (c, _) = ends
+    judged = known.judged & (np.abs(a) * TOLD >= hidden)
+    if not judged.any():
+        return
+    for letter, measured, exact in (("T", c / a, known.T), ("R", b / a, known.R)):
+        off = float(np.abs(measured - exact)[judged].max())
+        yield Foretold(f"{letter} of {block.sector} waves", off, AMPLITUDE_TOLERANCE)
+
+
+def _contour(simulated: Simulation, duration: float) -> Contour:
+    """Frequencies of a record's transform, to where sources' spectra have fallen to a little."""
+    grid = contour_of(simulated.layers, simulated.sources, duration)
+    if grid.lowpass is not None:
+        return grid
+    size = [np.abs(source.spectrum(grid.omega)) for source in simulated.sources]
+    loud = np.any([one > _SMALL * one.max() for one in size], axis=0)
+    top = float(grid.omega[np.flatnonzero(loud).max()].real)
+    width = max(_TAPER * top, 20 * grid.step)
+    kept = grid.omega.real <= top + 12 * width
+    return replace(grid, omega=grid.omega[kept], lowpass=(top + 6 * width, width))

@@ -1,0 +1,264 @@
+"""Signals at receivers as the grid of a bar will have them, without a step in time.
+
+The semi-discrete bar (``timedomain/operator.py``) in the frequency domain, the micro-field
+eliminated as in ``layered/cross_section.py``: with D, norms N and H and Q = HD of the grid,
+
+    [Qᵀ (𝒟/s) D − ω² N ι I_φ s] φ = F + Qᵀ C_φB X Π,    s = 1 + i d/ω in absorbing layers,
+
+a band of a few numbers at each ω. What it differs by from ``layered/signals.py`` is what stencils,
+closures, absorbers and sources laid on points do to a signal, all at once.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import get_lapack_funcs
+from scipy.sparse import csr_matrix
+
+from wavesim.grid.bar import Bar
+from wavesim.grid.points import sampling, spread
+from wavesim.grid.summation_by_parts import chain
+from wavesim.layered.cross_section import Section, limit
+from wavesim.layered.signals import named
+from wavesim.layered.source_loads import acts_of, body_loads, components
+from wavesim.layered.stack import Stack
+from wavesim.material.family import Block
+from wavesim.simulation.simulation import Simulation
+from wavesim.timedomain.absorber import absorption
+
+Values = NDArray[Any]
+P = TypeVar("P")  # what a place is called
+
+# A node that is held is so much stiffer than all others.
+_STIFF = 1e12
+# Friction below this part of the strongest is not felt.
+_CALM = 1e-3
+
+
+def grid_spectra(
+    simulated: Simulation, places: Mapping[P, float], omega: Values
+) -> dict[P, dict[str, Values]]:
+    """Spectra ∫ u e^{iωt} dt of the fields that travel, as the grid has them; Γ is left out.
+
+    Args:
+        simulated: bar, layers and sources.
+        places: positions by name, m.
+        omega: ω, shape (N,), Im ω > 0, rad/s.
+
+    Returns:
+        {place: {field: shape (N,)}}, the field's unit times s.
+    """
+    found: dict[P, dict[str, Values]] = {name: {} for name in places}
+    for block in (block for block in simulated.blocks if block.macro):
+        for name, fields in _of_block(simulated, block, places, omega).items():
+            for field, values in fields.items():
+                found[name][field] = found[name].get(field, 0) + values
+    return found
+
+
+def _of_block(
+    simulated: Simulation, block: Block, places: Mapping[P, float], omega: Values
+) -> dict[P, dict[str, Values]]:
+    bar = simulated.bar
+    stack = Stack(simulated.layers, block, omega, False)
+    length, scaled = float(stack.units.length), stack.scaled
+    sections = _sections(stack, bar)
+    limits = [(cells, limit(one, scaled)) for cells, one in sections]
+    at_node, at_half = (_stretching(simulated, stack, x) for x in (bar.nodes, bar.half_nodes))
+    D, half_norm = _difference(bar, length), bar.differences.half_norm / length
+    inertia = _inertia(stack, bar)
+    stiffness, strained = (np.zeros((len(omega), bar.cells), complex) for _ in range(2))
+    force, pushed = _forces(simulated, stack, sections, inertia)
+    for cells, one in limits:
+        stiffness[:, cells] = one.D[:, None]
+        for component, total in pushed.items():
+            strained[:, cells] += one.pX[:, component, None] * total[:, cells]
+    stiffness *= half_norm / at_half
+    force += (D.T @ (half_norm * strained).T).T
+    diagonal = -(scaled[:, None] ** 2) * inertia * at_node
+    held = [node for node, end in ((0, bar.left), (-1, bar.right)) if end == "fixed"]
+    stiff = _STIFF * float(np.abs(diagonal).max())
+    diagonal[:, held], force[:, held] = stiff, 0.0
+    for node, drive in _at_ends(simulated, stack):
+        force[:, node] += drive * (stiff if node in held else 1.0)
+    phi = _solve(D, stiffness, diagonal, force, bar.periodic)
+
+    macro = {name: sampling(bar, x, False) for name, x in places.items()}
+    micro = {name: sampling(bar, x, True) for name, x in places.items()}
+    seen = np.unique(np.concatenate([points for _, points in micro.values()]))
+    kappa = (D[seen] @ phi.T).T / np.broadcast_to(at_half, stiffness.shape)[:, seen]
+    B = np.zeros((*kappa.shape, len(block.micro)), complex)
+    for cells, one in limits:
+        own = (seen >= cells.start) & (seen < cells.stop)
+        B[:, own] = one.Xp[:, None] * kappa[:, own, None]
+        for component, total in pushed.items():
+            amount = total[:, seen[own], None] / one.modulus[:, None, None]
+            B[:, own] += one.X[:, None, :, component] * amount
+    found = {}
+    for name in places:
+        weights, points = macro[name]
+        value = phi[:, points] @ weights
+        weights, points = micro[name]
+        strain = np.einsum("npb,p->nb", B[:, np.searchsorted(seen, points)], weights)
+        found[name] = named(block, value[:, None], strain, stack.units)
+    return found
+
+
+def _stretching(simulated: Simulation, stack: Stack, x: Values) -> Values:
+    """s at positions (m), shape (N, n), or (1, n) of 1 without absorbing layers."""
+    d, _ = absorption(simulated.layers, simulated.bar, x)
+    if not d.any():
+        return np.ones((1, len(x)))
+    return 1 + 1j * np.outer(1 / stack.scaled, float(stack.units.time) * d)
+
+
+def _forces(
+    simulated: Simulation,
+    stack: Stack,
+    sections: Sequence[tuple[slice, Section]],
+    inertia: Values,
+) -> tuple[Values, dict[int, Values]]:
+    """F at nodes, shape (N, nodes), and Π of each micro-field that is driven, (N, half-nodes)."""
+    bar, length = simulated.bar, float(stack.units.length)
+    node_norm = bar.differences.node_norm / length
+    force = np.zeros((len(stack.scaled), len(bar.nodes)), complex)
+    pushed: dict[int, Values] = {}
+    for source in simulated.sources:
+        for load in body_loads(stack, [source], False):
+            density, points = _laid(bar, source, bool(load.component))
+            on = np.outer(load.strength, density * length)
+            if not load.component:
+                force[:, points] += on * (inertia if load.inertial else node_norm[None])[:, points]
+                continue
+            for cells, one in sections if load.inertial else ():
+                mine = (points >= cells.start) & (points < cells.stop)
+                on[:, mine] *= (one.own.i_B * one.losses(stack.scaled)[1])[:, None]
+            none = np.zeros((len(stack.scaled), bar.cells), complex)
+            pushed.setdefault(load.component - 1, none)[:, points] += on
+    return force, pushed
+
+
+def _at_ends(simulated: Simulation, stack: Stack) -> list[tuple[int, Values]]:
+    """What is driven at an end: the node, and its load or the φ that it is given, shape (N,)."""
+    found = []
+    for source in simulated.sources:
+        acts = acts_of(source)
+        if source.field in stack.block.fields and acts in ("surface", "prescribed"):
+            unit = stack.units.macro
+            if acts == "surface":
+                unit = stack.units.force(source.field) * stack.units.length
+            signal = np.asarray(source.spectrum(stack.omega), complex) / unit
+            node = 0 if source.position < simulated.bar.length / 2 else -1
+            parts = components(stack.block, source.field)
+            found += [(node, weight * signal) for _, weight in parts]
+    return found
+
+
+def _sections(stack: Stack, bar: Bar) -> list[tuple[slice, Section]]:
+    """Cells of one section each: those of a layer, or single ones where it is graded, or where
+    friction on B calms the depth of an absorbing layer."""
+    found, first = [], 0
+    _, calm = absorption(stack.layers, bar, bar.half_nodes)
+    felt = calm > _CALM * calm.max()
+    for layer, (cells, _) in zip(stack.layers.layers, bar.all_stretches, strict=True):
+        alone = felt[first : first + cells] | (layer.last is not None)
+        cuts = np.flatnonzero(alone[1:] | alone[:-1]) + 1
+        for start, end in itertools.pairwise([0, *cuts.tolist(), cells]):
+            own = slice(first + start, first + end)
+            one = stack.bare(layer, float(bar.half_nodes[own].mean()))
+            if felt[own.start]:
+                law = one.damping
+                one = replace(one, damping=replace(law, mass=law.mass + float(calm[own.start])))
+            found.append((own, one))
+        first += cells
+    return found
+
+
+def _inertia(stack: Stack, bar: Bar) -> Values:
+    """N ι I_φ of each node, shape (N, nodes); layers that share a node add theirs."""
+    length, scaled = float(stack.units.length), stack.scaled
+    found = np.zeros((len(scaled), bar.cells + 1), complex)
+    first = 0
+    for layer, (cells, size) in zip(stack.layers.layers, bar.all_stretches, strict=True):
+        norm = chain(bar.order, (cells,), (size,)).node_norm / length
+        if bar.uniform and bar.periodic:
+            norm = np.array([size / 2, *[size] * (cells - 1), size / 2]) / length
+        x = layer.start + np.arange(cells + 1 if layer.last else 1) * size
+        for node, position in enumerate(np.minimum(x, layer.end)):
+            one = stack.bare(layer, float(position))
+            own = slice(first + node, first + node + 1 if layer.last else first + cells + 1)
+            share = norm[node : node + 1] if layer.last else norm
+            found[:, own] += np.outer(one.own.i_phi * one.losses(scaled)[1], share)
+        first += cells
+    if not bar.periodic:
+        return found
+    found[:, 0] += found[:, -1]
+    return found[:, :-1]
+
+
+def _difference(bar: Bar, length: float) -> csr_matrix:
+    """D, scaled, shape (half-nodes, nodes)."""
+    known, nodes = bar.differences, len(bar.nodes)
+    rows = np.broadcast_to(np.arange(bar.cells), known.diagonals.shape)
+    columns = rows + known.first + np.arange(len(known.diagonals))[:, None]
+    there = known.diagonals != 0
+    entries = known.diagonals[there] * length, (rows[there], columns[there] % nodes)
+    return csr_matrix(entries, shape=(bar.cells, nodes))
+
+
+def _laid(bar: Bar, source: Any, staggered: bool) -> tuple[Values, Values]:
+    """Density (1/m) of a source and the points it stands at; an initial field is sampled."""
+    if acts_of(source) != "initial":
+        return spread(bar, source.position, source.width, staggered)
+    x = bar.half_nodes if staggered else bar.nodes
+    distance = x - source.position
+    if bar.periodic:
+        distance = (distance + bar.length / 2) % bar.length - bar.length / 2
+    density = np.exp(-((distance / source.width) ** 2) / 2)
+    return density / (np.sqrt(2 * np.pi) * source.width), np.arange(len(x))
+
+
+def _solve(D: csr_matrix, stiffness: Values, diagonal: Values, force: Values, ring: bool) -> Values:
+    """φ of (Dᵀ c D + m) φ = F at each ω, by elimination in a band.
+
+    Args:
+        D: shape (half-nodes, nodes).
+        stiffness: c, shape (N, half-nodes).
+        diagonal, force: m and F, shape (N, nodes).
+        ring: whether D reaches round; the ring then is folded, which doubles the band.
+    """
+    nodes = D.shape[1]
+    place = np.arange(nodes)
+    if ring:
+        place = np.where(place < (nodes + 1) // 2, 2 * place, 2 * (nodes - 1 - place) + 1)
+    # One entry of DᵀcD for each pair of a row's numbers.
+    count = np.diff(D.indptr)
+    first = np.repeat(np.arange(D.nnz), np.repeat(count, count))
+    starts = np.repeat(D.indptr[:-1], count**2)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(count**2) - count**2, count**2)
+    second = starts + within % np.repeat(count, count**2)
+    i, j = place[D.indices[first]], place[D.indices[second]]
+    wide = int(np.abs(i - j).max())
+    deep = 3 * wide + 1
+    at = j * deep + 2 * wide + i - j
+    row = np.repeat(np.arange(D.shape[0]), count**2)
+    spread_out = csr_matrix(
+        ((D.data[first] * D.data[second]).astype(complex), (at, row)),
+        shape=(nodes * deep, D.shape[0]),
+    )
+    (gbsv,) = get_lapack_funcs(("gbsv",), (diagonal, force))
+    found = np.empty_like(force)
+    for number in range(len(force)):
+        band = (spread_out @ stiffness[number]).reshape(nodes, deep)
+        band[place, 2 * wide] += diagonal[number]
+        right = np.empty(nodes, complex)
+        right[place] = force[number]
+        *_, x, _ = gbsv(wide, wide, band.T, right, overwrite_ab=True, overwrite_b=True)
+        found[number] = x[place]
+    return found
