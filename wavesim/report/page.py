@@ -110,6 +110,7 @@ def _table(answer: Answer) -> dict[str, Any]:
                 "value": _digits(row.get(c.key)) if c.kind else None,
                 "kind": c.kind,
                 "text": shown(row.get(c.key), c.kind),
+                "label": f"{c.name} {KINDS[c.kind][1]}" if c.kind else c.name,
             }
             for c in answer.columns
         ]
@@ -124,8 +125,8 @@ def _digits(value: Any) -> str | None:
 
 def _check(check: Mapping[str, Any]) -> dict[str, Any]:
     numbers = [
-        {"value": "none" if v is None else repr(v), "text": number(v)}
-        for v in (check[key] for key in ("measured", "reference", "tolerance"))
+        {"label": key, "value": "none" if v is None else repr(v), "text": number(v)}
+        for key, v in ((key, check[key]) for key in ("measured", "reference", "tolerance"))
     ]
     return {"name": check["name"], "numbers": numbers, "unit": check["unit"],
             "passed": check["passed"]}  # fmt: skip
