@@ -35,6 +35,10 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
     assert rows["RSB"]["attenuation"] is None
     assert rows["RTB1"]["frequencies"] == 0
     assert "not driven" in rows["RTB1"]["closer"]
+    # Where there is no number a word says why, once for all that have none for the same reason.
+    told = answers(small_run.summary)[0].note
+    assert all((row["untold"] == "") == (row["attenuation"] is not None) for row in rows.values())
+    assert "RTB1, RTB2: no source drives transverse waves" in told
 
 
 def test_advice_is_one_that_a_case_takes_and_shows_more_of_the_gap(small_run, small_case):

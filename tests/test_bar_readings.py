@@ -52,7 +52,7 @@ def test_amplitudes_of_two_waves(decay, rng):
     k = rng.uniform(300, 4000, 12) + 1j * rng.uniform(0, 1, 12) * decay
     a, b = rng.standard_normal((2, 12)) + 1j * rng.standard_normal((2, 12))
     U = a[:, None] * np.exp(1j * k[:, None] * x) + b[:, None] * np.exp(-1j * k[:, None] * x)
-    found = twowaves._amplitudes(U, x, k)
+    found = twowaves.amplitudes(U, x, k)
     grown = np.exp(2 * 0.06 * k.imag)
     assert (np.abs(found[0] - a) <= 1e-11 * np.abs(a) + 1e-13 * np.abs(b)).all()
     assert (np.abs(found[1] - b) <= 1e-11 * np.abs(b) + 1e-13 * grown * np.abs(a)).all()

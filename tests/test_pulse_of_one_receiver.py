@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from transducers import record
 
-from wavesim.readings.pulse.reading import read_one
-from wavesim.readings.pulse.series import power_law
+from wavesim.readings.pulse.power_law import power_law
+from wavesim.readings.pulse.reading import Wanted, read_one
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import transmission_record
@@ -50,19 +50,53 @@ def test_a_p_wave_ahead_of_the_s_wave_is_named(part, speeds):
     assert any("a P precursor of" in note for note in reading.notes)
 
 
+TWO = {"guided": 0.6, "crosstalk": 0.1}
+
+
 def test_known_speeds_tell_which_of_two_large_packets_the_test_is_after():
-    """A P wave half as large as its S wave: alone the first counts, with the other told of; by the
-    speeds it is the precursor of the larger. Of a P wave that is the largest the S wave follows."""
-    half = made(120.0, precursor=0.3, guided=0.6, crosstalk=0.1)
-    alone = read_one(half, L, {})
-    assert alone.best.velocity == pytest.approx(204, rel=0.05)
-    assert any("times as large follows at 1.7" in note for note in alone.notes)
+    """By the speeds a P wave is the precursor of the larger S wave; of a P wave that is the largest
+    the S wave follows."""
+    half = made(120.0, precursor=0.3, **TWO)
     told = read_one(half, L, {}, {"P": 204.0, "S": 120.0})
     assert told.best.velocity == pytest.approx(120, rel=0.05)
+    assert told.best.velocity_error < 0.05 * 120
     assert [one.name for one in told.packets[:2]] == ["P precursor", "direct"]
-    most = made(120.0, precursor=0.9, guided=0.6, crosstalk=0.1)
-    after = read_one(most, L, {}, {"P": 204.0, "S": 120.0})
+    after = read_one(made(120.0, precursor=0.9, **TWO), L, {}, {"P": 204.0, "S": 120.0})
     assert [(p.name, p.wave) for p in after.packets[:2]] == [("direct", "P"), ("S wave", "S")]
+
+
+@pytest.mark.parametrize(
+    "made_up", [dict(precursor=0.3, **TWO), dict(precursor=0.8, **TWO), {"guided": 3.0}],
+    ids=["P wave", "larger P wave", "guided wave"],
+)  # fmt: skip
+def test_where_either_of_two_waves_may_be_the_direct_one_the_bar_holds_both(made_up):
+    """A P wave of half of the S wave's size and more, a guided wave 1/0.72 as late and three times
+    as large: nothing in one record tells which is meant. A word about it does."""
+    record = made(120.0, **made_up)
+    either = read_one(record, L, {}).best
+    assert not either.valid or abs(either.velocity - 120) <= 1.96 * either.velocity_error
+    known = read_one(record, L, {}, wanted=Wanted(speed=125.0)).best
+    assert known.velocity == pytest.approx(120, rel=0.05)
+    assert abs(known.velocity - 120) <= 1.96 * known.velocity_error < 0.12 * 120
+
+
+def test_the_wave_that_is_sent_tells_a_p_wave_from_its_s_wave():
+    """1.7 times as fast, and larger than the S wave as that loses more."""
+    record = made(120.0, precursor=0.5, guided=0.6, crosstalk=0.1)
+    for wave, speed in (("P", 204.0), ("S", 120.0)):
+        best = read_one(record, L, {}, wanted=Wanted(wave)).best
+        assert best.velocity == pytest.approx(speed, rel=0.05)
+        assert best.velocity_error < 0.05 * speed
+
+
+def test_a_series_of_few_states_far_apart_is_read_on_one_power_law():
+    """Stress in steps of 2.5, bursts of two cycles: no record jumps to the P wave."""
+    stress = 2 * 2.5 ** np.arange(5)
+    records = [made(60 * s**0.27, cycles=2, seed=i) for i, s in enumerate(stress)]
+    readings, series = read_series(records, L, {}, "stress", stress.tolist())
+    assert [one.best.velocity for one in readings] == pytest.approx(60 * stress**0.27, rel=0.04)
+    assert all(one.best.velocity_error < 0.1 * one.best.velocity for one in readings)
+    assert series.law.b == pytest.approx(0.27, abs=0.02)
 
 
 def test_a_burst_of_three_cycles_is_followed_to_its_first():

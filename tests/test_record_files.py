@@ -217,7 +217,7 @@ def test_netcdf_and_xarray(tmp_path, engine):
 
 def test_seismic_formats(tmp_path):
     obspy = pytest.importorskip("obspy")
-    from obspy.io.segy.segy import SEGYTraceHeader
+    from obspy.io.segy.segy import SEGYBinaryFileHeader, SEGYTraceHeader
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # obspy's own
@@ -231,11 +231,23 @@ def test_seismic_formats(tmp_path):
         stream = obspy.Stream(traces)
         stream.write(str(tmp_path / "a.segy"), format="SEGY", data_encoding=5)
         stream.write(str(tmp_path / "a.mseed"), format="MSEED")
+        # Feet; offsets in whole ones, coordinates in tenths; recording begins before the blow.
+        stream.stats = obspy.core.AttribDict(binary_file_header=SEGYBinaryFileHeader())
+        stream.stats.binary_file_header.measurement_system = 2
+        stream.stats.textual_file_header = b""
+        for j, trace in enumerate(traces):
+            header = trace.stats.segy.trace_header
+            setattr(header, name, round(10 + 2.4 * j))
+            header.scalar_to_be_applied_to_all_coordinates, header.coordinate_units = -10, 1
+            header.source_coordinate_x, header.group_coordinate_x = 5000, 5100 + 24 * j
+            header.delay_recording_time = -30
+        stream.write(str(tmp_path / "ft.segy"), format="SEGY", data_encoding=5)
         obspy.Stream([obspy.Trace(U[:, 0].astype("f4"), {"delta": 1e-3})]).write(
             str(tmp_path / "a.sac"), format="SAC"
         )
     t, u = np.arange(N) * 1e-3, U.astype("f4").astype(float)
     same(read(tmp_path / "a.segy"), t, 10 + 2.0 * np.arange(M), u)
+    same(read(tmp_path / "ft.segy"), t - 0.03, 0.3048 * (10 + 2.4 * np.arange(M)), u)
     same(read(tmp_path / "a.mseed", Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)
     with pytest.raises(RecordError, match="4 receivers: the file says none; give --spacing"):
         read(tmp_path / "a.mseed")

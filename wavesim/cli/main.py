@@ -132,7 +132,7 @@ def _whole(
     if taken.seconds >= _WORTH_IT:
         from wavesim.verdict.foreseen_errors import foretold
 
-        errors = foretold(loaded)
+        errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
     warned = foreseen(loaded, steps, errors)
     _tell(case, loaded, warned)
     console = _console(quiet)
@@ -202,7 +202,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     from wavesim.verdict.foreseen_errors import foretold
 
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
-    errors = foretold(loaded)
+    errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
     report.survey(_console(), loaded, steps, taken, errors)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.

@@ -51,7 +51,12 @@ class _Set:
     type=float,
     nargs=2,
     metavar="F C",
-    help="A phase velocity C in m/s foreseen at F Hz, where phases are ambiguous.",
+    help="About how fast the wave is, C m/s at F Hz, where phases or packets are ambiguous.",
+)
+@click.option(
+    "--wave",
+    type=click.Choice(["P", "S"], case_sensitive=False),
+    help="Which wave the transducers send; where it is not said, either may be the direct one.",
 )
 @click.option(
     "--medium",
@@ -69,6 +74,7 @@ def pulse(
     face_to_face: str | None,
     against: str | None,
     expected: tuple[float, float] | None,
+    wave: str | None,
     medium: str | None,
     out: str | None,
     as_json: bool,
@@ -89,7 +95,7 @@ def pulse(
     if speeds is not None:
         tests = [test and replace(test, speeds=speeds) for test in tests]
     setup = _setup(distance, delay, face_to_face, against, layout, column)
-    readings, series = _readings(files, tests, refused, setup, expected)
+    readings, series = _readings(files, tests, refused, setup, expected, wave)
     found = answer(readings, series)
     if as_json:
         print_json(found)
@@ -214,10 +220,11 @@ def _readings(
     refused: dict[int, str],
     setup: _Set,
     expected: tuple[float, float] | None,
+    wave: str | None,
 ) -> tuple[list[Any], Any]:
     import numpy as np
 
-    from wavesim.readings.pulse.reading import read_one
+    from wavesim.readings.pulse.reading import Wanted, read_one
     from wavesim.readings.pulse.reading import refused as refusal
     from wavesim.readings.pulse.series_reading import Series, law_of, read_series
 
@@ -251,9 +258,10 @@ def _readings(
             if count == 1:
                 stop(f"{test.name}: {error}", BAD_INPUT)
             found[i] = refusal(test.name, "receiver", distance, str(error))
+    wanted = Wanted((wave or "").upper(), expected[1] if expected else math.nan)
     if setup.parameter is None:
         for i, (record, distance) in single.items():
-            one = read_one(record, distance, setup.delays, tests[i].speeds)
+            one = read_one(record, distance, setup.delays, tests[i].speeds, wanted)
             found[i] = _noted(one, tests[i])
         return found, None
     values = np.array(setup.values)
@@ -261,7 +269,7 @@ def _readings(
         own = list(single)
         records, distances = zip(*single.values(), strict=True)
         readings, _ = read_series(
-            records, distances, setup.delays, setup.parameter, values[own].tolist()
+            records, distances, setup.delays, setup.parameter, values[own].tolist(), wanted
         )
         for i, one in zip(own, readings, strict=True):
             found[i] = _noted(one, tests[i])

@@ -93,7 +93,9 @@ def _reader(path: Path) -> Callable[[Path], Content]:
     kind = path.suffix.lower()
     with path.open("rb") as file:
         start = file.read(512)
-    if kind in _SEISMIC:
+    # Seismographs write SEG-2 as .dat: its block of file data has a mark, and bytes of 0.
+    seg2 = start.startswith((b"\x55\x3a", b"\x3a\x55")) and b"\0" in start[:64]
+    if kind in _SEISMIC or seg2:
         from wavesim.records.formats.seismic import from_seismic
 
         return from_seismic

@@ -156,8 +156,18 @@ def answers(summary: Summary) -> list[Answer]:
         name = next((key for key in _LAYOUT if rows and key in rows[0]), None)
         if name is not None:
             title, columns, note = _LAYOUT[name]
-            found.append(Answer(title, columns, rows, note))
+            found.append(Answer(title, columns, rows, _untold(rows, name) + note))
     return found
+
+
+def _untold(rows: Sequence[Mapping[str, Any]], name: str) -> str:
+    """Why some rows have no measured number, each reason once."""
+    why: dict[str, list[str]] = {}
+    for row in rows:
+        if row.get("untold"):
+            why.setdefault(row["untold"], []).append(str(row[name]))
+    told = "; ".join(f"{', '.join(these)}: {reason}" for reason, these in why.items())
+    return f"– {told}. " if told else ""
 
 
 def shown(value: Any, kind: str) -> str:

@@ -16,6 +16,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
+from wavesim.material.family import sector_words
 from wavesim.material.medium import Medium
 from wavesim.material.shown import plain
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
@@ -80,6 +81,7 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         "attenuation_at_real_frequency": None,
         "frequencies": 0,
         "closer": "",
+        "untold": "",
     }
     middle = (gap.lower + gap.upper) / 2
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
@@ -101,7 +103,36 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
             "attenuation_at_real_frequency": float(real.imag) * _DECIBELS,
             "frequencies": len(known),
         }
+    if row["attenuation"] is None:
+        row["untold"] = _untold(field, gap, sector, [curve.omega for curve in curves])
     return row
+
+
+def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:
+    """Why nothing was measured of a gap.
+
+    Args:
+        field: the field.
+        gap: the gap.
+        sector: of its waves.
+        measured: frequencies at which its attenuation was, rad/s.
+    """
+    family = field.medium.family
+    if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
+        return f"no source drives {sector_words(sector, sector)} waves"
+    if sector in family.unlike:
+        return "these waves do not travel"
+    if not measured:
+        return "the ring is too short to measure a decay along it"
+    low, high = (end * _HERTZ / 1e3 for end in (measured[0][0], measured[0][-1]))
+    if not gap.lower * _HERTZ / 1e3 < high:
+        return f"what the sources drive, and frames show, ends at {high:.4g} kHz"
+    if not gap.upper * _HERTZ / 1e3 > low:
+        return f"what the sources drive begins at {low:.4g} kHz"
+    inside = (measured[0] > gap.lower) & (measured[0] < gap.upper)
+    if not inside.any():
+        return "it lies between two frequencies: raise [analysis] frequencies"
+    return "too little of the waves is left there to measure"
 
 
 def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:

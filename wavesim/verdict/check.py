@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,25 @@ class Check:
         return found
 
 
+def judged(
+    name: str,
+    measured: float,
+    allowed: float,
+    remedy: Callable[..., str],
+    *arguments: Any,
+    reference: float = 0.0,
+    unit: str = "–",
+) -> Check:
+    """A check, its remedy looked for only where it falls short.
+
+    Args:
+        name, measured, allowed, reference, unit: as of :class:`Check`, allowed its tolerance.
+        remedy, arguments: a function of ``remedies``, and what it takes.
+    """
+    check = Check(name, measured, reference, allowed, unit)
+    return check if check.passed else replace(check, remedy=remedy(*arguments))
+
+
 def energy_checks(field: Field) -> list[Check]:
     """Energy balance, where the closure conserves energy in every layer.
 
@@ -62,19 +82,18 @@ def energy_checks(field: Field) -> list[Check]:
     scale = float(energy.total.max())
     if scale == 0:
         return []
-    remedy = remedies.of_energy(field)
     if field.simulation.lossy:
         lost = energy.dissipated
         fall = float((np.maximum.accumulate(lost) - lost).max())
         name = "energy dissipated: its largest fall over its largest value"
         part = fall / max(float(lost.max()), 1e-300)
-        return [Check(name, part, 0.0, LOSSY_TOLERANCE, remedy=remedy)]
+        return [judged(name, part, LOSSY_TOLERANCE, remedies.of_energy, field)]
     balance = float(np.abs(energy.dissipated).max()) / scale
     name = "energy − work over energy"
-    checks = [Check(name, balance, 0.0, ENERGY_TOLERANCE, remedy=remedy)]
+    checks = [judged(name, balance, ENERGY_TOLERANCE, remedies.of_energy, field)]
     after = energy.total[field.t >= field.quiet_from]
     if len(after) > 1:
         change = float(np.ptp(after)) / scale
         name = "energy after the pulse"
-        checks.append(Check(name, change, 0.0, ENERGY_AFTER_TOLERANCE, remedy=remedy))
+        checks.append(judged(name, change, ENERGY_AFTER_TOLERANCE, remedies.of_energy, field))
     return checks

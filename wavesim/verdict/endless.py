@@ -11,10 +11,12 @@ from wavesim.simulation.field import Field
 from wavesim.verdict import remedies
 from wavesim.verdict.branches import Held
 from wavesim.verdict.check import Check, energy_checks
+from wavesim.verdict.foreseen_errors import (
+    MAXIMUM_TOLERANCE,
+    MEDIAN_TOLERANCE,
+    WAVENUMBER_TOLERANCE,
+)
 
-MEDIAN_TOLERANCE = 1e-3
-MAXIMUM_TOLERANCE = 1e-2
-WAVENUMBER_TOLERANCE = 1e-3
 _UNCERTAIN = 0.3 * WAVENUMBER_TOLERANCE
 
 

@@ -53,9 +53,9 @@ def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = No
     found += _receivers(simulated)
     found += _absorbed(simulated)
     if errors:
-        from wavesim.verdict.foreseen_errors import too_coarse
+        from wavesim.verdict.pitch import too_coarse
 
-        found += too_coarse(case, errors)
+        found += too_coarse(simulated, errors, case.analysis, case.k_range)
     else:
         found += _on_the_grid(simulated)
     found += _losses(simulated)

@@ -1,4 +1,4 @@
-"""By how much a run's grid will miss what is exact, found before it, and the pitch that would do.
+"""By how much the grid of a run will miss what is exact, found before it.
 
 Of a bar with layers or ends, signals at receivers, T and R as its grid has them stand beside those
 of the exact solver (``grid_signals.py``); of a ring, ω(k) at the grid's modified wavenumbers.
@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesim.case.load import Case
-from wavesim.grid.bar import layered_bar
+from wavesim.case.schema import AnalysisTable
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.grid.summation_by_parts import closure
 from wavesim.layered.inverse_transform import Contour
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.family import Block
+from wavesim.material.scaling import JUDGED
 from wavesim.planewave.dispersion_relation import block_oscillations
 from wavesim.readings.bar.loudness import ARRIVED, NODE, ROUNDING, TAIL, blurred, reach
 from wavesim.readings.bar.transmission import TOLD, Specimen, amplitudes, specimen
@@ -27,11 +26,12 @@ from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation, at_double_moment
 from wavesim.sources import EXCITED, Source, excitation, excited_band
-from wavesim.verdict.bar import AMPLITUDE_TOLERANCE, SIGNAL_TOLERANCE
-from wavesim.verdict.endless import MAXIMUM_TOLERANCE, MEDIAN_TOLERANCE, WAVENUMBER_TOLERANCE
 from wavesim.verdict.grid_signals import grid_spectra
-from wavesim.verdict.remedies import gentler
 
+# What is allowed: of a signal, in its peak; of T and R, in the incident wave; of ω(k) and k(ω), in
+# themselves.
+SIGNAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-4, 1e-3
+MEDIAN_TOLERANCE, MAXIMUM_TOLERANCE, WAVENUMBER_TOLERANCE = 1e-3, 1e-2, 1e-3
 # Cells times frequencies that are worked out, about a million in a second.
 BUDGET = 1.2e6
 # Places about a receiver at which a field's size is looked at, and nodes of a buffer.
@@ -39,10 +39,6 @@ _ABOUT, _NODES = 24, 24
 # A spectrum is left out below this part of its peak, softly, over this part of the rest.
 _SMALL, _TAPER = 1e-5, 0.03
 _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
-# A pitch is looked for that leaves this part of what is allowed, in so many tries; one that takes
-# less than this off the error in a try mends nothing.
-_ASIDE, _TRIES = 0.6, 3
-_ORDER, _LEAST_ORDER, _FINEST, _COARSEST = 5.0, 1.0, 0.4, 0.9
 # Wavenumbers of a ring's judged range; how much more a folded band takes; the least part of a run
 # that tells of all of it.
 _RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.2
@@ -67,80 +63,31 @@ class Foretold:
         return self.error <= self.allowed
 
 
-def foretold(case: Case) -> list[Foretold] | None:
+def foretold(
+    simulated: Simulation,
+    table: AnalysisTable | None = None,
+    k_range: tuple[float, float] | None = None,
+) -> list[Foretold] | None:
     """What the grid will do to each thing that is judged; None where that is too much to work out.
 
     Args:
-        case: what is to be run.
+        simulated: what is to be run.
+        table: how it is to be analysed, by default where None.
+        k_range: wavenumbers of a ring that are judged, rad/m; those by default where None.
     """
-    if case.simulation.endless:
-        return list(_of_ring(case))
-    return _of_bar(case, case.simulation)
+    table = table or AnalysisTable()
+    if not simulated.endless:
+        return _of_bar(simulated, table)
+    unit = 2 * math.pi / float(simulated.medium.length_scale)
+    return list(_of_ring(simulated, table, k_range or (JUDGED[0] * unit, JUDGED[1] * unit)))
 
 
-def too_coarse(case: Case, found: Sequence[Foretold]) -> list[str]:
-    """What of it will be more than is allowed, with the pitch that would do.
-
-    Args:
-        case: what is to be run.
-        found: of :func:`foretold`.
-    """
-    short = sorted((f for f in found if not f.passed), key=lambda f: f.error / f.allowed)
-    if not short:
-        return []
-    worst, bar = short[-1], case.simulation.bar
-    more = f", and {len(short) - 1} more fall short" if len(short) > 1 else ""
-    return [
-        f"[bar] spacing = {bar.spacing:.6g}: by this grid {worst.what} will be off by "
-        f"{worst.error:.1e} (allowed {worst.allowed:g}){more}; {_remedy(case, worst)}"
-    ]
-
-
-def _remedy(case: Case, worst: Foretold) -> str:
-    """The pitch that would do, or what else would."""
-    simulated = case.simulation
-    h, error = simulated.bar.spacing, worst.error
-    aim, spacing, order = _ASIDE * worst.allowed, h, _ORDER
-    for _ in range(_TRIES):
-        factor = max((aim / error) ** (1 / order), _FINEST)
-        tried = _rounded(spacing * min(factor, _COARSEST))
-        finer = replace(case, simulation=_with_spacing(simulated, tried))
-        told = foretold(finer)
-        if told is None:
-            return f"take about {_rounded(spacing * factor):g} m"
-        now = max((f.error * worst.allowed / f.allowed for f in told), default=0.0)
-        if now <= worst.allowed:
-            cells = finer.simulation.bar.cells
-            return f"take [bar] spacing = {tried:g} ({cells} cells) or finer"
-        order = max(math.log(error / now) / math.log(spacing / tried), _LEAST_ORDER)
-        error, spacing = now, tried
-    return f"{spacing:g} m would still leave {error:.1e}; take {gentler(simulated)}"
-
-
-def _rounded(length: float) -> float:
-    """Two digits, downwards."""
-    step = 10.0 ** (math.floor(math.log10(length)) - 1)
-    return float(f"{math.floor(length / step * (1 + 1e-9)) * step:.2g}")
-
-
-def _with_spacing(simulated: Simulation, spacing: float) -> Simulation:
-    """The same on a grid of other cells, as a case with that [bar] spacing has it."""
-    bar, layers = simulated.bar, simulated.layers
-    if bar.stretches:
-        least = closure(bar.order).cells
-        sizes = [min(spacing, layer.thickness / least) for layer in layers.layers]
-        made = layered_bar(layers, sizes, bar.order, bar.left, bar.right, bar.absorber)
-    else:
-        cells = round(bar.length / spacing)
-        made = replace(bar, cells=cells, spacing=bar.length / cells)
-    return replace(simulated, bar=made)
-
-
-def _of_ring(case: Case) -> Iterator[Foretold]:
-    """ω of each branch that is excited, over the judged wavenumbers."""
-    simulated = case.simulation
+def _of_ring(
+    simulated: Simulation, table: AnalysisTable, k_range: tuple[float, float]
+) -> Iterator[Foretold]:
+    """ω of each branch that is excited, over the judged wavenumbers, and k(ω)."""
     medium, bar = simulated.medium, simulated.bar
-    low, high = case.k_range
+    low, high = k_range
     k = np.linspace(low, high, _RANGE)
     slowed_k = modified_wavenumber(k, bar.spacing, bar.order)
     for block in simulated.blocks:
@@ -156,12 +103,13 @@ def _of_ring(case: Case) -> Iterator[Foretold]:
                 yield Foretold(what, float(known.max()), MAXIMUM_TOLERANCE)
                 yield Foretold(what, float(np.median(known)), MEDIAN_TOLERANCE)
         if block.macro and own:
-            yield from _along_ring(case, block, own)
+            yield from _along_ring(simulated, table, block, own)
 
 
-def _along_ring(case: Case, block: Block, own: Sequence[Source]) -> Iterator[Foretold]:
+def _along_ring(
+    simulated: Simulation, table: AnalysisTable, block: Block, own: Sequence[Source]
+) -> Iterator[Foretold]:
     """k(ω), at frequencies as of ``readings/dispersion/extract.py``."""
-    simulated, table = case.simulation, case.analysis
     low, high = excited_band(own)
     peak = 2 * math.pi * max(source.peak_frequency for source in own)
     top = min(high, 0.95 * math.pi / simulated.interval, 2 * peak)
@@ -174,7 +122,7 @@ def _along_ring(case: Case, block: Block, own: Sequence[Source]) -> Iterator[For
     yield Foretold(f"k(ω) of {block.sector} waves", float(off.max()), WAVENUMBER_TOLERANCE)
 
 
-def _of_bar(case: Case, simulated: Simulation) -> list[Foretold] | None:
+def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
     """Signals at receivers, and T and R."""
     if simulated.gradient_felt:
         return None
@@ -185,7 +133,7 @@ def _of_bar(case: Case, simulated: Simulation) -> list[Foretold] | None:
         for name, x in simulated.receivers.items()
         if low <= x <= high and not at_double_moment(simulated, x) and not blurred(simulated, x)
     }
-    specimens = list(_specimens(case, simulated))
+    specimens = list(_specimens(simulated, table))
     if not seen and not specimens:
         return []
     t = simulated.times
@@ -252,9 +200,9 @@ def _of_bar(case: Case, simulated: Simulation) -> list[Foretold] | None:
     return found
 
 
-def _specimens(case: Case, simulated: Simulation) -> Iterator[tuple[Block, Specimen]]:
+def _specimens(simulated: Simulation, table: AnalysisTable) -> Iterator[tuple[Block, Specimen]]:
     """What stands between half-spaces, in each block that tells of it."""
-    field, table = Field(simulated, simulated.times, {}), case.analysis
+    field = Field(simulated, simulated.times, {})
     for block in (block for block in simulated.blocks if block.macro):
         with suppress(ValueError):  # what the exact solver does not have
             known = specimen(field, block, table.frequencies, table.damping)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.grid.stencils import ORDERS
 from wavesim.material.arguments import WINDOW
 from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
@@ -18,11 +17,11 @@ from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
+from wavesim.verdict.foreseen_errors import foretold
+from wavesim.verdict.pitch import WELL, gentler, lower, pitch
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
-# What has this part of an error has most of it.
-_MOST_OF_IT = 0.5
 # Part of a record after which an arrival may be lost at its end.
 _AT_THE_END = 0.95
 # By how much a step is to be shorter, and σT of the exponential window larger.
@@ -35,15 +34,29 @@ _EXACT_IN_TIME = ("propagator", "chebyshev")
 _ABSORBER = 4
 # Part of an asymptote's frequency that a wave stays below it to be longer than a few cells.
 _BELOW = 0.95
-# Cells of a source's width beyond which it drives hardly any wave that the grid slows down.
-_WIDE = 6
 
 
 def finer(field: Field) -> str:
-    """A finer grid, or a higher order of its differences where there is one."""
-    bar = field.bar
-    text = f"take [bar] spacing = {bar.spacing / 2:.6g} or finer (now {bar.spacing:.6g} m)"
-    return text + (f", or a higher [bar] order (now {bar.order})" if bar.order < ORDERS[-1] else "")
+    """A finer grid: the pitch that would do, where what is foreseen tells it, or half of it."""
+    now = f"(now {field.bar.spacing:.6g} m)"
+    tried = _tried(field.simulation)
+    if tried:
+        return f"{tried} {now}"
+    text = f"take [bar] spacing = {field.bar.spacing / 2:.6g} or finer {now}"
+    return text + (f", or [bar] order = {WELL}" if field.bar.order < WELL else "")
+
+
+_LAST: list[tuple[Simulation, str]] = []
+
+
+def _tried(simulated: Simulation) -> str:
+    """The pitch that would do, where the grid is to blame; "" where it is not. Kept, as all checks
+    of a run ask for it."""
+    if not any(known is simulated for known, _ in _LAST):
+        short = [one for one in foretold(simulated) or () if not one.passed]
+        worst = max(short, key=lambda one: one.error / one.allowed, default=None)
+        _LAST[:] = [(simulated, pitch(simulated, worst) if worst else "")]
+    return _LAST[0][1]
 
 
 def longer_run(field: Field, why: str) -> str:
@@ -55,7 +68,11 @@ def longer_run(field: Field, why: str) -> str:
 def shorter_step(field: Field) -> str:
     """A shorter time step, or where that is not one of them a stepper that is exact in time."""
     text = f"take [time] step = {field.step / _SHORTER:.2g} or shorter (now {field.step:.2g} s)"
-    return text if field.stepper in _EXACT_IN_TIME else text + ', or leave [time] solver at "auto"'
+    if field.stepper in _EXACT_IN_TIME:
+        return text
+    return (
+        f'leave [time] solver (now "{field.stepper}") at "auto", which is exact in time, or {text}'
+    )
 
 
 def grid_error(field: Field, block: Block, k: Any) -> Any:
@@ -137,35 +154,16 @@ def absorber(field: Field) -> str | None:
     )
 
 
-def of_grid(field: Field, sector: str | None = None) -> str:
+def of_grid(field: Field) -> str:
     """An absorber that is too short, or else a finer grid or a band that it carries better."""
     told = absorber(field)
-    return told or f"{finer(field)}, or {gentler(field)}"
-
-
-def gentler(field: Field | Simulation) -> str:
-    """Less of the waves that are short: a smoother burst, a lower or a wider source."""
-    source = field.sources[0]
-    if getattr(source, "window", None) == "hann":
-        return 'a smoother burst: [[sources]] window = "cos4"'
-    text = f"fewer short waves: {lower(field)}"
-    if source.acts == "body" and not source.width:
-        text += f" or [[sources]] width = {_WIDE * field.bar.spacing:.2g} or more"
-    return text
-
-
-def lower(field: Field | Simulation) -> str:
-    """A source that goes less high, by its key."""
-    source = field.sources[0]
-    key = {"tone-burst": "frequency", "chirp": "high", "initial": ""}.get(
-        source.kind, "peak_frequency"
-    )
-    if source.kind == "recorded":
-        return "a lower or smoother recorded signal"
-    if not key:
-        return f"[[sources]] width above {source.width:g}"
-    value = getattr(source, key)
-    return f"[[sources]] {key} below {value:g}"
+    if told:
+        return told
+    inexact = field.stepper and field.stepper not in _EXACT_IN_TIME
+    if inexact and not _tried(field.simulation):
+        return shorter_step(field)
+    told, other = finer(field), gentler(field)
+    return told if other in told else f"{told}, or {other}"
 
 
 def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
@@ -251,18 +249,8 @@ def of_arrival(field: Field, found: Any, known: Any) -> str:
     return of_grid(field)
 
 
-def of_one_wave(field: Field, test: PulseTest, error: float, of_exact: float) -> str:
-    """Where k or Q between receivers is not the medium's own.
-
-    Args:
-        field: the field.
-        test: what was read.
-        error: how far it is off.
-        of_exact: how far the same reading of the exact signals is off at the same frequencies,
-            which no grid has any part in.
-    """
-    if of_exact < _MOST_OF_IT * error:
-        return of_grid(field)
+def of_window(field: Field, test: PulseTest) -> str:
+    """Where k or Q between receivers is not the medium's own, though the grid has no part in it."""
     window, last = test.result.window, float(field.t[-1])
     if isinstance(window, Gate) and window.end < last * (1 - 1e-9):
         length = field.bar.length

@@ -27,10 +27,11 @@ from wavesim.readings.pulse.travel_time import (
 )
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
-    P_OVER_S,
+    RIVAL,
     Packet,
-    direct,
     hidden_by_noise,
+    hides_two,
+    likelihoods,
     named,
     packets,
 )
@@ -41,16 +42,40 @@ Float = NDArray[Any]
 OF_ONE = "first break"
 # An answer whose standard error is more than this part of it is none.
 _LARGEST_ERROR = 0.25
+# A faster packet is told of from this part of the largest on.
+_TOLD = 0.27
+# A speed that is told is meant to be right within this part, as one standard deviation.
+_ABOUT_AS_FAST = 0.12
+# Packets nearer than this, in periods, are no two waves.
+_APART = 0.6
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
 HIDDEN = 0.1
-# A later packet may be the one that is meant from this part of the direct one's size on.
-_NO_SMALLER = 0.8
+# Of two waves' distance this part is a standard error whose 95 % bar reaches over both; up to so
+# much of it the answer counts.
+_SPANS = 0.55
+_LARGEST_OPEN = 0.3
 
 SLOW = (
     "what was sent rises over more than half a period, so that its first cycle does not stand out; "
     "the error holds one cycle either way: a pulse that begins at once would tell it"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is known of the wave that a test is after.
+
+    Attributes:
+        wave: "P" or "S", as the transducers send it; "" where it is not said.
+        speed: about how fast it is, m/s; NaN where it is not said.
+    """
+
+    wave: str = ""
+    speed: float = math.nan
+
+
+UNKNOWN = Wanted()
 
 
 @dataclass(frozen=True)
@@ -122,6 +147,7 @@ def read_one(
     distance: float,
     delays: Mapping[str, float],
     speeds: Mapping[str, float] | None = None,
+    wanted: Wanted = UNKNOWN,
 ) -> Reading:
     """Read a record of one receiver by itself.
 
@@ -130,16 +156,28 @@ def read_one(
         distance: from tip to tip, m.
         delays: of the system, by convention, s.
         speeds: {wave: speed} that packets are named by, m/s; None where they are not known.
+        wanted: which wave is meant.
 
     Returns:
         The reading.
     """
     heard = packets(record)
-    at = direct(heard)
-    if at is None:
+    if not heard:
         nothing = refused(record.name, "receiver", distance, NOTHING)
         return replace(nothing, record=record, notes=record.notes)
-    found = settled(record, heard, heard[at].begins, distance, delays, speeds)
+    delay = delays.get(OF_ONE, 0.0)
+    likely = likelihoods(heard, delay, wanted.wave)
+    begun = np.array([one.begins for one in heard])
+    if wanted.speed > 0:
+        likely *= np.exp(-((np.log(distance / np.maximum(begun - delay, 1e-12) / wanted.speed)
+                            / _ABOUT_AS_FAST) ** 2) / 2)  # fmt: skip
+        likely /= max(float(likely.max()), 1e-300)
+    at = int(np.argmax(likely))
+    as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
+    rivals = begun[as_well].tolist() if speeds is None else []
+    if speeds is None and hides_two(heard[at], record):
+        rivals.append(heard[at].top - record.period / 4)
+    found = settled(record, heard, float(begun[at]), distance, delays, speeds, rivals, wanted)
     below = hidden_by_noise(record)
     if speeds is None and below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
@@ -160,8 +198,18 @@ def settled(
     distance: float,
     delays: Mapping[str, float],
     speeds: Mapping[str, float] | None = None,
+    rivals: Sequence[float] = (),
+    wanted: Wanted = UNKNOWN,
 ) -> Reading:
-    """The reading for a direct wave that is known to break at about a time after the start."""
+    """The reading for a direct wave that is known to break at about a time after the start.
+
+    Args:
+        record, distance, delays, speeds: as for :func:`read_one`.
+        heard: its packets.
+        begins: when the direct one breaks, s.
+        rivals: when others break that may be the direct one as well, s.
+        wanted: what has been said of the wave.
+    """
     found = travel_times(record, begins, delays)
     delay = delays.get(OF_ONE, 0.0)
     best = found[OF_ONE]
@@ -170,7 +218,7 @@ def settled(
     if record.crosstalk:
         until = record.blank - record.start
         notes.append(f"crosstalk up to {until:.3g} s after what was sent begins was left out")
-    notes += _other_readings(told, begins, delay, distance)
+    notes += _other_readings(told, begins, delay, distance, rivals, wanted)
     share = open_between(found, best.time, record.period)
     second = second_cycle(record, begins)
     if np.isfinite(second):
@@ -184,7 +232,8 @@ def settled(
         share = float(np.hypot(share, slow))
         notes.append(SLOW)
     error = float(np.hypot(best.error, share))
-    answer = judged(OF_ONE, best.time, error, distance, best.reason)
+    others = [time - delay for time in rivals]
+    answer = judged(OF_ONE, best.time, error, distance, best.reason, others, wanted)
     if answer.valid and begins + record.start - record.blank < HIDDEN * record.period:
         answer = replace(answer, valid=False, reason=hidden(record))
     return Reading(
@@ -194,7 +243,7 @@ def settled(
         tuple(told),
         tuple(notes),
         record,
-        common=share,
+        common=float(np.hypot(share, spanned(best.time, others))),
         delay=delay,
     )
 
@@ -226,13 +275,19 @@ def hidden(record: TransmissionRecord) -> str:
 
 
 def _other_readings(
-    told: Sequence[Packet], begins: float, delay: float, distance: float
+    told: Sequence[Packet],
+    begins: float,
+    delay: float,
+    distance: float,
+    rivals: Sequence[float],
+    wanted: Wanted,
 ) -> list[str]:
     """What else the direct wave might be."""
-    notes = []
+    notes = [as_likely(distance, time - delay, wanted) for time in rivals]
     own = next((one for one in told if one.name == "direct"), None)
-    ahead_named = any(one.wave and one.begins < begins for one in told if one.name != "direct")
     for one in told:
+        if one.begins in rivals:
+            continue
         speed = distance / (one.begins - delay) if one.begins > delay else math.nan
         if own and one.wave and one.begins < begins and one.name != "direct":
             ahead = own.top - one.top
@@ -242,22 +297,13 @@ def _other_readings(
                 f"about {distance / its:.3g} m/s, {(begins - delay) / its:.2f} times as fast"
                 + ("" if own.wave else "; so would the near field of a transmitter")
             )
-        elif one.begins < begins and one.name != "direct" and one.size >= 0.6 * DIRECT:
+        elif one.begins < begins and one.name != "direct" and one.size >= _TOLD:
             notes.append(
                 f"an earlier packet of {one.size:.0%} of the largest is taken for a faster wave or "
                 f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
             )
         follows = own is not None and one.begins > begins and one.name != "direct"
-        ratio = 1 + (one.top - own.top) / (begins - delay) if own else 0.0
-        pair = P_OVER_S[0] <= ratio <= P_OVER_S[1] and not ahead_named
-        as_large = one.size >= max(DIRECT, _NO_SMALLER * own.size) if own else False
-        if own and follows and pair and not own.wave and as_large:
-            notes.append(
-                f"a packet {one.size / own.size:.1f} times as large follows at {ratio:.2f} times "
-                "the time, as an S wave does its P wave or a guided wave the direct one; were it "
-                f"the direct one, the velocity would be {speed:.4g} m/s: --medium tells them apart"
-            )
-        elif own and follows and one.size > 2 * own.size:
+        if own and follows and one.size > 2 * own.size:
             notes.append(
                 f"a packet {one.size / own.size:.1f} times as large follows; were it the direct "
                 f"one and this a near field, the velocity would be {speed:.4g} m/s"
@@ -265,14 +311,60 @@ def _other_readings(
     return notes
 
 
-def judged(convention: str, time: float, error: float, distance: float, reason: str) -> Best:
-    """A travel time as an answer, if it is one."""
+def as_likely(distance: float, time: float, wanted: Wanted) -> str:
+    return (
+        f"the wave at {time:.3g} s, of {distance / time:.4g} m/s, may be the direct one as well, "
+        "as of a P wave and its S wave, or of the direct wave and a guided one; the error holds "
+        f"both: {say_which(wanted)}"
+    )
+
+
+def say_which(wanted: Wanted) -> str:
+    """What tells waves apart that has not been told."""
+    if wanted.speed > 0:
+        return "--expected with a speed nearer to one of them tells which"
+    roughly = "--expected F C about how fast it is"
+    return roughly if wanted.wave else f"--wave P or S says which is sent, {roughly}"
+
+
+def spanned(time: float, rivals: Sequence[float]) -> float:
+    """Standard error of a time for which some others may stand as well, s."""
+    return _SPANS * max((abs(time - other) for other in rivals), default=0.0)
+
+
+def judged(
+    convention: str,
+    time: float,
+    error: float,
+    distance: float,
+    reason: str,
+    rivals: Sequence[float] = (),
+    wanted: Wanted = UNKNOWN,
+) -> Best:
+    """A travel time as an answer, if it is one.
+
+    Args:
+        convention: that it was read by.
+        time, error: less the delay, s.
+        distance: from tip to tip, m.
+        reason: why it is none, or "".
+        rivals: times that may be meant as well, which the bars are to reach, s.
+        wanted: what has been said of the wave.
+    """
     if not reason and not time > 0:
         reason = "it arrives before it is sent: look at --delay"
     velocity = distance / time if time > 0 else math.nan
     bar = velocity * error / time if time > 0 else math.nan
     if not reason and not np.isfinite(error):
         reason = "its error is not known"
-    if not reason and error > _LARGEST_ERROR * time:
-        reason = f"its standard error is {error / time:.0%} of it"
+    others = [other for other in rivals if other > 0]
+    alone, error = error, float(np.hypot(error, spanned(time, others)))
+    if others and time > 0:
+        apart = max(abs(velocity - distance / other) for other in others)
+        bar = float(np.hypot(bar, _SPANS * apart))
+    if not reason and alone > _LARGEST_ERROR * time:
+        reason = f"its standard error is {alone / time:.0%} of it"
+    if not reason and min(error / time, bar / velocity) > _LARGEST_OPEN:
+        speeds = " or ".join(f"{distance / one:.4g}" for one in sorted([time, *others]))
+        reason = f"it is one of several waves, of {speeds} m/s: {say_which(wanted)}"
     return Best(convention, time, error, velocity, bar, not reason, reason)

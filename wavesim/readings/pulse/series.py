@@ -11,8 +11,6 @@ less a mild prior, (ln r − ln r₀)²/2s², and a little more where the record
 direct wave. Pairs of records one, two and three apart then vote on all
 times at once, by the shift that lays the packet of one on that of the other best, in least squares:
 VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
-
-Through the velocities goes a power law, V = a pᵇ, robust against single ones that are off.
 """
 
 from __future__ import annotations
@@ -30,77 +28,11 @@ from wavesim.readings.pulse.wave_packets import Packet
 
 Float = NDArray[Any]
 
-# A record is set aside from this many deviations of the others on, and from this part of V.
-_AWAY = 4.0
-_LEAST = 0.03
-FEWEST = 3
-
-
-@dataclass(frozen=True)
-class PowerLaw:
-    """V = a pᵇ.
-
-    Attributes:
-        a, a_error: V at p = 1 in the parameter's unit, and its standard error, m/s.
-        b, b_error: the power and its standard error, –.
-        outliers: indices of what was set aside.
-        scatter: root of the mean square of ln V about the law, without these, –.
-    """
-
-    a: float
-    a_error: float
-    b: float
-    b_error: float
-    outliers: tuple[int, ...]
-    scatter: float
-
-
-def power_law(p: Float, velocity: Float, noise: Float, common: Float) -> PowerLaw | None:
-    """Fit the law to what is known of it.
-
-    Args:
-        p: the parameter, > 0, shape (n,).
-        velocity: shape (n,), m/s; NaN where there is none.
-        noise: standard error of each, independent of the others', over V, shape (n,), –.
-        common: what the reading leaves open of each, the same way for all, over V, shape (n,), –.
-
-    Returns:
-        The law; None where fewer than three velocities at two values of p are known, or a value of
-        p is not above 0. The errors hold the scatter, and what is open: its mean in a, its trend
-        with p in b.
-    """
-    own = np.isfinite(velocity) & (velocity > 0)
-    if own.sum() < FEWEST or not (p > 0).all() or np.ptp(p[own]) == 0:
-        return None
-    x, y = np.log(p), np.log(np.where(own, velocity, 1.0))
-    kept = own.copy()
-    for _ in range(len(p)):
-        b, a = np.polyfit(x[kept], y[kept], 1)
-        off = np.abs(y - a - b * x)
-        level = 1.4826 * float(np.median(off[kept]))
-        worst = int(np.argmax(np.where(kept, off, -1.0)))
-        # With the worst one out, the others must agree much better than it does with them.
-        limit = max(_AWAY * level, _LEAST, 2 * float(np.nan_to_num(noise[worst])))
-        if off[worst] <= limit or kept.sum() <= max(FEWEST, 0.6 * own.sum()):
-            break
-        kept[worst] = False
-    n, centre = int(kept.sum()), float(x[kept].mean())
-    spread = float(np.sum((x[kept] - centre) ** 2))
-    scatter = float(np.sqrt(np.sum(off[kept] ** 2) / max(n - 2, 1)))
-    each = max(scatter, float(np.sqrt(np.mean(np.nan_to_num(noise[kept]) ** 2))))
-    open_b = abs(float(np.sum((x[kept] - centre) * common[kept]) / spread))
-    open_a = float(np.hypot(np.mean(common[kept]), centre * open_b))
-    b_error = float(np.hypot(each / np.sqrt(spread), open_b))
-    a_error = np.exp(a) * np.sqrt(each**2 * (1 / n + centre**2 / spread) + open_a**2)
-    aside = tuple(int(i) for i in np.flatnonzero(own & ~kept))
-    return PowerLaw(float(np.exp(a)), float(a_error), float(b), b_error, aside, scatter)
-
-
 # The stretch of time that is compared, in multiples of the arrival.
 _FROM, _TO = 0.9, 1.7
 # Stretches that are tried between neighbours, and the prior's width, in ln r.
 _MOST = 0.5
-_PRIOR = 0.25
+_PRIOR, _PRIOR_ON_LINE = 0.25, 0.06
 # Its weight beside a correlation.
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
@@ -138,13 +70,20 @@ class Followed:
     rival: Float
 
 
-def clearest(records: Sequence[TransmissionRecord], heard: Sequence[list[Packet]]) -> int | None:
-    """The record whose direct wave stands out most from its noise; None where none has one."""
-    from wavesim.readings.pulse.wave_packets import direct
+def clearest(
+    records: Sequence[TransmissionRecord],
+    heard: Sequence[list[Packet]],
+    own: Sequence[int | None],
+) -> int | None:
+    """The record whose direct wave stands out most from its noise; None where none has one.
 
+    Args:
+        records, heard: and their packets.
+        own: which of them is the direct wave.
+    """
     best, most = None, 0.0
     for i, (one, found) in enumerate(zip(records, heard, strict=True)):
-        if direct(found) is None:
+        if own[i] is None:
             continue
         level = max(float(np.nan_to_num(one.noise_in_band)), 1e-3 * float(np.abs(one.got).max()))
         # The earlier it comes after its start, in periods, the less of it is lost on its way, and
@@ -165,6 +104,7 @@ def follow(
     delay: float,
     foreseen: Float,
     alone: Float,
+    sure: bool = False,
 ) -> Followed:
     """Follow an arrival.
 
@@ -177,6 +117,7 @@ def follow(
         foreseen: ln of the times that are foreseen, up to a constant, shape (n,); 0 for none.
         alone: when the direct wave of each record begins by itself, shape (n,), after the start and
             less the delay, s; NaN where none is seen.
+        sure: whether the times foreseen are those of packets on one line.
 
     Returns:
         The arrivals.
@@ -201,7 +142,8 @@ def follow(
             C = signals[i].correlations(signals[index], np.exp(log_time[i]), lags + shift)
             total += C / len(near)
         expected = foreseen[index] - foreseen[near[0]]
-        score = total - _TRUST * (lags - expected) ** 2 / (2 * _PRIOR**2)
+        prior = _PRIOR_ON_LINE if sure else _PRIOR
+        score = total - _TRUST * (lags - expected) ** 2 / (2 * prior**2)
         off = np.exp(log_time[near[0]] + lags) - alone[index]
         score += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
         log_time[index] = log_time[near[0]] + lags[int(np.argmax(score))]

@@ -8,34 +8,48 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import (
     HIDDEN,
     NOTHING,
     OF_ONE,
+    UNKNOWN,
     Reading,
+    Wanted,
     hidden,
     judged,
     refused,
     settled,
+    spanned,
 )
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
     STRESS_POWER,
     Followed,
-    PowerLaw,
     clearest,
     follow,
-    power_law,
 )
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
 from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_rise
-from wavesim.readings.pulse.wave_packets import direct, packets
+from wavesim.readings.pulse.wave_packets import (
+    RIVAL,
+    Packet,
+    direct,
+    hidden_by_noise,
+    hides_two,
+    likelihoods,
+    packets,
+)
 
 Float = NDArray[np.float64]
 
 FOLLOWED = "followed"
 # Arrivals within this part of a period are the same.
 _SAME = 0.6
+# A packet is on a series' line within this part of its time, and no more than twice; and the power
+# of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
+_OFF_LINE = 0.06
+_POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
@@ -62,6 +76,7 @@ def read_series(
     delays: Mapping[str, float],
     parameter: str,
     values: Sequence[float],
+    wanted: Wanted = UNKNOWN,
 ) -> tuple[list[Reading], Series]:
     """Read records of one receiver in different states, following one arrival through all.
 
@@ -71,6 +86,7 @@ def read_series(
         delays: of the system, by convention, s.
         parameter: name of what makes the states differ.
         values: of it, one for each record.
+        wanted: which wave is meant; its speed is that of the record which shows it best.
 
     Returns:
         (readings in the order given, the series).
@@ -79,31 +95,100 @@ def read_series(
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
     records = _without_what_is_static(records)
     heard = [packets(one) for one in records]
-    reference = clearest(records, heard)
+    delay = delays.get(OF_ONE, 0.0)
+    grows = bool((p > 0).all()) and any(word in parameter.lower() for word in _STRESSES)
+    foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
+    own, waves = _direct_of_each(records, heard, p, foreseen, grows, delay, L, wanted)
+    reference = clearest(records, heard, own)
     if reference is None:
         none = [
             replace(refused(one.name, "receiver", float(d), NOTHING), record=one, notes=one.notes)
             for one, d in zip(records, L, strict=True)
         ]
         return none, Series(parameter, p, None)
-    at = direct(heard[reference])
-    assert at is not None
-    begins = heard[reference][at].begins
-    delay = delays.get(OF_ONE, 0.0)
-    grows = (p > 0).all() and any(word in parameter.lower() for word in _STRESSES)
-    foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
-    own_at = [direct(own) for own in heard]
-    begun = np.array([np.nan if i is None else own[i].begins - delay
-                      for own, i in zip(heard, own_at, strict=True)])  # fmt: skip
+    begun = np.array([
+        np.nan if k is None else one[k].begins - delay for one, k in zip(heard, own, strict=True)
+    ])  # fmt: skip
     order = np.argsort(p, kind="stable").tolist()
-    found = follow(records, order, reference, begins - delay, delay, foreseen, begun)
+    on_line = waves[0].y if waves else foreseen
+    arrival = float(begun[reference])
+    found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
+    rivals = _rivals(records, heard, waves, found, delay, wanted)
     alone = [
-        settled(one, own, time + delay, float(d), delays)
-        for one, own, time, d in zip(records, heard, found.time, L, strict=True)
+        settled(
+            one, packet, time + delay, float(d), delays, None, [t + delay for t in others], wanted
+        )
+        for one, packet, time, d, others in zip(records, heard, found.time, L, rivals, strict=True)
     ]
-    readings = _with_own(_on_one_line(alone, found, L), begun)
+    readings = _with_own(_on_one_line(alone, found, L, rivals, wanted), begun)
     law = law_of(readings, p)
     return readings, Series(parameter, p, law)
+
+
+def _direct_of_each(
+    records: Sequence[TransmissionRecord],
+    heard: Sequence[list[Packet]],
+    p: Float,
+    foreseen: Float,
+    grows: bool,
+    delay: float,
+    distance: Float,
+    wanted: Wanted,
+) -> tuple[list[int | None], list[Line]]:
+    """Which packet of each record is the direct one, and the waves that are seen in the series."""
+    likely = [likelihoods(own, delay, wanted.wave) for own in heard]
+    # Tops are surer than breaks, which a smaller wave ahead may draw to itself.
+    times = [
+        np.array([max(q.top - one.period / 2 - delay, 1e-12) for q in packet])
+        for one, packet in zip(records, heard, strict=True)
+    ]
+    away = np.array([
+        max(_OFF_LINE, _SAME * r.period / float(np.median(t))) if len(t) else _OFF_LINE
+        for r, t in zip(records, times, strict=True)
+    ])  # fmt: skip
+    waves = lines(times, likely, p, foreseen, np.minimum(away, 2 * _OFF_LINE),
+                  _POWER_LEFT if grows else _ANY_POWER,
+                  [np.array([q.size for q in own]) for own in heard],
+                  np.array([hidden_by_noise(one) for one in records]))  # fmt: skip
+    if not waves:
+        alone = [int(np.argmax(one)) if len(one) else None for one in likely]
+        return alone, []
+    if wanted.speed > 0:
+
+        def off(one: Line) -> float:
+            return float(np.min(np.abs(np.log(distance / wanted.speed) - one.y)))
+
+        waves = [min(waves, key=off)]
+    own: list[int | None] = []
+    for one, packet, k in zip(records, heard, waves[0].packet.tolist(), strict=True):
+        own.append(k if k >= 0 and not hides_two(packet[k], one) else None)
+    return own, waves
+
+
+def _rivals(
+    records: Sequence[TransmissionRecord],
+    heard: Sequence[list[Packet]],
+    waves: Sequence[Line],
+    found: Followed,
+    delay: float,
+    wanted: Wanted,
+) -> list[list[float]]:
+    """When other waves arrive at each record that may be the direct one as well, s."""
+    as_well = [one for one in waves[1:] if one.likely >= RIVAL]
+    result: list[list[float]] = []
+    for i, (record, own, time) in enumerate(zip(records, heard, found.time, strict=True)):
+        times = []
+        for one in as_well:
+            first, other = int(waves[0].packet[i]), int(one.packet[i])
+            if first >= 0 and other >= 0:
+                times.append(time + own[other].top - own[first].top)
+            else:
+                times.append(time * float(np.exp(one.y[i] - waves[0].y[i])))
+        if not waves:
+            likely = likelihoods(own, delay, wanted.wave)
+            times = [q.begins - delay for q, w in zip(own, likely, strict=True) if w >= RIVAL]
+        result.append([t for t in times if abs(t - time) > _SAME * record.period and t > 0])
+    return result
 
 
 def _with_own(readings: list[Reading], begun: Float) -> list[Reading]:
@@ -146,7 +231,13 @@ def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[Trans
     ]
 
 
-def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list[Reading]:
+def _on_one_line(
+    alone: list[Reading],
+    found: Followed,
+    distance: Float,
+    rivals: Sequence[Sequence[float]],
+    wanted: Wanted,
+) -> list[Reading]:
     """Followed arrivals, put where the records' own first breaks lie.
 
     Following tells how the arrival moves, and jumps no cycle; where it breaks is told by the
@@ -181,7 +272,9 @@ def _on_one_line(alone: list[Reading], found: Followed, distance: Float) -> list
             reason = UNLIKE
         elif time + record.start - record.blank < HIDDEN * record.period:
             reason = hidden(record)
-        best = judged(FOLLOWED, time, float(np.hypot(noise, share)), float(distance[i]), reason)
+        error = float(np.hypot(noise, share))
+        best = judged(FOLLOWED, time, error, float(distance[i]), reason, rivals[i], wanted)
+        share = float(np.hypot(share, spanned(time, rivals[i])))
         followed = TravelTime(time + one.delay, noise, "" if best.valid else best.reason)
         receiver = replace(one.receivers[0], arrivals={**arrivals, FOLLOWED: followed})
         readings.append(

@@ -1,15 +1,17 @@
 """The packets that one receiver hears one after the other, and which of them went straight.
 
-A packet is a top of the envelope. The direct wave is the first that is not small beside the
-largest: what comes before it is a faster wave or the transmitter's near field, both small; what
-comes after it was guided by the specimen's sides, or reflected. After three times its time the
-direct wave is back, having gone to the transmitter and returned.
+A packet is a top of the envelope. What comes before the direct wave is a faster wave or the
+transmitter's near field, mostly small beside it; what comes after it was guided by the specimen's
+sides, or reflected, or is the S wave of a P wave, mostly not much larger. How likely each packet is
+to be the direct one follows from the sizes and times of the others (:func:`likelihoods`); where two
+are about as likely, both are told. After three times its time the direct wave is back, having gone
+to the transmitter and returned.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,10 +25,34 @@ Float = NDArray[Any]
 
 # A packet counts from this part of the largest on.
 _COUNTS = 0.08
-# It is the direct one from the lower part on; from the higher where it and the largest may be a P
-# and an S wave by their times.
-_NOT_SMALL, DIRECT = 0.3, 0.45
-_PAIR = (1.45, 2.4)
+# Noise that may hide packets from this part of the largest on may hide the direct one.
+DIRECT = 0.45
+# By its ratio of times a pair of packets is a P and an S wave of an elastic solid: surely between
+# the middle two, as Poisson's ratio is not below 0 nor near 1/2.
+# As near as the first, a packet is a part of the next one.
+_PAIR = (1.1, 1.25, 1.41, 1.47, 2.2, 2.6)
+_PAIR_SURE = (1.0, 0.0, 0.05, 1.0, 1.0, 0.0)
+# How likely a packet of so many times the direct one's size is ahead of it, as its P wave or not;
+# and after it, as its S wave or not, as a guided wave. Also where the sender's wave is known.
+_SIZE = (0.2, 0.3, 0.5, 0.8, 1.5, 2.5, 4.0)
+_AHEAD_PAIR = (1.0, 0.95, 0.6, 0.4, 0.32, 0.28, 0.1)
+_AHEAD_PAIR_S = (1.0, 1.0, 1.0, 0.8, 0.7, 0.5, 0.2)
+_AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
+_AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
+_AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01)
+_AFTER_PAIR_P = (1.0, 1.0, 0.6, 0.4, 0.1, 0.03)
+_AFTER_ELSE = (1.0, 0.7, 0.4, 0.3, 0.15, 0.03)
+# What is not faint ahead of a wave known as P; a wave known as S that an S wave seems to follow, by
+# their ratio of times, as guided waves are not much slower.
+_FAINT, _BEFORE_P = 0.15, 0.1
+_S_BEFORE_S = ((1.45, 1.6), (0.4, 0.1))
+# A packet breaks no longer before its top, in periods, but for how long what was sent rises.
+_RISES = 0.9
+# Another packet may be the direct one as well from this part of its likelihood on.
+RIVAL = 0.2
+# What is sent is a burst from this many periods on; tops of one burst are this near, in periods,
+# and this much alike.
+_BURST, _OF_A_BURST, _ALIKE = 1.2, 1.2, 1.6
 # Packets stand at least this far apart, and a break is sought this far before a top, and
 # no more than so much before the lull since the packet before, in periods.
 _APART = 0.6
@@ -83,7 +109,24 @@ def packets(record: TransmissionRecord) -> list[Packet]:
         if begins is not None:
             place = float(record.t[0] + at * dt - record.start)
             found.append(Packet(place, *begins, float(size[at]) / largest))
-    return found
+    return _bursts_whole(found, record)
+
+
+def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packet]:
+    """A burst of several cycles has several tops: the first stands for them, with their size."""
+    near = min(record.length, _OF_A_BURST * record.period)
+    if record.length < _BURST * record.period:
+        return found
+    whole: list[Packet] = []
+    last = -math.inf
+    for one in found:
+        alike = whole and 1 / _ALIKE < one.size / whole[-1].size < _ALIKE
+        if alike and one.top - last <= near:
+            whole[-1] = replace(whole[-1], size=max(whole[-1].size, one.size))
+        else:
+            whole.append(one)
+        last = one.top
+    return whole
 
 
 def hidden_by_noise(record: TransmissionRecord) -> float:
@@ -168,18 +211,49 @@ def named(
     return result
 
 
-def direct(found: list[Packet]) -> int | None:
-    """Which packet went straight: the first that is not small beside the largest.
+def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> Float:
+    """How likely each packet is the direct wave, over the likeliest; shape (n,).
 
-    A packet that the largest follows at 1.45 to 2.4 times its time, as an S wave does a P wave,
-    must be nearly half as large; else three tenths will do.
+    Args:
+        found: of :func:`packets`.
+        delay: of the system, s.
+        wave: "P" or "S" where it is known which wave is sent, else "".
     """
-    if not found:
-        return None
-    largest = max(found, key=lambda one: one.size)
+    own = np.array([one.size for one in found])
+    top = np.array([one.top for one in found])
+    result = np.zeros(len(found))
+    ahead_pair = _AHEAD_PAIR_S if wave == "S" else _AHEAD_PAIR
+    after_pair = _AFTER_PAIR_P if wave == "P" else _AFTER_PAIR
     for i, one in enumerate(found):
-        ratio = largest.top / one.top if one.top > 0 else 0.0
-        least = DIRECT if _PAIR[0] <= ratio <= _PAIR[1] else _NOT_SMALL
-        if one.size >= least:
-            return i
-    return None
+        time = max(one.begins - delay, 1e-12)
+        travel = np.maximum(time + top - one.top, 0.05 * time)
+        # Times of the slower over the faster of each two, and whether they are a P and an S wave.
+        ratio = np.maximum(time / travel, travel / time)
+        pair = np.interp(ratio, _PAIR, _PAIR_SURE)
+        size = own / one.size
+
+        def mixed(at: Float, grid: tuple[float, ...], *rows: tuple[float, ...],
+                  sure: Float) -> Float:  # fmt: skip
+            as_pair, otherwise = (np.interp(np.log(at), np.log(grid), row) for row in rows)
+            return np.asarray(sure * as_pair + (1 - sure) * otherwise)
+
+        ahead = mixed(size[:i], _SIZE, ahead_pair, _AHEAD_ELSE, sure=pair[:i])
+        after = mixed(size[i + 1:], _AFTER, after_pair, _AFTER_ELSE, sure=pair[i + 1:])  # fmt: skip
+        weight = float(np.prod(ahead) * np.prod(after))
+        strong = (size[:i] > _FAINT).any()
+        weight *= _BEFORE_P if wave == "P" and strong else 1.0
+        if wave == "S" and not strong:
+            followed = (size[i + 1 :] >= 0.5) & (pair[i + 1 :] > 0.5)
+            weight *= np.interp(ratio[i + 1 :], *_S_BEFORE_S)[followed].min(initial=1.0)
+        result[i] = weight
+    return result / max(float(result.max(initial=0.0)), 1e-300)
+
+
+def hides_two(one: Packet, record: TransmissionRecord) -> bool:
+    """Whether a packet breaks so long before its top that another wave may run into it."""
+    return one.top - one.begins > _RISES * record.period + record.rise
+
+
+def direct(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> int | None:
+    """Which packet most likely went straight; None where there is none."""
+    return int(np.argmax(likelihoods(found, delay, wave))) if found else None

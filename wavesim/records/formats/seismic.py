@@ -24,7 +24,7 @@ def from_seismic(path: Path) -> Content:
         raise RecordError(
             "needs obspy to be read: pip install 'wavesim[seismic]', or save it as CSV or NPZ"
         ) from None
-    kind = FORMATS[path.suffix.lower()]
+    kind = FORMATS.get(path.suffix.lower(), "SEG2")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -73,17 +73,66 @@ def of_stream(stream: Any) -> Content:
             f"traces begin up to {off:.2g} of an interval apart: taken on one clock"
         )
     first = [stream[names.index(label)] for label in labels]
-    for places, what in ((_offsets(first), "offsets"), (_coordinates(first), "coordinates")):
-        if places is not None:
-            content.arrays["x"] = places
-            content.units["x"] = "m"
-            content.notes.append(f"positions by the {what} in the traces' headers, in m")
-            break
+    begins = {_delay(trace) for trace in first}
+    if len(begins) == 1 and begins != {0.0}:
+        (delay,) = begins
+        content.arrays["t"] = delay + content.arrays["t"]
+        content.notes.append(f"times begin at the delay in the headers, {delay:g} s")
+    _place(content, stream, first)
     return content
 
 
+def _place(content: Content, stream: Any, traces: list[Any]) -> None:
+    """Positions by the headers: offsets from the source, else coordinates along the line."""
+    unit = _unit(stream)
+    offsets, (places, to_source) = _offsets(traces), _coordinates(traces)
+    what = "offsets"
+    if offsets is not None and to_source is not None:
+        # Offsets are whole numbers; coordinates may be finer.
+        near = np.abs(np.abs(offsets) - to_source) <= 1
+        if near.all() and len(set(to_source.tolist())) == len(to_source):
+            offsets, what = np.copysign(to_source, offsets), "offsets and coordinates"
+    usable = _usable(offsets)
+    if usable is None:
+        usable, what = _usable(places), "coordinates"
+    if usable is None:
+        own = [] if offsets is None else offsets.tolist()
+        repeated = next((x for x in own if own.count(x) > 1), 0.0)
+        if repeated:
+            content.notes.append(
+                f"offsets in the traces' headers repeat ({repeated:g} {unit}): no positions by them"
+            )
+        return
+    content.arrays["x"] = usable
+    content.units["x"] = unit
+    content.notes.append(f"positions by the {what} in the traces' headers, in {unit}")
+
+
+def _unit(stream: Any) -> str:
+    """What lengths are in: SEG-Y's and SEG-2's headers say feet, or metres."""
+    stats = getattr(stream, "stats", {})
+    header = stats.get("binary_file_header") if hasattr(stats, "get") else None
+    said = str(stats.get("seg2", {}).get("UNITS", "")) if hasattr(stats, "get") else ""
+    feet = getattr(header, "measurement_system", 0) == 2 or said.upper().startswith("FEET")
+    return "ft" if feet else "m"
+
+
+def _delay(trace: Any) -> float:
+    """When a trace begins after its source, s, as its header says."""
+    stats = trace.stats
+    if "seg2" in stats:
+        value = str(stats.seg2.get("DELAY", "0")).split()
+        try:
+            return float(value[0]) if value else 0.0
+        except ValueError:
+            return 0.0
+    header = stats.get("segy") or stats.get("su")
+    # A whole number of ms.
+    return header.trace_header.delay_recording_time * 1e-3 if header else 0.0
+
+
 def _offsets(traces: list[Any]) -> np.ndarray | None:
-    """Distance from source to receiver, m: SEG-Y's, SU's, SAC's (km there)."""
+    """Distance from source to receiver: SEG-Y's, SU's, SAC's (km there); SEG-2's locations."""
     found = []
     for trace in traces:
         stats = trace.stats
@@ -103,24 +152,29 @@ def _offsets(traces: list[Any]) -> np.ndarray | None:
             found.append(float(value))
         except (TypeError, ValueError):
             return None
-    return _usable(np.array(found))
+    return np.array(found)
 
 
-def _coordinates(traces: list[Any]) -> np.ndarray | None:
-    """Along the line of the receivers' coordinates, m, from the first."""
-    found = []
+def _coordinates(traces: list[Any]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Along the line of the receivers from the first, and to the source where it has a place."""
+    spots, sources = [], []
     for trace in traces:
         header = trace.stats.get("segy") or trace.stats.get("su")
         if header is None:
-            return None
+            return None, None
         header = header.trace_header
+        if header.coordinate_units not in (0, 1):
+            # Angles, on a sphere.
+            return None, None
         scale = float(header.scalar_to_be_applied_to_all_coordinates or 1)
         scale = scale if scale > 0 else -1 / scale
-        found.append([header.group_coordinate_x * scale, header.group_coordinate_y * scale])
-    spots = np.array(found, float)
-    return _usable(np.linalg.norm(spots - spots[0], axis=1))
+        spots.append([header.group_coordinate_x * scale, header.group_coordinate_y * scale])
+        sources.append([header.source_coordinate_x * scale, header.source_coordinate_y * scale])
+    at, source = np.array(spots, float), np.array(sources, float)
+    return np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - source, axis=1)
 
 
-def _usable(places: np.ndarray) -> np.ndarray | None:
-    good = np.isfinite(places).all() and len(set(places.tolist())) == len(places) > 1
-    return places if good else None
+def _usable(places: np.ndarray | None) -> np.ndarray | None:
+    if places is None or not np.isfinite(places).all():
+        return None
+    return places if len(set(places.tolist())) == len(places) > 1 else None
