@@ -254,7 +254,8 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             if real is not None:
                 omega, curve = one.omega, real
                 if name == "T" and len(line) > 3:
-                    omega, curve = line[0][some], line[3][some]
+                    omega, first = np.unique([*omega, *line[0][some]], return_index=True)
+                    curve = np.array([*real, *line[3][some]])[first]
                 own[name] |= {"real_frequency": (omega * _HERTZ).tolist(), "real": _levels(curve)}
     for two in reading.cells:
         fine, q = two.line or (two.omega, two.q_exact)

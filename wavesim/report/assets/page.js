@@ -141,7 +141,7 @@
       ...MAGMA, zmin: -80, zmax: 0, colorbar: bar("power (dB)"), name: "spectrum", showlegend: false,
       hovertemplate: `${where}<br>%{z:.1f} dB<extra></extra>` },
       entry("exact", { line: { color: INK, width: 1.6 } }),
-      entry("simulated", { mode: "markers", marker: { size: 6, color: "white", line: { color: INK, width: 1.5 } } })];
+      entry("measured", { mode: "markers", marker: { size: 6, color: "white", line: { color: INK, width: 1.5 } } })];
     const ends = [];
     const right = to("wavenumber", own.line_k).at(-1);
     own.branches.forEach((branch, n) => {
@@ -152,10 +152,10 @@
       traces.push({ x: to("wavenumber", own.line_k), y: line, mode: "lines", name: branch.name,
         legendgroup: branch.name, line: { color: colour, width: 1.6 },
         hovertemplate: `${where}<extra>${branch.name}, exact</extra>` });
-      traces.push({ x: to("wavenumber", branch.k), y: to("frequency", branch.frequency), mode: "markers", name: `${branch.name}, simulated`,
+      traces.push({ x: to("wavenumber", branch.k), y: to("frequency", branch.frequency), mode: "markers", name: `${branch.name}, measured`,
         legendgroup: branch.name, showlegend: false, customdata: branch.exact.map((e, i) => 100 * (branch.frequency[i] / e - 1)),
         marker: { size: 6, color: "white", line: { color: colour, width: 1.5 } },
-        hovertemplate: `${where}<br>%{customdata:.2g} % off<extra>${branch.name}, simulated</extra>` });
+        hovertemplate: `${where}<br>%{customdata:.2g} % off<extra>${branch.name}, measured</extra>` });
       ends.push([line.at(-1), branch.name]);
     });
     // Branches that end as one share a place for their names.
