@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesim.report.answers import KINDS, Answer, answers, explained, number, shown, verdict
+from wavesim.report.answers import KINDS, Answer, Column, answers, explained, number, shown, verdict
 
 _ASSETS = Path(__file__).parent / "assets"
 _KIBI = 1024.0
@@ -101,7 +101,11 @@ def _script(value: Any) -> Any:
 
 def _table(answer: Answer) -> dict[str, Any]:
     columns = [
-        {"name": c.name, "kind": c.kind, "unit": KINDS[c.kind][1] if c.kind else ""}
+        {
+            "name": c.name.replace("\n", " "),
+            "kind": c.kind,
+            "unit": KINDS[c.kind][1] if c.kind else "",
+        }
         for c in answer.columns
     ]
     rows = [
@@ -109,14 +113,21 @@ def _table(answer: Answer) -> dict[str, Any]:
             {
                 "value": _digits(row.get(c.key)) if c.kind else None,
                 "kind": c.kind,
-                "text": shown(row.get(c.key), c.kind),
-                "label": f"{c.name} {KINDS[c.kind][1]}" if c.kind else c.name,
+                "bound": c.bound(row),
+                "text": c.shown(row),
+                "label": _heading(c),
             }
             for c in answer.columns
         ]
         for row in answer.rows
     ]
     return {"title": answer.title, "columns": columns, "rows": rows, "note": answer.note}
+
+
+def _heading(column: Column) -> str:
+    """Of a column with its unit, in one line."""
+    unit = KINDS[column.kind][1] if column.kind else ""
+    return f"{column.name} {unit}".replace("\n", " ").strip()
 
 
 def _digits(value: Any) -> str | None:

@@ -70,9 +70,14 @@ def of_field(field: Field) -> Data:
 
 
 def _fields(field: Field, sector: str) -> list[str]:
-    """Names of the fields of a sector, those that travel first."""
-    own = {name for b in field.blocks if b.sector == sector for name in b.fields}
-    return sorted(own & set(field.names), key=lambda name: (not is_macro(name), name))
+    """Names of the fields of a sector: those that travel, those of no other sector, others."""
+    own, others = (
+        {name for b in field.blocks if (b.sector == sector) == ours for name in b.fields}
+        for ours in (True, False)
+    )
+    return sorted(
+        own & set(field.names), key=lambda name: (not is_macro(name), name in others, name)
+    )
 
 
 def _source(field: Field, source: Any) -> Data:

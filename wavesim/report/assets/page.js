@@ -372,10 +372,10 @@
     if (count) place("signals", heading, ["time", null], signals);
   }
 
-  // The fields of the waves that are chosen; the one shown stays where it is among them.
+  // The fields of the waves that are chosen, the first of which is shown.
   function fields() {
     const own = data.fields[state.sector], select = document.getElementById("field");
-    if (!own.includes(state.field)) state.field = own[0];
+    state.field = own[0];
     select.replaceChildren(...own.map(name => new Option(symbol(name), name)));
     select.value = state.field;
   }
@@ -408,11 +408,11 @@
   const named = (...ids) => plots.filter(plot => ids.includes(plot.id));
 
   // Tables: each number that has a unit in the one chosen; its digits are those of the summary.
-  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 5 };
+  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 4 };
   function tables() {
     for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
       const kind = cell.dataset.kind;
-      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
+      if (UNITS[kind]) cell.textContent = (cell.dataset.bound || "") + +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
     }
     for (const cell of document.querySelectorAll("#answers .unit[data-kind]")) {
       if (!UNITS[cell.dataset.kind]) continue;
