@@ -180,7 +180,7 @@ def _simulation(
     receivers: dict[str, float],
 ) -> Simulation:
     time = file.time
-    made = Simulation(
+    return Simulation(
         layers,
         bar,
         sources,
@@ -190,7 +190,6 @@ def _simulation(
         time.solver,
         None if time.step == "auto" else time.step,
     )
-    return made
 
 
 def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
@@ -242,7 +241,6 @@ def _resolved(
 ) -> dict[str, Any]:
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
     tables = file.model_dump(by_alias=True, exclude={"design"})
-    own = file.medium.build()
     own = known.medium
     tables["medium"] |= own.keys | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}

@@ -21,12 +21,12 @@ from wavesim.readings.dispersion.spectrum import (
     ABOVE_CUT,
     FLOOR,
     LOBE_BINS,
-    WINDOW,
     Ridge,
     Spectrum,
     analysed_from,
     spread_of_cut,
 )
+from wavesim.records.windows import blackman_harris
 from wavesim.simulation.field import Field
 from wavesim.sources import EXCITED, excitation
 
@@ -202,12 +202,10 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
 def _seen(field: Field, block: Block, k: Float) -> Float:
     """Power of each branch in the spectrum over that of the strongest at its k, as the sources
     drive it and losses leave it, shape (n, branches)."""
-    from scipy.signal import get_window  # slow to import, and only a reading needs it
-
     sources = [s for s in field.sources if s.field in block.fields]
     omega, size = driven_waves(field.medium, block, sources, k)
     t = field.t[analysed_from(field) :]
-    window = get_window(WINDOW, len(t), fftbins=False)
+    window = blackman_harris(len(t))
     # What the window leaves of a wave goes with its decay alone, and smoothly.
     fall = np.linspace(0, max(float(-omega.imag.min()), 0.0), _FALLS)
     left = np.log(np.maximum(window @ np.exp(-np.outer(t, fall)), 1e-300))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import wavenumber
-from wavesim.readings.dispersion.spectrum import LOBE_BINS, WINDOW, Spectrum, analysed_from, peaks
+from wavesim.readings.dispersion.spectrum import LOBE_BINS, Spectrum, analysed_from, peaks
+from wavesim.records.windows import blackman_harris
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -110,11 +111,10 @@ def ringing(
 def _together(field: Field, signals: Sequence[Float], width: float) -> Spectrum:
     """Spectrum of some signals together, relative to its peak."""
     from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
-    from scipy.signal import get_window
 
     frames = len(signals[0])
     padded = next_fast_len(_PADDING * frames)
-    window = get_window(WINDOW, frames, fftbins=False)
+    window = blackman_harris(frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     power = np.zeros(len(omega))
     for signal in signals:
