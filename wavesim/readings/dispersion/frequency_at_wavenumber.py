@@ -169,8 +169,9 @@ def in_time(
     points = widened(with_branches(points, k, cell), k)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     close = CLOSE if method == "harmonic" else 0.0
-    more = worth(bends, points.omega, points.branch, step, cell, points.decay, close)
-    points = replace(points, error=np.hypot(points.error, more))
+    hides = worth(bends, points.omega, points.branch, step, cell, points.decay, close)
+    error = np.hypot(points.error, hides.error)
+    points = replace(points, error=error, splitting=hides.splitting)
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
     return _with_rounding(points, quiet)

@@ -68,8 +68,9 @@ _ENDED = 1e-3
 _WORTH_CUTTING = 0.1
 # A signal is seen from these parts of its peak on; noise is within so many of its deviations.
 _FEET, _OF_NOISE = (0.5, 0.1), 5.5
-# What receivers that differ hide of a second mode is part of the bar beyond this, over 2π/X.
-_CLOSE = 0.1
+# Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
+# differ from each other those closer than that.
+_CLOSE, _CLOSE_UNLIKE = 0.6, 0.1
 # Part of a ring, from its source on, in which receivers are used.
 _PART_OF_RING = 0.125
 
@@ -159,20 +160,24 @@ def _with_hidden(
     points: BranchPoints, U: Any, x: Float, used: Any, level: Float, models: Any
 ) -> BranchPoints:
     """Errors with what a second wave leaves, where one was laid through the receivers."""
+    omega, sigma = np.unique(points.omega.real), float(points.omega.imag.max(initial=0.0))
     step = np.repeat(np.arange(len(U)), [pairs for pairs, _ in models])
     nil = np.zeros(len(points))
-    bends = Bends(nil, nil, nil)
+    bends, close = Bends(nil, nil + np.inf, nil), nil + _CLOSE
     for both in (False, True):
         rows = np.flatnonzero([model == (1, both) for model in models])
         own = np.flatnonzero(np.isin(step, rows))
         if len(rows):
-            told = of_receivers(U[rows], x, used[rows], points.k[own], both, level[rows])
+            told, unlike = of_receivers(U[rows], x, used[rows], points.k[own], both, level[rows])
             bends = bends.put(own, told)
+            close[own[unlike]] = _CLOSE_UNLIKE
     cell = 2 * np.pi / float(np.ptp(x))
-    more = worth(bends, points.k.real, points.branch, step, cell, points.k.imag, _CLOSE)
-    points = replace(points, error=np.hypot(points.error, more))
+    alike = max(1.0, 2 * np.pi * sigma / float(np.median(np.diff(omega)))) if len(U) > 1 else 1.0
+    hides = worth(bends, points.k.real, points.branch, step, cell, points.k.imag, close, alike)
+    error = np.hypot(points.error, hides.error)
+    points = replace(points, error=error, splitting=hides.splitting)
     # A loss that may be none, as of two modes that swell together, tells no direction.
-    turned = (more > 0) & (points.k.real < 0) & (points.k.imag < points.bar)
+    turned = (hides.error > 0) & (points.k.real < 0) & (points.k.imag < points.bar)
     return replace(points, k=np.where(turned, -points.k.real + 0j, points.k))
 
 
