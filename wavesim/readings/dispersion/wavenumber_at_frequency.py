@@ -67,8 +67,8 @@ _BAND = 0.8
 _ENDED = 1e-3
 # Part of the frames at rest that is worth leaving out.
 _WORTH_CUTTING = 0.1
-# A signal is seen from these parts of its peak on, and began so many times as long before as it takes
-# to the second ones; noise is within so many of its deviations.
+# A signal is seen from these parts of its peak on, and began so many times as long before as it
+# takes to the second ones; noise is within so many of its deviations.
 _FEET, _RISES, _OF_NOISE = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
 # Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
 # differ from each other those closer than that.
