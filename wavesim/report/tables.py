@@ -200,7 +200,7 @@ def _ends(bar: Bar) -> str:
 def _errors(errors: Sequence[Foretold] | None) -> str:
     """Of each kind of what is judged the worst, beside what is allowed."""
     if errors is None:
-        return "not known beforehand: too many cells and frequencies to work them out"
+        return "not known beforehand: too much to work out"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:

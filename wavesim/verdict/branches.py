@@ -187,7 +187,11 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
                 float(loudness[:, number].max()),
             )
         )
-    strays = [r for r, own in zip(kept, owners, strict=True) if own is None]
+    strays = [
+        ridge
+        for ridge, own in zip(kept, owners, strict=True)
+        if own is None and not _of_several(ridge, found, exact)
+    ]
     curve = measured.attenuation
     k_exact = None
     if curve is not None:
@@ -248,6 +252,15 @@ def _owners(ridge: Ridge, found: Spectrum, exact: Float) -> NDArray[np.int64] | 
     elsewhere = distance[:, order[0]] > LOBE_BINS * found.bin
     elsewhere &= distance.min(axis=1) <= found.bin
     return np.where(elsewhere, nearest, order[0])
+
+
+def _of_several(ridge: Ridge, found: Spectrum, exact: Float) -> bool:
+    """Whether a ridge is of branches too near each other to be told apart, which are not judged."""
+    distance = np.abs(exact[np.searchsorted(found.k, ridge.k)] - ridge.omega[:, None])
+    if distance.shape[1] < 2:
+        return False
+    apart = np.partition(distance, 1, axis=1)[:, :2].sum(axis=1)
+    return bool(np.median(apart) <= LOBE_BINS * found.bin)
 
 
 def _folded(ridge: Ridge, found: Spectrum, exact: Float, nyquist: float) -> bool:

@@ -24,6 +24,8 @@ _CELLS = 20
 # A peak counts above this part of the strongest, and within this many bins of the theory.
 _LEAST = 1e-4
 _NEAR = 1.0
+# Signals tell an eigenfrequency where it is read off the exact ones to this part.
+_TOLD = 5e-7
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,8 @@ def ringing(
         block: one with a macro-field.
         exact: of :func:`audible`.
         signals: {receiver: {field: signal (nt,)}} of the exact solver: of the eigenfrequencies
-            those are looked for that can be heard there, as a mode is silent at its nodes; all
-            where None.
+            those are looked for that these tell, as a mode is silent at its nodes, and a weak one
+            is drawn off its place by what rings beside it; all where None.
     """
     (name,) = block.macro[0]
     first = analysed_from(field)
@@ -99,7 +101,8 @@ def ringing(
     found = _nearest(spectrum, exact)
     foreseen = [own[name][first:] for own in (signals or {}).values()]
     if foreseen:
-        there = np.isfinite(_nearest(_together(field, foreseen, width), exact))
+        told = _nearest(_together(field, foreseen, width), exact)
+        there = np.abs(told / exact - 1) <= _TOLD
         exact, found = exact[there], found[there]
     level = np.sqrt(spectrum.power[0])
     return Ringing(block.sector, exact, found, spectrum.omega, level, width)
