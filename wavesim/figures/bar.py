@@ -123,11 +123,10 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     ringing_panel(upper, found)
     lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
-    lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":")
+    lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":", label="tolerance of the difference")
     lower.set_yscale("log")
     lower.set(xlabel="ω/2π (kHz)", ylabel="|Δω|/ω")
-    handles, labels = upper.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 

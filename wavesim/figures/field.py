@@ -241,7 +241,7 @@ def energy(field: Field) -> Figure:
         axes.plot(field.t * 1e6, y, style, color=colour, lw=width, label=name)
     axes.set(xlabel="t (µs)", ylabel=f"energy per area of the section ({exponent}J/m²)")
     second_axes(axes, (1e-6 / field.medium.time_scale, f"t / {field.medium.family.time}"), None)
-    axes.legend()
+    figure.legend(loc="outside upper center", ncols=5)
     return figure
 
 

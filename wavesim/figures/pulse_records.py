@@ -133,7 +133,7 @@ def law(readings: Sequence[Reading], series: Series) -> Figure:
     axes.set(xlabel=series.parameter, ylabel="velocity (m/s)")
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
             axis.set_minor_formatter("")
         axis.set_major_formatter("{x:g}")
     figure.legend(loc="outside upper center", ncols=3)

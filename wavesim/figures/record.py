@@ -85,7 +85,7 @@ def spectrum(one: Recovered) -> Figure:
     lone = shown.take(shown.branch < 0)
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
-    axes.set(xlabel=k_label, ylabel=f_label, ylim=(0, top * to_f))
+    axes.set(xlabel=k_label, ylabel=f_label, xlim=(0, None), ylim=(0, top * to_f))
     axes.set_title(f"{as_written(one.origin.name)}: recovered by {points.method}")
     figure.legend(loc="outside lower center", ncols=3)
     figure.colorbar(image, ax=axes, label="power (dB)")

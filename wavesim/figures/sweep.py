@@ -59,8 +59,9 @@ def _quantities(data: Any) -> dict[str, dict[str, tuple[Any, str]]]:
             }
     if "T" in data:
         energy = data["transmitted"].mean("frequency")
+        unit = f"part of the incident, mean of {data.sizes['frequency']} frequencies"
         found["transmission"] = {
-            f"{sector}: transmitted energy, mean": (energy.sel(sector=sector), "of the incident")
+            f"{sector}: transmitted energy": (energy.sel(sector=sector), unit)
             for sector in energy["sector"].values
         }
     if "peak" in data:
@@ -132,7 +133,9 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
         axes.set_title(f"{axes.get_title()}\nat {_held(data, held)}")
     axes.set_xlabel(_label(data, x))
     if not others:
-        axes.plot(_along(data, x), values, "o-", ms=3, lw=1.2, color=FOUND)
+        # A mean hangs on which narrow peaks its frequencies meet: no line from one to the next.
+        line = "o" if "mean" in unit else "o-"
+        axes.plot(_along(data, x), values, line, ms=3, lw=1.2, color=FOUND)
         axes.set_ylabel(unit)
         return
     y = others[0]

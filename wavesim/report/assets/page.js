@@ -118,7 +118,7 @@
     section.innerHTML = `<h2></h2><p class="note caption"></p><div class="plot${low ? " low" : ""}" id="${id}"></div>`;
     section.querySelector("h2").textContent = heading;
     host.append(section);
-    plots.push({ id, heading, kinds, draw, section });
+    plots.push({ id, heading, kinds, draw, section, low });
     return section;
   }
   const at = (part, sector) => (part && (part[sector] || null));
@@ -190,7 +190,7 @@
   function transmission(sector) {
     const own = at(data.transmission, sector);
     if (!own) return null;
-    const made = layout({ xaxis: axis("frequency"), yaxis: plain("amplitude over incident (dB)", { range: [-100, 8] }) });
+    const made = layout({ xaxis: axis("frequency"), yaxis: plain(narrow() ? "T, R (dB)" : "amplitude over incident (dB)", { range: [-100, 8] }) });
     gaps(made, sector, "x");
     for (const band of own.bands) {
       const [low, high] = to("frequency", [band.lower, band.upper]);
@@ -390,6 +390,9 @@
     plot.section.querySelector("h2").textContent = what ? `${plot.heading}: ${what}` : plot.heading;
     plot.section.querySelector(".caption").textContent = told || "";
     const old = div.layout;
+    // On a narrow screen the legend stands below, a row for nearly each name: it takes no room from the plot.
+    const named_ = traces.filter(trace => trace.showlegend !== false).length;
+    if (narrow() && plot.id !== "signals") div.style.height = `${(plot.low ? 17 : 21) + 1.15 * Math.max(0, named_ - 2)}rem`;
     if (old && before) ["xaxis", "yaxis"].forEach((name, i) => {
       if (plot.zoomed && old[name]) {
         const ratio = unitOf(plot.kinds[i], chosen) / unitOf(plot.kinds[i], before);
