@@ -183,9 +183,14 @@ def _input(content: Content, layout: Layout) -> Float | None:
         columns = [*content.columns, *content.unplaced_columns.values()]
         if len(columns) < len(labels):
             columns = list(range(2, len(labels) + 2))
-        at = [j for j, label in enumerate(labels) if label == text]
-        if not at and text.isdigit():
-            at = [j for j, number in enumerate(columns) if number == int(text)]
+        at = [j for j, number in enumerate(columns) if text.isdigit() and number == int(text)]
+        by_name = [j for j, label in enumerate(labels) if label == text]
+        if at and by_name and at != by_name:
+            content.notes.append(
+                f"--input {text}: the column of that number is taken, headed {labels[at[0]]!r}, "
+                f"not column {columns[by_name[0]]}, which is headed {text!r}"
+            )
+        at = at or by_name
         if not at:
             near = ", ".join(f"{c} {label!r}" for c, label in zip(columns, labels, strict=True))
             raise RecordError(f"--input {text}: no such column; there are {near}")
@@ -450,7 +455,9 @@ def _unsaid(
     ):
         return RecordError(
             f"no times of {frames} entries for a record of shape {values.shape}; arrays are "
-            f"{_listed(content.arrays)}: name them with --time, or give --interval"
+            f"{_listed(content.arrays)}"
+            + "".join(f"; {note}" for note in content.notes if "numbers the rows" in note)
+            + ": name them with --time, or give --interval"
         )
     if count == 1:
         return RecordError(
