@@ -33,9 +33,18 @@ def pytest_addoption(parser, pluginmanager):
             parser.addoption(option, help="ignored: pytest-xdist is not loaded")
 
 
+# Modules whose programs take far longer to compile than to run: optimised less, a third is saved.
+COMPILED_MOST = {
+    "test_differentiable_transmission",
+    "test_gradients",
+    "test_receivers_in_batches",
+}
+
+
 @pytest.fixture(scope="module", autouse=True)
-def forgotten():
+def forgotten(request):
     """What a module compiled is not kept: a process may map 65,530 pieces of memory, no more."""
+    jax.config.update("jax_disable_most_optimizations", request.module.__name__ in COMPILED_MOST)
     yield
     jax.clear_caches()
 

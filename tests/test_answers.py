@@ -35,6 +35,10 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
     assert rows["RSB"]["attenuation"] is None
     assert rows["RTB1"]["frequencies"] == 0
     assert "not driven" in rows["RTB1"]["closer"]
+    # Where there is no number a word says why, once for all that have none for the same reason.
+    told = answers(small_run.summary)[0].note
+    assert all((row["untold"] == "") == (row["attenuation"] is not None) for row in rows.values())
+    assert "RTB1, RTB2: no source drives transverse waves" in told
 
 
 def test_advice_is_one_that_a_case_takes_and_shows_more_of_the_gap(small_run, small_case):
@@ -80,11 +84,31 @@ def test_stop_bands_are_where_a_level_crosses_20_decibels():
         half = 50 + 50 * (1 - 1 / depth)
         assert band["lower"] == pytest.approx((500 - half) * 1e3, rel=2e-3)
         assert band["upper"] == pytest.approx((500 + half) * 1e3, rel=2e-3)
-        assert band["lower_exact"] == band["lower"]
+        assert (band["lower_open"], band["upper_open"]) == (False, False)
         assert (band["level"] is not None) is seen
         assert band["level_exact"] == pytest.approx(-40 * depth, abs=1)
         assert most["where"] == "most passes"
         assert most["level"] == pytest.approx(0, abs=1e-9)
+
+
+def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends():
+    """At real ω −40 dB from 500 kHz on, −10 dB below; the run tells of 300 to 800 kHz, and sees 20
+    dB less at ω + iσ all over."""
+    omega = np.linspace(3e5, 9e5, 121) * 2 * np.pi
+    real = np.where(omega < 500 * KHZ, 10**-0.5, 1e-2) + 0j
+    layers = chain((0.02, STIFF), (0.006, SOFT), (0.02, STIFF))
+    bar = layered_bar(layers, 1.25e-4, 8, "absorbing", "absorbing", 8e-3)
+    field = field_of(layers, bar, [Ricker("phi1", 0.008, 5e5)], {"a": 0.015})
+    T, judged = real / 10, omega <= 800 * KHZ
+    found = Scattered("longitudinal", omega, 1e5, T, T, T, T, judged, (), real, real)
+    band, most = of_bar(field, reading_of(scattered=(found,)))["transmission"]
+    assert band["lower"] == pytest.approx(5e5, abs=5e3)
+    assert band["upper"] == pytest.approx(8e5, rel=1e-9)
+    assert (band["lower_open"], band["upper_open"]) == (False, True)
+    assert (band["level_at_real_frequency"], band["level"]) == pytest.approx((-40, -60))
+    assert (most["level_at_real_frequency"], most["level"]) == pytest.approx((-10, -30))
+    (table,) = answers({"answers": {"transmission": [band, most]}})
+    assert "≥ 800" in [column.shown(band) for column in table.columns]
 
 
 def check(name, passed, **more):

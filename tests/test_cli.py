@@ -200,7 +200,9 @@ def test_wrong_usage_gives_2():
     for arguments in (["run"], ["nothing"], ["run", "a.toml", "--loud"]):
         result = call(*arguments)
         assert result.exit_code == 2
-        assert "Usage: " in result.stderr
+        (line,) = result.stderr.splitlines()
+        assert line.startswith("wavesim: ")
+        assert "Usage: " in line
 
 
 def test_check_warns_and_gives_1_where_frames_alias(tiny):

@@ -76,27 +76,23 @@ def test_it_is_the_transmission_of_the_scattering_matrices(count, sector, qualit
         assert np.abs(known.power_T - found.power_T)[both].max(initial=0.0) <= 1e-10
 
 
-@pytest.mark.parametrize("quality", [None, 50.0])
+@pytest.mark.parametrize("quality", [None, 1e4])
 def test_graded_layers_too(quality, rng):
-    """T and R to 1e-10 with 24 slices a layer, off the frequencies of asymptotes within it."""
-    layers = random_stack(rng, 1, quality, graded=True)
-    omega = OMEGA
+    """T and R to 1e-10 however near an asymptote comes where something is lost; where nothing is,
+    there is no answer between the asymptotes of a layer's ends. Measured 6e-12."""
+    layers = random_stack(rng, 2, quality, graded=True)
+    omega, inside = OMEGA, np.zeros(len(OMEGA), bool)
     if quality is None:
-        spans = [
-            np.stack([planewave.asymptotes(m, "longitudinal") for m in layer.sampled()])
-            for layer in layers.layers
-        ]
-        inside = [
-            (omega > 0.97 * low) & (omega < 1.03 * high)
-            for span in spans
-            for low, high in zip(span.min(axis=0), span.max(axis=0), strict=True)
-        ]
-        omega = omega[~np.any(inside, axis=0)]
-    known = layered.transmission(layers, "longitudinal", omega)
-    found = found_of(traced_layers(layers), "longitudinal", omega, 24)
-    assert len(omega) > 40
-    assert np.abs(known.T - found.T).max() <= 1e-10
-    assert np.abs(known.R - found.R).max() <= 1e-10
+        for layer in layers.layers:
+            edges = np.array([planewave.asymptotes(m, "longitudinal") for m in layer.sampled()])
+            low, high = edges.min(axis=0)[:, None], edges.max(axis=0)[:, None]
+            inside |= ((low < omega) & (omega < high)).any(axis=0)
+    found = found_of(traced_layers(layers), "longitudinal", omega)
+    assert (np.isnan(found.T) == inside).all()
+    known = layered.transmission(layers, "longitudinal", omega[~inside])
+    assert (~inside).sum() > 40
+    assert np.abs(known.T - found.T[~inside]).max() <= 1e-10
+    assert np.abs(known.R - found.R[~inside]).max() <= 1e-10
 
 
 def test_what_comes_in_goes_out(rng):
@@ -107,8 +103,9 @@ def test_what_comes_in_goes_out(rng):
 
 
 def test_gradients_are_those_of_differences_of_high_order(rng):
-    """d/dp of mean |T|² and of the level at one ω, to 1e-8 of a tenth-order difference."""
-    layers = random_stack(rng, 6, 30.0)
+    """d/dp of mean |T|² and of the level at one ω, to 1e-8 of a tenth-order difference; of graded
+    layers between uniform ones."""
+    layers = random_stack(rng, 4, 30.0, graded=True)
     stack, omega = traced_layers(layers), jnp.asarray(OMEGA[::3])
 
     def value(thickness, G, a):
@@ -162,20 +159,32 @@ def test_sine_and_cosine_are_those_of_the_library():
 
 def with_gradient(layers, rng):
     """The same with Γ of a share of up to some per cent, another in each layer."""
-    return layers.mapped(
-        lambda m: dataclasses.replace(m, G_n_g=10 ** rng.uniform(-5, -2) if m.G_n_a < 40 else 1e-2)
-    )
+    least = -5 if all(layer.last is None for layer in layers.layers) else -2.5
+
+    def of(medium):
+        return dataclasses.replace(
+            medium, G_n_g=10 ** rng.uniform(least, -2) if medium.G_n_r < 40 else 1e-2
+        )
+
+    return layers.mapped(of)
 
 
 @pytest.mark.parametrize(
-    ("sector", "count", "quality"),
-    [("longitudinal", 60, None), ("longitudinal", 12, 10.0), ("inplane(23)", 3, None)],
+    ("sector", "count", "quality", "graded"),
+    [
+        ("longitudinal", 60, None, False),
+        ("longitudinal", 12, 10.0, False),
+        ("inplane(23)", 3, None, False),
+        ("longitudinal", 1, None, True),
+    ],
 )
-def test_waves_of_the_gradient_term_too(sector, count, quality, rng):
+def test_waves_of_the_gradient_term_too(sector, count, quality, graded, rng):
     """Where Γ counts: T and R of the scattering matrices to 1e-10, energy to 1e-10; in-plane waves,
     which Γ alone carries, are those of a micro-field. Measured 5e-11 and 2e-14."""
-    layers = with_gradient(random_stack(rng, count, quality), rng)
+    layers = with_gradient(random_stack(rng, count, quality, graded=graded), rng)
     omega = OMEGA * (4 if sector[:2] == "in" else 1)
+    if graded:  # no asymptote is left in it, so that there is an answer throughout
+        omega = omega[20::40]
     known = layered.transmission(layers, sector, omega)
     found = found_of(traced_layers(layers), sector, omega)
     for name in ("T", "R", "power_T", "power_R"):
@@ -211,10 +220,10 @@ def test_what_has_no_answer_is_refused(rng):
         transmission(traced_layers(layers), "inplane", OMEGA)
     with pytest.raises(ValueError, match=r"take one of inplane\[23\]"):
         transmission(traced_layers(with_gradient(layers, rng)), "inplane", OMEGA)
-    thick = Medium(G_n_g=0.5, closure="consistent")
-    graded = Layers((Layer(0.0, 1e-3, thick, dataclasses.replace(thick, G_n_a=6.0)),))
-    with pytest.raises(ValueError, match="gradient term counts"):
-        traced_layers(graded)
+    thin = Medium(G_n_g=1e-9, closure="consistent")
+    graded = Layers((Layer(0.0, 1.0, thin, dataclasses.replace(thin, G_n_a=6.0)),))
+    with pytest.raises(ValueError, match=r"die out within .* leave the term out"):
+        traced_layers(graded, gradient=True)
 
 
 CASE = """\

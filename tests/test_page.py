@@ -34,6 +34,7 @@ def page(seen):
     yield one
     one.check("input[name=frequency][value=si]")
     one.check("input[name=length][value=si]")
+    one.select_option("#sector", "longitudinal")
 
 
 def trace(page, plot, name):
@@ -186,20 +187,91 @@ def test_gaps_and_receivers_are_marked(page, small_run):
         assert any(abs(line - x * 1e3) < 1e-9 for line in lines)
 
 
-def test_waves_of_another_sector_are_chosen(page):
+def test_waves_of_another_sector_are_chosen(page, small_run):
+    """Branches, the field and the receivers' signals are those of the waves that are chosen."""
     before = trace(page, "spacetime", "source")
     page.select_option("#sector", "inplane")
     branches = page.evaluate("document.getElementById('spectrum').data.map(t => t.name)")
     assert any(name.startswith("TSO") for name in branches)
     assert page.evaluate("document.getElementById('attenuation').closest('section').hidden")
+    blocks = small_run.field.blocks
+    own = {name for b in blocks if b.sector == "inplane" for name in b.fields}
+    offered = page.eval_on_selector_all("#field option", "all => all.map(o => o.value)")
+    assert set(offered) == own
+    assert page.input_value("#field") in own
+    shown = page.inner_text("#field option:checked")
+    for plot in ("snapshot", "signals"):
+        heading = page.inner_text(f"#plots > section:has(#{plot}) h2")
+        assert heading.endswith(f": {shown}")
     page.select_option("#sector", "longitudinal")
     assert trace(page, "spacetime", "source") == before
+    assert page.input_value("#field") == "phi1"
+
+
+def test_names_of_branches_do_not_overlap(page):
+    """Of branches that end as one, such as the two of the in-plane waves, in one place."""
+    page.select_option("#sector", "inplane")
+    boxes = page.eval_on_selector_all(
+        "#spectrum .annotation-text-g rect",
+        "all => all.map(one => { const r = one.getBoundingClientRect(); "
+        "return [r.left, r.right, r.top, r.bottom]; })",
+    )
+    page.select_option("#sector", "longitudinal")
+    assert boxes
+    for i, (left, right, top, bottom) in enumerate(boxes):
+        for other in boxes[:i]:
+            across = min(right, other[1]) - max(left, other[0])
+            down = min(bottom, other[3]) - max(top, other[2])
+            assert across <= 0 or down <= 0
+
+
+def test_receivers_are_shown_as_in_the_picture(page, small_run):
+    """One scale where peaks are alike, else each its own, and which it is stands there."""
+    field = small_run.field
+    peaks = {name: np.abs(field.at(x, "phi1")).max() for name, x in field.receivers.items()}
+    shown = {name: np.ptp(trace(page, "signals", name)["y"]) for name in peaks}
+    alike = min(peaks.values()) >= 0.25 * max(peaks.values())
+    told = page.inner_text("#plots > section:has(#signals) .caption")
+    assert ("one scale" in told) == alike
+    ranges = {name: np.ptp(field.at(x, "phi1")) for name, x in field.receivers.items()}
+    for name, height in shown.items():
+        scale = max(peaks.values()) if alike else peaks[name]
+        assert height == pytest.approx(0.45 * ranges[name] / scale, rel=0.05)
+
+
+def test_waves_that_went_round_are_marked(page, small_run):
+    """Where the fastest wave is back at its source: a length over the speed after it left it."""
+    from wavesim.planewave import group_velocity
+
+    field = small_run.field
+    lines = page.evaluate(
+        "document.getElementById('spacetime').data.filter(t => t.name === 'gone round the bar')"
+        ".map(t => [t.x, t.y])"
+    )
+    k = np.linspace(1.0, np.pi / field.bar.spacing, 2000)
+    speed = np.max(group_velocity(field.medium, "longitudinal", k))
+    assert lines
+    for x, t in lines:
+        slope = abs((x[1] - x[0]) / (t[1] - t[0])) * 1e3
+        assert slope == pytest.approx(speed, rel=1e-3)
 
 
 def test_phone_and_paper(browser, small_run):
-    """At 390 pixels nothing is wider than the screen; on paper there are no controls."""
+    """At 390 pixels nothing is wider than the screen, no number of a table is out of sight and each
+    stands by its heading; on paper there are no controls."""
     with opened(browser, small_run.folder / "report.html", 390, 844) as (page, told):
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+        cells = page.eval_on_selector_all(
+            "td", "all => all.map(c => [c.getBoundingClientRect().left, "
+            "c.getBoundingClientRect().right, c.scrollWidth - c.clientWidth, c.dataset.value, "
+            "getComputedStyle(c, '::before').content])",
+        )  # fmt: skip
+        assert len(cells) > 5 * len(small_run.summary["checks"])
+        for left, right, hidden, value, heading in cells:
+            assert 0 <= left < right <= 390
+            assert hidden <= 0
+            assert value is None or len(heading) > 4
         pdf = page.pdf()
         assert pdf[:4] == b"%PDF"
         page.emulate_media(media="print")
@@ -213,18 +285,18 @@ def test_page_of_a_bar_shows_measured_beside_exact(browser, shipped):
     with opened(browser, run.folder / "report.html") as (page, told):
         assert told == []
         measured, exact = (
-            trace(page, "transmission", f"T {name}") for name in ("measured", "exact")
+            trace(page, "transmission", f"T, record (ω + iσ): {name}")
+            for name in ("simulated", "exact")
         )
         there = np.interp(measured["x"], exact["x"], exact["y"])
         off = np.abs(10 ** (np.array(measured["y"]) / 20) - 10 ** (there / 20))
         assert off.max() <= 1e-2  # a line between points of the exact solution
-        real = trace(page, "transmission", "T exact, real ω")
+        real = trace(page, "transmission", "T, steady wave (real ω): exact")
         with h5py.File(run.result) as file:
             known = file["transmission/longitudinal"]
             omega, T = known["omega"][()], known["T_real"][()]
-        np.testing.assert_allclose(real["x"], omega / 2e3 / np.pi, rtol=1e-12)
-        level = 20 * np.log10(np.maximum(np.abs(T), 1e-15))
-        np.testing.assert_allclose(np.array(real["y"], float), level, atol=1e-5)
+        there = 10 ** (np.interp(omega / 2e3 / np.pi, real["x"], real["y"]) / 20)
+        np.testing.assert_allclose(there, np.abs(T), atol=1e-5)
         names = page.evaluate("document.getElementById('signals').data.map(t => t.name)")
         assert "exact" in names
 

@@ -115,3 +115,28 @@ def test_nothing_but_noise_ends_with_one(tmp_path):
     answer = pulse(file, "--input", 2, "--distance", 0.12)
     assert answer.exit_code == 1
     assert "refused" in answer.output
+
+
+def test_a_heading_that_is_a_number_is_taken_for_a_column_only_where_that_is_said(tmp_path):
+    """A scope heads its channels 1 and 2, in columns 2 and 3: the sent one is 1, or column 2."""
+    t = np.arange(0, 1e-3, 5e-7)
+
+    def ricker(late):
+        phase = (np.pi * 2e4 * (t - 8e-5 - late)) ** 2
+        return (1 - 2 * phase) * np.exp(-phase)
+
+    table = np.column_stack([t, ricker(0.0), 0.1 * ricker(4e-4)])
+    table[:, 2] += 1e-4 * np.random.default_rng(3).normal(size=len(t))
+    path = tmp_path / "scope.csv"
+    np.savetxt(path, table, "%.8e", ",", header="x-axis,1,2\nsecond,Volt,Volt", comments="")
+    asked = "--distance", "100mm", "--json"
+    for column in ("1", "column 2", "heading 1"):
+        (one,) = json.loads(pulse(path, "--input", column, *asked).output)["records"]
+        assert one["receivers"][0]["arrivals"]["correlation"]["time"] == pytest.approx(4e-4, 1e-3)
+        assert abs(one["best"]["velocity"] - 250) <= 2 * one["best"]["velocity_error"]
+    refused = pulse(path, "--input", "2", *asked)
+    assert refused.exit_code == 2
+    assert "say 'column 2' or 'heading 2'" in refused.output
+    told = pulse(path, "--input", "1", "--distance", "100").output
+    assert "faster than waves in any solid" in " ".join(told.split())
+    assert "Taken is the first break. By convention, ms:" in told

@@ -251,7 +251,11 @@ def test_it_knows_signals_alone():
     here = [name for name in test_architecture.MODULES if name.startswith("wavesim.readings.pulse")]
     assert len(here) > 8
     own = {"wavesim.simulation.bandlimited", "wavesim.readings.damped_transform", *here}
-    own |= {"wavesim.readings.dispersion.line_fit", "wavesim.records.evenness"}
+    own |= {
+        "wavesim.readings.dispersion.line_fit",
+        "wavesim.records.evenness",
+        "wavesim.records.windows",
+    }
     own |= {"wavesim.material.arguments", "wavesim.material.shown"}  # how a wrong argument is told
     for name in here:
         assert not test_architecture.imports(name)[1] & {"jax", "matplotlib", "h5py"}

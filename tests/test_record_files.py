@@ -285,7 +285,7 @@ SCOPES = {
     "numbers for headings": (
         "x-axis,1,2\nsecond,Volt,Volt\n",
         [f"{t:.7f},{a},{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
-        "2",
+        "column 2",
     ),
     "columns named in a comment": (
         "% columns: time[us] sent[V] received[V]\n",

@@ -97,7 +97,10 @@ def build(file: CaseFile, name: str) -> Case:
         CaseError: as :func:`load`.
     """
     for heading in file.missing:
-        raise CaseError(f"{name}: {heading}: required, but not given; add it")
+        raise CaseError(
+            f"{name}: {heading}: required, but not given; add it (what needs no simulation, as "
+            "bands, gaps or design, does without)"
+        )
     make, known = builder(name), bar_layers(file, name)
     medium, stretches, ends = known.medium, known.stretches, known.ends
     media = [m for layer in stretches for m in layer.ends] or [medium]
@@ -180,7 +183,7 @@ def _simulation(
     receivers: dict[str, float],
 ) -> Simulation:
     time = file.time
-    made = Simulation(
+    return Simulation(
         layers,
         bar,
         sources,
@@ -190,7 +193,6 @@ def _simulation(
         time.solver,
         None if time.step == "auto" else time.step,
     )
-    return made
 
 
 def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
@@ -242,7 +244,6 @@ def _resolved(
 ) -> dict[str, Any]:
     """The file's tables with every default of them filled in, but for [time] and [analysis]."""
     tables = file.model_dump(by_alias=True, exclude={"design"})
-    own = file.medium.build()
     own = known.medium
     tables["medium"] |= own.keys | own.parameters
     tables["bar"] |= {"left": known.ends[0], "right": known.ends[1]}

@@ -72,7 +72,8 @@ INPUT = click.option(
     "--input",
     "column",
     metavar="COLUMN",
-    help="The transmitter's column: its heading, or its number from 1 (times are 1).",
+    help="The transmitter's column: its heading, or its number from 1 (times are 1); 'column 2' "
+    "or 'heading 2' where either may be meant.",
 )
 SOURCES = click.option("--source", "places", type=float, multiple=True, help="Position in m.")
 RING = click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")

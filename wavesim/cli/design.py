@@ -16,7 +16,7 @@ from wavesim.report.terminal import FAILED, FELL_SHORT, console, stop
 _AGREES = 1e-3
 
 
-@click.command()
+@click.command(short_help="Find a stack that passes and stops what a case asks.")
 @CASE
 @OUT
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")

@@ -1,6 +1,6 @@
 """The commands ``dispersion`` and ``attenuation``: points of a record from anywhere, told of.
 
-Exit codes: 0 all well; 1 a check fell short; 2 bad input.
+Exit codes: 0 all well; 1 a check fell short, or no point is valid; 2 bad input.
 """
 
 from __future__ import annotations
@@ -87,6 +87,10 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
         _show(results, answer)
     if given["out"]:
         _write(results, answer, Path(given["out"]))
+    if not any(one.points.valid.any() for one in results):
+        reasons = [r for one in results for r in one.points.reason if r]
+        why = max(set(reasons), key=reasons.count) if reasons else "no wave stands above the noise"
+        stop(f"{file}: no valid point: {why}", FELL_SHORT)
     if not answer["passed"]:
         sys.exit(FELL_SHORT)
 
@@ -134,7 +138,8 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
     answer: dict[str, Any] = {
         "records": entries,
         "checks": [check.row() for check in found],
-        "passed": all(check.passed for check in found),
+        "passed": all(check.passed for check in found)
+        and any(one.points.valid.any() for one in results),
     }
     if fit_of is not None:
         answer["fit"] = {
@@ -160,6 +165,8 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         shown.print(f"  {branches}, {_METHODS[points.method]}")
         for note in entry["notes"]:
             shown.print(f"  Note: {note}.")
+        if (near := _splitting(points)) is not None:
+            shown.print(f"  {near}.")
         for reason in dict.fromkeys(r for r in points.reason if r):
             shown.print(f"  {int((points.reason == reason).sum())} refused: {reason}.")
         if entry.get("waves"):
@@ -185,6 +192,20 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             bar = 1.96 * fit["standard_errors"][name]
             shown.print(f"{name} = {value:.9g} ± {bar:.2g} (95 %)")
         shown.print(f"χ² per degree of freedom {fit['chi_square']:.3g}, {fit['points']} numbers")
+
+
+def _splitting(points: Any) -> str | None:
+    """How near to each other two waves pass for one, where the bars do not hold that."""
+    if points.splitting is None or points.method not in ("harmonic", "space"):
+        return None
+    own = points.take(points.valid)
+    apart = [s for s in own.splitting if math.isfinite(s)]
+    if not apart:
+        return None
+    size, unit = (own.k, "rad/m of k") if points.in_space else (own.omega, "rad/s of ω")
+    middle = _median(apart)
+    part = 100 * middle / _median(abs(size))
+    return f"Two waves within {middle:.2g} {unit} ({part:.2g} %) pass for one, beyond its bar"
 
 
 def _count(number: int, one: str, more: str) -> str:
@@ -267,7 +288,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
         write(results, folder)
 
 
-@click.command()
+@click.command(short_help="Branches ω(k) of a space-time record.")
 @_OPTIONS
 @click.option(
     "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
@@ -286,7 +307,7 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
     _extract(given, work)
 
 
-@click.command()
+@click.command(short_help="Complex k(ω) of a record, in bands and gaps.")
 @_OPTIONS
 @BAND
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)

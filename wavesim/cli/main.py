@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -70,12 +70,30 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
     return taken
 
 
+def _misused(error: click.UsageError) -> NoReturn:
+    """End with what is wrong of a command's words, and how it is used."""
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        raise error
+    told = error.format_message().rstrip(".")
+    if error.ctx is not None:
+        told += f"{'' if told.endswith('?') else '.'} {error.ctx.get_usage()}"
+    _stop(" ".join(told.split()), BAD_INPUT)
+
+
 class _Commands(click.Group):
-    """Commands that end with a line, and its exit code, where wavesim itself finds a fault."""
+    """Commands that end with a line, and its exit code, where wavesim or click finds a fault."""
+
+    def make_context(self, *given: Any, **extra: Any) -> click.Context:
+        try:
+            return super().make_context(*given, **extra)
+        except click.UsageError as error:
+            _misused(error)
 
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)
+        except click.UsageError as error:
+            _misused(error)
         except Exception as error:
             if not type(error).__module__.startswith("wavesim."):
                 raise
@@ -91,7 +109,7 @@ def main() -> None:
     """Rotation waves in granular bars: simulate, extract dispersion, hold against theory."""
 
 
-@main.command()
+@main.command(short_help="Simulate a case, and hold it against the exact solution.")
 @CASE
 @OUT
 @SET
@@ -189,7 +207,7 @@ def _run(
         _stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
 
 
-@main.command()
+@main.command(short_help="What can be said of a case before it runs.")
 @CASE
 @SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
@@ -228,7 +246,7 @@ def _count(found: list[str]) -> str:
     return f"{len(found)} warning{'s' if len(found) > 1 else ''}"
 
 
-@main.command()
+@main.command(short_help="The paper's figures anew, its claims judged.")
 @click.option(
     "--out", type=click.Path(), default="outputs/paper", show_default=True, help="Folder for it."
 )

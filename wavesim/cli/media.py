@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, JSON, OUT, SET
+from wavesim.cli.arguments import BAND, CASE, JSON, OUT, SET
 from wavesim.cli.shared import (
     folder_for,
     print_json,
@@ -94,7 +94,7 @@ def _leave_out(media: int) -> None:
         click.echo(f"\n{media - _TOLD} more media are left out; ask about fewer layers at a time.")
 
 
-@click.command()
+@click.command(short_help="Branches and gaps of a medium, or of each layer's.")
 @CASE
 @click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
 @JSON
@@ -131,22 +131,51 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
                 band_figure(medium).savefig(folder / name, dpi=160)
 
 
+def _tell_covering(found: Any, band: tuple[float, float]) -> None:
+    """Which gaps hold all of a band, over how much of the map, and the best place of each."""
+    import numpy as np
+
+    ends = "{:g} to {:g} kHz".format(*(1e-3 * end / (2 * np.pi) for end in band))
+    covering = {name: found.covers(name, band) for name in (*found.lower, "full")}
+    covering = {name: held for name, held in covering.items() if held.any()}
+    for name, held in covering.items():
+        lower, upper = found.edges(name)
+        room = np.where(held, np.minimum(band[0] - lower, upper - band[1]), -np.inf)
+        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
+        x = np.ravel(getattr(found.medium, found.x))[column]
+        y = np.ravel(getattr(found.medium, found.y))[row]
+        edges = [1e-3 * float(edge[row, column]) / (2 * np.pi) for edge in (lower, upper)]
+        click.echo(
+            f"{name} holds {ends} over {100 * held.mean():.3g} % of the map; best at {found.x} = "
+            f"{x:.4g}, {found.y} = {y:.4g}: {edges[0]:.4g} to {edges[1]:.4g} kHz"
+        )
+    if not covering:
+        click.echo(f"no gap holds all of {ends} anywhere on the map: take other keys or ranges")
+
+
 _AXIS = (str, float, float)
 
 
-@click.command()
+@click.command(short_help="Map the gaps of a medium over two parameters.")
 @CASE
 @click.option(
-    "--x", type=_AXIS, default=("anisotropy", 0.0, 1.0), metavar="KEY FROM TO", help="Abscissa."
+    "--x",
+    type=_AXIS,
+    default=("anisotropy", 0.0, 1.0),
+    show_default="anisotropy 0 1",
+    metavar="KEY FROM TO",
+    help="Abscissa.",
 )
 @click.option(
     "--y",
     type=_AXIS,
     default=("stiffness_ratio", 0.0, 1.0),
+    show_default="stiffness_ratio 0 1",
     metavar="KEY FROM TO",
     help="Ordinate.",
 )
 @click.option("--points", type=click.IntRange(2, 2000), default=_POINTS, show_default=True)
+@BAND
 @OUT
 @SET
 def gaps(
@@ -154,10 +183,13 @@ def gaps(
     x: tuple[str, float, float],
     y: tuple[str, float, float],
     points: int,
+    band: tuple[float, float] | None,
     out: str | None,
     overrides: tuple[str, ...],
 ) -> None:
     """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png.
+
+    With --band each gap is told, and hatched in the map, where it holds all of that band.
 
     CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
     own: gap_map_1, gap_map_2, …
@@ -168,13 +200,16 @@ def gaps(
     from wavesim.figures.gap_map import gap_map_figure
     from wavesim.planewave.gap_map import gap_map, table
 
+    if band is not None and not 0 < band[0] < band[1]:
+        stop(f"--band {band[0]:g} {band[1]:g}: must ascend from above 0 Hz", BAD_INPUT)
+    wanted = None if band is None else (2 * np.pi * band[0], 2 * np.pi * band[1])
     folder = folder_for(out, case)
     for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):
         try:
             found = gap_map(
                 medium,
-                (x[0], np.linspace(x[1], x[2], points)),
-                (y[0], np.linspace(y[1], y[2], points)),
+                (x[0].removeprefix("medium."), np.linspace(x[1], x[2], points)),
+                (y[0].removeprefix("medium."), np.linspace(y[1], y[2], points)),
             )
         except ValueError as error:
             stop(str(error), BAD_INPUT)
@@ -182,7 +217,9 @@ def gaps(
         name = "gap_map" if len(media) == 1 else f"gap_map_{number}"
         with writing(folder):
             write_table(folder / f"{name}.csv", header, rows, fmt="%.6g")
-            gap_map_figure(found).savefig(folder / f"{name}.png", dpi=160)
+            gap_map_figure(found, wanted).savefig(folder / f"{name}.png", dpi=160)
         told = f"{place}: " if place else ""
         click.echo(f"{told}{name}.csv and {name}.png in {folder}")
+        if wanted is not None:
+            _tell_covering(found, wanted)
     _leave_out(len(media))

@@ -18,6 +18,9 @@ from wavesim.cli.arguments import INPUT, JSON, WRITTEN, record_options
 from wavesim.cli.shared import print_json, read_layers, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
+# Waves in solids, from loose dust to diamond, m/s; others are of a wrong unit.
+_SLOWEST, _FASTEST = 1.0, 2e4
+
 
 @dataclass(frozen=True)
 class _Set:
@@ -29,7 +32,7 @@ class _Set:
     values: tuple[float, ...]
 
 
-@click.command()
+@click.command(short_help="Arrivals, velocities, Q of pulse tests.")
 @click.argument("files", nargs=-1, type=click.Path(), required=True)
 @INPUT
 @click.option(
@@ -158,7 +161,7 @@ def _setup(
 ) -> _Set:
     distances: tuple[float, ...] = ()
     if distance is not None:
-        distances = _numbers("--distance", distance)
+        distances = _numbers("--distance", distance, "m")
         if not all(d > 0 for d in distances):
             stop(f"--distance {distance}: must be greater than 0, in m", BAD_INPUT)
     if delay is not None and face_to_face is not None:
@@ -184,13 +187,17 @@ def _same(delay: float) -> dict[str, float]:
     return dict.fromkeys(CONVENTIONS, delay)
 
 
-def _numbers(option: str, text: str) -> tuple[float, ...]:
+def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
+    from wavesim.case.units import meant_by
+
+    parts = [part.strip() for part in text.replace(";", ",").split(",") if part.strip()]
     try:
-        found = tuple(float(part) for part in text.replace(";", ",").split(",") if part.strip())
+        found = tuple(float((meant_by(unit, part) if unit else None) or part) for part in parts)
     except ValueError:
         found = ()
     if not found or not all(math.isfinite(v) for v in found):
-        stop(f"{option} {text}: must be numbers with commas between them", BAD_INPUT)
+        what = f"numbers in {unit}, or with a unit," if unit else "numbers"
+        stop(f"{option} {text}: must be {what} with commas between them", BAD_INPUT)
     return found
 
 
@@ -288,7 +295,14 @@ def _name_of(files: Sequence[str], tests: list[Any], i: int) -> str:
 
 
 def _noted(reading: Any, test: Any) -> Any:
-    return replace(reading, notes=(*test.notes, *reading.notes))
+    doubt = []
+    speed = reading.best.velocity
+    if reading.best.valid and not _SLOWEST <= speed <= _FASTEST:
+        doubt = [
+            f"{speed:.4g} m/s is {'slower' if speed < _SLOWEST else 'faster'} than waves in any "
+            "solid: look at the unit of the distance (m) and of the times (--time-unit)"
+        ]
+    return replace(reading, notes=(*test.notes, *reading.notes, *doubt))
 
 
 def _array(test: Any, expected: tuple[float, float] | None) -> Any:

@@ -23,7 +23,7 @@ from wavesim.differentiable.sine_and_cosine import sine_and_cosine
 from wavesim.differentiable.traced_layers import TracedLayers, medium_of
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import Scales, block_coefficients, scales
+from wavesim.material.scaling import BlockCoefficients, Scales, block_coefficients, scales
 
 
 class Wave(NamedTuple):
@@ -45,9 +45,17 @@ class Wave(NamedTuple):
 
     def stiffness(self, omega: Any, modulus: Any, inertia: Any) -> Any:
         """𝒟 at scaled ω; real where ω, m and ι are."""
+        above, below = self._polynomials(omega, modulus, inertia)
+        return modulus * above / below
+
+    def numerator(self, omega: Any, modulus: Any, inertia: Any) -> Any:
+        """What is 0 where 𝒟 is."""
+        return self._polynomials(omega, modulus, inertia)[0]
+
+    def _polynomials(self, omega: Any, modulus: Any, inertia: Any) -> tuple[Any, Any]:
         s = self.i_B * omega**2 * inertia / modulus
         above, below = (functools.reduce(lambda x, c: x * s + c, p) for p in self[:2])
-        return modulus * above / below
+        return above, below
 
 
 class HalfSpace(NamedTuple):
@@ -161,11 +169,15 @@ def waves(kinds: tuple[Medium, ...], values: dict[str, Any], block: Block, units
 
 
 def _wave(medium: Medium, block: Block, units: Scales) -> Wave:
-    own = block_coefficients(medium, block, units)
+    return wave_of(block_coefficients(medium, block, units))
+
+
+def wave_of(own: BlockCoefficients) -> Wave:
+    """The wave of one block with a macro-field."""
     c_pp, p, q, c = own.c_pp[0, 0], own.c_pb[0], own.c_bp[:, 0], own.c_bb
-    unit = np.eye(len(block.micro))
+    unit = np.eye(len(c))
     above, below, adjugate = [c_pp], [jnp.ones_like(c_pp)], jnp.asarray(unit)
-    for j in range(1, len(block.micro) + 1):
+    for j in range(1, len(c) + 1):
         product = c @ adjugate
         below.append(-jnp.trace(product) / j)
         above.append(c_pp * below[-1] + p @ adjugate @ q)

@@ -1,32 +1,39 @@
 """A graded layer as slices, each by Gauss collocation of order 16, from the right to the left.
 
-With u counted leftwards, v and g of ``stack_transmission`` obey
+With y = (e, o) of ``layered.section``, e = (v_φ, f_B) and o = (f_φ, v_B), and u counted leftwards,
 
-    dv/du = (ω/𝒟) g,    dg/du = −ω ι I v.
+    de/du = −P o,    do/du = −Q e,
 
-A slice meets that at eight Gauss points; the slopes of v alone are one system of eight equations.
-``layered.graded_layer`` is the same method, with slices as small as each frequency asks.
+met at eight Gauss points of a slice; the slopes of e alone are one system of equations. It is the
+method of ``layered.graded_layer``. How long slices are, each frequency says by itself: no longer
+than 1.5/|k|, and than half the way to where P has a pole, at an asymptote beside the layer or, with
+losses, beside the real axis. With f₀ the function whose zeros these are no zero is nearer than
+
+    2|f₀|/(|f₀′| + √(f₀′² + 2|f₀| max|f₀″|)).
 
 For a search uniform slices, each of what stands in its middle, do as well: :func:`uniform_slices`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.differentiable.coefficients import loss_law, moduli, waves
+from wavesim.differentiable.coefficients import loss_law
 from wavesim.differentiable.traced_layers import TracedLayers, medium_of
 from wavesim.material.family import Block
-from wavesim.material.layers import graded_weight
-from wavesim.material.scaling import Scales
+from wavesim.material.layers import Grading, graded_weight
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import Scales, block_coefficients
 
 POINTS = 8
-# A decay that is set apart is no more than this, or an asymptote would empty the slice.
-_MOST = 50.0
+_WAVES, _SHARE = 1.5, 0.5
+# From one to the next of so many looks f₀′ shows f₀″, with room; no slice is longer in parts of u.
+_LOOKS, _ROOM, _LONGEST = 48, 1.2, 0.25
 
 
 def _gauss() -> tuple[Any, Any, Any]:
@@ -39,52 +46,171 @@ def _gauss() -> tuple[Any, Any, Any]:
 
 
 C, A, B = _gauss()
+# Places in w at which coefficients are taken: polynomials of the eleventh degree at most.
+_PLACES = 16
 
 
-def graded_slices(
-    stack: TracedLayers, n: int, block: Block, units: Scales, omega: Any, h: Any, steps: int
-) -> tuple[Any, Any]:
-    """(vv, vg, gv, gg) of each slice, times e^{−decay}, and decay, from the right: (steps, N) each.
+def _interpolation() -> tuple[Any, Any, Any]:
+    """Chebyshev's places in w, barycentric weights there, and the derivative at each by values."""
+    turn = np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
+    places, weights = (1 + np.cos(turn)) / 2, np.sin(turn) * (-1.0) ** np.arange(_PLACES)
+    gaps = places[:, None] - places + np.eye(_PLACES)
+    slopes = weights / weights[:, None] / gaps - np.eye(_PLACES)
+    return places, weights, slopes - np.diag(slopes.sum(axis=1))
+
+
+_AT, _WEIGHTS, _SLOPES = _interpolation()
+
+
+class System(NamedTuple):
+    """A graded layer, over its thickness and u from 0 at its right end to 1.
+
+    Attributes:
+        halves: P and Q times the thickness at places (N, 8): (N, 8, n, n) each.
+        rate: |k| times the thickness at places (N,).
+        zeros: f₀ and f₀′ at places (N,), (N, K): functions with zeros at the poles of P and Q.
+    """
+
+    halves: Callable[[Any], tuple[Any, Any]]
+    rate: Callable[[Any], Any]
+    zeros: Callable[[Any], tuple[Any, Any]]
+
+
+Along = Callable[[Any], tuple[tuple[Any, ...], tuple[Any, ...]]]
+"""Coefficients of a block at places, as ``BlockCoefficients`` has them in turn, and derivatives."""
+
+
+def coefficients_along(
+    stack: TracedLayers, n: Any, kind: Medium, grading: Grading, block: Block, units: Scales
+) -> Along:
+    """Scaled coefficients of a graded layer at places u of any shape, from its right end, in parts.
+
+    They are polynomials in w, the part of the layer's end, so that values at some w have them all.
 
     Args:
-        stack: the stack.
-        n: which of its layers.
-        block: with a macro-field.
+        stack: its layers.
+        n: which of them; may be traced.
+        kind, grading: its own.
+        block: whose coefficients.
         units: to scale by.
-        omega: scaled, (N,).
-        h: thickness of a slice, scaled.
-        steps: how many.
     """
-    kind, grading = stack.kinds[n], stack.gradings[n]
     assert stack.last is not None
-    assert grading is not None
-    ends = [
+    first, last = (
         medium_of(kind, {name: value[n] for name, value in end.items()}).parameters
         for end in (stack.first, stack.last)
-    ]
-    places = 1 - (np.arange(steps)[:, None] + C).ravel() / steps
-    w = jnp.asarray(graded_weight(places, grading))
-    values = {name: (1 - w) * ends[0][name] + w * ends[1][name] for name in ends[0]}
-    wave = waves((kind,), values, block, units)
-    wave = jax.tree.map(lambda value: value.reshape(steps, POINTS, 1), wave)
-    m, iota = moduli(loss_law(stack.losses, n), omega, units.time)
-    D = wave.stiffness(omega, m, iota)
-    p, q = h * omega / D, -h * omega * iota * wave.i_phi * jnp.ones_like(D)
-    p, q = (jnp.moveaxis(x, 1, -1) for x in (p, q))  # (steps, N, 8)
-    a, b = jnp.asarray(A), jnp.asarray(B)
-    mixed = jnp.einsum("...i,ij,...j,jk->...ik", p, a.astype(p.dtype), q, a.astype(p.dtype))
-    given = jnp.stack([p * jnp.einsum("ij,...j->...i", a.astype(p.dtype), q), p], axis=-1)
-    V = _solved(jnp.eye(POINTS, dtype=p.dtype) - mixed, given)
-    start = jnp.asarray([1.0, 0.0], dtype=p.dtype)
-    G = q[..., None] * (start + jnp.einsum("ij,...jk->...ik", a.astype(p.dtype), V))
-    to_v = start + jnp.einsum("i,...ik->...k", b.astype(p.dtype), V)
-    to_g = jnp.flip(start) + jnp.einsum("i,...ik->...k", b.astype(p.dtype), G)
-    decay = jax.lax.stop_gradient(jnp.sum(b * jnp.abs(jnp.sqrt(p * q + 0j).real), axis=-1))
-    decay = jnp.minimum(decay, _MOST)
-    kept = jnp.exp(-decay)
-    return (
-        to_v[..., 0] * kept, to_v[..., 1] * kept, to_g[..., 0] * kept, to_g[..., 1] * kept
-    ), decay  # fmt: skip
+    )
+
+    def at(w: Any) -> list[Any]:
+        values = {name: (1 - w) * first[name] + w * last[name] for name in first}
+        return list(vars(block_coefficients(medium_of(kind, values), block, units)).values())
+
+    known = jax.vmap(at)(_AT)
+    slopes = [jnp.tensordot(_SLOPES, one, 1) for one in known]
+
+    def along(u: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        w, by_u = jax.jvp(lambda u: graded_weight(1 - u, grading), (u,), (jnp.ones_like(u),))
+        gap = w[..., None] - _AT
+        basis = _WEIGHTS / jnp.where(gap == 0, 1e-100, gap)
+        basis = basis / basis.sum(axis=-1, keepdims=True)
+        turn = basis * by_u[..., None]
+        return tuple(jnp.tensordot(basis, one, 1) for one in known), tuple(
+            jnp.tensordot(turn, one, 1) for one in slopes
+        )
+
+    return along
+
+
+def through_graded(
+    system: Callable[[Any], System],
+    layers: Any,
+    state: Any,
+    through: Callable[[Any, tuple[Any, ...]], Any],
+    count: int,
+    steps: int,
+) -> tuple[Any, Any]:
+    """What is carried, at the left end of graded layers, and whether slices sufficed, (N,).
+
+    Args:
+        system: of a layer by its index.
+        layers: indices, from the right to the left.
+        state: at their right end.
+        through: takes it through a slice of (ee, eo, oe, oo).
+        count: N, of frequencies.
+        steps: how many slices there may be in a layer.
+    """
+
+    def one(state: Any, n: Any) -> tuple[Any, Any]:
+        return _through_slices(system(n), state, through, count, steps)
+
+    state, clear = jax.lax.scan(jax.checkpoint(one), state, layers)
+    return state, clear.all(axis=0)
+
+
+def _through_slices(
+    system: System, state: Any, through: Callable[..., Any], count: int, steps: int
+) -> tuple[Any, Any]:
+
+    looks = (np.arange(_LOOKS + 1) / _LOOKS)[:, None] + np.zeros(count)
+    _, slopes = jax.lax.map(system.zeros, jnp.asarray(looks))
+    bend = _ROOM * _LOOKS * jnp.abs(jnp.diff(slopes, axis=0)).max(axis=0)
+
+    def longest(u: Any) -> Any:
+        f, slope = (jnp.abs(one) for one in system.zeros(u))
+        clear = 2 * f / jnp.maximum(slope + jnp.sqrt(slope**2 + 2 * f * bend), 1e-300)
+        return jnp.minimum(_SHARE * clear.min(axis=1), _WAVES / system.rate(u))
+
+    def slice_(carry: Any, _: Any) -> tuple[Any, None]:
+        state, u = carry
+        h = jax.lax.stop_gradient(jnp.clip(longest(u), 0.0, jnp.minimum(_LONGEST, 1 - u)))
+
+        def go(state: Any) -> Any:
+            p, q = system.halves(u[:, None] + h[:, None] * C)
+            p, q = (-x * h[:, None, None, None] for x in (p, q))
+            return through(state, _collocated(p, q))
+
+        return (jax.lax.cond(jnp.any(h > 0), go, lambda state: state, state), u + h), None
+
+    begun = state, jnp.zeros(count)
+    (state, u), _ = jax.lax.scan(jax.checkpoint(slice_), begun, None, length=steps)
+    return state, u > 1 - 1e-12
+
+
+def _collocated(p: Any, q: Any) -> tuple[Any, Any, Any, Any]:
+    """ee, eo, oe, oo of e → ee e + eo o, o → oe e + oo o over a slice, (N, n, n) each.
+
+    Args:
+        p, q: −hP and −hQ at its points, (N, 8, n, n).
+    """
+    n, unit = p.shape[-1], jnp.eye(p.shape[-1], dtype=p.dtype)
+    a, b = (jnp.asarray(x, dtype=p.dtype) for x in (A, B))
+    twice = jnp.asarray(A[:, :, None] * A[None], dtype=p.dtype)
+    mixed = jnp.einsum("zirs,ijk,zjsc->zirkc", p, twice, q)
+    size = POINTS * n
+    from_e = p @ jnp.einsum("ij,zjrc->zirc", a, q)
+    given = jnp.concatenate([from_e, p], axis=-1).reshape(-1, size, 2 * n)
+    matrix = jnp.eye(size, dtype=p.dtype) - mixed.reshape(-1, size, size)
+    E = _solved(matrix, given).reshape(-1, POINTS, n, 2 * n)  # slopes of e
+    start = jnp.concatenate([unit, jnp.zeros_like(unit)], axis=-1)
+    Z = q @ (start + jnp.einsum("ij,zjrc->zirc", a, E))
+    e = start + jnp.einsum("i,zirc->zrc", b, E)
+    o = jnp.roll(start, n, axis=-1) + jnp.einsum("i,zirc->zrc", b, Z)
+    return e[..., :n], e[..., n:], o[..., :n], o[..., n:]
+
+
+def _solved(matrix: Any, given: Any) -> Any:
+    """matrix⁻¹ given by elimination without a pivot, as the matrix is near 1 where slices do.
+
+    jnp.linalg.solve hands each small matrix to LAPACK, and may wait for its threads for ever.
+    """
+    size = matrix.shape[-1]
+
+    def eliminated(whole: Any, k: Any) -> tuple[Any, None]:
+        row = whole[:, k] / whole[:, k, k, None]
+        rest = whole - whole[:, :, k, None] * row[:, None]
+        return rest.at[:, k].set(row), None
+
+    whole = jnp.concatenate([matrix, given], axis=-1)
+    return jax.lax.scan(eliminated, whole, np.arange(size))[0][..., size:]
 
 
 def uniform_slices(stack: TracedLayers, count: int) -> TracedLayers:
@@ -124,16 +250,3 @@ def uniform_slices(stack: TracedLayers, count: int) -> TracedLayers:
         gradings=(None,) * len(at),
         kept=stack.kept,
     )
-
-
-def _solved(matrix: Any, given: Any) -> Any:
-    """matrix⁻¹ given by elimination without a pivot, as the matrix is near 1 where slices do.
-
-    jnp.linalg.solve hands each small matrix to LAPACK, and may wait for its threads for ever.
-    """
-    whole = jnp.concatenate([matrix, given], axis=-1)
-    for k in range(POINTS):
-        row = whole[..., k, :] / whole[..., k, k, None]
-        rest = whole - whole[..., :, k, None] * row[..., None, :]
-        whole = rest.at[..., k, :].set(row)
-    return whole[..., POINTS:]

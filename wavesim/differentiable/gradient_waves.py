@@ -23,9 +23,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.differentiable.coefficients import loss_law, moduli, units_of
+from wavesim.differentiable.graded_slices import System, coefficients_along, through_graded
 from wavesim.differentiable.traced_layers import TracedLayers, medium_of
 from wavesim.material.family import Block
-from wavesim.material.scaling import block_coefficients
+from wavesim.material.layers import Grading
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import BlockCoefficients, Scales, block_coefficients
 
 # Of roots by the method of Ehrlich and Aberth, which converges to the third order.
 _ITERATIONS = 30
@@ -50,23 +53,27 @@ class Waves(NamedTuple):
     flux: Any
 
 
-def with_gradient(stack: TracedLayers, block: Block, omega: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """T, R, level and power coefficients, as ``stack_transmission.Scattered`` has them.
+def with_gradient(stack: TracedLayers, block: Block, omega: Any, steps: int) -> tuple[Any, ...]:
+    """T, R, level and power coefficients, as ``stack_transmission.Scattered`` has them, and whether
+    they are known, (N,) each.
 
     Args:
-        stack: of uniform layers.
+        stack: a stack.
         block: of up to three fields.
         omega: real ω, (N,), not 0, rad/s.
+        steps: at most so many slices for a graded layer.
     """
     n, p, units = len(block.macro) + len(block.micro), len(block.macro), units_of(stack)
     scaled = omega * units.time + 0j
-    own = _coefficients(stack, block, units)
+    own = _coefficients(stack.kinds, stack.first, block, units)
+    last = own
+    if stack.last is not None:
+        last = _coefficients(stack.kinds, stack.last, block, units)
     z = jax.lax.stop_gradient(_impedance(own))
     waves = partial(_waves, scaled, units.time, z)
-    left, right = (
-        waves(jax.tree.map(lambda c, at=at: c[at], own), loss_law(stack.losses, at))
-        for at in (0, -1)
-    )
+    ends = jax.tree.map(lambda first, last: jnp.stack([first[0], last[-1]]), own, last)
+    both = jax.vmap(waves)(ends, loss_law(stack.losses, np.array([0, -1])))
+    left, right = (jax.tree.map(lambda x, n=n: x[n], both) for n in (0, 1))
 
     def layer(state: Any, piece: Any) -> Any:
         rho, through, lost = state
@@ -78,14 +85,25 @@ def with_gradient(stack: TracedLayers, block: Block, omega: Any) -> tuple[Any, A
         entering = _inverse(here.a + here.a_left @ there)
         rho = (here.b + here.b_left @ there) @ entering
         through = through @ ((here.a + here.a_left @ sent) * decay[:, None, :]) @ entering
-        size = jax.lax.stop_gradient(jnp.abs(through).max(axis=(1, 2)))
-        size = jnp.where(size > 0, size, 1.0)
-        return (rho, through / size[:, None, None], lost - jnp.log(size)), None
+        return (rho, *_apart(through, lost)), None
 
     unit = jnp.broadcast_to(jnp.eye(n, dtype=complex), right.a.shape)
     state = right.b @ _inverse(right.a), unit, jnp.zeros(len(omega))
     pieces = own, stack.losses, stack.thickness / units.length
-    (rho, through, lost), _ = jax.lax.scan(jax.checkpoint(layer), state, pieces, reverse=True)
+    clear = jnp.ones(len(omega), bool)
+    for grading, at in stack.stretches():
+        if grading:
+            graded = partial(
+                _graded, stack, grading=grading, kind=stack.kinds[at[0]], block=block, units=units,
+                omega=scaled, z=z,
+            )  # fmt: skip
+            step = partial(_through_slice, p)
+            state, enough = through_graded(graded, at, state, step, len(omega), steps)
+            clear = clear & enough
+        else:
+            some = jax.tree.map(lambda x, at=at: x[at], pieces)
+            state, _ = jax.lax.scan(jax.checkpoint(layer), state, some)
+    rho, through, lost = state
     # Index 0 of a wave is that of the smallest |k|, the one of the closed form.
     come, go = (jnp.argmin(jnp.abs(one.k), axis=1)[:, None] for one in (left, right))
     incident = jnp.take_along_axis(jnp.eye(n)[None], come[:, :, None], axis=1)[:, 0, :, None]
@@ -105,7 +123,91 @@ def with_gradient(stack: TracedLayers, block: Block, omega: Any) -> tuple[Any, A
     )
     level = 20 / np.log(10) * (jnp.log(jnp.abs(ratio)) - lost)
     R = chosen(back, come) * (1.0 if p else -1.0)
-    return jnp.exp(-lost) * ratio, R, level, jnp.exp(-2 * lost) * power_T, power_R
+    return jnp.exp(-lost) * ratio, R, level, jnp.exp(-2 * lost) * power_T, power_R, clear
+
+
+def _apart(through: Any, lost: Any) -> tuple[Any, Any]:
+    """What gets through without its size, and what was set apart of it."""
+    size = jax.lax.stop_gradient(jnp.abs(through).max(axis=(1, 2)))
+    size = jnp.where(size > 0, size, 1.0)
+    return through / size[:, None, None], lost - jnp.log(size)
+
+
+def _through_slice(macro: int, state: Any, piece: tuple[Any, ...]) -> Any:
+    """ρ and W at the left end of a slice: e = a ± b and o = a ∓ b, + of a macro-field."""
+    rho, through, lost = state
+    ee, eo, oe, oo = piece
+    n = rho.shape[-1]
+    sign = np.where(np.arange(n) < macro, 1.0, -1.0)[:, None]
+    e, o = np.eye(n) + sign * rho, np.eye(n) - sign * rho
+    e, o = ee @ e + eo @ o, oe @ e + oo @ o
+    entering = _inverse((e + o) / 2)
+    return (sign * (e - o) / 2 @ entering, *_apart(through @ entering, lost))
+
+
+def _graded(
+    stack: TracedLayers,
+    n: Any,
+    grading: Grading,
+    kind: Medium,
+    block: Block,
+    units: Scales,
+    omega: Any,
+    z: Any,
+) -> System:
+    """A graded layer, at scaled complex ω: P and Q of ``layered.section``, weighted by √z."""
+    p, size = len(block.macro), len(z)
+    thickness = stack.thickness[n] / units.length
+    m, iota = moduli(loss_law(stack.losses, n), omega.real, units.time)
+    m, iota = (jnp.broadcast_to(jnp.asarray(x) + 0j, omega.shape) for x in (m, iota))
+    root = jnp.sqrt(z)
+    even = jnp.concatenate([root[:p], 1 / root[p:]])
+
+    along = coefficients_along(stack, n, kind, grading, block, units)
+
+    def halves(u: Any) -> tuple[Any, Any]:
+        own = BlockCoefficients(*along(u)[0])
+        at, modulus, inertia = (x[:, None, None, None] for x in (omega, m, iota))
+        unit = np.eye(size - p)
+        of_B = modulus * own.c_bb - at**2 * inertia * own.i_B[..., None, None] * unit
+        P, Q = -1j / at * of_B, 1j * at / modulus * _inverse(own.gamma)
+        if p:
+            over = 1 / own.c_pp
+            P = P + 1j / at * modulus * (own.c_bp @ own.c_pb) * over
+            P = jnp.concatenate(
+                [
+                    jnp.concatenate([1j * at / modulus * over, own.c_pb * over + 0j], axis=-1),
+                    jnp.concatenate([-own.c_bp * over, P], axis=-1),
+                ],
+                axis=-2,
+            )
+            of_phi = 1j * at * inertia * own.i_phi[..., None, None]
+            none = jnp.zeros((*u.shape, 1, size - p))
+            Q = jnp.concatenate(
+                [
+                    jnp.concatenate([of_phi, none], axis=-1),
+                    jnp.concatenate([jnp.swapaxes(none, -1, -2), Q], axis=-1),
+                ],
+                axis=-2,
+            )
+        turn = even[:, None] * even
+        return P * turn * thickness, Q / turn * thickness
+
+    def rate(u: Any) -> Any:
+        P, Q = halves(u[:, None])
+        square = (P @ Q)[:, 0]
+        fourth = square @ square
+        return jnp.sqrt(jnp.sum(jnp.abs(fourth @ fourth) ** 2, axis=(1, 2))) ** (1 / 8)
+
+    def zeros(u: Any) -> tuple[Any, Any]:
+        def of(c_pp: Any, gamma: Any) -> Any:
+            diagonals = (jnp.diagonal(c, axis1=1, axis2=2) for c in (c_pp, gamma))
+            return jnp.concatenate(list(diagonals), axis=1)
+
+        own, slopes = along(u)
+        return of(own[0], own[4]), of(slopes[0], slopes[4])
+
+    return System(halves, rate, zeros)
 
 
 def _sent(here: Waves, rho: Any) -> Any:
@@ -117,7 +219,9 @@ def _carries(waves: Waves) -> Any:
     return jnp.abs(waves.k.imag) <= 1e-9 * jnp.abs(waves.k)
 
 
-def _coefficients(stack: TracedLayers, block: Block, units: Any) -> tuple[Any, ...]:
+def _coefficients(
+    kinds: tuple[Medium, ...], values: dict[str, Any], block: Block, units: Scales
+) -> tuple[Any, ...]:
     """c_pp, c_pb, c_bp, c_bb, Γ and inertias of each layer, scaled, (L, …)."""
 
     def of(kind: Any, values: Any) -> tuple[Any, ...]:
@@ -125,9 +229,9 @@ def _coefficients(stack: TracedLayers, block: Block, units: Any) -> tuple[Any, .
         return own.c_pp, own.c_pb, own.c_bp, own.c_bb, own.gamma, own.i_phi, own.i_B
 
     found: Any = None
-    for kind in dict.fromkeys(stack.kinds):
-        made = jax.vmap(partial(of, kind))(stack.first)
-        here = jnp.asarray([k == kind for k in stack.kinds])
+    for kind in dict.fromkeys(kinds):
+        made = jax.vmap(partial(of, kind))(values)
+        here = jnp.asarray([k == kind for k in kinds])
         if found is not None:
             made = tuple(
                 jnp.where(here.reshape(-1, *[1] * (new.ndim - 1)), new, old)

@@ -15,7 +15,6 @@ It is the physics of ``layered``, by another route: one vector in place of scatt
 
 from __future__ import annotations
 
-import itertools
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -25,18 +24,22 @@ import numpy as np
 
 from wavesim.differentiable.coefficients import (
     HalfSpace,
+    Wave,
     across,
     half_space,
     loss_law,
+    moduli,
     units_of,
+    wave_of,
     waves,
 )
-from wavesim.differentiable.graded_slices import graded_slices
+from wavesim.differentiable.graded_slices import System, coefficients_along, through_graded
 from wavesim.differentiable.gradient_waves import with_gradient
 from wavesim.differentiable.traced_layers import TracedLayers
 from wavesim.material.family import Block, travelling_block
-
-STEPS = 16
+from wavesim.material.layers import Grading
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import BlockCoefficients, Scales
 
 
 class Scattered(NamedTuple):
@@ -55,7 +58,9 @@ class Scattered(NamedTuple):
     power_R: Any
 
 
-def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEPS) -> Scattered:
+def transmission(
+    stack: TracedLayers, sector: str, omega: Any, steps: int | None = None
+) -> Scattered:
     """T and R of a stack between half-spaces of its first and its last medium.
 
     A pure function of the stack's arrays and of ω: ``jax.jit`` (sector and steps static),
@@ -66,23 +71,25 @@ def transmission(stack: TracedLayers, sector: str, omega: Any, steps: int = STEP
         sector: such as longitudinal or transverse2. Where the stack keeps Γ a block of
             micro-fields alone too, such as inplane(23): ratios are those of its field then.
         omega: real ω, (N,), not 0, rad/s.
-        steps: of a graded layer, each of order 16; those of ``layered`` refine by themselves.
+        steps: at most so many slices for a graded layer, ``stack.slices`` by default; each ω takes
+            those it needs.
 
     Returns:
-        T, R, level and power coefficients.
+        T, R, level and power coefficients; NaN where the slices of a graded layer do not suffice,
+        as at an asymptote within it where nothing is lost, at which there is no answer.
 
     Raises:
         ValueError: the sector is unknown, or nothing travels in it: as Γ → 0 micro-fields alone
             swing on the spot, each at one frequency.
     """
     block = block_of(stack, sector)
+    solve = with_gradient if stack.kept else _transmission
     with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
-        if stack.kept:
-            return Scattered(*with_gradient(stack, block, jnp.asarray(omega)))
-        return _transmission(stack, block, jnp.asarray(omega), steps)
+        *found, clear = solve(stack, block, jnp.asarray(omega), steps or stack.slices)
+        return Scattered(*(jnp.where(clear, value, jnp.nan) for value in found))
 
 
-def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> Scattered:
+def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> tuple[Any, ...]:
     units = units_of(stack)
     scaled = omega * units.time
     first = waves(stack.kinds, stack.first, block, units)
@@ -91,15 +98,16 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
     right = half_space(last.of(-1), loss_law(stack.losses, -1), scaled, units.time)
     state = behind(right, stack.losses)
     thickness = stack.thickness / units.length
-    backwards = range(len(stack.gradings) - 1, -1, -1)
-    for graded, members in itertools.groupby(backwards, lambda n: stack.gradings[n] is not None):
-        own = list(members)
-        if graded:
-            for n in own:
-                slices = graded_slices(stack, n, block, units, scaled, thickness[n] / steps, steps)
-                state, _ = jax.lax.scan(_through_slice, state, slices)
+    clear = jnp.ones(scaled.shape, bool)
+    for grading, at in stack.stretches():
+        if grading:
+            graded = partial(
+                _graded, stack, grading=grading, kind=stack.kinds[at[0]], block=block, units=units,
+                omega=scaled,
+            )  # fmt: skip
+            state, enough = through_graded(graded, at, state, _through_slice, len(scaled), steps)
+            clear = clear & enough
         else:
-            at = np.array(own)
             pieces = first.of(at), thickness[at], loss_law(stack.losses, at)
             step = jax.checkpoint(partial(through_layer, scaled, units.time), prevent_cse=False)
             state, _ = jax.lax.scan(step, state, pieces)
@@ -108,7 +116,7 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
     incident = jnp.where(left.carries, left.Z.real, jnp.nan)
     through = jnp.where(right.carries, right.Z.real, 0.0) / incident
     power_T, power_R = jnp.abs(T) ** 2 * through, jnp.abs(R) ** 2 * incident / incident
-    return Scattered(T, R, level_of(a, lost), power_T, power_R)
+    return T, R, level_of(a, lost), power_T, power_R, clear
 
 
 def behind(right: HalfSpace, losses: dict[str, Any] | None) -> tuple[Any, Any, Any]:
@@ -144,11 +152,63 @@ def through_layer(omega: Any, time: Any, state: Any, piece: Any) -> Any:
     return (c * v + s_over_Z * g, c * g - Z_s * v, lost + decay), None
 
 
-def _through_slice(state: Any, piece: Any) -> Any:
-    """The same of a slice of a graded layer."""
+def _through_slice(state: Any, piece: tuple[Any, ...]) -> Any:
+    """The same of a slice of a graded layer, o of which is g; what it grows by is set apart."""
+    vv, vg, gv, gg = (one[:, 0, 0] for one in piece)
     v, g, lost = state
-    (vv, vg, gv, gg), decay = piece
-    return (vv * v + vg * g, gv * v + gg * g, lost + decay), None
+    v, g = vv * v + vg * g, gv * v + gg * g
+    square = jnp.abs(v) ** 2 + jnp.abs(g) ** 2
+    size = jax.lax.stop_gradient(jnp.sqrt(square if v.ndim == 1 else square.sum(axis=0)))
+    return v / size, g / size, lost + jnp.log(size)
+
+
+def _wave_of(*own: Any) -> Wave:
+    return wave_of(BlockCoefficients(*own))
+
+
+def _graded(
+    stack: TracedLayers,
+    n: Any,
+    grading: Grading,
+    kind: Medium,
+    block: Block,
+    units: Scales,
+    omega: Any,
+) -> System:
+    """A graded layer, at scaled ω."""
+    thickness = stack.thickness[n] / units.length
+    m, iota = (jnp.asarray(x) for x in moduli(loss_law(stack.losses, n), omega, units.time))
+    m, iota = (jnp.broadcast_to(x, omega.shape) for x in (m, iota))
+    along = coefficients_along(stack, n, kind, grading, block, units)
+
+    def wave(u: Any) -> Wave:
+        of: Any = _wave_of
+        for _ in range(u.ndim):
+            of = jax.vmap(of)
+        return of(*along(u)[0])
+
+    def halves(u: Any) -> tuple[Any, Any]:
+        own = wave(u)
+        at = (x[:, None] for x in (omega, m, iota))
+        P = -omega[:, None] / own.stiffness(*at) * thickness
+        Q = (omega * iota)[:, None] * own.i_phi * thickness
+        return P[..., None, None], Q[..., None, None]
+
+    def rate(u: Any) -> Any:
+        own = wave(u)
+        square = iota * own.i_phi / own.stiffness(omega, m, iota)
+        return omega * jnp.sqrt(jnp.abs(square)) * thickness
+
+    def zeros(u: Any) -> tuple[Any, Any]:
+        def zero(omega: Any, m: Any, iota: Any, *own: Any) -> Any:
+            return _wave_of(*own).numerator(omega, m, iota)
+
+        own, slopes = along(u)
+        still = [jnp.zeros_like(x) for x in (omega, m, iota)]
+        found = jax.jvp(jax.vmap(zero), (omega, m, iota, *own), (*still, *slopes))
+        return found[0][:, None], found[1][:, None]
+
+    return System(halves, rate, zeros)
 
 
 def block_of(stack: TracedLayers, sector: str) -> Block:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,11 @@ from wavesim.material.layers import Grading, Layers
 from wavesim.material.medium import Medium
 from wavesim.material.several_families import together
 from wavesim.planewave.band_edges import keeps_gradient
+from wavesim.planewave.eigenproblem import spectral_form
 
 jax.config.update("jax_enable_x64", True)
+# Slices of a graded layer: where Γ is left out, and at most.
+_SLICES, _MOST_SLICES = 96, 4096
 
 
 @jax.tree_util.register_dataclass
@@ -36,6 +40,7 @@ class TracedLayers:
         kinds: of each layer, a medium of the closure at hand; its parameters do not count.
         gradings: of each layer "smooth" or "linear" where it is graded, else None.
         kept: whether the gradient term Γ is kept.
+        slices: into how many a graded layer is cut at most.
     """
 
     first: dict[str, Any]
@@ -45,6 +50,15 @@ class TracedLayers:
     kinds: tuple[Medium, ...] = dataclasses.field(metadata={"static": True})
     gradings: tuple[Grading | None, ...] = dataclasses.field(metadata={"static": True})
     kept: bool = dataclasses.field(default=False, metadata={"static": True})
+    slices: int = dataclasses.field(default=0, metadata={"static": True})
+
+    def stretches(self) -> list[tuple[Grading | None, Any]]:
+        """Layers alike in grading, and kind where they are graded, and which, from the right."""
+        alike = list(zip(self.gradings, self.kinds, strict=True))
+        found = itertools.groupby(
+            range(len(alike) - 1, -1, -1), lambda n: alike[n] if alike[n][0] else (None, None)
+        )
+        return [(grading, np.array(list(members))) for (grading, _), members in found]
 
     def with_values(self, name: str, layers: Any, value: Any, end: str = "both") -> TracedLayers:
         """The same with a value, or one for each, laid over some layers.
@@ -78,16 +92,11 @@ def traced_layers(layers: Layers, gradient: bool | None = None) -> TracedLayers:
         gradient: whether Γ is kept; None lets its share decide, above 1e-9 of a layer.
 
     Raises:
-        ValueError: Γ is kept beside a graded layer, of which ``wavesim.layered.transmission`` has
-            the answer. Or families that share a parameter have values of their own: take the
+        ValueError: Γ is so small that a graded layer would be cut into more than 4096 slices. Or
+            families that share a parameter have values of their own: take the
             layers of one.
     """
     kept = keeps_gradient(layers, gradient)
-    if kept and any(layer.last is not None for layer in layers.layers):
-        raise ValueError(
-            "the gradient term counts in these layers, and transmission in jax keeps it in uniform "
-            "layers alone; lower its stiffness (G_n_g, K_n_g), or take wavesim.layered.transmission"
-        )
     own = layers.layers
     graded = any(layer.last is not None for layer in own)
     last = _parameters([layer.last or layer.medium for layer in own]) if graded else None
@@ -114,7 +123,36 @@ def traced_layers(layers: Layers, gradient: bool | None = None) -> TracedLayers:
         kinds=tuple(_kind(layer.medium) for layer in own),
         gradings=tuple(None if layer.last is None else layer.grading for layer in own),
         kept=kept,
+        slices=_slices(layers, kept),
     )
+
+
+def _slices(layers: Layers, kept: bool) -> int:
+    """Into how many a graded layer is cut at most: two for each decay of waves that Γ carries."""
+    graded = [layer for layer in layers.layers if layer.last is not None]
+    if not kept or not graded:
+        return _SLICES if graded else 0
+    most = max(
+        layer.thickness / medium.length_scale * _steepest(medium)
+        for layer in graded
+        for medium in layer.sampled()
+    )
+    if most > _MOST_SLICES:
+        raise ValueError(
+            "the gradient term counts so little in a graded layer that its waves die out within "
+            f"{1 / most:.1g} of it; leave the term out (gradient=False), or raise its stiffness "
+            "(G_n_g, K_n_g)"
+        )
+    return int(2 ** np.ceil(np.log2(_SLICES + most)))
+
+
+def _steepest(medium: Medium) -> float:
+    """√ of the largest eigenvalue of Γ⁻¹ C_BB, l⁻¹, over the blocks."""
+    squares = []
+    for block in medium.family.blocks:
+        form = spectral_form(medium, block)
+        squares.append(np.abs(np.linalg.eigvals(np.linalg.solve(form.gamma, form.c_bb))).max())
+    return float(np.sqrt(max(squares)))
 
 
 def _parameters(media: list[Medium]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from wavesim.figures.style import (
     THEORY,
     Drawings,
     as_written,
+    decibels,
     gap_edges,
     second_axes,
     shade,
@@ -74,16 +75,16 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
         shade(axes, gap_edges(media[0], found.sector))
     fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
     if len(lines) > 2:
-        level = 20 * np.log10(np.maximum(np.abs(lines[2]), 1e-15))
+        level = decibels(lines[2])
         axes.plot(fine * KHZ, level, "-", color=_REAL, lw=0.9, label="T at real ω, as a filter")
     for label, value, curve, colour, mark in (
         ("T", found.T, lines[0], FOUND, "o"),
         ("R", found.R, lines[1], _REFLECTED, "s"),
     ):
-        level = 20 * np.log10(np.maximum(np.abs(curve), 1e-15))
+        level = decibels(curve)
         axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
                   label=f"{label}, exact at ω + iσ")  # fmt: skip
-        seen = 20 * np.log10(np.maximum(np.abs(value[judged]), 1e-15))
+        seen = decibels(value[judged])
         axes.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
     draw_masks(axes, [band.asked for band in found.bands])
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))

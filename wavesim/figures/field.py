@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
@@ -25,8 +24,8 @@ from wavesim.figures.style import (
     title,
 )
 from wavesim.material.family import is_macro
-from wavesim.planewave.dispersion_relation import block_group_velocity
-from wavesim.readings.amplitude_map import amplitude_map
+from wavesim.readings.amplitude_map import amplitude_map, gone_round
+from wavesim.readings.record_section import ARRIVED, Section, record_section, spectra
 from wavesim.simulation.field import Field
 
 _DECIBELS = 60.0
@@ -35,12 +34,8 @@ _PIXELS = (360, 420)
 _STYLES = ("-", "--", "-.", ":")
 # Receivers named in a legend, and beside their traces, at most.
 _MOST_LABELS, _MOST_NAMES = 9, 24
-# Traces stand at their positions where the least step is this part of the mean one, and have one
-# scale where the smallest peak is this part of the largest.
-_UNEVEN, _ALIKE = 0.3, 0.25
-# A trace has arrived at this part of its peak, and is silent below that one.
-_ARRIVED, _SILENT = 0.05, 0.02
-_MOST_PERIODS = 30
+# Traces stand at their positions where the least step is this part of the mean one.
+_UNEVEN = 0.3
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -71,36 +66,20 @@ def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
                 source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k",
                 clip_on=False, zorder=4,
             )  # fmt: skip
-    if field.bar.periodic:
-        _mark_round(axes, field, sector)
+    _mark_round(axes, field, sector)
     return image
 
 
 def _mark_round(axes: Axes, field: Field, sector: str) -> None:
-    """Where the fastest wave is once it has gone round the bar: beyond it waves overlap."""
-    blocks = [block for block in field.blocks if block.sector == sector and block.macro]
-    sources = [s for s in field.sources if any(s.field in block.fields for block in blocks)]
-    if not sources:
-        return
-    length, end = field.bar.length, float(field.t[-1])
-    k = [np.pi / field.bar.spacing]
-    speed = max(float(block_group_velocity(field.medium, b, k).max()) for b in blocks)
-    named = False
-    for begin, x in dict.fromkeys((max(s.onset, 0.0), s.position) for s in sources):
-        for there, start, way in ((length - x, 0.0, 1.0), (x, length, -1.0)):
-            back = begin + there / speed
-            if back >= end:
-                continue
-            last = start + way * min(speed * (end - back), length)
-            axes.plot(
-                [start * 1e3, last * 1e3], [back * 1e6, (back + abs(last - start) / speed) * 1e6],
-                color="white", lw=1.0, ls="--",
-                label=None if named else "gone round the bar",
-            )  # fmt: skip
-            named = True
-    if named:
-        axes.legend(loc="lower right", fontsize=6.5, frameon=True, facecolor="#5f7183",
-                    labelcolor="white", framealpha=0.9)  # fmt: skip
+    """Where the fastest wave is once it has gone round the bar."""
+    for number, (x, t) in enumerate(gone_round(field, sector)):
+        axes.plot(
+            np.multiply(x, 1e3), np.multiply(t, 1e6), color="white", lw=1.0, ls="--",
+            label=None if number else "gone round the bar",
+        )  # fmt: skip
+        if number == 0:
+            axes.legend(loc="lower right", fontsize=6.5, frameon=True, facecolor="#5f7183",
+                        labelcolor="white", framealpha=0.9)  # fmt: skip
 
 
 def spacetime(field: Field) -> Figure:
@@ -154,17 +133,6 @@ def _power_of_ten(values: Any) -> tuple[float, str]:
     return 10.0**-power, f"10{str(power).translate(_RAISED)} " if power else ""
 
 
-def _end_taper(count: int) -> np.ndarray:
-    """1 over the record but for its last fifth, where it falls to 0 as a cosine.
-
-    It leaves early arrivals as they are, so that spectra at different distances compare. To load
-    scipy.signal for it would take longer than to draw with it.
-    """
-    whole = 2 * count - 1
-    left = np.arange(count)[::-1] / whole
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(left / 0.1, 1.0)))
-
-
 def receivers(field: Field) -> Figure:
     """Record section of macro-fields (or, without any, the first field), and their spectra.
 
@@ -180,10 +148,9 @@ def receivers(field: Field) -> Figure:
     figure = Figure(figsize=(8.2, 0.9 + tall * len(names)))
     rows = figure.subplots(len(names), 2, squeeze=False, width_ratios=(1.25, 1))
     for (section, spectrum), name in zip(rows, names, strict=True):
-        signals = np.array([field.at(position, name) for _, position in order])
-        f = np.fft.rfftfreq(4 * signals.shape[1], field.interval) / 1e3
-        tapered = signals * _end_taper(signals.shape[1])
-        power = np.abs(np.fft.rfft(tapered, 4 * signals.shape[1])) * field.interval * 1e6
+        own = record_section(field, name)
+        hertz, power = spectra(field, own.signals)
+        f, power = hertz / 1e3, power * 1e6
         for number, (label, x) in enumerate(order):
             spectrum.plot(
                 f, power[number], color=shades[number], ls=_STYLES[number % 4], lw=0.9,
@@ -197,8 +164,7 @@ def receivers(field: Field) -> Figure:
             if one_medium:
                 shade(spectrum, gap_edges(field.medium, sector))
         spectrum.set_ylabel(f"|∫ {symbol(name)} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
-        pitch = float(f[np.argmax(np.sum(power**2, axis=0))]) * 1e3
-        _section(section, field, name, order, signals, shades, pitch)
+        _section(section, field, name, own)
     handles, labels = rows[0, 1].get_legend_handles_labels()
     # Of many receivers some: the others' colours lie between.
     some = np.unique(np.linspace(0, len(labels) - 1, _MOST_LABELS).round().astype(int))
@@ -218,69 +184,44 @@ def receivers(field: Field) -> Figure:
 
 def section_panel(axes: Axes, field: Field, name: str) -> None:
     """Record section of one field at the receivers, on given axes."""
-    order = sorted(field.receivers.items(), key=lambda item: item[1])
-    signals = np.array([field.at(position, name) for _, position in order])
-    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(order)))
-    f = np.fft.rfftfreq(4 * signals.shape[1], field.interval)
-    power = np.abs(np.fft.rfft(signals * _end_taper(signals.shape[1]), 4 * signals.shape[1]))
-    pitch = float(f[np.argmax(np.sum(power**2, axis=0))])
-    _section(axes, field, name, order, signals, shades, pitch)
+    _section(axes, field, name, record_section(field, name))
     axes.set_xlabel("t (µs)")
 
 
-def _section(
-    axes: Axes, field: Field, name: str, order: Sequence[tuple[str, float]], signals: Any,
-    shades: Any, pitch: float,
-) -> None:  # fmt: skip
+def _section(axes: Axes, field: Field, name: str, own: Section) -> None:
     """Signals over time, set off by position, with the first arrival on each."""
-    x = np.array([position for _, position in order]) * 1e3
+    x = np.array([position for _, position in own.order]) * 1e3
+    shades = matplotlib.colormaps["viridis"](np.linspace(0, 0.8, len(x)))
     steps = np.diff(x)
     placed = not len(steps) or float(steps.min()) >= _UNEVEN * float(steps.mean()) > 0
     base = x if placed else np.arange(len(x), dtype=float)
     step = float(np.diff(base).min()) if len(steps) else 1.0
-    peaks = np.abs(signals).max(axis=1)
-    alike = float(peaks.min()) >= _ALIKE * float(peaks.max())
-    scale = np.where(peaks > 0, peaks.max() if alike else peaks, 1.0)
-    first = np.argmax(np.abs(signals) >= _ARRIVED * np.maximum(peaks, 1e-300)[:, None], axis=1)
-    end = _last_shown(field, signals, peaks, first, pitch)
-    shown = field.t <= end * (1 + 1e-9)
-    traces = base[:, None] + 0.62 * step * signals[:, shown] / scale[:, None]
+    shown = field.t <= own.end * (1 + 1e-9)
+    traces = base[:, None] + 0.62 * step * own.signals[:, shown] / own.scale[:, None]
     for number, trace in enumerate(traces):
         axes.plot(field.t[shown] * 1e6, trace, color=shades[number], lw=0.8)
-    arrived = (peaks > 0) & (first > 0)
     axes.plot(
-        field.t[first[arrived]] * 1e6, base[arrived], "|", color=FOUND, ms=9, mew=1.5, zorder=3,
-        label=f"first {100 * _ARRIVED:g} % of the peak",
+        field.t[own.first[own.arrived]] * 1e6, base[own.arrived], "|", color=FOUND, ms=9, mew=1.5,
+        zorder=3, label=f"first {100 * ARRIVED:g} % of the peak",
     )  # fmt: skip
-    every = -(-len(order) // _MOST_NAMES)
-    for number in range(0, len(order), every):
+    every = -(-len(x) // _MOST_NAMES)
+    for number in range(0, len(x), every):
         axes.text(
-            1.01, base[number], order[number][0], ha="left", va="center", fontsize=6.5,
+            1.01, base[number], own.order[number][0], ha="left", va="center", fontsize=6.5,
             color=shades[number], transform=axes.get_yaxis_transform(),
         )  # fmt: skip
     if not placed or len(x) <= _MOST_LABELS:
         axes.set_yticks(base[::every], [f"{value:g}" for value in x[::every]])
-    factor, exponent = _power_of_ten(peaks)
-    low, high = (f"{value * factor:.3g}" for value in (peaks.min(), peaks.max()))
+    factor, exponent = _power_of_ten(own.peaks)
+    low, high = (f"{value * factor:.3g}" for value in (own.peaks.min(), own.peaks.max()))
     unit = f"{'× ' + exponent if exponent else ''}{field.unit(name)}"
-    told = f"one scale, peak {high}" if alike else f"each to its peak, {low} to {high}"
-    cut = "" if shown.all() else f"; first {end * 1e6:.3g} of {field.t[-1] * 1e6:.3g} µs"
+    told = f"one scale, peak {high}" if own.alike else f"each to its peak, {low} to {high}"
+    cut = "" if shown.all() else f"; first {own.end * 1e6:.3g} of {field.t[-1] * 1e6:.3g} µs"
     axes.set_title(f"{symbol(name)}, {told} {unit}{cut}", fontsize=8)
     axes.set(
-        ylabel=f"{'position' if placed else 'position, in order'} (mm)", xlim=(0, end * 1e6),
+        ylabel=f"{'position' if placed else 'position, in order'} (mm)", xlim=(0, own.end * 1e6),
         ylim=(base[0] - 0.85 * step, base[-1] + 0.85 * step),
     )  # fmt: skip
-
-
-def _last_shown(field: Field, signals: Any, peaks: Any, first: Any, pitch: float) -> float:
-    """Until when a record section shows something that can be read, s."""
-    loud = (np.abs(signals) > _SILENT * np.maximum(peaks, 1e-300)[:, None]).any(axis=0)
-    if not loud.any():
-        return float(field.t[-1])
-    end = 1.05 * float(field.t[np.flatnonzero(loud)[-1]])
-    if pitch > 0:
-        end = min(end, float(field.t[first.max()]) + _MOST_PERIODS / pitch)
-    return min(end, float(field.t[-1]))
 
 
 def energy(field: Field) -> Figure:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from wavesim.figures.style import FOUND
 from wavesim.material.medium import Medium
 from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
@@ -25,13 +26,14 @@ def _label(name: str) -> str:
     return f"{words}{symbol}" + (f" ({known.unit})" if known.unit else "")
 
 
-def gap_map_figure(gaps: GapMap) -> Figure:
+def gap_map_figure(gaps: GapMap, band: tuple[float, float] | None = None) -> Figure:
     """Widths of the gaps and of the widest full gap over two parameters, in kHz.
 
     Contours are drawn over the colours, so that values can be read in grey; white is closed.
 
     Args:
         gaps: what :func:`wavesim.planewave.gap_map.gap_map` returned.
+        band: rad/s; hatched where a gap holds all of it.
     """
     names, families = (*gaps.lower, "full"), edge_families(gaps.medium)
     x = np.ravel(getattr(gaps.medium, gaps.x))
@@ -53,6 +55,10 @@ def gap_map_figure(gaps: GapMap) -> Figure:
         shown = np.ma.masked_invalid(np.where(width > 1e-6 * max(top, 1e-300), width, np.nan))
         image = axes.pcolormesh(x, y, shown, cmap="viridis", vmin=0.0, shading="auto")
         levels = MaxNLocator(7).tick_values(0.0, top)[1:]
+        if band is not None and gaps.covers(name, band).any():
+            held = gaps.covers(name, band).astype(float)
+            axes.contourf(x, y, held, [0.5, 1.5], colors="none", hatches=["xx"])
+            axes.contour(x, y, held, [0.5], colors=FOUND, linewidths=1.8)
         lines = axes.contour(x, y, shown.filled(0.0), levels, colors="white", linewidths=0.7)
         axes.clabel(lines, fontsize=7, fmt="%.0f")
         figure.colorbar(image, ax=axes, label="width (kHz)")
@@ -61,7 +67,13 @@ def gap_map_figure(gaps: GapMap) -> Figure:
         axes.tick_params(labelbottom=True)
     for axes in panels[:, 0]:
         axes.set_ylabel(_label(gaps.y))
-    figure.suptitle(f"{gaps.medium.family.name}, closure {gaps.medium.closure}", fontsize=10)
+    told = "white: closed"
+    if band is not None:
+        low, high = (1e-3 * end / (2 * math.pi) for end in band)
+        told += f"; hatched: holds all of {low:g} to {high:g} kHz"
+    figure.suptitle(
+        f"{gaps.medium.family.name}, closure {gaps.medium.closure}; {told}", fontsize=10
+    )
     return figure
 
 

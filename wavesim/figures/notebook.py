@@ -124,7 +124,7 @@ def _(found: Transmission) -> Figure:
         (found.power_T, "transmitted", LINE_STYLES[0]),
         (found.power_R, "reflected", LINE_STYLES[1]),
     ):
-        axes.plot(found.omega.real * KHZ, decibels(np.sqrt(values), 1.0), ls=style, label=label)
+        axes.plot(found.omega.real * KHZ, decibels(np.sqrt(values)), ls=style, label=label)
     axes.set(xlabel="ω/2π (kHz)", ylabel="energy (dB)")
     axes.legend()
     return figure

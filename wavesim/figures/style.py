@@ -72,7 +72,7 @@ def title(blocks: Sequence[Block]) -> str:
     return f"{sector_words(sector)}: {', '.join(held)}"
 
 
-def decibels(amplitude: Any, reference: float) -> np.ndarray:
+def decibels(amplitude: Any, reference: float = 1.0) -> np.ndarray:
     """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
     return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
 

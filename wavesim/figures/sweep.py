@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, KHZ, Drawings, symbol
+from wavesim.figures.style import FOUND, KHZ, Drawings, decibels, symbol
 from wavesim.material.family import known_field
 
 _MAP = matplotlib.colormaps["viridis"]
@@ -93,7 +93,7 @@ def _levels(data: Any, sector: str) -> Figure:
     for axes, key in zip(places, keys, strict=True):
         middle = {name: data.sizes[name] // 2 for name in data["status"].dims if name != key}
         own = data["T"].sel(sector=sector).isel(middle).transpose("frequency", key)
-        level = 20 * np.log10(np.maximum(np.abs(own.values), 1e-15))
+        level = decibels(own.values)
         shown: Any = {"cmap": _MAP, "vmin": _LOW, "vmax": 0.0, "shading": "nearest"}
         image = axes.pcolormesh(data[key], data["frequency"] / 1e3, level, **shown)
         told = ", ".join(f"{name} = {float(data[name][at]):.4g}" for name, at in middle.items())

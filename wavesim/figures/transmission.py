@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, THEORY, gap_edges, shade
-from wavesim.studies.transmission_study import Curve, Study, decibels
+from wavesim.figures.style import FOUND, THEORY, decibels, gap_edges, shade
+
+if TYPE_CHECKING:  # a run's pictures need none of the studies
+    from wavesim.studies.transmission_study import Curve, Study
 
 _REFLECTED = "#2f6f9f"
 _DEEPEST = -120.0
@@ -42,7 +44,7 @@ def transmission_figure(study: Study) -> Figure:
         f = curve.frequency / 1e3
         # Where the half-space has a gap no wave comes in, and ratios to one say nothing.
         dark = curve.told & ~np.isfinite(curve.transmitted) & np.isfinite(curve.transmitted).any()
-        T, R = (np.where(dark, np.nan, decibels(value)) for value in (curve.T, curve.R))
+        T, R = (np.where(dark, np.nan, decibels(value, 1.0)) for value in (curve.T, curve.R))
         axis.plot(f, R, "--", color=_REFLECTED, lw=0.9, label="R")
         axis.plot(f, T, "-", color=THEORY, lw=1.2, label="T")
         lowest = max(_DEEPEST, float(np.nanmin(T, initial=0.0)))

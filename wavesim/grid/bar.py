@@ -19,8 +19,8 @@ from wavesim.material.layers import ENDS, End, Layers
 from wavesim.material.shown import Shown, quantity
 
 MINIMUM_CELLS = 16
-# More would not fit into any memory, and are taken for a slip of the pen.
-MOST_CELLS = 10**8
+# More are taken for a slip of the pen: their differences alone take a GB, and seconds.
+MOST_CELLS = 5 * 10**6
 
 Float = NDArray[Any]
 Index = NDArray[np.int64]

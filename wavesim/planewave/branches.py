@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import linear_sum_assignment
 
+from wavesim.material.assignment import assigned
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.planewave.eigenproblem import Eigenmodes, Float, solve, spectral_form
@@ -47,7 +47,7 @@ def _assign(before: Eigenmodes, after: Eigenmodes) -> tuple[Any, bool]:
     one, in shape and in place.
     """
     overlaps = _overlaps(before, after)
-    target = linear_sum_assignment(-overlaps)[1]
+    target = assigned(-overlaps)[1]
     squares = np.real(after.squares)
     together = np.abs(squares[:, None] - squares) <= _EQUAL * np.abs(squares).max()
     kept = np.sum(overlaps * together[target], axis=1)

@@ -40,11 +40,21 @@ class GapMap:
     x: str
     y: str
 
+    def edges(self, name: str) -> tuple[Float, Float]:
+        """Lower and upper edge of a gap, or of the widest "full" gap, shape S each, rad/s."""
+        if name == "full":
+            return self.full_lower, self.full_upper
+        return self.lower[name], self.upper[name]
+
     def width(self, name: str) -> Float:
         """Width of a gap, or of the widest "full" gap, shape S, rad/s."""
-        if name == "full":
-            return self.full_upper - self.full_lower
-        return self.upper[name] - self.lower[name]
+        lower, upper = self.edges(name)
+        return upper - lower
+
+    def covers(self, name: str, band: tuple[float, float]) -> Any:
+        """Where a gap, or the widest "full" one, holds all of a band (rad/s), mask of shape S."""
+        lower, upper = self.edges(name)
+        return (lower <= band[0]) & (band[1] <= upper)
 
 
 def family_gaps(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:

@@ -1,4 +1,5 @@
-"""Amplitude over time and position, in tiles that a picture can show: √2 times the rms in each.
+"""Amplitude over time and position, in tiles that a picture can show: √2 times the rms in each,
+and where waves overlap in it that have gone round a ring.
 
 The mean is over a tile, and in time over a period of what the sources drive at least: the phase of
 a wave, which no picture of a whole record can resolve, leaves no pattern.
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.planewave.dispersion_relation import block_group_velocity
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -74,3 +76,31 @@ def _over_a_period(mean: Float, field: Field, high: int) -> Float:
     at = np.arange(len(mean))
     first, last = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(mean))
     return np.asarray((total[last] - total[first]) / (last - first)[:, None])
+
+
+def gone_round(field: Field, sector: str) -> list[tuple[list[float], list[float]]]:
+    """Where the fastest wave is once it has gone round the bar: beyond it waves overlap.
+
+    Args:
+        field: the field.
+        sector: of the waves.
+
+    Returns:
+        Positions (m) and times (s) of the two ends of each line; none where no wave goes round.
+    """
+    blocks = [block for block in field.blocks if block.sector == sector and block.macro]
+    sources = [s for s in field.sources if any(s.field in block.fields for block in blocks)]
+    if not field.bar.periodic or not sources:
+        return []
+    length, end = field.bar.length, float(field.t[-1])
+    k = [np.pi / field.bar.spacing]
+    speed = max(float(block_group_velocity(field.medium, b, k).max()) for b in blocks)
+    lines = []
+    for begin, x in dict.fromkeys((max(s.onset, 0.0), s.position) for s in sources):
+        for there, start, way in ((length - x, 0.0, 1.0), (x, length, -1.0)):
+            back = begin + there / speed
+            if back >= end:
+                continue
+            last = start + way * min(speed * (end - back), length)
+            lines.append(([start, last], [back, back + abs(last - start) / speed]))
+    return lines

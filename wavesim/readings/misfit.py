@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.matched_record import Measured
+from wavesim.simulation.bandlimited import cross_correlation
 
 Float = NDArray[Any]
 
@@ -100,10 +101,8 @@ def misfit(
         left: what is left of the record, shape (nt,).
         step: Δt, s.
     """
-    from scipy.signal import correlate  # slow to import, and only a comparison needs it
-
     there = there - there.mean()
-    c = correlate(u, there, mode="full", method="fft")
+    c = cross_correlation(u, there)
     at = int(np.argmax(c))
     a, b, d = c[max(at - 1, 0)], c[at], c[min(at + 1, len(c) - 1)]
     bend = a - 2 * b + d

@@ -183,14 +183,16 @@ def _input(content: Content, layout: Layout) -> Float | None:
         columns = [*content.columns, *content.unplaced_columns.values()]
         if len(columns) < len(labels):
             columns = list(range(2, len(labels) + 2))
-        at = [j for j, number in enumerate(columns) if text.isdigit() and number == int(text)]
-        by_name = [j for j, label in enumerate(labels) if label == text]
-        if at and by_name and at != by_name:
-            content.notes.append(
-                f"--input {text}: the column of that number is taken, headed {labels[at[0]]!r}, "
-                f"not column {columns[by_name[0]]}, which is headed {text!r}"
+        kind, _, rest = text.partition(" ")
+        as_number = rest if kind == "column" else text
+        numbered = [j for j, number in enumerate(columns) if str(number) == as_number]
+        at = [j for j, label in enumerate(labels) if text in (label, f"heading {label}")]
+        if at and numbered and numbered != at:
+            raise RecordError(
+                f"--input {text}: is the number of the column headed {labels[numbered[0]]!r}, and "
+                f"the heading of column {columns[at[0]]}: say 'column {text}' or 'heading {text}'"
             )
-        at = at or by_name
+        at = at or numbered
         if not at:
             near = ", ".join(f"{c} {label!r}" for c, label in zip(columns, labels, strict=True))
             raise RecordError(f"--input {text}: no such column; there are {near}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
@@ -148,6 +147,8 @@ def _filled(record: Record) -> Record:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]]))).reshape(-1, 2)
     size = np.abs(record.values).max()
     values, there = record.values.copy(), ~gone
+    from scipy.interpolate import CubicSpline  # slow to import, and only a fault needs it
+
     spline = CubicSpline(record.t[there], values[:, there], axis=1)
     for start, stop in edges:
         inside = start >= 2 and stop <= len(gone) - 2

@@ -18,7 +18,7 @@ KINDS: dict[str, tuple[float, str, int]] = {
     "decay": (1e-3, "dB/mm", 5),
     "velocity": (1.0, "m/s", 6),
     "wavenumber": (1e-3, "rad/mm", 4),
-    "level": (1.0, "dB", 5),
+    "level": (1.0, "dB", 4),
     "number": (1.0, "", 5),
     "time": (1e6, "µs", 5),
 }
@@ -32,13 +32,23 @@ class Column:
         name: its heading.
         key: of the number in a row of summary.json.
         kind: of quantity, see KINDS; "" for words.
-        wide: shown where there is room, on the page.
+        below, above: of what says in a row that the number is no more than an upper, or a lower,
+            bound; "" where none does.
     """
 
     name: str
     key: str
     kind: str = ""
-    wide: bool = False
+    below: str = ""
+    above: str = ""
+
+    def bound(self, row: Row) -> str:
+        """What stands before the number."""
+        return "≤ " if row.get(self.below) else "≥ " if row.get(self.above) else ""
+
+    def shown(self, row: Row) -> str:
+        """Of a row, in the unit of its kind, or a word; – where there is none."""
+        return self.bound(row) + shown(row.get(self.key), self.kind)
 
 
 @dataclass(frozen=True)
@@ -67,13 +77,12 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("from", "lower", "frequency"),
             Column("to", "upper", "frequency"),
             Column("at", "frequency", "frequency"),
-            Column("real ω", "attenuation_at_real_frequency", "decay"),
-            Column("simulated", "attenuation", "decay"),
-            Column("exact", "attenuation_exact", "decay"),
+            Column("steady\nwave", "attenuation_at_real_frequency", "decay"),
+            Column("record:\nsimulated", "attenuation", "decay"),
+            Column("record:\nexact", "attenuation_exact", "decay"),
         ),
-        "real ω: what a steady wave loses, exact. A record that ends tells it at ω + iσ: "
-        "simulated, beside what is exact there; the less [analysis] damping, the nearer, in a "
-        "longer record. "
+        "Steady wave: what it loses at that frequency, exact. A record that ends tells it at "
+        "ω + iσ: simulated, beside what is exact there; the longer the record, the nearer. "
         "Edges are the medium's, exact. In-plane waves do not travel: nothing is read of them.",
     ),
     "wave": (
@@ -92,17 +101,16 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
         (
             Column("where", "where"),
             Column("waves", "sector"),
-            Column("from", "lower", "frequency"),
-            Column("exact", "lower_exact", "frequency", wide=True),
-            Column("to", "upper", "frequency"),
-            Column("exact", "upper_exact", "frequency", wide=True),
+            Column("from", "lower", "frequency", below="lower_open"),
+            Column("to", "upper", "frequency", above="upper_open"),
             Column("at", "frequency", "frequency"),
-            Column("real ω", "level_at_real_frequency", "level"),
-            Column("simulated", "level", "level"),
-            Column("exact", "level_exact", "level"),
+            Column("steady\nwave", "level_at_real_frequency", "level"),
+            Column("record:\nsimulated", "level", "level"),
+            Column("record:\nexact", "level_exact", "level"),
         ),
-        "real ω: T of a steady wave, exact. A record that ends tells it at ω + iσ: simulated, "
-        "beside what is exact there. Stop bands are where that is below −20 dB.",
+        "Steady wave: T at that frequency, exact; stop bands are where it is below −20 dB, ≥ where "
+        "they go on past what the run tells of. A record that ends tells T at ω + iσ: simulated, "
+        "beside what is exact there.",
     ),
     "mode": (
         "Eigenfrequencies, the lowest",
@@ -156,8 +164,18 @@ def answers(summary: Summary) -> list[Answer]:
         name = next((key for key in _LAYOUT if rows and key in rows[0]), None)
         if name is not None:
             title, columns, note = _LAYOUT[name]
-            found.append(Answer(title, columns, rows, note))
+            found.append(Answer(title, columns, rows, _untold(rows, name) + note))
     return found
+
+
+def _untold(rows: Sequence[Mapping[str, Any]], name: str) -> str:
+    """Why some rows have no measured number, each reason once."""
+    why: dict[str, list[str]] = {}
+    for row in rows:
+        if row.get("untold"):
+            why.setdefault(row["untold"], []).append(str(row[name]))
+    told = "; ".join(f"{', '.join(these)}: {reason}" for reason, these in why.items())
+    return f"– {told}. " if told else ""
 
 
 def shown(value: Any, kind: str) -> str:

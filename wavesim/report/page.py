@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesim.report.answers import KINDS, Answer, answers, explained, number, shown, verdict
+from wavesim.report.answers import KINDS, Answer, Column, answers, explained, number, shown, verdict
 
 _ASSETS = Path(__file__).parent / "assets"
 _KIBI = 1024.0
@@ -101,7 +101,11 @@ def _script(value: Any) -> Any:
 
 def _table(answer: Answer) -> dict[str, Any]:
     columns = [
-        {"name": c.name, "kind": c.kind, "unit": KINDS[c.kind][1] if c.kind else ""}
+        {
+            "name": c.name.replace("\n", " "),
+            "kind": c.kind,
+            "unit": KINDS[c.kind][1] if c.kind else "",
+        }
         for c in answer.columns
     ]
     rows = [
@@ -109,7 +113,9 @@ def _table(answer: Answer) -> dict[str, Any]:
             {
                 "value": _digits(row.get(c.key)) if c.kind else None,
                 "kind": c.kind,
-                "text": shown(row.get(c.key), c.kind),
+                "bound": c.bound(row),
+                "text": c.shown(row),
+                "label": _heading(c),
             }
             for c in answer.columns
         ]
@@ -118,14 +124,20 @@ def _table(answer: Answer) -> dict[str, Any]:
     return {"title": answer.title, "columns": columns, "rows": rows, "note": answer.note}
 
 
+def _heading(column: Column) -> str:
+    """Of a column with its unit, in one line."""
+    unit = KINDS[column.kind][1] if column.kind else ""
+    return f"{column.name} {unit}".replace("\n", " ").strip()
+
+
 def _digits(value: Any) -> str | None:
     return None if value is None else repr(value)
 
 
 def _check(check: Mapping[str, Any]) -> dict[str, Any]:
     numbers = [
-        {"value": "none" if v is None else repr(v), "text": number(v)}
-        for v in (check[key] for key in ("measured", "reference", "tolerance"))
+        {"label": key, "value": "none" if v is None else repr(v), "text": number(v)}
+        for key, v in ((key, check[key]) for key in ("measured", "reference", "tolerance"))
     ]
     return {"name": check["name"], "numbers": numbers, "unit": check["unit"],
             "passed": check["passed"]}  # fmt: skip

@@ -1,13 +1,16 @@
 """What the page of a run draws from, small enough to travel in it: arrays thinned and packed.
 
-A packed array stands for low + step · n, n whole numbers of one or two bytes in base64; the steps
-are finer than anything that a pointer on a screen can tell. All else is in SI.
+A packed array stands for low + step · n, n whole numbers of one or two bytes; the steps are finer
+than anything that a pointer on a screen can tell. Along each row stand the differences of n, their
+low bytes before their high ones, deflated, in base64: smooth fields take half as much so. All else
+is in SI.
 """
 
 from __future__ import annotations
 
 import base64
 import math
+import zlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,8 +20,9 @@ from numpy.typing import NDArray
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.shown import plain
 from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
-from wavesim.readings.amplitude_map import amplitude_map
+from wavesim.readings.amplitude_map import amplitude_map, gone_round
 from wavesim.readings.bar.reading import Reading
+from wavesim.readings.record_section import record_section
 from wavesim.simulation.field import Field
 from wavesim.verdict.branches import Held
 
@@ -28,13 +32,11 @@ _HERTZ = 1 / (2 * math.pi)
 _DECIBELS = 20 / math.log(10)
 # Tiles of the space-time picture; frames and places of the field in the bar; of a signal.
 _TILES = (220, 400)
-_FRAMES, _PLACES, _SAMPLES = 80, 400, 1500
-# Numbers of all signals together, and frequencies of a spectrum, at most.
-_ALL_SAMPLES, _FREQUENCIES, _WAVENUMBERS = 150_000, 400, 320
+_FRAMES, _PLACES, _SAMPLES = 80, 1200, 1500
+# Numbers of all snapshots and of all signals together, and frequencies of a spectrum, at most.
+_ALL_PLACES, _ALL_SAMPLES, _FREQUENCIES, _WAVENUMBERS = 1_000_000, 150_000, 400, 320
 # Amplitudes and powers are shown so far below their largest, dB.
 _FAINTEST, _FAINTEST_POWER = -60.0, -80.0
-# A signal has arrived at this part of its peak.
-_ARRIVED = 0.05
 _FINE = 800
 
 
@@ -58,11 +60,24 @@ def of_field(field: Field) -> Data:
         "sources": [_source(field, source) for source in field.sources],
         "receivers": [{"name": n, "position": float(x)} for n, x in field.receivers.items()],
         "sectors": sectors,
+        "fields": {sector: _fields(field, sector) for sector in sectors},
         "gaps": {sector: _gaps(field, sector) for sector in sectors},
         "spacetime": {sector: _spacetime(field, sector) for sector in sectors},
+        "round": {sector: gone_round(field, sector) for sector in sectors},
         "snapshots": _snapshots(field),
         "signals": _signals(field),
     }
+
+
+def _fields(field: Field, sector: str) -> list[str]:
+    """Names of the fields of a sector: those that travel, those of no other sector, others."""
+    own, others = (
+        {name for b in field.blocks if (b.sector == sector) == ours for name in b.fields}
+        for ours in (True, False)
+    )
+    return sorted(
+        own & set(field.names), key=lambda name: (not is_macro(name), name in others, name)
+    )
 
 
 def _source(field: Field, source: Any) -> Data:
@@ -97,15 +112,15 @@ def _spacetime(field: Field, sector: str) -> Data:
 def _snapshots(field: Field) -> Data:
     frames = _some(len(field.t), _FRAMES)
     found: Data = {"t": field.t[frames].tolist(), "fields": {}}
-    names = sorted(field.names, key=lambda name: (not is_macro(name), name))
-    for name in names:
+    most = min(_PLACES, _ALL_PLACES // (len(frames) * len(field.names)))
+    for name in field.names:
         x = field.positions(name)
-        places = _some(len(x), _PLACES)
+        places = _some(len(x), most)
         step = int(places[1] - places[0]) if len(places) > 1 else 1
         values = field.part(name, slice(0, len(field.t), frames[1] - frames[0]),
                             slice(0, len(x), step))  # fmt: skip
         found["fields"][name] = _whole(values) | {
-            "x": x[places].tolist(),
+            "x": np.round(x[places], 7 - math.floor(math.log10(field.bar.length))).tolist(),
             "unit": field.unit(name),
         }
     return found
@@ -117,23 +132,24 @@ def _some(count: int, most: int) -> NDArray[np.int_]:
 
 
 def _signals(field: Field) -> Data:
-    order = sorted(field.receivers.items(), key=lambda item: item[1])
-    many = max(1, len(order) * len(field.names))
+    many = max(1, len(field.receivers) * len(field.names))
     samples = _some(len(field.t), max(50, min(_SAMPLES, _ALL_SAMPLES // many)))
-    found: Data = {"t": field.t[samples].tolist(), "receivers": []}
-    for name, x in order:
-        own: Data = {"name": name, "position": float(x), "fields": {}}
-        for each in field.names:
-            signal = field.at(x, each)
-            peak = float(np.abs(signal).max())
-            first = int(np.argmax(np.abs(signal) >= _ARRIVED * peak)) if peak > 0 else 0
-            own["fields"][each] = _whole(signal[samples]) | {
-                "unit": field.unit(each),
-                "peak": peak,
-                "arrival": float(field.t[first]) if first else None,
+    order = sorted(field.receivers.items(), key=lambda item: item[1])
+    receivers: list[Data] = [
+        {"name": name, "position": float(x), "fields": {}} for name, x in order
+    ]
+    sections: Data = {}
+    for each in field.names if order else ():
+        own = record_section(field, each)
+        sections[each] = {"alike": own.alike, "end": own.end, "unit": field.unit(each)}
+        for number, receiver in enumerate(receivers):
+            first = own.first[number]
+            receiver["fields"][each] = _whole(own.signals[number][samples]) | {
+                "peak": float(own.peaks[number]),
+                "scale": float(own.scale[number]),
+                "arrival": float(field.t[first]) if own.arrived[number] else None,
             }
-        found["receivers"].append(own)
-    return found
+    return {"t": field.t[samples].tolist(), "sections": sections, "receivers": receivers}
 
 
 def of_found(field: Field, found: Any) -> Data:
@@ -241,8 +257,11 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         ]
         for name, real in (("T", one.T_real), ("R", one.R_real)):
             if real is not None:
-                own["real_frequency"] = (one.omega * _HERTZ).tolist()
-                own[name]["real"] = _levels(real)
+                omega, curve = one.omega, real
+                if name == "T" and len(line) > 3:
+                    omega, first = np.unique([*omega, *line[0][some]], return_index=True)
+                    curve = np.array([*real, *line[3][some]])[first]
+                own[name] |= {"real_frequency": (omega * _HERTZ).tolist(), "real": _levels(curve)}
     for two in reading.cells:
         fine, q = two.line or (two.omega, two.q_exact)
         some = _some(len(fine), _FINE)
@@ -294,12 +313,15 @@ def _packed(values: Any, low: float, step: float, kind: Any) -> Data:
     highest = np.iinfo(kind).max
     count = np.nan_to_num((np.asarray(values) - low) / step, nan=0.0)
     whole = np.clip(np.rint(count), np.iinfo(kind).min, highest).astype(kind)
+    steps = whole.copy()
+    steps[..., 1:] -= whole[..., :-1]  # modulo 2^8 or 2^16
+    planes = steps.reshape(-1, 1).view(np.uint8).T
     return {
         "shape": list(whole.shape),
         "low": low,
         "step": step,
         "bytes": whole.dtype.itemsize,
-        "data": base64.b64encode(np.ascontiguousarray(whole).tobytes()).decode("ascii"),
+        "data": base64.b64encode(zlib.compress(planes.tobytes(), 4)).decode("ascii"),
     }
 
 

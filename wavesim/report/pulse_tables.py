@@ -85,6 +85,8 @@ def _single(
             row.append(f"{time * scale:.4g}" if math.isfinite(time) else "–")
         table.add_row(*row)
     console.print(table)
+    if len(alone) == 1 and not shown and alone[0].best.valid:
+        console.print(_by_convention(alone[0], scale, unit))
     said = "± is one standard error: noise, and what the conventions leave open."
     console.print(said + (" Conventions' times include the system's delay." if shown else ""))
     reasons = Counter(one.best.reason for one in alone if not one.best.valid)
@@ -158,6 +160,17 @@ def _quality(found: Any, i: int) -> str:
         return number(found.quality[i], found.quality_error[i])
     least = found.quality_at_least[i]
     return f"> {least:.3g}" if math.isfinite(least) else "–"
+
+
+def _by_convention(one: Reading, scale: float, unit: str) -> str:
+    """The travel time by each convention, beside the one that was taken."""
+    own = one.receivers[0].arrivals
+    told = [
+        f"{name} {own[name].time * scale:.4g}"
+        for name in _CONVENTIONS
+        if name in own and math.isfinite(own[name].time)
+    ]
+    return f"Taken is the {one.best.convention}. By convention, {unit}: {', '.join(told)}."
 
 
 def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:

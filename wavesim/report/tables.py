@@ -17,7 +17,7 @@ from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
-from wavesim.report.answers import KINDS, answers, explained, number, short_name, shown
+from wavesim.report.answers import KINDS, answers, explained, number, short_name
 from wavesim.report.answers import verdict as sentence
 from wavesim.simulation.resolution import highest_frequency, largest_phase
 from wavesim.simulation.simulation import Simulation
@@ -64,7 +64,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
         summary: contents of summary.json.
     """
     for answer in answers(summary):
-        columns = [column for column in answer.columns if not column.wide]
+        columns = answer.columns
         table = _table(*(column.name for column in columns), title=answer.title)
         table.padding = (0, 1 if len(columns) < _MANY else 0, 0, 0)
         for one, column in zip(table.columns, columns, strict=True):
@@ -73,7 +73,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
         if any(units):
             table.add_row(*units, style="dim")
         for row in answer.rows:
-            table.add_row(*(shown(row.get(column.key), column.kind) for column in columns))
+            table.add_row(*(column.shown(row) for column in columns))
         console.print(table)
         if answer.note:
             console.print(answer.note, style="dim")
@@ -200,7 +200,7 @@ def _ends(bar: Bar) -> str:
 def _errors(errors: Sequence[Foretold] | None) -> str:
     """Of each kind of what is judged the worst, beside what is allowed."""
     if errors is None:
-        return "not known beforehand: too many cells and frequencies to work them out"
+        return "not known beforehand: too much to work out"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:

@@ -1,4 +1,4 @@
-"""Values and slopes between samples, by a sinc under a Kaiser window.
+"""Values and slopes between samples, by a sinc under a Kaiser window, and correlations of signals.
 
     u(s) = Σ_n u_n sinc(s − n) w(s − n),    w(y) = I₀(b √(1 − (y/H)²)) / I₀(b)
 
@@ -33,6 +33,22 @@ def between(values: Float, position: ArrayLike) -> Float:
     inside = (n >= 0) & (n < len(values))
     samples = np.where(inside, values[np.clip(n, 0, len(values) - 1)], 0)
     return np.asarray(np.sum(samples * weights, axis=-1))
+
+
+def cross_correlation(values: Float, reference: Float) -> Float:
+    """c_m = Σ_n u_{n+m} r_n at all lags m, from −(N − 1) on, by FFT.
+
+    Args:
+        values: u, shape (nt,).
+        reference: r, shape (N,).
+
+    Returns:
+        Shape (nt + N − 1,).
+    """
+    count = len(values) + len(reference) - 1
+    size = 1 << (count - 1).bit_length()
+    c = np.fft.irfft(np.fft.rfft(values, size) * np.conj(np.fft.rfft(reference, size)), size)
+    return np.roll(c, len(reference) - 1)[:count]
 
 
 def taps(position: ArrayLike) -> tuple[NDArray[np.int_], Float]:

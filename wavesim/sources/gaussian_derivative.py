@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import functools
 import math
 from dataclasses import dataclass
@@ -90,14 +89,6 @@ class DerivativeOfGaussian(Source):
             (low * peak, high * peak),
             self.end_ratio * peak,
         )
-
-    @abc.abstractmethod
-    def signal(self, t: Any) -> Any:
-        """amplitude · s(t); see :meth:`Source.signal`."""
-
-    @abc.abstractmethod
-    def spectrum(self, omega: Any) -> Any:
-        """Its transform; see :meth:`Source.spectrum`."""
 
 
 @checked

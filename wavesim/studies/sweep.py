@@ -149,6 +149,11 @@ def sweep(
     """
     if measure not in MEASURES:
         raise SweepError(f"--measure {measure}: must be one of {', '.join(MEASURES)}")
+    if band is not None and measure != "transmission":
+        raise SweepError(
+            f"--band {band[0]:g} {band[1]:g}: of no matter to --measure {measure}; leave it out"
+            + ("; wavesim gaps CASE --band shows where a gap holds it" if measure == "gaps" else "")
+        )
     varied = variation(vary, sample, sampler, seed)
     swept = swept_case(case, varied, overrides)
     made: Any

@@ -3,7 +3,7 @@
 What a key does to the stack is found by making two members that differ in it alone, and taken for
 linear in its value, as parameters and thicknesses are; some members are made to make sure. Stacks
 of which that is not so, and those that the batch does not serve (a graded layer without losses,
-whose asymptotes are looked for, or a gradient term that counts), are solved one by one by
+whose asymptotes are looked for, or one whose slices do not suffice), are solved one by one by
 ``layered``.
 """
 
@@ -102,9 +102,11 @@ class TransmissionMeasure:
         return Layout(_VARIABLES, coordinates, _ONE_BY_ONE if self.rule is None else _BLOCK)
 
     def prepare(self, values: NDArray[np.float64]) -> Any:
-        """Values of the keys; or the stacks of members, or why there is none."""
-        if self.rule is not None:
-            return values
+        """Values of the keys; where each is solved alone, what :meth:`_made` makes of them."""
+        return values if self.rule is not None else self._made(values)
+
+    def _made(self, values: NDArray[np.float64]) -> list[Any]:
+        """The stacks of members, or why there is none."""
         made: list[Any] = []
         for member in values:
             try:
@@ -140,8 +142,15 @@ class TransmissionMeasure:
             for own, value in zip(found.values(), parts, strict=True):
                 own.append(np.array(value)[: len(failed)])
         whole = {name: np.stack(of, axis=1) for name, of in found.items()}
+        unknown = np.flatnonzero(np.isnan(whole["T"]).any(axis=(1, 2)) & ~failed)
         for values in whole.values():
             values[failed] = np.nan
+        if len(unknown):  # slices of a graded layer did not suffice
+            alone, told = self._one_by_one(self._made(prepared[unknown]))
+            for name, values in whole.items():
+                values[unknown] = alone[name]
+            for member, message in zip(unknown, told, strict=True):
+                messages[member] = message
         return whole, messages
 
     def _one_by_one(self, stacks: list[Any]) -> tuple[dict[str, Any], list[str]]:

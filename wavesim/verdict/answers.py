@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BarycentricInterpolator
 
 from wavesim.material.arguments import FREQUENCIES
 from wavesim.material.damping import quality
+from wavesim.material.family import sector_words
 from wavesim.material.medium import Medium
 from wavesim.material.shown import plain
 from wavesim.planewave.dispersion_relation import Gap, gaps, wavenumber
@@ -25,6 +25,7 @@ from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.verdict.branches import Held
+from wavesim.verdict.endless import told
 
 Row = dict[str, Any]
 Answers = dict[str, list[Row]]
@@ -80,34 +81,69 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         "attenuation_at_real_frequency": None,
         "frequencies": 0,
         "closer": "",
+        "untold": "",
     }
     middle = (gap.lower + gap.upper) / 2
+    if sector in field.medium.family.travelling:
+        row |= {"frequency": middle * _HERTZ, **_steady_loss(field, sector, middle)}
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
     row["closer"] = _closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
     for h in own:
         curve, exact = h.measured.attenuation, h.k_exact
         if curve is None or exact is None:
             continue
-        inside = (curve.omega > gap.lower) & (curve.omega < gap.upper) & np.isfinite(curve.k)
-        if not inside.any():
+        known = np.flatnonzero((curve.omega > gap.lower) & (curve.omega < gap.upper) & told(h))
+        if not len(known):
             continue
-        known = np.flatnonzero(inside)
         at = float(np.clip(middle, *curve.omega[known[[0, -1]]]))
-        real = wavenumber(field.medium, sector, np.array([at]))[0]
         row |= {
             "frequency": at * _HERTZ,
             "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * _DECIBELS,
             "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * _DECIBELS,
-            "attenuation_at_real_frequency": float(real.imag) * _DECIBELS,
+            **_steady_loss(field, sector, at),
             "frequencies": len(known),
         }
+    if row["attenuation"] is None:
+        row["untold"] = _untold(field, gap, sector, [curve.omega for curve in curves])
     return row
+
+
+def _steady_loss(field: Field, sector: str, omega: float) -> Row:
+    real = wavenumber(field.medium, sector, np.array([omega]))[0]
+    return {"attenuation_at_real_frequency": float(real.imag) * _DECIBELS}
+
+
+def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:
+    """Why nothing was measured of a gap.
+
+    Args:
+        field: the field.
+        gap: the gap.
+        sector: of its waves.
+        measured: frequencies at which its attenuation was, rad/s.
+    """
+    family = field.medium.family
+    if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
+        return f"no source drives {sector_words(sector, sector)} waves"
+    if sector in family.unlike:
+        return "these waves do not travel"
+    if not measured:
+        return "the ring is too short to measure a decay along it"
+    low, high = (end * _HERTZ / 1e3 for end in (measured[0][0], measured[0][-1]))
+    if not gap.lower * _HERTZ / 1e3 < high:
+        return f"what the sources drive, and frames show, ends at {high:.4g} kHz"
+    if not gap.upper * _HERTZ / 1e3 > low:
+        return f"what the sources drive begins at {low:.4g} kHz"
+    inside = (measured[0] > gap.lower) & (measured[0] < gap.upper)
+    if not inside.any():
+        return "it lies between two frequencies: raise [analysis] frequencies"
+    return "this record does not tell it: a note below says what to change"
 
 
 def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
     """Values at some frequencies at one among them, by the parabola through the three nearest."""
     near = np.argsort(np.abs(omega - at))[:3]
-    return float(BarycentricInterpolator((omega[near] - at) / at, values[near])(0.0))
+    return float(np.polyfit((omega[near] - at) / at, values[near], 2)[-1])
 
 
 def _finer(field: Field, frequencies: int) -> str:
@@ -181,8 +217,10 @@ def of_bar(field: Field, reading: Reading) -> Answers:
         reading: what was measured of it, beside the exact solver.
 
     Returns:
-        "transmission": each band where T is below −20 dB, its ends measured and exact (Hz) and the
-        level (dB) in its middle, at ω + iσ, and exact at real ω; where most passes;
+        "transmission": each band where T of a steady wave, exact at real ω, is below −20 dB (Hz;
+        open where it goes on past what the run tells of), its level (dB) in the middle, and what
+        was measured there, and is exact, at ω + iσ; where most passes; the worst of bands asked
+        for;
         "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
         receiver by their first breaks (s), what comes before another as its precursor;
         "velocities": of a pulse by each convention (m/s); "quality": median Q between
@@ -199,70 +237,88 @@ def of_bar(field: Field, reading: Reading) -> Answers:
 
 
 def _levels(field: Field, found: Scattered) -> list[Row]:
-    """Each band that is stopped, and where most passes."""
+    """Each band that is stopped, where most passes, and the worst of each band asked for."""
     judged = found.judged
     if not judged.any():
         return []
-    level, exact = _level(found.T), _level(found.T_exact)
-    real = None if found.T_real is None else _level(found.T_real)
-    own = _stopped(found.omega, np.where(judged, level, np.inf))
-    known = _stopped(found.omega, np.where(judged, exact, np.inf))
-    media = field.layers.inner_media
+    level, exact, real = _level(found.T), _level(found.T_exact), _steady(found)
+    ends = found.omega[np.flatnonzero(judged)[[0, -1]]]
+    omega, steady = found.omega, real
+    if len(found.line):
+        omega, steady = found.line[0], _level(found.line[3])
+    within = (omega >= ends[0]) & (omega <= ends[1])
+    inner = field.layers.layers[1:-1] or field.layers.layers
+    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
     names = _open(media[0], found.sector) if len(media) == 1 else []
     rows: list[Row] = []
-    places = []
-    for number, (low, high) in enumerate(own, start=1):
-        within = [gap.name for gap in names if gap.lower < high and low < gap.upper]
-        beside = [b for b in known if b[0] < high and low < b[1]]
+    stopped = _stopped(omega[within], steady[within])
+    for number, (low, high, open_below, open_above) in enumerate(stopped, start=1):
+        own = [gap.name for gap in names if gap.lower < high and low < gap.upper]
         middle = (low + high) / 2
-        places.append(int(np.argmin(np.where(judged, np.abs(found.omega - middle), np.inf))))
-        edges = min((b[0] for b in beside), default=None), max((b[1] for b in beside), default=None)
         rows.append(
             {
-                "where": f"about {', '.join(within)}" if within else f"stop band {number}",
+                "where": f"about {', '.join(own)}" if own else f"stop band {number}",
                 "lower": low * _HERTZ,
                 "upper": high * _HERTZ,
-                "lower_exact": None if edges[0] is None else edges[0] * _HERTZ,
-                "upper_exact": None if edges[1] is None else edges[1] * _HERTZ,
+                "lower_open": open_below,
+                "upper_open": open_above,
+                "frequency": middle * _HERTZ,
+                "level_at_real_frequency": plain(np.interp(middle, omega, steady)),
                 "closer": _closer(field, found.sector, Gap("", found.sector, low, high)),
             }
         )
-    places.append(int(np.argmax(np.where(judged, level, -np.inf))))
-    nothing, more = dict.fromkeys(("lower", "upper", "lower_exact", "upper_exact")), []
-    for band in found.bands:
-        inside = band.holds(found.omega) & judged
-        if inside.any():
-            # Where it is nearest to its limit, or beyond.
-            end = band.highest if band.asked.at_least is None else band.lowest
-            near = np.where(inside, np.abs(found.omega * _HERTZ - end[1]), np.inf)
-            places.append(int(np.argmin(near)))
-            ends = {"lower": band.asked.low, "upper": band.asked.high}
-            more.append({"where": "worst of a band asked for", **nothing, **ends, "closer": ""})
-    rows += [{"where": "most passes", **nothing, "closer": ""}, *more]
-    for row, at in zip(rows, places, strict=True):
+    top = int(np.nanargmax(np.where(within, steady, -np.inf)))
+    ends_of = [
+        ("worst of a band", b.asked, b.highest if b.asked.at_least is None else b.lowest)
+        for b in found.bands
+        if (b.holds(found.omega) & judged).any()
+    ]
+    best = float(steady[top]), float(omega[top]) * _HERTZ
+    for where, band, (worst, at) in [("most passes", None, best), *ends_of]:
+        rows.append(
+            {
+                "where": where,
+                "lower": None if band is None else band.low,
+                "upper": None if band is None else band.high,
+                "lower_open": False,
+                "upper_open": False,
+                "frequency": at,
+                "level_at_real_frequency": plain(worst),
+                "closer": "",
+            }
+        )
+    for row in rows:
+        near = np.abs(found.omega * _HERTZ - row["frequency"])
+        at = int(np.argmin(np.where(judged, near, np.inf)))
         row |= {
             "sector": found.sector,
-            "frequency": float(found.omega[at]) * _HERTZ,
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
-            "level_at_real_frequency": None if real is None else plain(real[at]),
         }
     return rows
 
 
-def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float]]:
-    """Where a level is below the mark, its ends between frequencies by a straight line, rad/s."""
+def _steady(found: Scattered) -> NDArray[Any]:
+    """Level of T at real ω; at ω + iσ where it is not known."""
+    return _level(found.T_exact if found.T_real is None else found.T_real)
+
+
+def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float, bool, bool]]:
+    """Where a level is below the mark, its ends between frequencies by a straight line, rad/s, and
+    whether it is open at either: the frequencies end there."""
     over = level - _STOPPED
     below = np.flatnonzero(over < 0)
     found = []
     for run in np.split(below, np.flatnonzero(np.diff(below) != 1) + 1) if len(below) else ():
-        ends = []
+        ends, beyond = [], []
         for inside, outside in ((run[0], run[0] - 1), (run[-1], run[-1] + 1)):
-            there = 0 <= outside < len(omega) and math.isfinite(over[outside])
-            part = over[inside] / (over[inside] - over[outside]) if there else 0.0
-            step = omega[outside] - omega[inside] if there else 0.0
+            there = 0 <= outside < len(omega)
+            known = there and math.isfinite(over[outside])
+            part = over[inside] / (over[inside] - over[outside]) if known else 0.0
+            step = omega[outside] - omega[inside] if known else 0.0
             ends.append(float(omega[inside] + part * step))
-        found.append((ends[0], ends[1]))
+            beyond.append(not there)
+        found.append((ends[0], ends[1], beyond[0], beyond[1]))
     return found
 
 

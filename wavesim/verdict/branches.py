@@ -21,12 +21,12 @@ from wavesim.readings.dispersion.spectrum import (
     ABOVE_CUT,
     FLOOR,
     LOBE_BINS,
-    WINDOW,
     Ridge,
     Spectrum,
     analysed_from,
     spread_of_cut,
 )
+from wavesim.records.windows import blackman_harris
 from wavesim.simulation.field import Field
 from wavesim.sources import EXCITED, excitation
 
@@ -187,7 +187,11 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
                 float(loudness[:, number].max()),
             )
         )
-    strays = [r for r, own in zip(kept, owners, strict=True) if own is None]
+    strays = [
+        ridge
+        for ridge, own in zip(kept, owners, strict=True)
+        if own is None and not _of_several(ridge, found, exact)
+    ]
     curve = measured.attenuation
     k_exact = None
     if curve is not None:
@@ -198,12 +202,10 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
 def _seen(field: Field, block: Block, k: Float) -> Float:
     """Power of each branch in the spectrum over that of the strongest at its k, as the sources
     drive it and losses leave it, shape (n, branches)."""
-    from scipy.signal import get_window  # slow to import, and only a reading needs it
-
     sources = [s for s in field.sources if s.field in block.fields]
     omega, size = driven_waves(field.medium, block, sources, k)
     t = field.t[analysed_from(field) :]
-    window = get_window(WINDOW, len(t), fftbins=False)
+    window = blackman_harris(len(t))
     # What the window leaves of a wave goes with its decay alone, and smoothly.
     fall = np.linspace(0, max(float(-omega.imag.min()), 0.0), _FALLS)
     left = np.log(np.maximum(window @ np.exp(-np.outer(t, fall)), 1e-300))
@@ -250,6 +252,15 @@ def _owners(ridge: Ridge, found: Spectrum, exact: Float) -> NDArray[np.int64] | 
     elsewhere = distance[:, order[0]] > LOBE_BINS * found.bin
     elsewhere &= distance.min(axis=1) <= found.bin
     return np.where(elsewhere, nearest, order[0])
+
+
+def _of_several(ridge: Ridge, found: Spectrum, exact: Float) -> bool:
+    """Whether a ridge is of branches too near each other to be told apart, which are not judged."""
+    distance = np.abs(exact[np.searchsorted(found.k, ridge.k)] - ridge.omega[:, None])
+    if distance.shape[1] < 2:
+        return False
+    apart = np.partition(distance, 1, axis=1)[:, :2].sum(axis=1)
+    return bool(np.median(apart) <= LOBE_BINS * found.bin)
 
 
 def _folded(ridge: Ridge, found: Spectrum, exact: Float, nyquist: float) -> bool:

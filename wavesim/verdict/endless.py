@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
@@ -113,14 +114,55 @@ def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
     return checks
 
 
+def told(h: Held) -> NDArray[np.bool_]:
+    """Where complex k can be told: what the record's end may hide of it would not count against it.
+
+    Where that hides more, the simulation is not to blame. Shape (n,), of a block whose attenuation
+    was measured.
+    """
+    curve = h.measured.attenuation
+    assert curve is not None
+    return np.asarray(curve.error <= _UNCERTAIN * np.abs(curve.k))
+
+
+def not_judged(field: Field, held: Sequence[Held]) -> list[str]:
+    """Notes of the gaps whose attenuation was looked for and could not be told, and what to change.
+
+    Args:
+        field, held: as of :func:`judge`.
+    """
+    by_remedy: dict[str, list[str]] = {}
+    for h in held:
+        curve, sector = h.measured.attenuation, h.measured.block.sector
+        if curve is None or h.k_exact is None:
+            continue
+        for gap in gaps(field.medium, sector):
+            inside = (curve.omega > gap.lower) & (curve.omega < gap.upper)
+            if not inside.any() or told(h)[inside].any():
+                continue
+            middle = (gap.lower + gap.upper) / 2
+            own = [s for s in field.sources if s.field in h.measured.block.fields]
+            if any(low <= middle <= high for low, high in (s.excited for s in own)):
+                remedy = remedies.to_tell(field, curve, inside, _UNCERTAIN)
+            else:
+                remedy = f"drive it with a source of {middle / (2e3 * np.pi):.4g} kHz or so"
+            names = by_remedy.setdefault(remedy, [])
+            name = f"{sector} {gap.name}"
+            if name not in names:
+                names.append(name)
+    return [
+        f"not judged, as it can't be told from this record: the attenuation in {', '.join(names)}; "
+        f"{remedy}"
+        for remedy, names in by_remedy.items()
+    ]
+
+
 def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
     """Complex wavenumber, in each gap and in the bands."""
     curve, exact = h.measured.attenuation, h.k_exact
     if curve is None or exact is None:
         return []
-    # Where the record's end may hide more than that, the simulation is not to blame.
-    told = curve.error <= _UNCERTAIN * np.abs(curve.k)
-    error = np.where(told, np.abs(curve.k / exact - 1), np.nan)
+    error = np.where(told(h), np.abs(curve.k / exact - 1), np.nan)
     sector = h.measured.block.sector
     in_bands = np.ones(len(error), bool)
     parts = []

@@ -36,8 +36,9 @@ class Found:
 
 def needed(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
-    endless = simulated.endless
-    return "wavesim.verdict.endless" if endless else "wavesim.verdict.bar", "scipy.signal"
+    if simulated.endless:
+        return ("wavesim.verdict.endless",)
+    return "wavesim.verdict.bar", "scipy.signal"
 
 
 def measure(case: Case, field: Any, known: Any = None) -> Found:
@@ -56,7 +57,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         from wavesim.readings.dispersion.extract import extract
         from wavesim.verdict.answers import of_endless
         from wavesim.verdict.branches import faint, hold, tables
-        from wavesim.verdict.endless import judge
+        from wavesim.verdict.endless import judge, not_judged
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]
@@ -64,7 +65,8 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         found = tables(held)
         passing, said = pulse_tests(field)
         weak = faint(held)
-        told = notes(case.simulation, checks) + ([weak] if weak else []) + said
+        told = notes(case.simulation, checks, held) + not_judged(field, held)
+        told += ([weak] if weak else []) + said
         return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
@@ -134,7 +136,7 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     return {"pulse": told}, said
 
 
-def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
+def notes(simulated: Simulation, checks: list[Any], held: list[Any]) -> list[str]:
     """What a reader should know beside the checks."""
     found = []
     if not any("waves present" in check.name for check in checks):
@@ -145,9 +147,8 @@ def notes(simulated: Simulation, checks: list[Any]) -> list[str]:
             f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
             "duration for finer bins, raise [time] samples for a higher end"
         )
-    if any(block.macro for block in simulated.blocks) and not any(
-        "|Δk|/|k|" in check.name for check in checks
-    ):
+    curves = [h.measured.attenuation for h in held if h.measured.block.macro]
+    if curves and all(curve is None or not len(curve.distance) for curve in curves):
         found.append(
             "no wavenumber could be measured along the bar: lengthen the bar, or leave more room "
             "between the sources"

@@ -15,7 +15,7 @@ from wavesim.simulation.simulation import Simulation
 from wavesim.verdict.foreseen_errors import Foretold, foretold
 
 # A pitch is looked for that leaves this part of what is allowed, in so many tries.
-_ASIDE, _TRIES = 0.6, 4
+_ASIDE, _TRIES = 0.6, 3
 # By what power of it errors are taken to fall at first, and at least; by what factor it changes at
 # most and at least in a try.
 _ORDER, _LEAST_ORDER, _FINEST, _COARSEST = 5.0, 1.5, 0.4, 0.9
@@ -66,8 +66,10 @@ def pitch(
     for _ in range(_TRIES):
         factor = max((_ASIDE * worst.allowed / error) ** (1 / order), _FINEST)
         tried = rounded(spacing * min(factor, _COARSEST))
-        finer = with_spacing(simulated, tried)
-        told = foretold(finer, *asked)  # type: ignore[arg-type]
+        told = None
+        with suppress(ValueError):  # more cells than there may be
+            finer = with_spacing(simulated, tried)
+            told = foretold(finer, *asked)  # type: ignore[arg-type]
         if told is None:
             return f"take {other}[bar] spacing = {tried:g} or finer (tried out to {spacing:g} m)"
         now = max((f.error * worst.allowed / f.allowed for f in told), default=0.0)

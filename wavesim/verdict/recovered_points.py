@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.signal import get_window
 
+from wavesim.material.assignment import assigned
 from wavesim.readings.dispersion.frequency_at_wavenumber import ROUNDING, series
 from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.records.record import Record
 from wavesim.records.relations import Complex, Relation
+from wavesim.records.windows import hann
 
 Float = NDArray[Any]
 
@@ -127,7 +127,7 @@ def present_waves(record: Record, omega: Any, k_max: float, least: float = PRESE
     t = record.t - record.t.mean()
     since = record.t - record.t[0]
     kept = ~record.missing if len(record.missing) else np.ones(len(t), bool)
-    window = get_window("hann", len(t), fftbins=False)[kept]
+    window = hann(len(t))[kept]
     window /= window.sum()
     sizes, limits = np.zeros(omega.shape), np.zeros(omega.shape)
     waves = omega.shape[1]
@@ -198,7 +198,7 @@ def match(
         reach = np.maximum(_REACH_BINS * cell, decay[i][:, None])
         cost = np.where(distance <= reach, distance / cell, 1e6)
         taken = set()
-        for b, j in zip(*linear_sum_assignment(cost), strict=True):
+        for b, j in zip(*assigned(cost), strict=True):
             if cost[b, j] < 1e6:
                 found[i, b], bar[i, b] = valid.omega[here[j]], BAR * valid.error[here[j]]
                 taken.add(j)

@@ -13,6 +13,7 @@ from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.transmission import Band, Scattered
+from wavesim.readings.dispersion.decay_along_ring import Attenuation
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
@@ -26,6 +27,8 @@ _EXPLAINS = 0.3
 _AT_THE_END = 0.95
 # By how much a step is to be shorter, and σT of the exponential window larger.
 _SHORTER, _MORE_DAMPING = 5, 6.0
+# σT that serves as a rule.
+_SERVES = 18.0
 # So many cells from an interface or an end the differences are exact to a lower degree.
 ONE_SIDED = 8
 # Steppers that leave no error of their own, rounding apart, whatever the step.
@@ -118,6 +121,30 @@ def of_wavenumbers(field: Field, block: Block, omega: NDArray[Any], error: Any) 
     if more > damping * (1 + 1e-9):
         return (
             f"raise [analysis] damping to {more:.4g} (now {damping:.4g}), which leaves less of the "
+            "record's end"
+        )
+    return longer_run(field, "of what still rings too much lies past the record's end")
+
+
+def to_tell(field: Field, curve: Attenuation, where: Any, part: float) -> str:
+    """What to change for complex k(ω) to be told somewhere.
+
+    What a record's end leaves out falls as e^{−σT}.
+
+    Args:
+        field: of an endless bar.
+        curve: its attenuation.
+        where: the frequencies, mask of shape (n,).
+        part: of |k| that may be hidden, at most.
+    """
+    damping = float(curve.sigma * field.t[-1])
+    hidden = (curve.error / (part * np.abs(curve.k)))[where]
+    hidden = hidden[np.isfinite(hidden)]
+    more = damping + (math.log(float(hidden.min())) + 1 if len(hidden) else _MORE_DAMPING)
+    enough = math.ceil(max(more, _SERVES))
+    if damping < enough <= WINDOW[1]:
+        return (
+            f"raise [analysis] damping to {enough} (now {damping:.4g}), which leaves less of the "
             "record's end"
         )
     return longer_run(field, "of what still rings too much lies past the record's end")

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import wavenumber
-from wavesim.readings.dispersion.spectrum import LOBE_BINS, WINDOW, Spectrum, analysed_from, peaks
+from wavesim.readings.dispersion.spectrum import LOBE_BINS, Spectrum, analysed_from, peaks
+from wavesim.records.windows import blackman_harris
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -23,6 +24,8 @@ _CELLS = 20
 # A peak counts above this part of the strongest, and within this many bins of the theory.
 _LEAST = 1e-4
 _NEAR = 1.0
+# Signals tell an eigenfrequency where it is read off the exact ones to this part.
+_TOLD = 5e-7
 
 
 @dataclass(frozen=True)
@@ -87,8 +90,8 @@ def ringing(
         block: one with a macro-field.
         exact: of :func:`audible`.
         signals: {receiver: {field: signal (nt,)}} of the exact solver: of the eigenfrequencies
-            those are looked for that can be heard there, as a mode is silent at its nodes; all
-            where None.
+            those are looked for that these tell, as a mode is silent at its nodes, and a weak one
+            is drawn off its place by what rings beside it; all where None.
     """
     (name,) = block.macro[0]
     first = analysed_from(field)
@@ -98,7 +101,8 @@ def ringing(
     found = _nearest(spectrum, exact)
     foreseen = [own[name][first:] for own in (signals or {}).values()]
     if foreseen:
-        there = np.isfinite(_nearest(_together(field, foreseen, width), exact))
+        told = _nearest(_together(field, foreseen, width), exact)
+        there = np.abs(told / exact - 1) <= _TOLD
         exact, found = exact[there], found[there]
     level = np.sqrt(spectrum.power[0])
     return Ringing(block.sector, exact, found, spectrum.omega, level, width)
@@ -107,11 +111,10 @@ def ringing(
 def _together(field: Field, signals: Sequence[Float], width: float) -> Spectrum:
     """Spectrum of some signals together, relative to its peak."""
     from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
-    from scipy.signal import get_window
 
     frames = len(signals[0])
     padded = next_fast_len(_PADDING * frames)
-    window = get_window(WINDOW, frames, fftbins=False)
+    window = blackman_harris(frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     power = np.zeros(len(omega))
     for signal in signals:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.schema import BandTable
 from wavesim.layered.signals import signals
 from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
@@ -20,6 +19,9 @@ from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, sp
 from wavesim.readings.damped_transform import check_asked
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import at_double_moment
+
+if TYPE_CHECKING:  # what draws a run reads no case file
+    from wavesim.case.schema import BandTable
 
 Float = NDArray[Any]
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.schema import BandTable
 from wavesim.layered.specimen import specimen as between
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
@@ -23,6 +22,9 @@ from wavesim.readings.bar.excited_band import JUDGED, contour, line, pulses
 from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.simulation.field import Field
+
+if TYPE_CHECKING:  # what draws a run reads no case file
+    from wavesim.case.schema import BandTable
 
 Complex = NDArray[np.complex128]
 

@@ -54,7 +54,7 @@ _LEFT = 1e-6
 # Waves closer than half of 2π/X are believed only where nothing at all is left.
 _EXACT = 1e-13
 # What the record's end leaves of the waves, over their amplitude.
-_ENDED = 3e-8
+_ENDED = 6e-8
 _WEAKEST = 0.02
 MOST_WAVES = 3
 # A line's beam that comes back to this height is an alias.

@@ -7,12 +7,13 @@ here knows a dispersion relation or how many branches there should be.
 
 from __future__ import annotations
 
+from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.special import comb
+
+from wavesim.material.assignment import assigned
 
 Float = NDArray[Any]
 
@@ -76,7 +77,7 @@ def join(
             last = amplitude[[live[i][-1] for i in rows]][:, None]
             change = np.abs(np.log10(amplitude[free] / last))
             cost = np.where(distance <= 1, distance + _AMPLITUDE * change, 1e6)
-            for row, column in zip(*linear_sum_assignment(cost), strict=True):
+            for row, column in zip(*assigned(cost), strict=True):
                 if cost[row, column] < 1e6:
                     live[rows[row]].append(int(free[column]))
                     taken.add(int(free[column]))

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
-from scipy.signal import get_window
 
 from wavesim.readings.dispersion.branch_joining import join, scatter
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
@@ -23,6 +22,7 @@ from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.waves_along_line import along_line
 from wavesim.records.fitness import evened, live
 from wavesim.records.record import Record, RecordError
+from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 
@@ -169,8 +169,9 @@ def in_time(
     points = widened(with_branches(points, k, cell), k)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     close = CLOSE if method == "harmonic" else 0.0
-    more = worth(bends, points.omega, points.branch, step, cell, points.decay, close)
-    points = replace(points, error=np.hypot(points.error, more))
+    hides = worth(bends, points.omega, points.branch, step, cell, points.decay, close)
+    error = np.hypot(points.error, hides.error)
+    points = replace(points, error=error, splitting=hides.splitting)
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
     return _with_rounding(points, quiet)
@@ -304,7 +305,7 @@ def power(channels: Float) -> tuple[Float, float]:
     """
     count = channels.shape[-1]
     padded = next_fast_len(_PADDING * count, real=True)
-    window = get_window("blackmanharris", count, fftbins=False)
+    window = blackman_harris(count)
     window *= 2 / window.sum()
     total = np.zeros((len(channels), padded // 2 + 1))
     for c in range(channels.shape[1]):

@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
-from scipy.signal import get_window
-from scipy.stats import gamma as gamma_distribution
+from scipy.special import gammainccinv
 
 from wavesim.readings.dispersion.hidden_mode import Bends, of_sinusoids
 from wavesim.readings.dispersion.noise_level import continuum
@@ -32,6 +31,7 @@ from wavesim.readings.dispersion.sinusoids import (
     fit,
     transposed,
 )
+from wavesim.records.windows import blackman_harris, hann
 
 FALSE_ALARM = 1e-6
 # Part of the strongest amplitude below which no sinusoid is sought: weaker ones are at the level
@@ -147,7 +147,7 @@ def invert(
         )
     if not np.isfinite(series[..., present]).all():
         raise ValueError("series: holds values that are not finite; name them as missing")
-    window = get_window("hann", count, fftbins=False) * present
+    window = hann(count) * present
     weight = None if present.all() else present.astype(float)
     padded = padded_length(count)
     scale = _levels(series, present)
@@ -175,7 +175,7 @@ def _levels(series: Float, present: np.ndarray) -> Float:
     window, which goes with the signal; a channel without signal counts no more than by a hundred.
     """
     count = series.shape[-1]
-    window = get_window("blackmanharris", count, fftbins=False) * present
+    window = blackman_harris(count) * present
     some = np.where(present, series[:: max(1, len(series) // 64)], 0.0)
     power = np.abs(rfft(some * window, axis=-1)) ** 2
     floor = np.median(np.median(power, axis=-1), axis=0)
@@ -263,7 +263,7 @@ def _highest_peak(residual: Float, search: _Search, rows: np.ndarray) -> tuple[F
     white = np.sum(power / floor[..., None], axis=1)
     white[:, : max(1, search.padded // count // 2)] = 0
     total = search.window.sum()
-    threshold = gamma_distribution.isf(FALSE_ALARM / count, channels)
+    threshold = gammainccinv(channels, FALSE_ALARM / count)
     about = continuum(white, search.padded / count, channels)
     usual = np.maximum(np.median(white, axis=1, keepdims=True), 1e-290)
     stands = white * usual > threshold * about

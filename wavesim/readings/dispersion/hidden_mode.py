@@ -7,7 +7,9 @@ aperture that does not tell them apart. What is left of them is the bend of its 
 
 so that one of both is within √|b| of k, for any s, complex too. A loss is no bend: it is a slope.
 The same holds of ω and decay over time. A bend is believed where it is more than noise makes, at
-one point or at its neighbours along the branch together.
+one point or at its neighbours along the branch together. What bend may still be there unseen, of
+its upper limit b at 95 %, is that of two waves of like strength 2√b apart: nearer ones pass for
+one, whatever their strengths, within √b of the nearer.
 """
 
 from __future__ import annotations
@@ -18,10 +20,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, median_filter
-from scipy.signal.windows import blackmanharris
+from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from wavesim.readings.dispersion.sinusoids import Fit, exponentials, solve, transposed
+from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 
@@ -31,9 +33,13 @@ _OF_BAR = 0.6
 # points within so many steps from 1.1 + 2.5/√n on.
 _ALONE, _STEPS, _FEWEST = 8.0, 10, 5
 _KNOWN, _SURE = 1.1, 2.5
-# Two modes closer than this part of the resolution 2π/X are told as one where nothing shows; what
+# Two modes closer than this part of the resolution 2π/T are taken for one where nothing shows; what
 # noise hides beyond that is part of the bar.
 CLOSE = 0.3
+# Half-width of a 95 % bar, and the quantile of a one-sided limit, in deviations.
+_BAR, _ONE_SIDED = 1.96, 1.645
+# Percentage of squares of complex normal numbers below their mean.
+_MEAN = 63
 # What is left above so many times the noise's power is the receivers' own.
 _ALIKE = 3.0
 # √720 times the phase error over the record that a simulated field's rounding leaves, rad.
@@ -66,6 +72,20 @@ class Bends:
         return Bends(*columns)
 
 
+@dataclass(frozen=True)
+class Hidden:
+    """What a second mode not told apart may do to points, arrays (m,), unit of k (or ω).
+
+    Attributes:
+        error: standard error, for what shows of it, or is taken into the bar.
+        splitting: waves nearer to each other than this pass for one, which is then within half of
+            it of one of them; ∞ where nothing tells.
+    """
+
+    error: Float
+    splitting: Float
+
+
 def worth(
     bends: Bends,
     value: Float,
@@ -73,9 +93,10 @@ def worth(
     step: NDArray[Any],
     cell: float,
     width: Float | float = 0.0,
-    close: float = CLOSE,
-) -> Float:
-    """Standard error of k that a second mode not told apart leaves, shape (m,), unit of k.
+    close: Float | float = CLOSE,
+    alike: float = 1.0,
+) -> Hidden:
+    """What a second mode not told apart is worth.
 
     Args:
         bends: at the points.
@@ -84,10 +105,11 @@ def worth(
         step: index of its ω (or k) in an even sequence, shape (m,).
         cell: the resolution 2π/X of k, or 2π/T of ω.
         width: of the line of each, decay or loss, shape (m,) or ().
-        close: modes closer than this part of a cell are told as one where nothing shows, –.
+        close: modes closer than this part of a cell are taken for one where nothing shows, –.
+        alike: so many neighbouring steps have one noise, –.
     """
     bend = np.where(bends.over > _ALONE, bends.size, 0.0)
-    told = np.maximum(np.sqrt(2 * bends.noise) - close / 2 * cell, 0)
+    pull = np.sqrt(bends.noise * _unseen(bends.over, 1.0))
     order = np.lexsort((value, step))
     apart = np.diff(value[order]) - np.broadcast_to(width, value.shape)[order[1:]]
     beside = np.flatnonzero((np.diff(step[order]) == 0) & (apart < cell))
@@ -98,7 +120,6 @@ def worth(
     most = maximum_filter1d(np.where(where, found, 0), 2 * _STEPS + 1, mode="constant")
     # Where one more wave is seen, close to another, at a step nearby, noise may hide it here.
     hidden = ~paired & (found < most)[step]
-    told = np.where(hidden, np.sqrt(2 * bends.noise), told)
     for number in np.unique(branch[branch >= 0]):
         own = np.flatnonzero((branch == number) & ~paired)
         if len(own) < _FEWEST:
@@ -111,7 +132,23 @@ def worth(
         )
         sure = over > _KNOWN + _SURE / np.sqrt(many)
         bend[own] = np.where(sure, np.maximum(bend[own], usual), bend[own])
-    return np.asarray(_OF_BAR * np.hypot(np.sqrt(bend), told))
+        usual = percentile_filter(bends.over[own], _MEAN, many, mode="nearest")
+        together = np.sqrt(bends.noise[own] * _unseen(usual, max(many / alike, 1.0)))
+        pull[own] = np.where(hidden[own], pull[own], np.minimum(pull[own], together))
+    # Of waves that noise hides, those closer are left out of the bar.
+    left_out = np.where(hidden, 0.0, close) / 2 * cell
+    size = np.where(np.isfinite(pull), pull, 0.0)
+    told = np.sqrt(np.maximum(size**2 - left_out**2, 0.0))
+    return Hidden(np.hypot(_OF_BAR * np.sqrt(bend), told / _BAR), 2 * pull)
+
+
+def _unseen(over: Float, count: float) -> Float:
+    """Bend over the noise's that its mean square at so many points does not rule out, at 95 %.
+
+    Of a mean square 1 + λ of n points, of variance (1 + 2λ)/n, no more than 1.64 deviations low.
+    """
+    more, square = np.maximum(over, 1) - 1, _ONE_SIDED**2 / count
+    return np.sqrt(more + square + np.sqrt(2 * more * square + square**2 + square))
 
 
 def of_lines(
@@ -131,10 +168,10 @@ def of_lines(
     """
     count = channels.shape[-1]
     lag = count // 6
-    window = blackmanharris(count - 2 * lag, sym=True)
+    window = blackman_harris(count - 2 * lag)
     power = float(np.sum(window**2))
     near, far = (float(np.sum(window[d:] * window[:-d])) / power for d in (lag, 2 * lag))
-    whole = blackmanharris(count, sym=True)
+    whole = blackman_harris(count)
     level = power / float(np.sum(whole**2)) * (whole.sum() / 2) ** 2 / channels.shape[1]
     size, hidden, over = np.zeros((3, len(row)))
     edges = np.flatnonzero(np.diff(row, prepend=-1, append=-1))
@@ -199,7 +236,9 @@ def of_sinusoids(found: Fit, level: Float, scale: Float, weight: Float | None) -
     return Bends(bend / count**2, noise / count**2, over)
 
 
-def of_receivers(U: Any, x: Float, used: Any, k: Any, both: bool, level: Float) -> Bends:
+def of_receivers(
+    U: Any, x: Float, used: Any, k: Any, both: bool, level: Float
+) -> tuple[Bends, NDArray[np.bool_]]:
     """Bends of one wave e^{ikx} at receivers of any places, and of what comes back where it does.
 
     Args:
@@ -211,8 +250,8 @@ def of_receivers(U: Any, x: Float, used: Any, k: Any, both: bool, level: Float) 
         level: deviation of the noise, shape (n,).
 
     Returns:
-        Their noise is what no bend explains, as of receivers that differ from each other, 0 where
-        that is the record's own; all 0 where no receiver is to spare.
+        Their noise is what no bend explains, ∞ where no receiver is to spare; and where that is
+        more than the record's own, as of receivers that differ from each other.
     """
     t = (x - x.mean()) / np.ptp(x)
     turn = 1j * np.where(np.isfinite(k), k, 0)[:, None] * (x - x.mean())
@@ -231,9 +270,10 @@ def of_receivers(U: Any, x: Float, used: Any, k: Any, both: bool, level: Float) 
     spread = np.sum(np.abs(inverse[:, 2]) ** 2, axis=1)
     amplitude = np.maximum(np.abs(fit[:, 0] / scale[:, 0, 0]), 1e-290)
     unit = 2 / (amplitude * scale[:, 0, 2] * np.ptp(x) ** 2)
-    noise = np.sqrt(spread * np.maximum(rest, level**2))
-    over = np.abs(fit[:, 2]) ** 2 / np.maximum(noise, 1e-290) ** 2
+    noise = np.sqrt(np.maximum(spread, 1e-290) * np.maximum(np.maximum(rest, level**2), 1e-290))
+    over = np.abs(fit[:, 2]) ** 2 / noise**2
     # What is off at all frequencies alike tells nothing more at many than at one.
     unlike = (rest > _ALIKE * level**2) & (spare > 0)
     over = np.where((spare > 0) & ~(unlike & (over < _ALONE)), over, 0.0)
-    return Bends(unit * np.abs(fit[:, 2]), unit * noise * unlike, over)
+    noise = np.where(spare > 0, unit * noise, np.inf)
+    return Bends(unit * np.abs(fit[:, 2]), noise, over), unlike

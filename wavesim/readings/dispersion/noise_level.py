@@ -19,6 +19,8 @@ from scipy.fft import fft, ifft
 from scipy.ndimage import maximum_filter1d
 from scipy.special import gammaincinv
 
+from wavesim.records.windows import noise_density
+
 Float = NDArray[Any]
 
 # The continuum close to a frequency is looked for within so many bins 2π/T.
@@ -121,8 +123,6 @@ def noise_variance(
         omega: ω, shape (nω,), rad/s.
         quantum: q, the least step between samples, shape (nx,) or (), unit of the values.
     """
-    from scipy.signal import welch  # slow to import, and only a reading needs it
-
     count, receivers = values.shape
     variance = np.tile(white_level(values, quantum) ** 2, (len(omega), 1))
     head = values[: max(16, int(_FIRST_PART * count))]
@@ -135,8 +135,7 @@ def noise_variance(
         # What is less is the foot of a pulse, which no instrument's noise leaves to be seen.
         if quiet < _FEWEST_QUIET or not spread[at] > _LEAST_NOISE * peak[at]:
             continue
-        f, power = welch(values[:quiet, at], 1 / interval, nperseg=max(16, quiet // 4))
-        own = np.interp(omega / (2 * np.pi), f[1:-1], power[1:-1]) / (2 * interval)
+        own = noise_density(values[:quiet, at], interval, omega / (2 * np.pi)) / interval
         variance[:, at] = np.maximum(variance[:, at], own)
     return np.maximum(variance, (ROUNDING * peak.max(initial=0.0)) ** 2)
 

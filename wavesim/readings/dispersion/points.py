@@ -41,6 +41,8 @@ class BranchPoints(Shown):
         reason: why not, "" where it does.
         branch: number of its branch, joined by continuity; −1 for none.
         k_error: for "beam", standard error of k at given ω, rad/m; None else.
+        splitting: two waves nearer to each other than this, in ω (rad/s) or, for "space", in k
+            (rad/m), pass for one, which is within half of it of one of them; None if not known.
     """
 
     method: str
@@ -54,6 +56,7 @@ class BranchPoints(Shown):
     reason: NDArray[Any]
     branch: NDArray[np.int64]
     k_error: Float | None = None
+    splitting: Float | None = None
 
     def __len__(self) -> int:
         return len(self.k)
@@ -111,9 +114,9 @@ class BranchPoints(Shown):
 
     def take(self, which: Any) -> BranchPoints:
         """The points at an index or mask."""
-        kept = {n: getattr(self, n)[which] for n in _COLUMNS}
-        k_error = None if self.k_error is None else self.k_error[which]
-        return replace(self, **kept, k_error=k_error)
+        known = [n for n in (*_COLUMNS, *_OPTIONAL) if getattr(self, n) is not None]
+        kept: dict[str, Any] = {n: getattr(self, n)[which] for n in known}
+        return replace(self, **kept)
 
     def refused(self, where: Any, reason: str) -> BranchPoints:
         """The points with those at a mask no longer valid; an earlier reason stays."""
@@ -144,6 +147,9 @@ class BranchPoints(Shown):
                 "phase_velocity_m_per_s": self.phase_velocity,
                 "phase_velocity_error_m_per_s": self.phase_velocity_error,
             }
+        if self.splitting is not None:
+            unit = "rad_per_m" if self.in_space else "rad_per_s"
+            table[f"splitting_{unit}"] = self.splitting
         return table | {
             "amplitude": self.amplitude,
             "residual": self.residual,
@@ -152,7 +158,8 @@ class BranchPoints(Shown):
         }
 
 
-_COLUMNS = tuple(n for n in BranchPoints.__dataclass_fields__ if n not in ("method", "k_error"))
+_OPTIONAL = "k_error", "splitting"
+_COLUMNS = tuple(n for n in BranchPoints.__dataclass_fields__ if n not in ("method", *_OPTIONAL))
 
 
 def joined(parts: list[BranchPoints]) -> BranchPoints:
@@ -163,6 +170,7 @@ def joined(parts: list[BranchPoints]) -> BranchPoints:
         shifted.append(replace(part, branch=moved))
         offset += int(part.branch.max(initial=-1)) + 1
     whole: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in shifted]) for n in _COLUMNS}
-    errors = [p.k_error for p in shifted if p.k_error is not None]
-    k_error = np.concatenate(errors) if len(errors) == len(shifted) else None
-    return replace(shifted[0], **whole, k_error=k_error)
+    for name in _OPTIONAL:
+        known = [getattr(p, name) for p in shifted if getattr(p, name) is not None]
+        whole[name] = np.concatenate(known) if len(known) == len(shifted) else None
+    return replace(shifted[0], **whole)

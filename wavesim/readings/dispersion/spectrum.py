@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.assignment import assigned
 from wavesim.material.family import Block
 from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
+from wavesim.records.windows import blackman_harris
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
 
 Float = NDArray[Any]
 
 # 4-term Blackman–Harris: side lobes at −92 dB, main lobe of ±4 bins (Harris, Proc. IEEE 66, 51
 # (1978)). A peak counts above −80 dB of the strongest at its wavenumber.
-WINDOW = "blackmanharris"
 LOBE_BINS = 4
 FLOOR = 1e-8
 _PADDING = 8
@@ -108,9 +109,8 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
     first = analysed_from(field)
     frames = len(field.t) - first
     from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
-    from scipy.signal import get_window
 
-    window = get_window(WINDOW, frames, fftbins=False)
+    window = blackman_harris(frames)
     padded = next_fast_len(_PADDING * frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     kept = len(omega)
@@ -169,17 +169,15 @@ def peaks(found: Spectrum, index: int) -> tuple[Float, Float]:
     Returns:
         Frequencies (rad/s), ascending, and power at the peaks.
     """
-    from scipy.signal import find_peaks
-
     height = np.log(np.maximum(found.power[index], 1e-300))
     strongest = height.max()
     if found.strongest is not None:
         strongest = max(strongest, np.log(max(found.strongest[index], 1e-300)))
     least = max(strongest + np.log(FLOOR), np.log(_ROUNDING))
-    at, _ = find_peaks(height, height=least)
-    left, middle, right = height[at - 1], height[at], height[at + 1]
-    round_top = left + right < 2 * middle  # a plateau, as of nothing at all, is no peak
-    at, left, middle, right = at[round_top], left[round_top], middle[round_top], right[round_top]
+    left, middle, right = height[:-2], height[1:-1], height[2:]
+    # A plateau, as of nothing at all, is no peak.
+    top = (middle >= left) & (middle >= right) & (left + right < 2 * middle) & (middle >= least)
+    left, middle, right, at = left[top], middle[top], right[top], np.flatnonzero(top) + 1
     shift = 0.5 * (left - right) / (left - 2 * middle + right)
     top = np.exp(middle - 0.25 * (left - right) * shift)
     omega = found.omega[0] + (at + shift) * (found.omega[1] - found.omega[0])
@@ -215,8 +213,6 @@ def ridges(found: Spectrum) -> list[Ridge]:
     Returns:
         The branches, ascending in their median frequency.
     """
-    from scipy.optimize import linear_sum_assignment  # slow to import, and only a reading needs it
-
     tracks: list[list[tuple[int, float, float]]] = []
     room: dict[int, float] = {}
     for index in range(1, len(found.k)):
@@ -228,7 +224,7 @@ def ridges(found: Spectrum) -> list[Ridge]:
             distance = np.abs(guess[:, :1] - omega)
             first = [room[id(track)] if len(track) == 1 else 0.0 for track in live]
             reach = 2 * found.bin + guess[:, 1:] + np.array(first)[:, None]
-            rows, columns = linear_sum_assignment(np.minimum(distance, 2 * reach))
+            rows, columns = assigned(np.minimum(distance, 2 * reach))
             for row, column in zip(rows, columns, strict=True):
                 if distance[row, column] <= reach[row, 0]:
                     live[row].append((index, omega[column], power[column]))

@@ -105,7 +105,9 @@ def _as_points(
         )
     at = omega[found.step]
     error = np.hypot(found.error, _FLOOR * cell)
-    error = np.hypot(error, worth(found.bends, np.abs(found.k), branch, found.step, cell))
+    # As of a transform, bars have the resolution that noise leaves.
+    hides = worth(found.bends, np.abs(found.k), branch, found.step, cell, close=0.0)
+    error = np.hypot(error, hides.error)
     error = np.hypot(error, np.abs(found.k) * np.hypot(record.spacing_error, record.interval_error))
     speed = at / np.maximum(np.abs(found.k), 1e-290)
     folded, gap = np.zeros(n, bool), np.pi / highest_wavenumber(x)
@@ -134,6 +136,7 @@ def _as_points(
         np.full(n, "", object),
         branch,
         error,
+        np.where(found.bends.noise > 0, speed * hides.splitting, np.nan),
     )
     points = points.refused(~found.clear, CHANCE)
     points = points.refused(points.k < cell, "longer than the aperture")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import AT_THE_END, DETECTED, WEAK, envelope, onset
 from wavesim.readings.pulse.signals import CLIPPED, PulseError, PulseRecord
-from wavesim.simulation.bandlimited import between, slope
+from wavesim.simulation.bandlimited import between, cross_correlation, slope
 
 Float = NDArray[Any]
 
@@ -25,6 +25,8 @@ CONVENTIONS = ("first break", "threshold", "envelope", "correlation")
 _ABOVE_NOISE = 4.0
 # The parabola goes through the samples above this part of the envelope's peak.
 _CAP = 0.9
+# How exactly places between samples are found, in samples.
+_EXACT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,7 @@ def correlation(values: Float, reference: Float, noise: float, reference_noise: 
     Returns:
         (lag, error, reason).
     """
-    from scipy.signal import correlate  # slow to import, and only a reading needs it
-
-    c = correlate(values, reference, mode="full", method="fft")
+    c = cross_correlation(values, reference)
     at = int(np.argmax(c))
     own = float(np.nan_to_num(reference_noise))
     energy = float(np.sum(reference**2)) - len(reference) * own**2
@@ -227,6 +227,9 @@ def top(values: Float, start: int) -> float:
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    from scipy.optimize import brentq  # slow to import, and only a reading needs it
-
-    return float(brentq(function, low, high, xtol=1e-9))
+    """Where a function that changes its sign once between two places is 0, by bisection."""
+    falls = function(low) > 0
+    while high - low > _EXACT:
+        middle = (low + high) / 2
+        low, high = (middle, high) if (function(middle) > 0) == falls else (low, middle)
+    return (low + high) / 2

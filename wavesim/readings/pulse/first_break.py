@@ -24,9 +24,11 @@ WEAK = "no arrival stands out of the noise: average more, or listen nearer"
 
 def envelope(values: Float) -> Float:
     """|u + iHu|, H the Hilbert transform, padded against wrapping round; shape of u, (nt,)."""
-    from scipy.signal import hilbert  # slow to import, and only a reading needs it
-
-    return np.abs(hilbert(values, 2 * len(values)))[: len(values)]
+    count = len(values)
+    hat = np.fft.fft(values, 2 * count)
+    hat[1:count] *= 2
+    hat[count + 1 :] = 0
+    return np.abs(np.fft.ifft(hat))[:count]
 
 
 def onset(values: Float) -> tuple[float, float, str]:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.first_break import WEAK, onset
 from wavesim.records.evenness import even
+from wavesim.records.windows import noise_density
 
 Float = NDArray[Any]
 
@@ -115,17 +116,10 @@ class PulseRecord:
         Returns:
             S, shape (n, m), unit of u squared, times s; NaN where the quiet part is too short.
         """
-        from scipy.signal import welch  # slow to import, and only a reading needs it
-
         result = np.full((len(frequency), len(self.names)), np.nan)
         for j, part in enumerate(self._quiet_parts()):
             if len(part) >= FEWEST_QUIET:
-                f, power = welch(
-                    part, 1 / self.interval, nperseg=max(16, len(part) // 4), scaling="density"
-                )
-                # Welch takes the mean out, so the lowest bin is empty; the one-sided ends are not
-                # doubled.
-                result[:, j] = np.interp(np.abs(frequency), f[1:-1], power[1:-1]) / 2
+                result[:, j] = noise_density(part, self.interval, frequency)
         return np.maximum(result, self._least**2 * self.interval)
 
     @cached_property

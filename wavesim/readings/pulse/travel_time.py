@@ -25,6 +25,7 @@ from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
 from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
+from wavesim.simulation.bandlimited import cross_correlation
 
 Float = NDArray[Any]
 
@@ -251,12 +252,10 @@ def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> Trav
 
 def _correlations(record: TransmissionRecord, sent: Float, begins: float) -> tuple[Float, Float]:
     """Lags about the direct wave, s, and the correlation of its packet with what was sent."""
-    from scipy.signal import correlate  # slow to import, and only a reading needs it
-
     own = _packet(record, begins)
     packet = np.zeros(len(record.t))
     packet[own] = record.got[own] * np.hanning(own.stop - own.start + 2)[1:-1] ** 0.25
-    c = correlate(packet, sent, mode="full", method="fft")
+    c = cross_correlation(packet, sent)
     lags = (np.arange(len(c)) - (len(sent) - 1)) * record.interval
     near = np.abs(lags - begins) <= 1.25 * record.period
     return lags[near], c[near]

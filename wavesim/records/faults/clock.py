@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from wavesim.records.content import RecordError
 from wavesim.records.evenness import even, last_digit
@@ -31,6 +30,8 @@ def one_clock(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
     for j in np.flatnonzero(~(late <= 1e-3 * step)):
         if not (np.diff(t[:, j]) > 0).all():
             raise RecordError(f"times of channel {j + 1} do not ascend: sort its samples by time")
+        from scipy.interpolate import CubicSpline  # slow to import, and only a fault needs it
+
         for c in range(len(values)):
             values[c, :, j] = CubicSpline(t[:, j], values[c, :, j], extrapolate=False)(first)
     if (late > 1e-3 * step).any():
@@ -103,6 +104,11 @@ def even_times(
             f"t: the longest interval, {longest:.4g} s, is {longest / step:.3g} times the mean; "
             "sample evenly, or use the part before or after it"
         )
+    from scipy.interpolate import (  # slow to import, and only a fault needs it
+        CubicSpline,
+        PchipInterpolator,
+    )
+
     values = CubicSpline(t[own], values[:, own], axis=1)(grid)
     gone = np.asarray(PchipInterpolator(t, missing.astype(float))(grid) > 1e-9)
     values[:, gone] = 0.0

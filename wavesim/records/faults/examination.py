@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from wavesim.records.content import UnitsError
 from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline, without_early_hum
-from wavesim.records.faults.channels import Mended, clocks, duplicates, misfits
+from wavesim.records.faults.channels import Mended, misfits
 from wavesim.records.faults.clipping import clipped, once_each, without_stuck
+from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.gains import ring_misfits

@@ -19,13 +19,12 @@ from math import factorial
 from typing import Any
 
 import numpy as np
+from numpy.fft import fft, ifft, rfft
 from numpy.typing import NDArray
-from scipy.fft import fft, ifft, rfft
-from scipy.interpolate import CubicSpline
-from scipy.signal.windows import blackmanharris
 
 from wavesim.records.faults.channels import Mended
 from wavesim.records.faults.finding import CURED, TOLD, Finding, places
+from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -83,6 +82,8 @@ class Gains:
         """The field as equal receivers would have it, shape (nt, nx); odd ones as they are."""
         u = component / np.where(self.odd | (self.gain <= 0), 1.0, self.gain)
         if self.late.any():
+            from scipy.interpolate import CubicSpline  # slow to import, and only a fault needs it
+
             frames = np.arange(len(u), dtype=float)
             u = np.stack([CubicSpline(frames, v)(frames + tau) for v, tau in
                           zip(u.T, self.late, strict=True)], axis=1)  # fmt: skip
@@ -227,7 +228,7 @@ class _Cells:
 
 def _spectrum(component: Float) -> tuple[Any, Float]:
     """U at the frequencies that tell something, and these in rad per frame."""
-    window = blackmanharris(len(component), sym=True)[:, None]
+    window = blackman_harris(len(component))[:, None]
     U = rfft((component - component.mean(axis=0)) * window, axis=0)
     # A field that covers a quarter of the receivers is seen; one bad receiver is not.
     size = np.sort(np.abs(U) ** 2, axis=1)[:, -max(3, U.shape[1] // 4)]

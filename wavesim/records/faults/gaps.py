@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
@@ -109,6 +108,8 @@ def bridged(
         own = ~absent[c, :, r]
         bridge = gone & ~missing & ~long
         if bridge.any():
+            from scipy.interpolate import CubicSpline  # slow to import, and only a fault needs it
+
             values[c, bridge, r] = CubicSpline(t[own], values[c, own, r])(t[bridge])
             filled += int(bridge.sum())
         if long.any():

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 
 from wavesim.records.faults.channels import Mended
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
@@ -167,6 +166,8 @@ def _worst(u: Float, off: NDArray[np.int64], reach: int) -> tuple[int, float | N
 
 def _along(rows: Float, pattern: Float) -> Float:
     """Σ_m pattern_m rows_{j+m} of each row, m from −M to M; nothing beyond the ends."""
+    from scipy.ndimage import correlate1d  # slow to import, and only a fault needs it
+
     return np.asarray(correlate1d(rows, pattern, axis=1, mode="constant"))
 
 

@@ -1,16 +1,12 @@
 """Tables of text as instruments and spreadsheets write them: where the numbers begin, how parted.
 
-Metadata, comments, a row of headings, a row of units, then numbers. The delimiter and the decimal
-mark are those by which most rows of the body are numbers; pandas then reads the body.
+Metadata, comments, a row of headings, a row of units, then numbers, which pandas reads.
 """
 
 from __future__ import annotations
 
-import csv
 import io
 import re
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,35 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError, check_size
+from wavesim.records.formats.dialect import (
+    CLOCK,
+    MARKS,
+    NUMBERS,
+    OVERLOAD,
+    decoded,
+    dialect,
+    is_number,
+    is_row,
+    readable,
+    splitter,
+)
 from wavesim.records.units import is_time, is_unit
 
 _COMMENTS = ("#", "%", "!", "//", '"#', "'")
-# Marks of a sample out of range, and of one that is not there.
-_OUT_OF_RANGE = """ol +ol -ol o.l. o.l overload over overflow ovf ovfl ovrld ∞ -∞ +∞ inf -inf +inf
-    infinity -infinity clip clipped sat saturated underflow under range 1.#inf -1.#inf *** ****"""
-_NOT_THERE = """nan -nan na n/a #n/a null none nil - -- --- missing bad err error #value! #num!
-    #div/0! 1.#qnan -1.#ind 1.#nan ?"""
-OVERLOAD = frozenset(_OUT_OF_RANGE.split())
-_MARKS = OVERLOAD | {"", *_NOT_THERE.split()}
-_NUMBERS = {
-    ".": re.compile(r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"),
-    ",": re.compile(r"[-+−]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?"),
-}
-_CLOCK = re.compile(
-    r"(?:\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4})(?:[T ]\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?)?"
-    r"(?:Z|[+-]\d\d:?\d\d)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?"
-)
-# Most likely first: of those that read as many rows the first is taken.
-_DIALECTS = (("\t", "."), (";", "."), (";", ","), (",", "."), ("|", "."), ("\t", ","), (None, "."),
-             (None, ","), (",", ","))  # fmt: skip
-# What begins with a longer mark begins with the shorter one too.
-_MARKED = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"),
-           (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))  # fmt: skip
 _REMARK = re.compile(r"comment|remark|note|bemerkung", re.IGNORECASE)
 _SETS = re.compile(r"\w+ *= *[-+.\d]")
 # Metadata beside the first rows go on no further than so many.
 _BESIDE = 40
-_SAMPLE = 80
 _LONGEST_HEAD = 4
 
 
@@ -88,8 +74,8 @@ def read_table(path: Path) -> Table:
     Raises:
         RecordError: it holds none, or a cell that is no number; row and column are named.
     """
-    whole, notes = _decoded(path.read_bytes())
-    lines = re.split(r"\r\n|\r|\n", whole)
+    notes: list[str] = []
+    lines = re.split(r"\r\n|\r|\n", decoded(path.read_bytes()))
     numbered = [
         (number, line) for number, line in enumerate(lines, 1)
         if line.strip() and not line.lstrip().startswith(_COMMENTS)
@@ -98,11 +84,11 @@ def read_table(path: Path) -> Table:
                 if line.lstrip().startswith(_COMMENTS)]  # fmt: skip
     if len(numbered) < 2:
         raise RecordError("holds no table: a heading and a row for each time are needed")
-    separator, decimal, width = _dialect([line for _, line in numbered])
-    cells = _splitter(separator)
+    separator, decimal, width = dialect([line for _, line in numbered])
+    cells = splitter(separator)
     numbered, width, beside, in_file = _without_metadata(numbered, cells, separator, width)
     first = _first_row(numbered, cells, decimal, width)
-    if first is None and not any(_is_number(c, decimal) for c in cells(numbered[0][1])):
+    if first is None and not any(is_number(c, decimal) for c in cells(numbered[0][1])):
         # Rows that no message but one of a cell's would help.
         first, width = 1, len(cells(numbered[0][1]))
     if first is None:
@@ -182,128 +168,27 @@ def _without_metadata(
     return kept, len(stay), beside, [c + 1 for c in stay]
 
 
-def _decoded(raw: bytes) -> tuple[str, list[str]]:
-    name = _wide(raw)
-    if name:
-        try:
-            return raw.decode(name), []
-        except UnicodeDecodeError as error:
-            raise RecordError(f"can't be read as text: {error}") from None
-    if b"\0" in raw[:100_000]:
-        raise RecordError(
-            "can't be read as text: it holds bytes that no text has; give it the suffix of what "
-            "it is (.npz, .h5, .mat, .nc, .segy, .sac, .mseed)"
-        )
-    try:
-        return raw.decode("utf-8"), []
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", "replace"), []
-
-
-def _wide(raw: bytes) -> str:
-    """An encoding that the first bytes mark, or UTF-16 by the zeros in every other byte; or ""."""
-    for mark, name in _MARKED:
-        if raw.startswith(mark):
-            return name
-    head = raw[:1000]
-    even, odd = head[::2].count(0), head[1::2].count(0)
-    if len(head) > 8 and max(even, odd) > 0.4 * len(head) and min(even, odd) == 0:
-        return "utf-16-le" if odd else "utf-16-be"
-    return ""
-
-
 def _uncommented(line: str) -> str:
     return line.strip().lstrip('#%!/"').strip()
-
-
-def _splitter(separator: str | None) -> Any:
-    if separator is None:
-        return lambda line: line.split()
-
-    def cells(line: str) -> list[str]:
-        if '"' in line:
-            try:
-                return [c.strip() for c in next(csv.reader([line], delimiter=separator))]
-            except (csv.Error, StopIteration):
-                pass
-        return [c.strip() for c in line.rstrip("\r\n").split(separator)]
-
-    return cells
-
-
-def _readable(cell: str, decimal: str) -> bool:
-    return (
-        _NUMBERS[decimal].fullmatch(cell) is not None
-        or cell.lower() in _MARKS
-        or _CLOCK.fullmatch(cell) is not None
-    )
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    return _NUMBERS[decimal].fullmatch(cell) is not None
-
-
-def _dialect(lines: Sequence[str]) -> tuple[str | None, str, int]:
-    """Separator, decimal mark and number of columns by which most rows are numbers."""
-    # The end may be cut off, the beginning be metadata.
-    body = lines[:-1] if len(lines) > 3 else lines
-    middle = len(body) // 2
-    sample = [*body[middle : middle + _SAMPLE // 2], *body[-_SAMPLE // 2 :]]
-    best: tuple[float, int, int] = (0.0, 0, 0)
-    chosen: tuple[str | None, str, int] | None = None
-    for place, (separator, decimal) in enumerate(_DIALECTS):
-        cells = _splitter(separator)
-        rows = [cells(line) for line in sample]
-        widths: Counter[int] = Counter()
-        for row in rows:
-            read = sum(_readable(c, decimal) for c in row)
-            # Some columns may be remarks beside the first rows.
-            if read >= max(1, 0.6 * len(row)) and any(_is_number(c, decimal) for c in row):
-                widths[len(row)] += read == len(row) or 0
-        if not widths or not max(widths.values()):
-            continue
-        width, count = widths.most_common(1)[0]
-        score = (round(count / len(rows), 1), min(width, 2), -place)
-        if (width > 1 or separator is not None) and score > best:
-            best, chosen = score, (separator, decimal, width)
-    if chosen is None or best[0] < 0.3:
-        return _last_resort(lines)
-    return chosen
-
-
-def _last_resort(lines: Sequence[str]) -> tuple[str | None, str, int]:
-    """The commonest width by a delimiter, so that a message can name the cell."""
-    head = lines[0]
-    separator = max((",", ";", "\t"), key=head.count)
-    if not head.count(separator):
-        raise RecordError("holds no table: a heading and a row for each time are needed")
-    return separator, ".", head.count(separator) + 1
 
 
 def _first_row(numbered: list[tuple[int, str]], cells: Any, decimal: str, width: int) -> int | None:
     """Where the numbers begin."""
     for place, (_, line) in enumerate(numbered):
         row = cells(line)
-        if len(row) != width or not _is_row(row, decimal):
+        if len(row) != width or not is_row(row, decimal):
             continue
         after = [cells(other) for _, other in numbered[place + 1 : place + 4]]
-        if not after or sum(len(r) == width and _is_row(r, decimal) for r in after) * 2 >= len(
+        if not after or sum(len(r) == width and is_row(r, decimal) for r in after) * 2 >= len(
             after
         ):
             return place
     return None
 
 
-def _is_row(row: list[str], decimal: str) -> bool:
-    """Whether all cells are numbers, marks or blank, and at least one is a number."""
-    return all(_readable(c, decimal) for c in row) and any(
-        _is_number(c, decimal) or _CLOCK.fullmatch(c) for c in row
-    )
-
-
 def _whole(line: str, cells: Any, decimal: str, width: int) -> bool:
     row = cells(line)
-    return len(row) == width and all(_readable(c, decimal) for c in row)
+    return len(row) == width and all(readable(c, decimal) for c in row)
 
 
 def _headings(
@@ -341,7 +226,7 @@ def _check_heading(
     """Refuse rows that have fewer cells than the heading above them names, or one that has more."""
     if len(above) > 1 and len(above[-2][1]) == width and is_time(above[-2][1][0]):
         number, row = above[-1]
-        if len(row) != width and _is_row(row, decimal):
+        if len(row) != width and is_row(row, decimal):
             raise RecordError(_uneven(number, len(row), width, separator))
     if not above or not is_time(above[-1][1][0]):
         return
@@ -386,7 +271,7 @@ def _numbers(
         header=None,
         names=list(range(width)),
         index_col=False,
-        na_values=sorted({form for m in _MARKS for form in (m, m.upper(), m.capitalize())}),
+        na_values=sorted({form for m in MARKS for form in (m, m.upper(), m.capitalize())}),
         keep_default_na=False,
         skipinitialspace=True,
         engine="c",
@@ -423,15 +308,15 @@ def _odd_column(
     dated = 0
     for r, cell in enumerate(column):
         text = cell.strip().strip('"').strip()
-        if text.lower() in _MARKS:
+        if text.lower() in MARKS:
             continue
-        if _NUMBERS[decimal].fullmatch(text):
+        if NUMBERS[decimal].fullmatch(text):
             result[r] = float(text.replace(",", ".").replace("D", "e").replace("d", "e"))
-        elif _CLOCK.fullmatch(text):
+        elif CLOCK.fullmatch(text):
             dated += 1
         else:
             remedy = "correct the cell, or leave it blank for a sample that is missing"
-            if any(form.fullmatch(text) for form in _NUMBERS.values()):
+            if any(form.fullmatch(text) for form in NUMBERS.values()):
                 remedy = "rows differ in their decimal mark; write all alike"
             raise RecordError(
                 f"row {body[r][0]}, {_column(c, headings)}: {text[:30]!r} is no number: {remedy}"
@@ -454,7 +339,7 @@ def _since_first(
         dates = pandas.to_datetime(text, format="ISO8601", utc=True)
         return np.asarray((dates - dates[0]) / pandas.Timedelta(seconds=1), float)
     except (ValueError, TypeError, OverflowError) as error:
-        bad = next((r for r, cell in enumerate(text) if not _CLOCK.fullmatch(cell)), 0)
+        bad = next((r for r, cell in enumerate(text) if not CLOCK.fullmatch(cell)), 0)
         raise RecordError(
             f"row {body[bad][0]}, {_column(c, headings)}: {text[bad][:30]!r} can't be read as a "
             f"date ({str(error).splitlines()[0][:60]}): write times in seconds"
