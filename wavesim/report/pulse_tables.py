@@ -87,7 +87,7 @@ def _single(
     console.print(table)
     if len(alone) == 1 and not shown and alone[0].best.valid:
         console.print(_by_convention(alone[0], scale, unit))
-    said = "± is one standard error: noise, and what the conventions leave open."
+    said = "± is one standard error: noise, and what conventions and other waves leave open."
     console.print(said + (" Conventions' times include the system's delay." if shown else ""))
     reasons = Counter(one.best.reason for one in alone if not one.best.valid)
     for reason, count in reasons.items():
