@@ -79,7 +79,7 @@ class Hidden:
     Attributes:
         error: standard error, for what shows of it, or is taken into the bar.
         splitting: waves nearer to each other than this pass for one, which is then within half of
-            it of one of them.
+            it of one of them; ∞ where nothing tells.
     """
 
     error: Float
@@ -136,8 +136,9 @@ def worth(
         together = np.sqrt(bends.noise[own] * _unseen(usual, max(many / alike, 1.0)))
         pull[own] = np.where(hidden[own], pull[own], np.minimum(pull[own], together))
     # Of waves that noise hides, those closer are left out of the bar.
-    left_out = np.minimum(np.where(hidden, 0.0, close) / 2 * cell, pull)
-    told = np.sqrt(pull**2 - left_out**2)
+    left_out = np.where(hidden, 0.0, close) / 2 * cell
+    size = np.where(np.isfinite(pull), pull, 0.0)
+    told = np.sqrt(np.maximum(size**2 - left_out**2, 0.0))
     return Hidden(np.hypot(_OF_BAR * np.sqrt(bend), told / _BAR), 2 * pull)
 
 

@@ -47,6 +47,7 @@ _LARGEST_ERROR = 0.5
 # spare, the power that a wave must have over the noise's.
 _BY_CHANCE = 1e-6
 _WITHOUT_SPARE = 25.0
+_FEW_TO_SPARE = 2
 # Left over above this many times the noise's and truncation's power, it is not theirs.
 _EXCESS = 9.0
 # A signal that so many times the noise's power is left over of is no noise.
@@ -66,8 +67,9 @@ _BAND = 0.8
 _ENDED = 1e-3
 # Part of the frames at rest that is worth leaving out.
 _WORTH_CUTTING = 0.1
-# A signal is seen from these parts of its peak on; noise is within so many of its deviations.
-_FEET, _OF_NOISE = (0.5, 0.1), 5.5
+# A signal is seen from these parts of its peak on, and began so many times as long before as it
+# takes to the second ones; noise is within so many of its deviations.
+_FEET, _RISES, _OF_NOISE = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
 # Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
 # differ from each other those closer than that.
 _CLOSE, _CLOSE_UNLIKE = 0.6, 0.1
@@ -114,7 +116,7 @@ def in_space(
     omega = np.asarray(omega, float)
     if component is None:
         component = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
-    receivers, x = _line(record, clear)
+    receivers, x, stretch = _line(record, clear)
     values = record.values[component][:, receivers]
     # The window begins where something moves, so that it weighs no more noise than it must.
     record = record.since(record.t[_rest(values)])
@@ -140,9 +142,13 @@ def in_space(
         used |= (used.sum(axis=1) < len(x))[:, None] & (
             np.abs(U) > _ABOVE_TRUNCATION * left_out[:, None]
         )
+    heard = used.any(axis=0)
+    if heard.sum() >= 2:  # what is heard nowhere makes no spacing shorter
+        U, x, used = U[:, heard], x[heard], used[:, heard]
     level = np.hypot(left_out, noise)
     fits = _fits(U, x, used, pairs)
     points, chosen = _chosen(fits, used, omega + 1j * sigma, level)
+    points = _with_coming_back(points, x, stretch, [fits[c][:2] for c in chosen])
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
     high = points.omega.real > _BAND * np.pi / record.interval
     reason = np.where(high, "near the Nyquist frequency: sample more often", points.reason)
@@ -154,6 +160,21 @@ def in_space(
     points = _with_branches(points, omega)
     points = _with_hidden(points, U, x, used, level, [fits[c][:2] for c in chosen])
     return points if record.lattice else _unfolded(points, x, omega)
+
+
+def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: Any) -> BranchPoints:
+    """Errors with what comes round a ring from its other side, where the model has no such wave.
+
+    A wave of a part R beside the first moves k by 2R/X at most, and it is R = e^{−Im k (S − 2x)}
+    of the stretch S between sources, of sources that are alike.
+    """
+    one_way = np.repeat([not both for _, both in models], [pairs for pairs, _ in models])
+    longer = stretch - x[0] - x[-1]
+    if not np.isfinite(longer):
+        return points
+    part = np.exp(-np.maximum(points.k.imag, 0) * longer)
+    more = np.where(one_way, 2 * part / float(np.ptp(x)) / COMPLEX_BAR, 0.0)
+    return replace(points, error=np.hypot(points.error, more))
 
 
 def _with_hidden(
@@ -185,15 +206,20 @@ def _rest(values: Float) -> int:
     """How many frames there are before anything stands out of the noise, less a margin."""
     count = len(values)
     peaks = np.abs(values).max(axis=0)
-    for part in (*_FEET, 1e-12):
-        first = int((np.abs(values) > part * peaks).any(axis=1).argmax())
-        cut = first - max(8, first // 8)
+
+    def reached(part: float) -> int:
+        return int((np.abs(values) > part * peaks).any(axis=1).argmax())
+
+    for part, later in _FEET:
+        first = reached(part)
+        # A signal that rises slowly begins long before it is seen.
+        cut = first - max(8, first // 8, _RISES * (reached(later) - first))
         if not _WORTH_CUTTING * count < cut < count // 2:
             continue
-        before = values[:cut]
-        size = np.abs(before - before.mean(axis=0)).max(axis=0)
+        before, head = values[:cut], values[: cut // 2]
+        size = np.abs(before - head.mean(axis=0)).max(axis=0)
         # A signal's foot is no noise: it is all at the end.
-        if (size <= _OF_NOISE * before.std(axis=0) + 1e-12 * peaks).all():
+        if (size <= _OF_NOISE * head.std(axis=0) + 1e-12 * peaks).all():
             return cut
     return 0
 
@@ -224,8 +250,13 @@ def _unfolded(points: BranchPoints, x: Float, omega: Float) -> BranchPoints:
     return _with_branches(points.refused(folded, FOLDED), omega)
 
 
-def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
-    """Receivers of the longest stretch without a source, and their positions along it."""
+def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float, float]:
+    """Receivers of the longest stretch without a source, their positions along it, and its length.
+
+    Positions are from its source on, and its length is finite, on a ring.
+    """
+    stretch = np.inf
+    sound = ~record.misfit if len(record.misfit) else np.ones(len(record.x), bool)
     x, sources = record.x, np.sort(np.array(record.sources, float))
     if record.ring and len(sources):
         length = record.aperture
@@ -233,13 +264,13 @@ def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
         start = sources[int(np.argmax(gaps))]
         along = np.mod(x - start, length)
         reach = clear + _PART_OF_RING * gaps.max()
-        keep = np.flatnonzero((along > clear) & (along <= reach))
+        keep = np.flatnonzero(sound & (along > clear) & (along <= reach))
         keep = keep[np.argsort(along[keep])]
-        chosen, at = keep, along[keep]
+        chosen, at, stretch = keep, along[keep], float(gaps.max())
     else:
         edges = np.concatenate([[-np.inf], sources, [np.inf]])
         groups = [
-            np.flatnonzero((x > low + clear) & (x < high - clear))
+            np.flatnonzero(sound & (x > low + clear) & (x < high - clear))
             for low, high in itertools.pairwise(edges)
         ]
         chosen = max(groups, key=len)
@@ -249,7 +280,7 @@ def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float]:
             f"{len(chosen)} receivers stand on one side of the sources and {clear:g} m clear of "
             "them: at least 2 are needed, 3 where waves run both ways; add receivers there"
         )
-    return chosen, at
+    return chosen, at, stretch
 
 
 def _noise(record: Record, values: Float, receivers: Any, omega: Float, sigma: float) -> Float:
@@ -353,11 +384,14 @@ def _chosen(
 
 
 def _weak(one: LineFit, i: int, count: int, free: int, level: float) -> bool:
-    """Whether noise alone might be explained as well, by an F test."""
+    """Whether noise alone might be explained as well, by an F test.
+
+    Few receivers to spare tell of no noise: there its level is held against the power.
+    """
     spare = count - free
-    if spare < 1:
-        power = np.sum(one.forward[i] ** 2 + one.backward[i] ** 2)
-        return bool(power < _WITHOUT_SPARE * level**2)
+    power = float(np.sum(one.forward[i] ** 2 + one.backward[i] ** 2))
+    if spare < 1 or (spare <= _FEW_TO_SPARE and one.residual[i] <= _LOUD * level**2):
+        return power < _WITHOUT_SPARE * level**2
     left = max(float(one.unexplained[i]), 1e-290)
     ratio = (1 - left) / free / (left / spare)
     y = betaincinv(spare, free, _BY_CHANCE / count)  # of F with 2 free, 2 spare degrees
