@@ -67,10 +67,12 @@ def _single(
     shown = _CONVENTIONS[:4] if console.width >= _WIDE else ()
     for name in shown:
         table.add_column(name, justify="right")
-    for one in alone:
+    for place, one in enumerate(readings):
+        if one.result is not None:
+            continue
         row = [one.file]
         if series is not None:
-            row.append(f"{series.values[list(readings).index(one)]:g}")
+            row.append(f"{series.values[place]:g}")
         best = one.best
         if best.valid:
             row += [number(best.time * scale, best.error * scale),
