@@ -46,7 +46,8 @@ def test_advice_is_one_that_a_case_takes_and_shows_more_of_the_gap(small_run, sm
     before = small_run.loaded.simulation
     for row in small_run.summary["answers"]["gaps"]:
         words = shlex.split(row["closer"])
-        if words[0] != "--set":
+        assert bool(words) == (row["sector"] != "inplane")  # which do not travel
+        if not words or words[0] != "--set":
             continue
         case = load(small_case, words[1::2])
         changed = [s for s in case.simulation.sources if s.peak_frequency != 1e6]

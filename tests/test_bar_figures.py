@@ -87,7 +87,7 @@ def test_line_of_transmission_is_that_of_the_exact_solver():
     )
     figure = drawn(barfigures.transmission, slab_field(), found)
     lines = {one.get_label(): one for one in figure.axes[0].lines}
-    f, level = lines["T, exact at ω + iσ"].get_data()
+    f, level = lines["T, record (ω + iσ): exact"].get_data()
     assert len(f) > 3 * len(omega)
     s = f / TO_KHZ + 1j * sigma
     whole = transmission(SLAB, "longitudinal", s)
@@ -96,10 +96,10 @@ def test_line_of_transmission_is_that_of_the_exact_solver():
     np.testing.assert_allclose(10 ** (level / 20), np.abs(whole.T * there**2), rtol=1e-9)
     np.testing.assert_allclose(T, whole.T * there**2, rtol=1e-7)
     np.testing.assert_allclose(R, whole.R * there**2, rtol=1e-7)
-    level = lines["R, exact at ω + iσ"].get_ydata()
+    level = lines["R, record (ω + iσ): exact"].get_ydata()
     np.testing.assert_allclose(10 ** (level / 20), np.abs(R), rtol=1e-9)
     # Points stay where they were measured.
-    assert len(lines["T, measured"].get_xdata()) == 20
+    assert len(lines["T, record (ω + iσ): simulated"].get_xdata()) == 20
     assert "σ/2π = 15.9 kHz" in figure.axes[1].get_xlabel()
 
 

@@ -130,4 +130,5 @@ def test_bands_need_no_simulation_and_a_run_says_what_it_needs(tmp_path):
     for command in ("run", "check"):
         result = call(command, path)
         assert result.exit_code == 2
-        assert result.stderr == f"wavesim: {path}: [[sources]]: required, but not given; add it\n"
+        told = f"wavesim: {path}: [[sources]]: required, but not given; add it (what needs no "
+        assert result.stderr == f"{told}simulation, as bands, gaps or design, does without)\n"

@@ -224,8 +224,8 @@ def test_transmission_figure(gapped):
 
 @pytest.mark.parametrize("which", ["result", "gapped"])
 def test_figure_of_velocities_and_losses(which, request):
-    """Both velocities are drawn in one panel, none inside a gap; α and Q below; α in Np/m and in
-    dB/m; exact curves where they are given."""
+    """Both velocities are drawn in one panel, none inside a gap; α and Q below; α in dB/mm and
+    in Np/m; exact curves where they are given."""
     one = request.getfixturevalue(which)
     gaps = [("G", 6e5, 8e5)] if which == "gapped" else []
     curve = (np.array([1e5, 1e6]), np.array([1.0, 2.0]))
@@ -243,7 +243,7 @@ def test_figure_of_velocities_and_losses(which, request):
             assert not ((at > 600) & (at < 800)).any()
     low, high = loss.get_ylim()
     right = next(a for a in loss.child_axes if a._orientation == "y")
-    assert right.get_ylim() == pytest.approx((low * NEPER, high * NEPER))
+    assert right.get_ylim() == pytest.approx((low * 1e3 / NEPER, high * 1e3 / NEPER))
 
 
 def test_it_knows_signals_alone():

@@ -97,7 +97,10 @@ def build(file: CaseFile, name: str) -> Case:
         CaseError: as :func:`load`.
     """
     for heading in file.missing:
-        raise CaseError(f"{name}: {heading}: required, but not given; add it")
+        raise CaseError(
+            f"{name}: {heading}: required, but not given; add it (what needs no simulation, as "
+            "bands, gaps or design, does without)"
+        )
     make, known = builder(name), bar_layers(file, name)
     medium, stretches, ends = known.medium, known.stretches, known.ends
     media = [m for layer in stretches for m in layer.ends] or [medium]

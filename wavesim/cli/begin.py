@@ -28,7 +28,7 @@ def _write(path: Path, text: str) -> None:
         stop(f"{path}: can't be written: {error.strerror}; name another file", BAD_INPUT)
 
 
-@click.command()
+@click.command(short_help="Write a commented case to begin with.")
 @click.argument("file", type=click.Path(), default="case.toml")
 @click.option("--schema", is_flag=True, help=f"Write {_SCHEMA} beside it, for editors.")
 def init(file: str, schema: bool) -> None:
@@ -49,7 +49,7 @@ def _schema_text() -> str:
     return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
-@click.command()
+@click.command(short_help="JSON schema of a case file, for editors.")
 def schema() -> None:
     """Print the JSON schema of a case file, from which editors complete and check.
 
@@ -60,7 +60,9 @@ def schema() -> None:
 
 
 @click.command(
-    context_settings={"ignore_unknown_options": True}, options_metavar="[--show | OPTIONS OF RUN]"
+    short_help="List the cases that come with wavesim, or run one.",
+    context_settings={"ignore_unknown_options": True},
+    options_metavar="[--show | OPTIONS OF RUN]",
 )
 @click.argument("name", required=False)
 @click.option("--show", is_flag=True, help="Print the case file in place of running it.")
@@ -96,7 +98,10 @@ def cases(context: click.Context, name: str | None, show: bool, options: tuple[s
         run.invoke(inner)
 
 
-@click.command(epilog="\n\n".join(f"{shell}: {where}" for shell, where in _WHERE.items()))
+@click.command(
+    short_help="What makes a shell complete commands and keys.",
+    epilog="\n\n".join(f"{shell}: {where}" for shell, where in _WHERE.items()),
+)
 @click.argument("shell", type=click.Choice(tuple(_WHERE)))
 def completion(shell: str) -> None:
     """Print what makes a SHELL complete commands, options, cases and keys of --set."""

@@ -44,7 +44,7 @@ def stated(option: str, value: float | None) -> float | None:
     return value
 
 
-@click.command()
+@click.command(short_help="A record beside a case's signals: lag, scale, misfit.")
 @click.argument("record", type=click.Path())
 @click.argument("case", type=click.Path())
 @BESIDE

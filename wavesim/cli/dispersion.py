@@ -288,7 +288,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
         write(results, folder)
 
 
-@click.command()
+@click.command(short_help="Branches ω(k) of a space-time record.")
 @_OPTIONS
 @click.option(
     "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
@@ -307,7 +307,7 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
     _extract(given, work)
 
 
-@click.command()
+@click.command(short_help="Complex k(ω) of a record, in bands and gaps.")
 @_OPTIONS
 @BAND
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)

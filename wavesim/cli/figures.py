@@ -41,7 +41,7 @@ def _incomplete(run: Any) -> None:
         told(f"{run.folder}: the run is {run.status}, so only its field is drawn", "warning")
 
 
-@click.command()
+@click.command(short_help="Draw the figures of a run, from its FOLDER.")
 @_FOLDER
 @click.option("--only", multiple=True, metavar="NAME", help="One figure; may be repeated.")
 @click.option("--format", "kind", type=click.Choice(KINDS), default="png", show_default=True)
@@ -76,7 +76,7 @@ def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> N
     click.echo(f"{', '.join(sorted(path.name for path in written))} in {target}")
 
 
-@click.command()
+@click.command(short_help="The pulse on its way, as a GIF or MP4, of a run's FOLDER.")
 @_FOLDER
 @click.option("--field", "name", help="The field shown, such as phi2; the first by default.")
 @click.option("--format", "kind", type=click.Choice(("gif", "mp4")), default="gif",

@@ -19,7 +19,7 @@ from wavesim.cli.shared import print_json, read_case, read_layers, write_json, w
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
-@click.command()
+@click.command(short_help="Fit a case's parameters to a record, or to points.")
 @click.argument("record", type=click.Path())
 @click.argument("case", type=click.Path(), required=False)
 @click.argument("more", metavar="[KEY]…", nargs=-1)

@@ -16,7 +16,7 @@ from wavesim.report.terminal import FELL_SHORT
 _WIDTH = 80
 
 
-@click.command()
+@click.command(short_help="What is wrong with a record, and what can use it.")
 @click.argument("file", type=click.Path())
 @JSON
 @INPUT

@@ -109,7 +109,7 @@ def main() -> None:
     """Rotation waves in granular bars: simulate, extract dispersion, hold against theory."""
 
 
-@main.command()
+@main.command(short_help="Simulate a case, and hold it against the exact solution.")
 @CASE
 @OUT
 @SET
@@ -207,7 +207,7 @@ def _run(
         _stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
 
 
-@main.command()
+@main.command(short_help="What can be said of a case before it runs.")
 @CASE
 @SET
 def check(case: str, overrides: tuple[str, ...]) -> None:
@@ -246,7 +246,7 @@ def _count(found: list[str]) -> str:
     return f"{len(found)} warning{'s' if len(found) > 1 else ''}"
 
 
-@main.command()
+@main.command(short_help="The paper's figures anew, its claims judged.")
 @click.option(
     "--out", type=click.Path(), default="outputs/paper", show_default=True, help="Folder for it."
 )

@@ -94,7 +94,7 @@ def _leave_out(media: int) -> None:
         click.echo(f"\n{media - _TOLD} more media are left out; ask about fewer layers at a time.")
 
 
-@click.command()
+@click.command(short_help="Branches and gaps of a medium, or of each layer's.")
 @CASE
 @click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
 @JSON
@@ -156,7 +156,7 @@ def _tell_covering(found: Any, band: tuple[float, float]) -> None:
 _AXIS = (str, float, float)
 
 
-@click.command()
+@click.command(short_help="Map the gaps of a medium over two parameters.")
 @CASE
 @click.option(
     "--x",

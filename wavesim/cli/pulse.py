@@ -32,7 +32,7 @@ class _Set:
     values: tuple[float, ...]
 
 
-@click.command()
+@click.command(short_help="Arrivals, velocities, Q of pulse tests.")
 @click.argument("files", nargs=-1, type=click.Path(), required=True)
 @INPUT
 @click.option(

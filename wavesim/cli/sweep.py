@@ -16,7 +16,7 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 _STOPPED = 3
 
 
-@click.command()
+@click.command(short_help="Measure a case over ranges of its keys.")
 @CASE
 @click.option(
     "--vary",

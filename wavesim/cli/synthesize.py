@@ -40,7 +40,7 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
         stop(f"--relation {function}: {type(error).__name__}: {error}", BAD_INPUT)
 
 
-@click.command()
+@click.command(short_help="Write a record of known truth.")
 @click.argument("file", type=click.Path())
 @click.option("--medium", metavar="CASE.toml", help="Waves of this case's medium …")
 @click.option("--sector", default="longitudinal", show_default=True)
@@ -87,7 +87,7 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
     click.echo(f"{file}: {len(made.t)} frames, {len(made.x)} receivers")
 
 
-@click.command()
+@click.command(short_help="Points of any program against a record's truth.")
 @click.argument("truth", type=click.Path())
 @click.argument("points", type=click.Path())
 @click.option("--k-max", type=click.FloatRange(0, min_open=True),

@@ -21,7 +21,7 @@ from wavesim.report.terminal import BAD_INPUT, console, stop
 _ROWS = 12
 
 
-@click.command()
+@click.command(short_help="What a case's layers let through, without a run.")
 @CASE
 @BAND
 @click.option("--points", type=click.IntRange(2, 100_000), default=400, show_default=True)

@@ -14,6 +14,8 @@ from wavesim.figures.bar_section import bar_section
 from wavesim.figures.style import (
     FOUND,
     KHZ,
+    RECORD,
+    RECORD_MARK,
     THEORY,
     Drawings,
     as_written,
@@ -36,8 +38,6 @@ from wavesim.simulation.field import Field
 from wavesim.verdict.bar import SIGNAL_TOLERANCE
 
 _POINT: dict[str, Any] = {"ms": 3.2, "mfc": "white", "mew": 0.8, "ls": ""}
-_REFLECTED = "#2f6f9f"
-_REAL = "#8fae3c"
 _DEEPEST = -80.0
 _MOST_LABELS = 12
 _STYLES = ("-", "--", "-.", ":")
@@ -54,16 +54,16 @@ def transmission(field: Field, found: Scattered) -> Figure:
     level_panel(upper, field, found)
     f, judged = found.omega * KHZ, found.judged
     for value, exact, colour, mark in (
-        (found.T, found.T_exact, FOUND, "o"),
-        (found.R, found.R_exact, _REFLECTED, "s"),
+        (found.T, found.T_exact, RECORD_MARK, "o"),
+        (found.R, found.R_exact, RECORD_MARK, "s"),
     ):
         lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=colour, **_POINT)
-    lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance")
+    lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance of the difference")
     lower.set_yscale("log")
     lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
-              ylabel="|measured − exact|")  # fmt: skip
+              ylabel="|simulated − exact|")  # fmt: skip
     second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
-    figure.legend(loc="outside upper center", ncols=3)
+    figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 
@@ -74,18 +74,20 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     if len(media) == 1:  # the gaps of several are no specimen's
         shade(axes, gap_edges(media[0], found.sector))
     fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
+    steady, recorded = "steady wave (real ω): exact", "record (ω + iσ): "
     if len(lines) > 2:
         level = decibels(lines[2])
-        axes.plot(fine * KHZ, level, "-", color=_REAL, lw=0.9, label="T at real ω, as a filter")
-    for label, value, curve, colour, mark in (
-        ("T", found.T, lines[0], FOUND, "o"),
-        ("R", found.R, lines[1], _REFLECTED, "s"),
+        axes.plot(fine * KHZ, level, "-", color=FOUND, lw=1.5, zorder=2.5, label=f"T, {steady}")
+    for label, value, curve, mark in (
+        ("T", found.T, lines[0], "o"),
+        ("R", found.R, lines[1], "s"),
     ):
         level = decibels(curve)
-        axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=THEORY, lw=0.9,
-                  label=f"{label}, exact at ω + iσ")  # fmt: skip
+        axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=RECORD, lw=0.9,
+                  label=f"{label}, {recorded}exact")  # fmt: skip
         seen = decibels(value[judged])
-        axes.plot(f[judged], seen, mark, mec=colour, label=f"{label}, measured", **_POINT)
+        axes.plot(f[judged], seen, mark, mec=RECORD_MARK, label=f"{label}, {recorded}simulated",
+                  **_POINT)  # fmt: skip
     draw_masks(axes, [band.asked for band in found.bands])
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
 
@@ -104,7 +106,7 @@ def bloch(field: Field, found: Cells) -> Figure:
         axes.plot(fine * KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9,
                   label="exact")  # fmt: skip
         axes.plot(
-            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="measured", **_POINT
+            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="simulated", **_POINT
         )
         axes.set(ylabel=label, xlim=(f[0], f[-1]))
     deep = np.imag(found.q_exact[shown]) * found.period if shown.any() else np.ones(1)
@@ -141,7 +143,9 @@ def ringing_panel(axes: Axes, found: Ringing) -> None:
         axes.axvline(omega * KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
                      label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
     heights = np.interp(found.found, found.omega, found.level)
-    axes.plot(found.found * KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="measured", **_POINT)
+    axes.plot(
+        found.found * KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="simulated", **_POINT
+    )
     axes.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
 
 

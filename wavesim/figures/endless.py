@@ -14,6 +14,8 @@ from wavesim.figures.style import (
     HALO,
     KHZ,
     MAP,
+    RECORD,
+    RECORD_MARK,
     THEORY,
     Drawings,
     gap_edges,
@@ -156,7 +158,7 @@ def attenuation(field: Field, held: Held) -> Figure:
     attenuation_panel(loss, field, held)
     _wavenumber_panel(real, field, held, np.real, 1e-3, "Re k (rad/mm)")
     real.set_xlabel("ω/2π (kHz)")
-    loss.legend(loc="upper right")
+    figure.legend(*loss.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
     second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
     second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
@@ -184,11 +186,13 @@ def _wavenumber_panel(
     damped = wavenumber(medium, block.sector, w + 1j * curve.sigma)
     plain = wavenumber(medium, block.sector, w)
     shade(axes, gap_edges(medium, block.sector))
-    axes.plot(w * KHZ, part(plain) * unit, ":", color=THEORY, lw=0.9, label="exact, real ω")
-    axes.plot(w * KHZ, part(damped) * unit, "-", color=THEORY, lw=1.0, label="exact, ω + iσ")
+    axes.plot(w * KHZ, part(plain) * unit, "-", color=FOUND, lw=1.4,
+              label="steady wave (real ω): exact")  # fmt: skip
+    axes.plot(w * KHZ, part(damped) * unit, "-", color=RECORD, lw=1.0,
+              label="record (ω + iσ): exact")  # fmt: skip
     axes.plot(
-        curve.omega * KHZ, part(curve.k) * unit, "o", ms=3.2, mfc="white", mec=FOUND, mew=0.8,
-        label="measured, ω + iσ",
+        curve.omega * KHZ, part(curve.k) * unit, "o", ms=3.2, mfc="white", mec=RECORD_MARK, mew=0.8,
+        label="record (ω + iσ): simulated",
     )  # fmt: skip
     axes.set_ylabel(label)
     top = np.nanmax(part(held.k_exact)) * unit

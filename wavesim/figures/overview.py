@@ -27,6 +27,8 @@ _WIDTH, _HEIGHT, _HEAD = 11.0, 3.7, 1.0
 _PLAIN = {"figure.constrained_layout.use": False, "axes.titley": 1.02, "figure.dpi": 130}
 # Where a title stands that has a legend of two rows under it.
 _ABOVE = 1.14
+# Letters of a name of which three have no room side by side.
+_LONG = 26
 
 
 def write_overview(path: Path, field: Field, found: Any, title: str, verdict: str) -> None:
@@ -87,11 +89,18 @@ def _panels(field: Field, found: Any) -> list[Panel]:
 
 def _legend(axes: Axes) -> None:
     """Above the axes, where it covers nothing; the title makes room."""
-    axes.title.set_y(_ABOVE)
+    rows = -(-len(axes.get_legend_handles_labels()[1]) // _columns(axes))
+    axes.title.set_y(_ABOVE + 0.055 * max(0, rows - 2))
     axes.legend(
-        loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=3, fontsize=7.5, borderpad=0.2,
-        labelspacing=0.25, columnspacing=1.6,
+        loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=_columns(axes), fontsize=7.5,
+        borderpad=0.2, labelspacing=0.25, columnspacing=1.6,
     )  # fmt: skip
+
+
+def _columns(axes: Axes) -> int:
+    """Of a legend: three, or two where names are long."""
+    longest = max(len(label) for label in axes.get_legend_handles_labels()[1])
+    return 3 if longest < _LONG else 2
 
 
 def _spacetime(axes: Axes, field: Field, sector: str) -> str:
@@ -137,7 +146,7 @@ def _velocity(axes: Axes, test: PulseTest) -> str:
         axes.plot(f, getattr(exact, f"{name}_velocity"), style, color=THEORY, lw=0.9,
                   label=f"{name} velocity, exact")  # fmt: skip
         axes.plot(f, value, mark, ms=3.2, mfc="white", mec=FOUND, mew=0.8,
-                  label=f"{name} velocity, measured")  # fmt: skip
+                  label=f"{name} velocity, simulated")  # fmt: skip
     speeds = found.phase_velocity[np.isfinite(found.phase_velocity)]
     top = 1.6 * float(np.median(speeds)) if len(speeds) else 1.0
     axes.set(xlabel="ω/2π (kHz)", ylabel="velocity (m/s)", xlim=(f[0], f[-1]), ylim=(0, top))

@@ -49,10 +49,7 @@ def phase_velocity(one: Recovered) -> Figure:
     c = np.geomspace(slow, fast, _VELOCITIES)
     k = omega[:, None] / c
     height = np.maximum(*(phase_beam(U, x, weight, sign * k) for sign in (1, -1)))
-    largest = float(omega.max()) * _HZ
-    unit, prefix = next(
-        ((u, p) for u, p in ((1e-6, "M"), (1e-3, "k")) if largest * u >= 1), (1, "")
-    )
+    unit, prefix = (1e-3, "k") if float(omega.max()) * _HZ >= 1e3 else (1.0, "")
     to_f = _HZ * unit
     figure = Figure(figsize=(6.0, 4.6))
     axes = figure.subplots()

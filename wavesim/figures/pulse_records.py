@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from wavesim.figures import pulse_test
 from wavesim.figures.style import FOUND, STYLE, THEORY
@@ -131,8 +132,9 @@ def law(readings: Sequence[Reading], series: Series) -> Figure:
                           ecolor=FOUND, elinewidth=0.8, label=label)  # fmt: skip
     axes.set(xlabel=series.parameter, ylabel="velocity (m/s)")
     for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_minor_formatter("")
         axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("{x:g}")
-    axes.tick_params(axis="both", which="minor", labelsize=6)
     figure.legend(loc="outside upper center", ncols=3)
     return figure

@@ -28,6 +28,8 @@ _MOST_POINTS = 90
 # Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
 # near the edges of a gap don't flatten all others.
 _WILD = 2.0
+# From Np/m to dB/mm.
+_DECIBELS = 20e-3 / np.log(10)
 
 
 def record_section(
@@ -115,7 +117,7 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
         low, high = float(together.min()), float(together.max())
         axes.set_ylim(low - 0.16 * max(high - low, 1), high + 0.12 * max(high - low, 1))
     axes.set(
-        xlim=_ends(frequency), xlabel="ω/2π (kHz)",
+        xlim=_ends(frequency), xlabel=_at(result),
         ylabel=f"|U({as_written(loss.last)})/U({as_written(loss.first)})| (dB)",
     )  # fmt: skip
     figure.legend(loc="outside upper center", ncols=4)
@@ -144,13 +146,14 @@ def velocities_and_losses(
         (loss, "attenuation", "attenuation_error", "", "o"),
         (factor, "quality", "quality_error", "", "o"),
     )
-    labels = {speed: "velocity (m/s)", loss: "attenuation (Np/m)", factor: "Q = ω/2α$v_g$"}
+    labels = {speed: "velocity (m/s)", loss: "attenuation (dB/mm)", factor: "Q = ω/2α$v_g$"}
     for axes, label in labels.items():
         shade(axes, _in_kHz(gaps), named=axes is speed)
         axes.set_ylabel(label)
     seen: dict[Axes, list[Any]] = {speed: [], loss: [], factor: []}
     for axes, name, error_name, label, mark in parts:
-        value, error = getattr(found, name), getattr(found, error_name)
+        unit = _DECIBELS if axes is loss else 1.0
+        value, error = unit * getattr(found, name), unit * getattr(found, error_name)
         # A ratio known to no better than half tells nothing; attenuation may well be 0.
         counts = ~(error > 0.5 * np.abs(value)) | (name == "attenuation")
         if axes is not loss:
@@ -168,7 +171,7 @@ def velocities_and_losses(
             style = "-" if mark == "o" else "--"
             axes.plot(
                 at / 1e3,
-                curve,
+                unit * np.asarray(curve),
                 style,
                 color=THEORY,
                 lw=0.9,
@@ -181,8 +184,8 @@ def velocities_and_losses(
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(name, handle)
     figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=4)
-    second = loss.secondary_yaxis("right", functions=_decibels())
-    second.set_ylabel("dB/m")
+    second = loss.secondary_yaxis("right", functions=_nepers())
+    second.set_ylabel("Np/m")
     factor.set(xlim=_ends(frequency), xlabel="ω/2π (kHz)")
     return figure
 
@@ -195,15 +198,21 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.{min(digits, 6)}f} ± {error:.{min(digits, 6)}f}"
 
 
+def _at(result: PulseResult) -> str:
+    """The axis of frequency: at ω + iσ where the record was weighted by exp(−σt)."""
+    sigma = result.dispersion.sigma
+    return f"ω/2π (kHz), at ω + iσ, σ/2π = {sigma * KHZ:.3g} kHz" if sigma else "ω/2π (kHz)"
+
+
 def _ends(frequency: NDArray[Any]) -> tuple[float, float]:
     """Limits of the axis of frequency; a single one stands in the middle."""
     low, high = float(frequency[0]), float(frequency[-1])
-    return (low, high) if high > low else (0.9 * low, 1.1 * low)
+    room = 0.015 * (high - low)  # for the last marks
+    return (low - room, high + room) if high > low else (0.9 * low, 1.1 * low)
 
 
-def _decibels() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    per = 20 / np.log(10)
-    return (lambda v: v * per), (lambda v: v / per)
+def _nepers() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    return (lambda v: v / _DECIBELS), (lambda v: v * _DECIBELS)
 
 
 def _limit(axes: Axes, values: NDArray[Any]) -> None:
@@ -211,7 +220,8 @@ def _limit(axes: Axes, values: NDArray[Any]) -> None:
         axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes)
         axes.set_yticks([])
         return
-    low, high = np.percentile(values, [_WILD, 100 - _WILD])
+    wild = _WILD if len(values) > _MOST_POINTS / 2 else 0.0
+    low, high = np.percentile(values, [wild, 100 - wild])
     room = 0.15 * max(high - low, 0.05 * abs(high), 1e-300)
     axes.set_ylim(low - room, high + 1.6 * room)
 

@@ -24,24 +24,14 @@ _MOST_POINTS = 60
 _DECIBELS = 100.0
 
 
-def _unit(largest: float) -> tuple[float, str]:
-    """Factor and prefix that bring a quantity in Hz or 1/m to between 1 and 1000."""
-    for factor, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k")):
-        if largest * factor >= 1:
-            return factor, prefix
-    return 1.0, ""
-
-
 def _frequency(largest: float) -> tuple[float, str]:
-    factor, prefix = _unit(largest * _HZ)
-    return factor * _HZ, f"ω/2π ({prefix}Hz)"
+    """From rad/s to the unit shown: kHz as everywhere, Hz where all is slower."""
+    return (1e-3 * _HZ, "ω/2π (kHz)") if largest * _HZ >= 1e3 else (_HZ, "ω/2π (Hz)")
 
 
-def _wavenumber(one: Recovered) -> tuple[float, str]:
-    medium = one.origin.medium
-    if medium is not None:
-        return float(medium.length_scale) / (2 * np.pi), "k̄ = k l/2π"
-    return 1.0, "k (rad/m)"
+def _wavenumber(largest: float) -> tuple[float, str]:
+    """From rad/m to the unit shown: rad/mm as everywhere, rad/m where all are longer."""
+    return (1e-3, "k (rad/mm)") if largest >= 1e2 else (1.0, "k (rad/m)")
 
 
 def spectrum(one: Recovered) -> Figure:
@@ -54,7 +44,7 @@ def spectrum(one: Recovered) -> Figure:
     shown = points.take(points.valid)
     top = 1.15 * float(shown.omega.max(initial=omega[-1] / 1.15))
     kept = omega <= top
-    to_k, k_label = _wavenumber(one)
+    to_k, k_label = _wavenumber(float(k[-1]))
     to_f, f_label = _frequency(top)
     figure = Figure(figsize=(5.8, 4.6))
     axes = figure.subplots()
@@ -106,7 +96,7 @@ def residuals(one: Recovered) -> Figure:
     """Relative error of each wave against the grid and against the continuum, with its bar."""
     matched = one.matched
     assert isinstance(matched, Matched)
-    to_k, label = _wavenumber(one)
+    to_k, label = _wavenumber(float(matched.k.max()))
     references = (("against the continuum", True),)
     if one.origin.bar is not None:
         references = (("against the grid's exact relation", False), *references)  # type: ignore[assignment]
@@ -140,10 +130,11 @@ def attenuation(one: Recovered) -> Figure:
     figure = Figure(figsize=(6.0, 5.6))
     loss, real = figure.subplots(2, 1, sharex=True)
     frequency = points.omega.real * to_f
-    decibels = 20 / np.log(10)
+    to_k, k_label = _wavenumber(float(np.abs(points.k.real).max()))
+    decibels, per = 20 / np.log(10) * to_k, "mm" if to_k < 1 else "m"
     parts: tuple[tuple[Any, Callable[[Any], Any], float, str], ...] = (
-        (loss, np.imag, decibels, "attenuation (dB/m)"),
-        (real, np.real, 1.0, "Re k (rad/m)"),
+        (loss, np.imag, decibels, f"attenuation (dB/{per})"),
+        (real, np.real, to_k, f"Re {k_label}"),
     )
     valid = points.valid
     for axes, part, factor, label in parts:

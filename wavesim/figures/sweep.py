@@ -18,6 +18,8 @@ _MAP = matplotlib.colormaps["viridis"]
 _LOW = -60.0
 # Panels of one figure.
 _MOST_PANELS = 12
+# Units of axes: what one of SI is in that shown.
+_SHOWN = {"m": (1e3, "mm"), "Hz": (1e-3, "kHz"), "s": (1e6, "µs")}
 
 
 def sweep_figures(data: Any) -> Drawings:
@@ -95,8 +97,8 @@ def _levels(data: Any, sector: str) -> Figure:
         own = data["T"].sel(sector=sector).isel(middle).transpose("frequency", key)
         level = decibels(own.values)
         shown: Any = {"cmap": _MAP, "vmin": _LOW, "vmax": 0.0, "shading": "nearest"}
-        image = axes.pcolormesh(data[key], data["frequency"] / 1e3, level, **shown)
-        told = ", ".join(f"{name} = {float(data[name][at]):.4g}" for name, at in middle.items())
+        image = axes.pcolormesh(_along(data, key), data["frequency"] / 1e3, level, **shown)
+        told = _held(data, middle)
         axes.set_title(f"at {told}" if told else sector)
         axes.set_xlabel(_label(data, key))
     places[0].set_ylabel("frequency (kHz)")
@@ -127,17 +129,16 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
     held = {name: data.sizes[name] // 2 for name in others[1:]}
     values = values.isel(held)
     if held:
-        told = ", ".join(f"{name} = {float(data[name][place]):.4g}" for name, place in held.items())
-        axes.set_title(f"{axes.get_title()}\nat {told}")
+        axes.set_title(f"{axes.get_title()}\nat {_held(data, held)}")
     axes.set_xlabel(_label(data, x))
     if not others:
-        axes.plot(data[x], values, "o-", ms=3, lw=1.2, color=FOUND)
+        axes.plot(_along(data, x), values, "o-", ms=3, lw=1.2, color=FOUND)
         axes.set_ylabel(unit)
         return
     y = others[0]
     axes.set_ylabel(_label(data, y))
     shown = values.transpose(y, x).values
-    image = axes.pcolormesh(data[x], data[y], shown, cmap=_MAP, shading="nearest")
+    image = axes.pcolormesh(_along(data, x), _along(data, y), shown, cmap=_MAP, shading="nearest")
     there = shown[np.isfinite(shown)]
     if len(there) and np.ptp(there) == 0:  # a bar of colours would make up a range
         image.set_visible(False)
@@ -152,16 +153,28 @@ def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> N
     there = np.isfinite(values.values)
     axes.set_xlabel(_label(data, keys[0]))
     if len(keys) == 1:
-        axes.plot(data[keys[0]][there], values[there], "o", ms=3, color=FOUND)
+        axes.plot(_along(data, keys[0])[there], values[there], "o", ms=3, color=FOUND)
         axes.set_ylabel(unit)
         return
     axes.set_ylabel(_label(data, keys[1]))
-    x, y = (data[key].values for key in keys[:2])
+    x, y = (_along(data, key) for key in keys[:2])
     axes.plot(x[~there], y[~there], "x", ms=4, color="0.6")
     image = axes.scatter(x[there], y[there], c=values.values[there], s=14, cmap=_MAP)
     axes.figure.colorbar(image, ax=axes, label=unit)
 
 
+def _along(data: Any, key: str) -> Any:
+    """Values of a key in the unit of its axis."""
+    return data[key].values * _SHOWN.get(data[key].attrs.get("units"), (1.0, ""))[0]
+
+
 def _label(data: Any, key: str) -> str:
     unit = data[key].attrs.get("units", "1")
-    return key if unit == "1" else f"{key} ({unit})"
+    return key if unit == "1" else f"{key} ({_SHOWN.get(unit, (1.0, unit))[1]})"
+
+
+def _held(data: Any, places: Mapping[str, int]) -> str:
+    """The keys that are held, each at one of its values."""
+    return ", ".join(
+        f"{_label(data, name)} = {_along(data, name)[at]:.4g}" for name, at in places.items()
+    )

@@ -68,7 +68,7 @@ def draw_masks(axes: Axes, masks: Sequence[Any]) -> float:
     lowest = 0.0
     for number, mask in enumerate(masks):
         low, high = mask.low / 1e3, mask.high / 1e3
-        told = "where T must not be" if number == 0 else None
+        told = "where T must not be (real ω)" if number == 0 else None
         for limit, end in ((mask.at_most, 20.0), (mask.at_least, -400.0)):
             if limit is not None:
                 kept_off = axes.fill_between([low, high], limit, end, color=FOUND, alpha=0.15, lw=0)

@@ -31,7 +31,7 @@ from wavesim.material.family import Block, grouped
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
-from wavesim.timedomain.coefficients import (
+from wavesim.timedomain.coefficients_on_grid import (
     Coefficients,
     Losses,
     at_half,

@@ -22,7 +22,7 @@ from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.sources import InitialField, Source
-from wavesim.timedomain.coefficients import module
+from wavesim.timedomain.coefficients_on_grid import module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
 from wavesim.timedomain.scaled_fields import to_scaled
 from wavesim.timedomain.sparse_matrix import difference_matrix

@@ -87,7 +87,8 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
     if sector in field.medium.family.travelling:
         row |= {"frequency": middle * _HERTZ, **_steady_loss(field, sector, middle)}
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
-    row["closer"] = _closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
+    if sector in field.medium.family.travelling:  # else nothing more is to be seen
+        row["closer"] = _closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
     for h in own:
         curve, exact = h.measured.attenuation, h.k_exact
         if curve is None or exact is None:
