@@ -292,6 +292,7 @@ def test_a_signal_while_it_starts_ends_any_command(small_case, tmp_path, words):
         time.sleep(wait)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=10)
-        assert process.returncode in (0, 1, 130)
+        # Before Python itself has begun the signal ends the process: 130 to a shell, too.
+        assert process.returncode in (0, 1, 130, -signal.SIGINT)
         assert "Traceback" not in out + err
         assert "resume" not in err

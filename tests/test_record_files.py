@@ -256,6 +256,72 @@ def test_seismic_formats(tmp_path):
     assert np.abs(one.values[0, :, 0] - u[:, 0]).max() < 1e-12
 
 
+SCOPE = -2e-4 + 2.5e-6 * np.arange(200)
+SENT, GOT = np.round(np.random.default_rng(8).standard_normal((2, 200)), 4)
+LVM = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\nChannels\t2\n"
+SCOPES = {
+    "samples counted, start and increment beside the headings": (
+        "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-2.0e-04,2.5e-06\n",
+        [f"{i},{a},{b}," for i, (a, b) in enumerate(zip(SENT, GOT, strict=True))],
+        "2",
+    ),
+    "settings in the headings": (
+        "CH1,CH2,t0 =-2.0e-04, tInc = 2.5e-06,\n",
+        [f"{a},{b},,," for a, b in zip(SENT, GOT, strict=True)],
+        "CH1",
+    ),
+    "settings beside the first rows": (
+        "",
+        [f"{key},{t:.7f},{a},{t:.7f},{b},"
+         for key, t, a, b in zip(["Points,200", "Interval,2.5e-6", ","] + [","] * 197,
+                                 SCOPE, SENT, GOT, strict=True)],
+        "4",
+    ),
+    "no times but a start and steps": (
+        LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\n",
+        [f"\t{a}\t{b}" for a, b in zip(SENT, GOT, strict=True)],
+        "A",
+    ),
+    "numbers for headings": (
+        "x-axis,1,2\nsecond,Volt,Volt\n",
+        [f"{t:.7f},{a},{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
+        "column 2",
+    ),
+    "columns named in a comment": (
+        "% columns: time[us] sent[V] received[V]\n",
+        [f" {t * 1e6:.1f}  {a}  {b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
+        "2",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SCOPES)
+def test_tables_of_oscilloscopes_are_read_with_their_own_times(tmp_path, kind):
+    """Rigol's, Tektronix', National Instruments', Keysight's ways: two channels, t from −0.2 ms."""
+    head, lines, column = SCOPES[kind]
+    (tmp_path / "a.csv").write_text(head + "\n".join(lines) + "\n")
+    found = read(tmp_path / "a.csv", Layout(input=column, placed=False))
+    assert found.t == pytest.approx(SCOPE, abs=1e-12)
+    assert np.array_equal(found.values[0], GOT[:, None])
+    assert np.array_equal(found.input, SENT)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("Sample,A,B\n" + "".join(f"{i},{v},{v}\n" for i, v in enumerate(GOT)), "numbers the rows"),
+        ("#CLOCK=2.5uS\n" + "".join(f"{v}\n" for v in GOT), "no times of 200"),
+        ("Time,A\n" + 2 * "".join(f"{t:.7f},{v:.4f}\n" for t, v in zip(SCOPE, GOT, strict=True)),
+         "times begin anew 1 times"),
+    ],
+    ids=["samples counted", "a clock without a start", "segments"],
+)  # fmt: skip
+def test_what_holds_no_times_is_refused(tmp_path, text, message):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(RecordError, match=message):
+        read(tmp_path / "a.csv", Layout(placed=False))
+
+
 def test_the_sources_signal_is_no_receiver(tmp_path):
     (tmp_path / "a.csv").write_text("time (s),sent,got\n" + rows(u=U[:, :2]))
     for column in ("2", "sent"):

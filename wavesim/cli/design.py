@@ -116,7 +116,8 @@ def _tell(shown: Any, found: Any) -> None:
         variables.add_column(head, justify="left" if head == "variable" else "right")
     may = found.offsets or [None] * len(found.values)
     for key, value, off in zip(found.problem.keys, found.values, may, strict=True):
-        variables.add_row(key.key, f"{value:.6g}", _may(off, unit_of(key.name)))
+        unit = unit_of(key.name)
+        variables.add_row(key.key, f"{value:.6g} {unit}".rstrip(), _may(off, unit))
     shown.print(variables)
     length = float(found.problem.length(found.values))
     shown.print(f"{length * 1e3:.4g} mm between the half-spaces.")

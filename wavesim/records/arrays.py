@@ -457,7 +457,9 @@ def _unsaid(
     ):
         return RecordError(
             f"no times of {frames} entries for a record of shape {values.shape}; arrays are "
-            f"{_listed(content.arrays)}: name them with --time, or give --interval"
+            f"{_listed(content.arrays)}"
+            + "".join(f"; {note}" for note in content.notes if "numbers the rows" in note)
+            + ": name them with --time, or give --interval"
         )
     if count == 1:
         return RecordError(

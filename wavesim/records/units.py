@@ -127,5 +127,6 @@ def is_time(heading: str) -> bool:
 
 def is_index(heading: str) -> bool:
     """Whether a heading names the number of a row."""
-    return bool(re.match(r"(sample|index|point|row|nr|no|num|number|n|#|id|frame)s?\b[.# ]*$",
+    return bool(re.match(r"(sample|index|point|row|nr|no|num|number|n|#|id|frame|sequence)s?"
+                         r"( ?(no|nr|number|#))?\b[.# ]*$",
                          heading.strip().strip('"').lower()))  # fmt: skip

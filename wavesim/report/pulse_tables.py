@@ -67,10 +67,12 @@ def _single(
     shown = _CONVENTIONS[:4] if console.width >= _WIDE else ()
     for name in shown:
         table.add_column(name, justify="right")
-    for one in alone:
+    for place, one in enumerate(readings):
+        if one.result is not None:
+            continue
         row = [one.file]
         if series is not None:
-            row.append(f"{series.values[list(readings).index(one)]:g}")
+            row.append(f"{series.values[place]:g}")
         best = one.best
         if best.valid:
             row += [number(best.time * scale, best.error * scale),
@@ -85,7 +87,7 @@ def _single(
     console.print(table)
     if len(alone) == 1 and not shown and alone[0].best.valid:
         console.print(_by_convention(alone[0], scale, unit))
-    said = "± is one standard error: noise, and what the conventions leave open."
+    said = "± is one standard error: noise, and what conventions and other waves leave open."
     console.print(said + (" Conventions' times include the system's delay." if shown else ""))
     reasons = Counter(one.best.reason for one in alone if not one.best.valid)
     for reason, count in reasons.items():

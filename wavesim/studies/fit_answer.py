@@ -53,6 +53,11 @@ class FitAnswer:
 
     def reason(self, key: str) -> str:
         """Why a value does not count, or ""."""
+        if self.kind == "waveforms" and self.residual > _LARGEST_RESIDUAL:
+            return (
+                f"{self.residual:.0%} of the record is left over: the case is another than what "
+                "was measured, or the first guess too far off"
+            )
         if not np.isfinite(self.errors[key]):
             others = sorted({k for one in self.degenerate if key in one for k in one} - {key})
             with_what = f" apart from {', '.join(others)}" if others else ""
@@ -61,11 +66,6 @@ class FitAnswer:
             return "it ended at the limit of what is admissible"
         if not self.converged:
             return "the fit did not settle: begin closer, with --set"
-        if self.kind == "waveforms" and self.residual > _LARGEST_RESIDUAL:
-            return (
-                f"{self.residual:.0%} of the record is left over: the case is another than what "
-                "was measured, or the first guess too far off"
-            )
         return ""
 
     def summary(self) -> dict[str, Any]:

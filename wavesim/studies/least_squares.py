@@ -97,12 +97,15 @@ class Solution:
     converged: bool
 
 
-def solve(data: Data, start: Mapping[str, float] | None = None) -> Solution:
+def solve(
+    data: Data, start: Mapping[str, float] | None = None, most: int = _MOST_EVALUATIONS
+) -> Solution:
     """Fit.
 
     Args:
         data: the data.
         start: values to begin with, in place of the parameters' own.
+        most: evaluations at most.
 
     Returns:
         The solution.
@@ -134,7 +137,7 @@ def solve(data: Data, start: Mapping[str, float] | None = None) -> Solution:
         raise FitError("the first guess gives values that are not finite: begin closer")
     answer = least_squares(
         lambda x: at(x)[0], first, jac=lambda x: at(x)[1] * scale, bounds=(low, high),
-        x_scale="jac", xtol=1e-8, ftol=1e-8, gtol=1e-10, max_nfev=_MOST_EVALUATIONS,
+        x_scale="jac", xtol=1e-8, ftol=1e-8, gtol=1e-10, max_nfev=most,
     )  # fmt: skip
     x = answer.x
     r, J, groups = at(x)

@@ -38,6 +38,8 @@ _LAW_STEP = 1e-4
 _FAR = 0.3
 # Low frequencies, over the centre of the record's spectrum.
 _LOW_PASS = 0.6
+# After so many evaluations a fit that leaves more than this of the rms over is of another record.
+_FIRST, _UNLIKE = 12, 0.97
 
 
 @dataclass
@@ -305,4 +307,10 @@ def fit_waveforms(data: Waveforms) -> Solution:
             start = solve(data, start).values
         finally:
             data.low_pass = 0.0
-    return solve(data, start)
+    found = solve(data, start, _FIRST)
+    # Frames outside the run count as 0 in the misfit.
+    r, _, _ = data.residuals(found.values)
+    if found.converged or found.misfit > _UNLIKE * np.sqrt(np.mean(r != 0)):
+        return found
+    last = solve(data, found.values)
+    return replace(last, evaluations=found.evaluations + last.evaluations)

@@ -254,10 +254,10 @@ def _products(simulated: Simulation, steps: TimeStep) -> Iterator[str]:
     needed = max(simulated.duration * crossing, simulated.frames)
     if steps.operator_products <= max(_PROPORTION * needed, _FEW_PRODUCTS):
         return
-    if simulated.step is not None:
-        remedy = f'leave [time] step (now {simulated.step:g} s) at "auto"'
-    elif simulated.solver != "auto":
+    if simulated.solver != "auto":
         remedy = f'leave [time] solver (now "{simulated.solver}") at "auto"'
+    elif simulated.step is not None:
+        remedy = f'leave [time] step (now {simulated.step:g} s) at "auto"'
     else:
         remedy = (
             "lower [time] samples, or look for a medium far stiffer, or far lighter, than the "

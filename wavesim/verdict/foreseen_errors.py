@@ -32,20 +32,20 @@ from wavesim.verdict.grid_signals import grid_spectra
 # themselves.
 SIGNAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-4, 1e-3
 MEDIAN_TOLERANCE, MAXIMUM_TOLERANCE, WAVENUMBER_TOLERANCE = 1e-3, 1e-2, 1e-3
-# Cells times frequencies that are worked out, in about a second.
-BUDGET = 8e5
+# Cells times frequencies that are worked out, in about a quarter of a second.
+BUDGET = 2e5
 # Places about a receiver at which a field's size is looked at, and nodes of a buffer.
-_ABOUT, _NODES = 24, 24
+_ABOUT, _NODES = 8, 24
 # A spectrum is left out below this part of its peak, softly, over this part of the rest.
 _SMALL, _TAPER = 1e-5, 0.03
 _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
 # Wavenumbers of a ring's judged range; how much more a folded band takes; the least part of a run
 # that tells of all of it.
-_RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.2
+_RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.1
 # A transform has this many frequencies at least.
 _MOST_CELLS = BUDGET / _LEAST_PART / 64
 # The exact solver takes half a second for a graded layer.
-_MOST_GRADED = 4
+_MOST_GRADED = 0
 
 
 @dataclass(frozen=True)

@@ -269,7 +269,7 @@ def of_receivers(
     rest = np.sum(np.abs(left) ** 2, axis=1) / np.maximum(spare, 1)
     spread = np.sum(np.abs(inverse[:, 2]) ** 2, axis=1)
     amplitude = np.maximum(np.abs(fit[:, 0] / scale[:, 0, 0]), 1e-290)
-    unit = 2 / (amplitude * scale[:, 0, 2] * np.ptp(x) ** 2)
+    unit = 2 / np.maximum(amplitude * scale[:, 0, 2] * np.ptp(x) ** 2, 1e-290)
     noise = np.sqrt(np.maximum(spread, 1e-290) * np.maximum(np.maximum(rest, level**2), 1e-290))
     over = np.abs(fit[:, 2]) ** 2 / noise**2
     # What is off at all frequencies alike tells nothing more at many than at one.

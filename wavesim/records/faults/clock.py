@@ -64,6 +64,12 @@ def check_ascending(t: Float, storage: float) -> None:
             f"t[{at + 1}] = t[{at}] = {t[at]:g} s: two frames at one time; drop one, or give "
             "--interval where samples are even"
         )
+    falls = np.flatnonzero(steps < 0)
+    if np.abs(t[falls + 1] - t[0]).max() <= 2 * float(np.median(steps)):
+        raise RecordError(
+            f"t[{at + 1}] = {t[at + 1]:g} s: times begin anew {len(falls)} times, as of segments "
+            "one after the other: save each as a file of its own"
+        )
     raise RecordError(
         f"t[{at + 1}] = {t[at + 1]:g} s after t[{at}] = {t[at]:g} s: times must ascend; sort the "
         "frames, or give --interval where samples are even"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,15 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import Content, RecordError
 from wavesim.records.formats.text import Table, read_table
-from wavesim.records.units import factor, is_index, is_time, position_in, unit_in, unknown_unit_in
+from wavesim.records.units import (
+    NUMBER,
+    factor,
+    is_index,
+    is_time,
+    position_in,
+    unit_in,
+    unknown_unit_in,
+)
 
 # A column that goes evenly upward to this part of its step, and is not named otherwise, is a clock.
 _EVEN = 0.51
@@ -30,10 +39,12 @@ def of_table(table: Table) -> Content:
     """
     notes = list(table.notes)
     kept = list(range(table.data.shape[1]))
-    if len(kept) > 1 and _counts_rows(table, kept):
+    sampling = sampling_of(table.metadata)
+    counted = False
+    if len(kept) > 1 and _counts_rows(table, kept, sampling is not None):
         notes.append(f"column {table.columns[kept[0]]} numbers the rows: left out")
-        kept = kept[1:]
-    clocks = _clocks(table, kept)
+        kept, counted = kept[1:], True
+    clocks = _clocks(table, kept, counted)
     channels = [c for c in kept if c not in clocks]
     if not channels:
         raise RecordError(
@@ -55,6 +66,13 @@ def of_table(table: Table) -> Content:
             units["t"] = unit
         if len(clocks) > 1:
             notes += _one_clock(table, clocks, channels, arrays)
+    elif sampling is not None and (np.isfinite(sampling[1]) or len(channels) > 1):
+        # Of one channel alone nothing is known but when it came.
+        interval, start, said = sampling
+        if not np.isfinite(start):
+            start, said = 0.0, f"{said}; the first is taken as 0"
+        arrays["t"], units["t"] = start + interval * np.arange(len(table.data)), "s"
+        notes.append(f"times by {said}")
     labels = [table.headings[c].strip() or f"column {table.columns[c]}" for c in channels]
     overload = {label: table.overload[c] for label, c in zip(labels, channels, strict=True)
                 if table.overload[c]}  # fmt: skip
@@ -71,19 +89,63 @@ def of_table(table: Table) -> Content:
     return found
 
 
-def _counts_rows(table: Table, kept: list[int]) -> bool:
+_INTERVALS = ("sampleinterval", "samplinginterval", "samplingperiod", "sampleperiod", "deltax",
+              "xinc", "xincrement", "increment", "tinc", "hresolution", "clock", "dt")  # fmt: skip
+_RATES = ("samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs")
+_STARTS = ("x0", "xorg", "xorigin", "start", "t0", "hoffset")
+_VALUE = re.compile(rf"({NUMBER})\s*([^\W\d_]*)$")
+_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+
+
+def sampling_of(rows: list[list[str]]) -> tuple[float, float, str] | None:
+    """Interval and start, s, that rows above the numbers say, and in which words; or None.
+
+    As a name with its number beside it, below it, or behind = or :, such as "Sample Interval,2E-6",
+    "#CLOCK=2uS", "X0"; the start is NaN where none is said.
+    """
+    rows = [re.split(r"[,;\t]", row[0]) if len(row) == 1 else row for row in rows]
+    interval, start, said, began, words = 0.0, math.nan, "", "", ""
+    for row, below in zip(rows, [*rows[1:], []], strict=False):
+        for j, cell in enumerate(row):
+            name, _, own = re.sub("[=:]", "=", cell).partition("=")
+            name = name.strip(' #%"')
+            key = re.sub(r"[^a-z0-9]", "", name.lower())
+            near = [own, *row[j + 1 : j + 2], *below[j : j + 1]]
+            texts = (part.strip(' "').replace(",", ".") for part in near)
+            value = next((found for text in texts if (found := _VALUE.match(text))), None)
+            if value is None:
+                continue
+            number, unit = float(value.group(1)), value.group(2)
+            seconds = number * (factor(unit or "s", "time") or math.nan)
+            if key in _RATES and number > 0:
+                seconds = 1 / number / _HERTZ.get(unit.lower(), math.nan)
+            # "Start" may count samples where an origin stands beside it.
+            if key in _STARTS and math.isfinite(seconds) and began in ("", "start"):
+                start, began, words = seconds, key, f" and {name} = {seconds:g} s"
+            elif key in (*_INTERVALS, *_RATES) and seconds > 0 and not said:
+                interval, said = seconds, f"{name} of the file, {seconds:g} s apart"
+    return (interval, start, said + words) if said else None
+
+
+def _counts_rows(table: Table, kept: list[int], sampled: bool) -> bool:
+    """Whether the first column numbers rows: by its name, or as the interval is said elsewhere."""
     first = table.data[:, kept[0]]
     steps = np.diff(first)
     if not (len(steps) and np.isfinite(first).all() and (steps == 1).all()):
         return False
     heading = table.headings[kept[0]]
+    if sampled and first[0] in (0, 1):
+        return factor(table.units[kept[0]], "time") is None and unit_in(heading, "time") is None
     if heading.strip():
-        return is_index(heading) and any(is_time(table.headings[c]) for c in kept[1:2])
+        return is_index(heading)
     return len(kept) > 2 and first[0] in (0, 1) and _ascends_evenly(table.data[:, kept[1]])
 
 
-def _clocks(table: Table, kept: list[int]) -> list[int]:
-    """Columns of times: those so named, else the first if it ascends; and those that go with it."""
+def _clocks(table: Table, kept: list[int], counted: bool) -> list[int]:
+    """Columns of times: those so named, else the first if it ascends; and those that go with it.
+
+    Beside a column that counts rows the first is none that does not go evenly.
+    """
     named = [
         c for c in kept
         if is_time(table.headings[c]) or factor(table.units[c], "time") is not None
@@ -91,7 +153,7 @@ def _clocks(table: Table, kept: list[int]) -> list[int]:
     ]  # fmt: skip
     if (
         not named
-        and _ascends(table.data[:, kept[0]])
+        and (_ascends_evenly if counted else _ascends)(table.data[:, kept[0]])
         and (position_in(table.headings[kept[0]]) is None)
     ):
         named = [kept[0]]

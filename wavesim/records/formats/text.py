@@ -31,6 +31,9 @@ from wavesim.records.units import is_time, is_unit
 
 _COMMENTS = ("#", "%", "!", "//", '"#', "'")
 _REMARK = re.compile(r"comment|remark|note|bemerkung", re.IGNORECASE)
+_SETS = re.compile(r"\w+ *= *[-+.\d]")
+# Metadata beside the first rows go on no further than so many.
+_BESIDE = 40
 _LONGEST_HEAD = 4
 
 
@@ -49,6 +52,7 @@ class Table:
         headed: whether there are headings.
         notes: what was left out.
         above: other rows above the numbers, as cells.
+        metadata: all rows and comments above and beside the numbers, as cells.
     """
 
     headings: list[str]
@@ -61,6 +65,7 @@ class Table:
     headed: bool
     notes: list[str]
     above: list[list[str]]
+    metadata: list[list[str]]
 
 
 def read_table(path: Path) -> Table:
@@ -81,6 +86,7 @@ def read_table(path: Path) -> Table:
         raise RecordError("holds no table: a heading and a row for each time are needed")
     separator, decimal, width = dialect([line for _, line in numbered])
     cells = splitter(separator)
+    numbered, width, beside, in_file = _without_metadata(numbered, cells, separator, width)
     first = _first_row(numbered, cells, decimal, width)
     if first is None and not any(is_number(c, decimal) for c in cells(numbered[0][1])):
         # Rows that no message but one of a cell's would help.
@@ -103,23 +109,63 @@ def read_table(path: Path) -> Table:
     if len(body) > 2 and not _whole(body[-1][1], cells, decimal, width):
         body = body[:-1]
         notes.append("the last row is not whole: left out")
-    data, overload = _numbers(body, cells, separator, decimal, width, headings)
+    data, overload, dated = _numbers(body, cells, separator, decimal, width, headings)
+    units = [unit or ("s" if c in dated else "") for c, unit in enumerate(units)]
     kept = [c for c in range(width) if np.isfinite(data[:, c]).any() or headings[c].strip()]
+    if len(kept) > 1 and not any(cells(line)[0] for _, line in body):
+        kept = kept[1:]  # rows that begin with a separator
     spare = [c for c in kept if not np.isfinite(data[:, c]).any()]
-    # A column that is empty throughout and named as a remark is no receiver.
-    kept = [c for c in kept if c not in spare or not _REMARK.match(headings[c])]
+    # A column that is empty throughout, of times or named as a remark or as what it sets, is none.
+    kept = [
+        c
+        for c in kept
+        if c not in spare
+        or not (_REMARK.match(headings[c]) or is_time(headings[c]) or _SETS.match(headings[c]))
+    ]
     return Table(
         [headings[c] for c in kept],
         [units[c] for c in kept],
         rows,
         data[:, kept],
-        [c + 1 for c in kept],
+        [in_file[c] for c in kept],
         np.array([n for n, _ in body]),
         [overload[c] for c in kept],
         any(h.strip() for h in headings),
         notes,
         [row for _, row in above],
+        [*beside, *(cells(line) for _, line in numbered[:first]), *(row for _, row in before)],
     )
+
+
+def _without_metadata(
+    numbered: list[tuple[int, str]], cells: Any, separator: str | None, width: int
+) -> tuple[list[tuple[int, str]], int, list[list[str]], list[int]]:
+    """Rows without the columns that some oscilloscopes fill with metadata beside the first rows.
+
+    Returns:
+        (rows, their width, the metadata, numbers in the file of the columns that stay).
+    """
+    whole = list(range(1, width + 1))
+    later = numbered[_BESIDE :: max(1, len(numbered) // 300)]
+    if separator is None or len(later) < _BESIDE:
+        return numbered, width, [], whole
+    rows = [cells(line) for _, line in later]
+    blank = [c for c in range(width) if not any(c < len(row) and row[c] for row in rows)]
+    early = [cells(line) for _, line in numbered[:_BESIDE]]
+    if any(len(row) != width for row in early):
+        return numbered, width, [], whole
+    filled = [c for c in blank if sum(bool(row[c]) for row in early) > 1]
+    if not filled:
+        return numbered, width, [], whole
+    stay = [c for c in range(width) if c not in blank]
+    kept = []
+    for number, line in numbered:
+        row = cells(line)
+        if len(row) == width:
+            line = separator.join(row[c] for c in stay)
+        kept.append((number, line))
+    beside = [[row[c] for c in blank if row[c]] for row in early]
+    return kept, len(stay), beside, [c + 1 for c in stay]
 
 
 def _uncommented(line: str) -> str:
@@ -154,6 +200,8 @@ def _headings(
     def fitted(row: list[str]) -> list[str] | None:
         while len(row) > width and not row[-1].strip():
             row = row[:-1]
+        if len(row) == width + 1 and row[0].endswith(":"):
+            row = row[1:]  # "columns: time[us] sent[V]"
         if len(row) == width - 1 and width > 1:
             row = [*row, ""]  # rows that end in a separator
         return list(row) if len(row) == width else None
@@ -204,8 +252,12 @@ def _numbers(
     decimal: str,
     width: int,
     headings: list[str],
-) -> tuple[NDArray[Any], list[int]]:
-    """The body as numbers, by pandas; a cell that is none is named by row and column."""
+) -> tuple[NDArray[Any], list[int], list[int]]:
+    """The body as numbers, by pandas; a cell that is none is named by row and column.
+
+    Returns:
+        (numbers, how many cells of each column are marked as out of range, columns of dates).
+    """
     import pandas
 
     check_size((len(body), width), "table")
@@ -225,7 +277,7 @@ def _numbers(
         engine="c",
     )
     data = np.full((len(body), width), np.nan)
-    overload = [0] * width
+    overload, dated = [0] * width, []
     for c in range(width):
         column = table[c]
         if column.dtype.kind in "fiu":
@@ -233,19 +285,25 @@ def _numbers(
         elif column.dtype.kind == "b" or not len(column):
             raise RecordError(f"{_column(c, headings)}: holds no numbers")
         else:
-            data[:, c] = _odd_column(column.astype(str).tolist(), c, body, decimal, headings)
+            text_of = ["" if cell != cell else str(cell) for cell in column.tolist()]
+            data[:, c], dates = _odd_column(text_of, c, body, decimal, headings)
+            dated += [c] * dates
         infinite = np.isinf(data[:, c])
         data[infinite, c] = np.nan
     gone = np.argwhere(~np.isfinite(data))
     for r, c in gone[:100_000]:
         overload[c] += cells(body[r][1])[c].strip().lower() in OVERLOAD
-    return data, overload
+    return data, overload, dated
 
 
 def _odd_column(
     column: list[str], c: int, body: list[tuple[int, str]], decimal: str, headings: list[str]
-) -> NDArray[Any]:
-    """A column that pandas did not take for numbers: Fortran's exponents, clocks, or wrong."""
+) -> tuple[NDArray[Any], bool]:
+    """A column that pandas did not take for numbers: Fortran's exponents, clocks, or wrong.
+
+    Returns:
+        (numbers, whether they were dates or times of day).
+    """
     result = np.full(len(column), np.nan)
     dated = 0
     for r, cell in enumerate(column):
@@ -263,7 +321,7 @@ def _odd_column(
             raise RecordError(
                 f"row {body[r][0]}, {_column(c, headings)}: {text[:30]!r} is no number: {remedy}"
             )
-    return _since_first(column, c, body, headings) if dated else result
+    return (_since_first(column, c, body, headings), True) if dated else (result, False)
 
 
 def _since_first(
