@@ -14,7 +14,7 @@ from wavesim.grid.bar import layered_bar
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.report.answers import answers, verdict
 from wavesim.sources import Ricker
-from wavesim.verdict.answers import of_bar
+from wavesim.verdict.bar_answers import of_bar
 
 KHZ = 2e3 * np.pi
 

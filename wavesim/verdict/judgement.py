@@ -55,9 +55,9 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     table = case.analysis
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
-        from wavesim.verdict.answers import of_endless
         from wavesim.verdict.branches import faint, hold, tables
         from wavesim.verdict.endless import judge, not_judged
+        from wavesim.verdict.endless_answers import of_endless
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]
@@ -70,8 +70,8 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
-    from wavesim.verdict.answers import of_bar
     from wavesim.verdict.bar import bar_notes, judge_bar
+    from wavesim.verdict.bar_answers import of_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]

@@ -1,0 +1,216 @@
+"""What a run on a bar found, in the few rows that a reader asks for first: T, modes, speeds, Q.
+
+Each measured number stands beside the exact one. The rows go into summary.json as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.material.damping import quality
+from wavesim.material.shown import plain
+from wavesim.planewave.dispersion_relation import Gap
+from wavesim.readings.bar.eigenfrequencies import Ringing
+from wavesim.readings.bar.pulse_test import PulseTest
+from wavesim.readings.bar.reading import Reading
+from wavesim.readings.bar.transmission import Scattered
+from wavesim.simulation.field import Field
+from wavesim.verdict.closer import HERTZ, Answers, Row, closer, open_gaps
+
+_MOST_MODES = 5
+# A band is stopped where T is below this, dB; below the other the end of a record speaks.
+_STOPPED, _FLOOR = -20.0, -120.0
+
+
+def of_bar(field: Field, reading: Reading) -> Answers:
+    """What a bar with layers or ends lets through, how it rings, how fast pulses pass.
+
+    Args:
+        field: the field.
+        reading: what was measured of it, beside the exact solver.
+
+    Returns:
+        "transmission": each band where T of a steady wave, exact at real ω, is below −20 dB (Hz;
+        open where it goes on past what the run tells of), its level (dB) in the middle, and what
+        was measured there, and is exact, at ω + iσ; where most passes; the worst of bands asked
+        for;
+        "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
+        receiver by their first breaks (s), what comes before another as its precursor;
+        "velocities": of a pulse by each convention (m/s); "quality": median Q between
+        receivers, and that of the loss law.
+    """
+    found: Answers = {
+        "transmission": [row for one in reading.scattered for row in _levels(field, one)],
+        "eigenfrequencies": [row for one in reading.ringing for row in _modes(one)],
+        "arrivals": _arrivals(field, reading),
+        "velocities": [row for one in reading.pulses for row in _speeds(one)],
+        "quality": [row for one in reading.pulses for row in _quality(one)],
+    }
+    return {name: rows for name, rows in found.items() if rows}
+
+
+def _levels(field: Field, found: Scattered) -> list[Row]:
+    """Each band that is stopped, where most passes, and the worst of each band asked for."""
+    judged = found.judged
+    if not judged.any():
+        return []
+    level, exact, real = _level(found.T), _level(found.T_exact), _steady(found)
+    ends = found.omega[np.flatnonzero(judged)[[0, -1]]]
+    omega, steady = found.omega, real
+    if len(found.line):
+        omega, steady = found.line[0], _level(found.line[3])
+    within = (omega >= ends[0]) & (omega <= ends[1])
+    inner = field.layers.layers[1:-1] or field.layers.layers
+    media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
+    names = open_gaps(media[0], found.sector) if len(media) == 1 else []
+    rows: list[Row] = []
+    stopped = _stopped(omega[within], steady[within])
+    for number, (low, high, open_below, open_above) in enumerate(stopped, start=1):
+        own = [gap.name for gap in names if gap.lower < high and low < gap.upper]
+        middle = (low + high) / 2
+        rows.append(
+            {
+                "where": f"about {', '.join(own)}" if own else f"stop band {number}",
+                "lower": low * HERTZ,
+                "upper": high * HERTZ,
+                "lower_open": open_below,
+                "upper_open": open_above,
+                "frequency": middle * HERTZ,
+                "level_at_real_frequency": plain(np.interp(middle, omega, steady)),
+                "closer": closer(field, found.sector, Gap("", found.sector, low, high)),
+            }
+        )
+    top = int(np.nanargmax(np.where(within, steady, -np.inf)))
+    ends_of = [
+        ("worst of a band", b.asked, b.highest if b.asked.at_least is None else b.lowest)
+        for b in found.bands
+        if (b.holds(found.omega) & judged).any()
+    ]
+    best = float(steady[top]), float(omega[top]) * HERTZ
+    for where, band, (worst, at) in [("most passes", None, best), *ends_of]:
+        rows.append(
+            {
+                "where": where,
+                "lower": None if band is None else band.low,
+                "upper": None if band is None else band.high,
+                "lower_open": False,
+                "upper_open": False,
+                "frequency": at,
+                "level_at_real_frequency": plain(worst),
+                "closer": "",
+            }
+        )
+    for row in rows:
+        near = np.abs(found.omega * HERTZ - row["frequency"])
+        at = int(np.argmin(np.where(judged, near, np.inf)))
+        row |= {
+            "sector": found.sector,
+            "level": float(level[at]) if level[at] > _FLOOR else None,
+            "level_exact": float(exact[at]),
+        }
+    return rows
+
+
+def _steady(found: Scattered) -> NDArray[Any]:
+    """Level of T at real ω; at ω + iσ where it is not known."""
+    return _level(found.T_exact if found.T_real is None else found.T_real)
+
+
+def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float, bool, bool]]:
+    """Where a level is below the mark, its ends between frequencies by a straight line, rad/s, and
+    whether it is open at either: the frequencies end there."""
+    over = level - _STOPPED
+    below = np.flatnonzero(over < 0)
+    found = []
+    for run in np.split(below, np.flatnonzero(np.diff(below) != 1) + 1) if len(below) else ():
+        ends, beyond = [], []
+        for inside, outside in ((run[0], run[0] - 1), (run[-1], run[-1] + 1)):
+            there = 0 <= outside < len(omega)
+            known = there and math.isfinite(over[outside])
+            part = over[inside] / (over[inside] - over[outside]) if known else 0.0
+            step = omega[outside] - omega[inside] if known else 0.0
+            ends.append(float(omega[inside] + part * step))
+            beyond.append(not there)
+        found.append((ends[0], ends[1], beyond[0], beyond[1]))
+    return found
+
+
+def _level(amplitude: NDArray[Any]) -> NDArray[Any]:
+    return np.asarray(20 * np.log10(np.maximum(np.abs(amplitude), 1e-15)))
+
+
+def _modes(found: Ringing) -> list[Row]:
+    return [
+        {
+            "mode": number + 1,
+            "sector": found.sector,
+            "frequency": plain(found.found[number] * HERTZ),
+            "frequency_exact": float(found.exact[number]) * HERTZ,
+        }
+        for number in range(min(_MOST_MODES, len(found.exact)))
+    ]
+
+
+def _speeds(test: PulseTest) -> list[Row]:
+    if test.medium is None:  # one speed across several layers is the speed of nothing
+        return []
+    return [
+        {
+            "by": convention,
+            "field": test.name,
+            "velocity": plain(one.velocity),
+            "velocity_error": plain(one.error),
+            "velocity_exact": plain(test.exact.velocities[convention].velocity),
+        }
+        for convention, one in test.result.velocities.items()
+        if math.isfinite(one.velocity)
+    ]
+
+
+def _arrivals(field: Field, reading: Reading) -> list[Row]:
+    """Waves by name at the farthest receiver, in the order in which they arrive."""
+    waves = field.medium.family.waves
+    found = []
+    for test in (one for one in reading.pulses if one.sector in waves):
+        times = test.result.arrivals["first break"].time
+        if np.isfinite(times).any():
+            last = int(np.nanargmax(times))
+            name = test.result.record.names[last]
+            found.append((float(times[last]), waves[test.sector], test.name, name))
+    found.sort()
+    if len({wave for _, wave, _, _ in found}) < 2:
+        return []
+    latest, main, *_ = found[-1]
+    return [
+        {
+            "arrival": f"{wave} wave" if wave == main else f"{wave} precursor",
+            "field": name,
+            "receiver": receiver,
+            "time": time,
+            "ahead": latest - time,
+        }
+        for time, wave, name, receiver in found
+    ]
+
+
+def _quality(test: PulseTest) -> list[Row]:
+    found = test.result.dispersion
+    if test.medium is None or not test.medium.damping:
+        return []
+    read = np.isfinite(found.quality) & (found.quality > 0)
+    if not read.any():
+        return []
+    law = quality(test.medium.damping, found.omega)
+    at = np.flatnonzero(read)[np.argsort(found.quality[read])[int(read.sum()) // 2]]
+    return [
+        {
+            "field": test.name,
+            "frequency": float(found.omega[at]) * HERTZ,
+            "quality": float(found.quality[at]),
+            "quality_exact": float(law[at]),
+        }
+    ]

@@ -1,0 +1,141 @@
+"""What a run on a ring found, in the few rows that a reader asks for first: gaps, velocities.
+
+Each measured number stands beside the exact one. The rows go into summary.json as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.material.family import sector_words
+from wavesim.planewave.dispersion_relation import Gap, wavenumber
+from wavesim.simulation.field import Field
+from wavesim.verdict.branches import Held
+from wavesim.verdict.closer import HERTZ, Answers, Row, closer, open_gaps
+from wavesim.verdict.endless import told
+
+_DECIBELS = 20 / math.log(10)
+
+
+def of_endless(field: Field, held: Sequence[Held]) -> Answers:
+    """Gaps with the attenuation in their middle, and velocities of long waves, of an endless bar.
+
+    Args:
+        field: the field.
+        held: every block that was measured, beside the theory.
+
+    Returns:
+        "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) in the
+        middle, measured and exact at ω + iσ, exact at real ω, and what to set to look closer;
+        "velocities": phase velocity (m/s) of each acoustic branch at the smallest wavenumber
+        judged.
+    """
+    rows: list[Row] = []
+    family = field.medium.family
+    for sector in family.sectors:
+        own = [h for h in held if h.measured.block.sector == sector]
+        if own or sector in family.unlike:
+            rows += [_gap(field, gap, own, sector) for gap in open_gaps(field.medium, sector)]
+    return {"gaps": rows, "velocities": [row for h in held for row in _velocity(h)]}
+
+
+def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
+    row: Row = {
+        "gap": gap.name,
+        "sector": sector,
+        "lower": gap.lower * HERTZ,
+        "upper": gap.upper * HERTZ,
+        "frequency": None,
+        "attenuation": None,
+        "attenuation_exact": None,
+        "attenuation_at_real_frequency": None,
+        "frequencies": 0,
+        "closer": "",
+        "untold": "",
+    }
+    middle = (gap.lower + gap.upper) / 2
+    if sector in field.medium.family.travelling:
+        row |= {"frequency": middle * HERTZ, **_steady_loss(field, sector, middle)}
+    curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
+    if sector in field.medium.family.travelling:  # else nothing more is to be seen
+        row["closer"] = closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
+    for h in own:
+        curve, exact = h.measured.attenuation, h.k_exact
+        if curve is None or exact is None:
+            continue
+        known = np.flatnonzero((curve.omega > gap.lower) & (curve.omega < gap.upper) & told(h))
+        if not len(known):
+            continue
+        at = float(np.clip(middle, *curve.omega[known[[0, -1]]]))
+        row |= {
+            "frequency": at * HERTZ,
+            "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * _DECIBELS,
+            "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * _DECIBELS,
+            **_steady_loss(field, sector, at),
+            "frequencies": len(known),
+        }
+    if row["attenuation"] is None:
+        row["untold"] = _untold(field, gap, sector, [curve.omega for curve in curves])
+    return row
+
+
+def _steady_loss(field: Field, sector: str, omega: float) -> Row:
+    real = wavenumber(field.medium, sector, np.array([omega]))[0]
+    return {"attenuation_at_real_frequency": float(real.imag) * _DECIBELS}
+
+
+def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:
+    """Why nothing was measured of a gap.
+
+    Args:
+        field: the field.
+        gap: the gap.
+        sector: of its waves.
+        measured: frequencies at which its attenuation was, rad/s.
+    """
+    family = field.medium.family
+    if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
+        return f"no source drives {sector_words(sector, sector)} waves"
+    if sector in family.unlike:
+        return "these waves do not travel"
+    if not measured:
+        return "the ring is too short to measure a decay along it"
+    low, high = (end * HERTZ / 1e3 for end in (measured[0][0], measured[0][-1]))
+    if not gap.lower * HERTZ / 1e3 < high:
+        return f"what the sources drive, and frames show, ends at {high:.4g} kHz"
+    if not gap.upper * HERTZ / 1e3 > low:
+        return f"what the sources drive begins at {low:.4g} kHz"
+    inside = (measured[0] > gap.lower) & (measured[0] < gap.upper)
+    if not inside.any():
+        return "it lies between two frequencies: raise [analysis] frequencies"
+    return "this record does not tell it: a note below says what to change"
+
+
+def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
+    """Values at some frequencies at one among them, by the parabola through the three nearest."""
+    near = np.argsort(np.abs(omega - at))[:3]
+    return float(np.polyfit((omega[near] - at) / at, values[near], 2)[-1])
+
+
+def _velocity(h: Held) -> list[Row]:
+    if not h.measured.block.macro:
+        return []
+    branch = h.branches[0]
+    judged = np.flatnonzero(branch.judged)
+    if not len(judged):
+        return []
+    k = branch.k[judged[0]]
+    return [
+        {
+            "wave": branch.name,
+            "sector": h.measured.block.sector,
+            "wavenumber": float(k),
+            "velocity": float(branch.omega[judged[0]] / k),
+            "velocity_exact": float(branch.omega_exact[judged[0]] / k),
+        }
+    ]
