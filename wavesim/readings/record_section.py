@@ -94,7 +94,8 @@ def _end_taper(count: int) -> Float:
 
 def _last_shown(field: Field, signals: Float, peaks: Float, first: Any) -> float:
     """Until when a record section shows something that can be read, s."""
-    loud = (np.abs(signals) > _SILENT * np.maximum(peaks, 1e-300)[:, None]).any(axis=0)
+    least = np.where(peaks > 0, _SILENT * peaks, np.inf)
+    loud = (np.abs(signals) > least[:, None]).any(axis=0)
     if not loud.any():
         return float(field.t[-1])
     end = 1.05 * float(field.t[np.flatnonzero(loud)[-1]])

@@ -61,7 +61,7 @@
   const narrow = () => window.innerWidth < 640;
   const layout = more => ({
     margin: { l: 62, r: narrow() ? 12 : 24, t: 26, b: 48 }, font: { family: "system-ui, sans-serif", size: 12, color: INK },
-    paper_bgcolor: "#fff", plot_bgcolor: "#fff", hovermode: "closest", hoverlabel: { namelength: -1 }, dragmode: narrow() ? false : "zoom",
+    paper_bgcolor: "#fff", plot_bgcolor: "#fff", hovermode: "closest", hoverlabel: { namelength: -1, bgcolor: INK, font: { color: "#fff" } }, dragmode: narrow() ? false : "zoom",
     legend: { orientation: "h", x: 0, font: { size: 11 }, ...(narrow() ? { y: -0.25, yanchor: "top" } : { y: 1.02, yanchor: "bottom" }) }, shapes: [], annotations: [],
     ...more,
   });
