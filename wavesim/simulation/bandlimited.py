@@ -68,7 +68,7 @@ def taps(position: ArrayLike) -> tuple[NDArray[np.int_], Float]:
     return n, np.asarray(np.sinc(y) * window)
 
 
-def slope(values: Float, position: float, step: float = 0.02) -> float:
-    """du/ds by a central difference of the interpolant, per sample."""
-    low, high = between(values, [position - step, position + step])
-    return float((high - low) / (2 * step))
+def slope(values: Float, position: ArrayLike, step: float = 0.02) -> Float:
+    """du/ds by a central difference of the interpolant, per sample, shape of position."""
+    s = np.asarray(position, float)
+    return np.asarray((between(values, s + step) - between(values, s - step)) / (2 * step))

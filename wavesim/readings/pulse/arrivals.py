@@ -25,8 +25,9 @@ CONVENTIONS = ("first break", "threshold", "envelope", "correlation")
 _ABOVE_NOISE = 4.0
 # The parabola goes through the samples above this part of the envelope's peak.
 _CAP = 0.9
-# How exactly places between samples are found, in samples.
+# How exactly places between samples are found, in samples, and places looked at in one go.
 _EXACT = 1e-9
+_CUTS = 33
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,8 @@ def threshold(values: Float, fraction: float, noise: float) -> Pick:
     if after == 0:
         return np.nan, np.nan, "the threshold is passed when the record begins: begin it earlier"
     sign = np.sign(values[after])
-    place = float(_zero(lambda at: float(sign * between(values, at)) - level, after - 1, after))
-    steep = abs(slope(values, place))
+    place = _zero(lambda at: sign * between(values, at) - level, after - 1, after)
+    steep = abs(float(slope(values, place)))
     return place, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
 
 
@@ -226,10 +227,12 @@ def top(values: Float, start: int) -> float:
     return _zero(lambda s: slope(values, s), low, high)
 
 
-def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function that changes its sign once between two places is 0, by bisection."""
-    falls = function(low) > 0
+def _zero(function: Callable[[Float], Float], low: float, high: float) -> float:
+    """Where a function that changes its sign once between two places is 0, by ever finer cuts."""
+    begins = function(np.array([low]))[0] > 0
     while high - low > _EXACT:
-        middle = (low + high) / 2
-        low, high = (middle, high) if (function(middle) > 0) == falls else (low, middle)
+        places = np.linspace(low, high, _CUTS)
+        beyond = (function(places) > 0) != begins
+        at = max(int(np.argmax(beyond)), 1) if beyond.any() else _CUTS - 1
+        low, high = float(places[at - 1]), float(places[at])
     return (low + high) / 2
