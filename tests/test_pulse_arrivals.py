@@ -67,14 +67,14 @@ def test_envelope_and_correlation_without_noise():
 
 @pytest.mark.parametrize("convention", ["threshold", "envelope", "correlation"])
 def test_errors_hold_the_truth_at_the_stated_rate(convention, rng):
-    """Law: (found − true)/error has unit variance. 200 records of 4 receivers, white noise of 1 %
-    of the peak. The rms of 800 such numbers is 1 ± 0.025, of partly shared noise less surely:
+    """Law: (found − true)/error has unit variance. 120 records of 4 receivers, white noise of 1 %
+    of the peak. The rms of 480 such numbers is 1 ± 0.03, of partly shared noise less surely:
     0.85 to 1.15 (measured 1.04, 1.07, 0.98); 95 % ± 3 % of them lie within 1.96 errors (94, 94,
     95). The errors are 0.07, 0.15 and 0.02 samples, of 40 to a period."""
     truth = DELAY + X / C
     exact = arrivals(recorded(), convention).time - truth
     scores = []
-    for _ in range(200):
+    for _ in range(120):
         found = arrivals(recorded(0.01, rng), convention)
         # A convention's own shift, the same at all receivers, is no error.
         late = found.time - truth - exact

@@ -25,9 +25,8 @@ CONVENTIONS = ("first break", "threshold", "envelope", "correlation")
 _ABOVE_NOISE = 4.0
 # The parabola goes through the samples above this part of the envelope's peak.
 _CAP = 0.9
-# How exactly places between samples are found, in samples, and places looked at in one go.
+# How exactly places between samples are found, in samples.
 _EXACT = 1e-9
-_CUTS = 33
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def threshold(values: Float, fraction: float, noise: float) -> Pick:
     if after == 0:
         return np.nan, np.nan, "the threshold is passed when the record begins: begin it earlier"
     sign = np.sign(values[after])
-    place = _zero(lambda at: sign * between(values, at) - level, after - 1, after)
+    place = _zero(lambda at: float(sign * between(values, at)) - level, after - 1, after)
     steep = abs(float(slope(values, place)))
     return place, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
 
@@ -224,15 +223,25 @@ def top(values: Float, start: int) -> float:
     low, high = start - 1.0, start + 1.0
     if not slope(values, low) > 0 > slope(values, high):
         return float(start)
-    return _zero(lambda s: slope(values, s), low, high)
+    return _zero(lambda s: float(slope(values, s)), low, high)
 
 
-def _zero(function: Callable[[Float], Float], low: float, high: float) -> float:
-    """Where a function that changes its sign once between two places is 0, by ever finer cuts."""
-    begins = function(np.array([low]))[0] > 0
-    while high - low > _EXACT:
-        places = np.linspace(low, high, _CUTS)
-        beyond = (function(places) > 0) != begins
-        at = max(int(np.argmax(beyond)), 1) if beyond.any() else _CUTS - 1
-        low, high = float(places[at - 1]), float(places[at])
-    return (low + high) / 2
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function of other signs at two places is 0 between them, by the Illinois method.
+
+    Dowell & Jarratt, BIT 11, 168 (1971).
+    """
+    f_low, f_high, at, before = function(low), function(high), low, high
+    side = 0
+    while abs(at - before) > _EXACT and f_low != f_high:
+        at, before = (low * f_high - high * f_low) / (f_high - f_low), at
+        value = function(at)
+        if (value > 0) == (f_high > 0):
+            high, f_high = at, value
+            f_low /= 2 if side == 1 else 1
+            side = 1
+        else:
+            low, f_low = at, value
+            f_high /= 2 if side == -1 else 1
+            side = -1
+    return at
