@@ -84,7 +84,7 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
         ),
         "Steady wave: what it loses at that frequency, exact. A record that ends tells it at "
         "ω + iσ: simulated, beside what is exact there; the longer the record, the nearer. "
-        "Edges are the medium's, exact. In-plane waves do not travel: nothing is read of them.",
+        "Edges are the medium's, exact.",
     ),
     "wave": (
         "Phase velocity of long waves",
