@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+import wavesim as ws
 from wavesim.case.load import build
 from wavesim.case.schema import parse
 from wavesim.timedomain.time_step import time_step
@@ -150,3 +151,14 @@ def test_waves_shorter_than_the_grid_carries_are_said():
     text = ENDED[: ENDED.index("[[receivers]]")] + ENDED[ENDED.index("[time]") :]
     found = foreseen(text, "sources.0.peak_frequency=6e5", "bar.spacing=4e-4", "bar.order=2")
     assert any("cells to its length" in one and "spacing" in one for one in found), found
+
+
+def test_a_long_signal_is_not_worked_out_beforehand():
+    """A chirp over 800 periods of its highest frequency, whose transform takes seconds: None."""
+    medium = ws.Medium(closure="consistent")
+    layers = ws.Layers((ws.Layer(0.0, 0.032, medium),))
+    bar = ws.Bar(128, 2.5e-4, left="fixed", right="free")
+    known = {"duration": 6e-5, "receivers": {"far": 0.024}}
+    long = ws.Chirp("phi1", 0.012, 1e5, 8e5, 1e-3)
+    assert foretold(ws.Simulation(layers, bar, (long,), **known)) is None
+    assert foretold(ws.Simulation(layers, bar, (ws.Ricker("phi1", 0.012, 2e5),), **known))

@@ -44,6 +44,8 @@ _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
 _RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.1
 # A transform has this many frequencies at least.
 _MOST_CELLS = BUDGET / _LEAST_PART / 64
+# So long a signal (rad of the highest frequency) takes long to transform.
+_MOST_PHASE = 500.0
 # The exact solver takes half a second for a graded layer.
 _MOST_GRADED = 0
 
@@ -139,6 +141,8 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
     bar, sources = simulated.bar, simulated.sources
     graded = sum(layer.last is not None for layer in simulated.layers.layers)
     if simulated.gradient_felt or bar.cells > _MOST_CELLS or graded > _MOST_GRADED:
+        return None
+    if any((s.end - s.onset) * s.excited[1] > _MOST_PHASE for s in sources):
         return None
     low, high = bar.clear
     seen = {
