@@ -183,6 +183,8 @@ def constant_quality(
             f"quality_band = [{low:g}, {high:g}]: must span at most a factor of {_WIDEST_BAND:g}; "
             "take the band that the sources excite"
         )
+    if reference is not None and not reference > 0:
+        raise ValueError(f"reference = {reference:g}: must be a frequency greater than 0")
     first, last = 2 * math.pi * low, 2 * math.pi * high
     count = max(2, math.ceil(3 * math.log10(last / first))) + 1
     rates = np.geomspace(first / 1.3, last * 1.3, count)

@@ -84,7 +84,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
                 "closer": closer(field, found.sector, Gap("", found.sector, low, high)),
             }
         )
-    top = int(np.nanargmax(np.where(within, steady, -np.inf)))
+    top = int(np.argmax(np.where(within & np.isfinite(steady), steady, -np.inf)))
     ends_of = [
         ("worst of a band", b.asked, b.highest if b.asked.at_least is None else b.lowest)
         for b in found.bands
