@@ -20,6 +20,7 @@ from wavesim.figures import style
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
+from wavesim.material.shown import decibels
 from wavesim.readings import amplitude_map
 from wavesim.sources import Ricker
 from wavesim.worker import Worker
@@ -261,7 +262,7 @@ def test_colours_are_readable_in_grey():
 
 def test_decibels():
     np.testing.assert_allclose(
-        style.decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
+        decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
     )
 
 

@@ -27,7 +27,7 @@ def _incomplete(run: Any) -> None:
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""
     from wavesim.records.run_folder import open_run
-    from wavesim.report.progress import parts
+    from wavesim.report.progress import counted
     from wavesim.runner import begun_beside, reached
     from wavesim.verdict.judgement import measure
 
@@ -42,7 +42,7 @@ def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> N
             name, known = error.args
             stop(f"--only {name}: must be one of {', '.join(known)}", BAD_INPUT)
         written: list[Path] = []
-        with writing(target), parts("figures") as tell:
+        with writing(target), counted("figures") as tell:
             jobs = [
                 beside.ask("wavesim.figures.drawing.draw", target, run.field, found, name, kind)
                 for name in names
@@ -69,14 +69,14 @@ def animate(
     from wavesim.figures.animation import animate as made
     from wavesim.figures.animation import field_of
     from wavesim.records.run_folder import open_run
-    from wavesim.report.progress import parts
+    from wavesim.report.progress import counted
 
     run = open_run(folder)
     shown = field_of(run.field, name)
     path = Path(out) if out else run.folder / f"{shown}.{kind}"
     if out and path.suffix not in (".gif", ".mp4"):
         path = path.with_name(f"{path.name}.{kind}")
-    with writing(path.parent), parts("frames") as tell:
+    with writing(path.parent), counted("frames") as tell:
         made(path, run.field, shown, frames, rate, tell)
     _incomplete(run)
     click.echo(f"{shown} over {run.field.t[-1] * 1e6:.4g} µs in {path}")

@@ -252,10 +252,10 @@ def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
     from wavesim.paper.claims import CLOSURES
     from wavesim.paper.reproduction import reproduce
-    from wavesim.report.progress import parts
+    from wavesim.report.progress import counted
 
     try:
-        with parts("figures") as tell:
+        with counted("figures") as tell:
             result = reproduce(Path(out), tell=tell)
     except OSError as error:
         _stop(*unwritable(error, f"--out {out}"))

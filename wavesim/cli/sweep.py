@@ -63,7 +63,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
 
 
 def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) -> Any:
-    from wavesim.report.progress import members
+    from wavesim.report.progress import counted
     from wavesim.studies.sweep_workers import SweepStoppedError
 
     workers, address = options["workers"], options["scheduler"]
@@ -71,8 +71,13 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
         workers = _cores()
     carried_on = f"what was done is in {folder}, --resume carries on"
     try:
-        with members(asked.count, quiet) as tell, farewell(lambda: carried_on):
-            return asked.go(options["resume"], workers, address, tell)
+        with counted("members", quiet) as tell, farewell(lambda: carried_on):
+            return asked.go(
+                options["resume"],
+                workers,
+                address,
+                lambda done, failed, of: tell(done, of, failed),
+            )
     except SweepStoppedError as error:
         where = f"--scheduler {address}: " if address else ""
         stop(f"{where}{error}; {carried_on}", FAILED)

@@ -79,3 +79,20 @@ def console(quiet: bool = False) -> Any:
     return Console(
         quiet=quiet, highlight=False, markup=False, width=None if sys.stdout.isatty() else width
     )
+
+
+def new_table(*headings: str, words: int = 1, title: str = "") -> Any:
+    """A table to print: words in its first columns, which may be broken, and numbers in the others,
+    whose digits never are."""
+    from rich import box
+    from rich.table import Table
+
+    made = Table(
+        box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
+    )
+    for number, heading in enumerate(headings):
+        word = number < words
+        made.add_column(
+            heading, justify="left" if word else "right", no_wrap=not word, overflow="fold"
+        )
+    return made
