@@ -334,8 +334,10 @@ def test_amplitude_of_a_steady_wave_is_its_amplitude():
 
 def drawn_by_forks(folder, field):
     with Worker() as beside:
-        files = beside.each("wavesim.figures.drawing.of_field", folder, field).result()
-        return [path for own in files for path in own]
+        drawing = "wavesim.figures.drawing"
+        names = beside.ask(f"{drawing}.names", field, None).result()
+        made = [beside.ask(f"{drawing}.draw", folder, field, None, n, "png") for n in names]
+        return [one.result() for one in made]
 
 
 def test_forks_draw_what_this_process_would(small_run, tmp_path):
