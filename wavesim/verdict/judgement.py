@@ -36,9 +36,10 @@ class Found:
 
 def needed(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
+    pulse = "wavesim.records.of_pulse_test", "wavesim.readings.pulse.answers"
     if simulated.endless:
-        return ("wavesim.verdict.endless",)
-    return "wavesim.verdict.bar", "scipy.signal"
+        return "wavesim.verdict.endless", *pulse
+    return "wavesim.verdict.bar", *pulse, "scipy.signal"
 
 
 def measure(case: Case, field: Any, known: Any = None) -> Found:
