@@ -99,6 +99,11 @@ def gaps(medium: Medium, sector: str) -> list[Gap]:
     ]
 
 
+def open_gaps(medium: Medium, sector: str) -> list[Gap]:
+    """Those of :func:`gaps` that are not closed."""
+    return [gap for gap in gaps(medium, sector) if gap.upper > gap.lower]
+
+
 def full_gaps(medium: Medium) -> list[tuple[float, float]]:
     """Frequency intervals in which no wave of any sector propagates, rad/s, ascending.
 
