@@ -90,7 +90,7 @@ class TracedGrid:
         x, length = self.points(staggered), self.edges[-1]
         if sampled(self.bar, position, width, staggered) is None:
             u, shares = gaussian_points(width / min(size for _, size in self.bar.all_stretches))
-            places = position + width * u
+            places: Any = position + width * u
             places = places % length if self.bar.periodic else jnp.clip(places, 0.0, length)
             weights, indices = jax.vmap(lambda place: self.sampling(place, staggered))(places)
             laid = jnp.zeros(len(x)).at[indices].add(shares[:, None] * weights)
