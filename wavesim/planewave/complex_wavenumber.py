@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 
 from wavesim.material.damping import UNDAMPED
@@ -141,14 +142,7 @@ def _degree(form: BlockCoefficients) -> int:
 
 def _evaluate(coefficients: Any, at: Any) -> Any:
     """Polynomials with coefficients (n, m + 1), ascending, at points (n, r): shape (n, r)."""
-    value = np.zeros_like(at)
-    for coefficient in coefficients.T[::-1]:
-        value = value * at + coefficient[:, None]
-    return value
-
-
-def _derivative(coefficients: Any) -> Any:
-    return coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
+    return polyval(at.T, coefficients.T, tensor=False).T
 
 
 def _polynomial_roots(coefficients: Any) -> Any:
@@ -164,7 +158,7 @@ def _polynomial_roots(coefficients: Any) -> Any:
     companion[:, 0] = -coefficients[:, -2::-1] / coefficients[:, -1:]
     roots = np.linalg.eigvals(companion)
     for _ in range(4):
-        rate = _evaluate(_derivative(coefficients), roots)
+        rate = _evaluate(polyder(coefficients, axis=1), roots)
         step = _evaluate(coefficients, roots) / np.where(rate == 0, 1, rate)
         roots = roots - np.where(np.abs(step) < 0.5 * np.abs(roots), step, 0)
     return roots
@@ -194,7 +188,7 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
     scaled = felt.astype(complex if np.iscomplexobj(felt) else float) * medium.time_scale
     values, rates = (x[:, : _degree(form) + 1] for x in _polynomial(form, scaled**2))
     roots = _polynomial_roots(values)
-    rises = -_evaluate(rates, roots) / _evaluate(_derivative(values), roots)
+    rises = -_evaluate(rates, roots) / _evaluate(polyder(values, axis=1), roots)
     k = _outward(roots, rises)
     order = np.argsort(np.abs(k), axis=1)
     if block.macro:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_norm
 from wavesim.material.layers import Layers
-from wavesim.material.medium import fastest_speed
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import strongest_absorption
@@ -188,7 +187,7 @@ def _reach(step: float, speed: float) -> int:
 def _cells_per_time(simulation: Simulation) -> float:
     """Largest c_∞ over the cell size, 1/s."""
     return max(
-        fastest_speed(medium) / size
+        medium.fastest / size
         for layer, (_, size) in zip(
             simulation.layers.layers, simulation.bar.all_stretches, strict=True
         )
