@@ -58,14 +58,14 @@ class ComplexWaves:
         return (self.k.imag == 0) & (self.k.real != 0)
 
 
-def _outward(square: Any, rises: Any) -> Complex:
+def _outward(square: Any, rises: Any, omega: Any) -> Complex:
     """The root of k² that decays towards +x or, if k is real, carries energy there.
 
-    For real k the group velocity ∂ω/∂k has the sign of k dk²/dω²; ω + i0 then gives Im k > 0.
+    For real k the group velocity ∂ω/∂k has the sign of k/ω · dk²/dω²; ω + i0 then gives Im k > 0.
     """
     k = np.sqrt(np.asarray(square, dtype=complex))
     k = np.where(k.imag < 0, -k, k)
-    return np.where((k.imag == 0) & (np.real(rises) < 0), -k, k)
+    return np.where((k.imag == 0) & (np.real(rises) * np.real(omega) < 0), -k, k)
 
 
 def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
@@ -107,7 +107,7 @@ def _closed_form(form: BlockCoefficients, omega: Any) -> Complex:
     values, rates = _polynomial(without, omega**2)
     with np.errstate(divide="ignore", invalid="ignore"):
         square = -values[:, 0] / values[:, 1]
-        return _outward(square, -(rates[:, 0] + rates[:, 1] * square) / values[:, 1])
+        return _outward(square, -(rates[:, 0] + rates[:, 1] * square) / values[:, 1], omega)
 
 
 def _polynomial(form: BlockCoefficients, square: Any) -> tuple[Any, Any]:
@@ -189,7 +189,7 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
     values, rates = (x[:, : _degree(form) + 1] for x in _polynomial(form, scaled**2))
     roots = _polynomial_roots(values)
     rises = -_evaluate(rates, roots) / _evaluate(polyder(values, axis=1), roots)
-    k = _outward(roots, rises)
+    k = _outward(roots, rises, scaled[:, None])
     order = np.argsort(np.abs(k), axis=1)
     if block.macro:
         nearest = np.abs(k**2 - _closed_form(form, scaled)[:, None] ** 2)

@@ -247,9 +247,7 @@ def _products(simulated: Simulation, steps: TimeStep) -> Iterator[str]:
     """More work than the waves on the grid ask for."""
     crossing = max(
         medium.fastest / size
-        for layer, (_, size) in zip(
-            simulated.layers.layers, simulated.bar.all_stretches, strict=True
-        )
+        for layer, _, size in simulated.stretches
         for medium in layer.sampled(3)
     )
     needed = max(simulated.duration * crossing, simulated.frames)
