@@ -60,7 +60,7 @@ def _single(
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("record", overflow="fold")
     if series is not None:
-        table.add_column(series.parameter, justify="right")
+        table.add_column(series.parameter.replace(" (", "\n("), justify="right")
     table.add_column(f"travel time ({unit})", justify="right", no_wrap=True)
     table.add_column("velocity (m/s)", justify="right", no_wrap=True)
     # A narrow terminal has room for the answer alone.
@@ -174,7 +174,7 @@ def _by_convention(one: Reading, scale: float, unit: str) -> str:
 
 
 def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:
-    law, name = series.law, series.parameter
+    law, name = series.law, series.parameter.partition(" (")[0]
     if law is None:
         console.print(
             f"No law V = a {name}^b: it needs three velocities at two values above 0 or more."
