@@ -229,6 +229,8 @@ def test_families_in_one_bar_are_told_apart(both):
                 assert own.lower == pytest.approx(known.lower, rel=1e-12)
     with pytest.raises(ValueError, match="must differ"):
         ws.together(SOIL, SOIL)
+    with pytest.raises(ValueError, match="media: none given"):
+        ws.together()
 
 
 BOTH_FAMILIES = """\

@@ -348,10 +348,11 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
 def _write(
     found: dict[str, Any], readings: Sequence[Any], series: Any, folder: Path, quiet: bool
 ) -> None:
-    from wavesim.figures.pulse_records import write
+    from wavesim.figures.pulse_records import drawings
+    from wavesim.figures.style import write
 
     with writing(folder):
         write_json(folder / "pulse.json", found)
-        written = write(readings, series, folder)
+        written = [path.name for path in write(drawings(readings, series), folder)]
     if not quiet:
         click.echo(f"pulse.json, {', '.join(written)} in {folder}")

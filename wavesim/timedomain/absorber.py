@@ -25,6 +25,13 @@ from wavesim.material.medium import fastest_speed
 REFLECTION = 1e-28
 _POWER = 3
 _CALM = 2.5e-3
+# One of fewer branch lengths reflects more than 1e-4.
+_LEAST_LENGTHS = 4
+
+
+def least_absorber(layers: Layers) -> float:
+    """Length (m) below which an absorbing layer reflects too much."""
+    return _LEAST_LENGTHS * max(float(medium.length_scale) for medium in layers.media)
 
 
 def strongest_absorption(layers: Layers, bar: Bar, end: str) -> float:

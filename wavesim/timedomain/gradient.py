@@ -30,7 +30,12 @@ from wavesim.timedomain.moments_in_time import signals
 from wavesim.timedomain.operator import Operator, operator
 from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
-from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
+from wavesim.timedomain.time_step import (
+    TimeStep,
+    closure_factor,
+    highest_frequency,
+    time_step,
+)
 from wavesim.timedomain.traced_grid import TracedGrid
 
 
@@ -224,7 +229,7 @@ def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
     """Whether no frequency is above the highest of the plan; True where that is known before."""
     if sizes is None and all(_plain(layer) is not None for layer in given.layers):
         return True
-    most = highest_frequency(planned) / (1.05 if not planned.bar.uniform else 1.0)
+    most = highest_frequency(planned) / closure_factor(planned.bar)
     units, bar = scales(planned.medium), planned.bar
     squares = []
     for number, (layer, (_, spacing)) in enumerate(

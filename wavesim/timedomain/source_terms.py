@@ -263,11 +263,10 @@ def initial_state(
         if not isinstance(source, InitialField):
             continue
         x = bar.half_nodes if source.staggered else bar.nodes
-        distance = x - source.position
-        if bar.periodic:
-            distance = (distance + bar.length / 2) % bar.length - bar.length / 2
         line = np.zeros(len(bar.nodes))
-        line[: len(x)] = source.amplitude * np.exp(-((distance / source.width) ** 2) / 2)
+        for shift in (-bar.length, 0.0, bar.length) if bar.periodic else (0.0,):
+            distance = x - source.position - shift
+            line[: len(x)] += source.amplitude * np.exp(-((distance / source.width) ** 2) / 2)
         if not source.staggered:
             line[held_nodes(bar)] = 0.0
         fields[source.field] = fields.get(source.field, 0.0) + line

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_norm
 from wavesim.material.layers import Layers
 from wavesim.material.medium import fastest_speed
@@ -243,8 +244,12 @@ def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> f
             matrix[p:, :p] = -norm * c.c_bp * (scale / c.i_B)
             matrix[p:, p:] = (c.c_bb + norm**2 * c.gamma) * (scale / c.i_B)
         largest = max(largest, float(np.abs(np.linalg.eigvals(matrices)).max()))
-    closures = 1.0 if bar.uniform and bar.periodic else _ENDS
-    return math.sqrt(1.01 * largest) * closures
+    return math.sqrt(1.01 * largest) * closure_factor(bar)
+
+
+def closure_factor(bar: Bar) -> float:
+    """By how much closures at ends and interfaces raise the highest frequency, at most."""
+    return 1.0 if bar.uniform and bar.periodic else _ENDS
 
 
 def fastest_loss(simulation: Simulation, radius: float) -> float:
