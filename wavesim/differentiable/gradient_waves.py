@@ -21,9 +21,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.differentiable.coefficients import loss_law, moduli, units_of
+from wavesim.differentiable.coefficients import loss_law, moduli, of_each, units_of
 from wavesim.differentiable.graded_slices import System, coefficients_along, through_graded
-from wavesim.differentiable.traced_layers import TracedLayers, medium_of
+from wavesim.differentiable.traced_layers import TracedLayers
 from wavesim.differentiable.waves_of_medium import Waves, inverse, waves_of
 from wavesim.material.family import Block
 from wavesim.material.layers import Grading
@@ -202,21 +202,11 @@ def _coefficients(
 ) -> tuple[Any, ...]:
     """c_pp, c_pb, c_bp, c_bb, Γ and inertias of each layer, scaled, (L, …)."""
 
-    def of(kind: Any, values: Any) -> tuple[Any, ...]:
-        own = block_coefficients(medium_of(kind, values), block, units)
-        return own.c_pp, own.c_pb, own.c_bp, own.c_bb, own.gamma, own.i_phi, own.i_B
+    def of(medium: Medium) -> tuple[Any, ...]:
+        return tuple(vars(block_coefficients(medium, block, units)).values())
 
-    found: Any = None
-    for kind in dict.fromkeys(kinds):
-        made = jax.vmap(partial(of, kind))(values)
-        here = jnp.asarray([k == kind for k in kinds])
-        if found is not None:
-            made = tuple(
-                jnp.where(here.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-                for new, old in zip(made, found, strict=True)
-            )
-        found = made
-    return tuple(found)
+    made: tuple[Any, ...] = of_each(kinds, values, of)
+    return made
 
 
 def _impedance(own: tuple[Any, ...]) -> Any:

@@ -113,6 +113,12 @@ def sampled(bar: Bar, position: float, width: float, staggered: bool) -> tuple[F
     return None
 
 
+def gaussian(bar: Bar, x: Float, position: float, width: float) -> Float:
+    """exp(−(x − position)²/2width²) at points x of a bar, on a periodic one laid round it."""
+    shifts = (-bar.length, 0.0, bar.length) if bar.periodic else (0.0,)
+    return np.sum([np.exp(-(((x - position - by) / width) ** 2) / 2) for by in shifts], axis=0)
+
+
 def gaussian_points(cells: float) -> tuple[Float, Float]:
     """Points that stand for a Gaussian so many cells wide: where, in widths, and their shares."""
     count = 2 * math.ceil(CUT * max(4.0, min(4 * cells, 1000.0))) + 1

@@ -10,9 +10,8 @@ import numpy as np
 from wavesim.layered.ends import check_ends, returned
 from wavesim.layered.mode_count import count, elements
 from wavesim.layered.stack import Stack
-from wavesim.layered.transmission import block_of
 from wavesim.layered.uniform_layer import waves
-from wavesim.material.family import Block
+from wavesim.material.family import Block, travelling_block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs, keeps_gradient
 from wavesim.planewave.eigenproblem import spectral_form
@@ -48,7 +47,7 @@ def windows(layers: Layers, sector: str, band: tuple[float, float]) -> Any:
     low, high = band
     stops = [
         (float(column.min()), float(column.max()))
-        for values in _edges(layers, block_of(layers.first.family, sector), form_asymptotes)
+        for values in _edges(layers, travelling_block(layers.first.family, sector), form_asymptotes)
         for column in values.T
     ]
     found = []
@@ -181,7 +180,7 @@ def resonances(
     """
     check_ends(left, right, ("fixed", "free", "periodic"))
     kept = keeps_gradient(layers, gradient)
-    block = block_of(layers.first.family, sector)
+    block = travelling_block(layers.first.family, sector)
     real = eigenfrequencies(layers, block, left, right, band, kept, spacing)
     law, *others = {layer.medium.damping for layer in layers.layers}
     # One law for all moduli and one for all inertias: Ω(ω) = ω₀ whatever the bar is made of.

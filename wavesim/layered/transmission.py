@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
-from wavesim.material.family import Block, Family, travelling_block
+from wavesim.material.family import travelling_block
 from wavesim.material.layers import Layers
 from wavesim.material.shown import Shown
 from wavesim.planewave.band_edges import keeps_gradient
@@ -61,15 +61,6 @@ class Transmission(Shown):
 
         ratios = {name: ("omega", value) for name, value in vars(self).items() if name != "omega"}
         return xarray.Dataset(ratios, {"omega": ("omega", self.omega, {"units": "rad/s"})})
-
-
-def block_of(family: Family, sector: str) -> Block:
-    """The block of a sector with a macro-field.
-
-    Raises:
-        ValueError: the sector has none, or is unknown.
-    """
-    return travelling_block(family, sector, kept=False)
 
 
 def _primary(of: Waves) -> Any:

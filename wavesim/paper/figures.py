@@ -26,12 +26,7 @@ from wavesim.paper.claims import CLOSURES
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
 
-SECTORS = ("longitudinal", "transverse2", "inplane")
-SECTOR_GAPS = {
-    "longitudinal": ("RLB1", "RLB2"),
-    "transverse2": ("RTB1", "RTB2"),
-    "inplane": ("RSB",),
-}
+SECTORS = ROTATION.unlike
 # Rows of the three parts of Figure 3, from the highest branch down.
 BRANCHES = {
     "longitudinal": ("LO2", "LO1", "LA"),
@@ -155,7 +150,7 @@ def _edges_panel(
     """Gap edges of one sector over a parameter: lower dashed, upper solid, between them shaded."""
     colour = colour_of(ROTATION, sector)
     inside = slice(len(x) // 8, -(len(x) // 8))
-    for name, alpha in zip(SECTOR_GAPS[sector], (0.45, 0.2), strict=False):
+    for name, alpha in zip(ROTATION.gap_names(sector), (0.45, 0.2), strict=False):
         low, high = lower[name], upper[name]
         axes.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
         axes.plot(x, low, color=colour, ls="--", lw=1.4)

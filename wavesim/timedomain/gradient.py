@@ -21,7 +21,7 @@ from wavesim.grid.stencils import difference_norm
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.scaling import scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
@@ -32,6 +32,7 @@ from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import (
     TimeStep,
+    bound_matrix,
     closure_factor,
     highest_frequency,
     time_step,
@@ -239,14 +240,7 @@ def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
         norm = difference_norm(1.0, bar.order) * float(units.length) / size
         for medium in layer.ends:
             for block in planned.blocks:
-                c = block_coefficients(medium, block, units)
-                upper = [norm**2 * c.c_pp, -norm * c.c_pb]
-                lower = [-norm * c.c_bp, c.c_bb + norm**2 * c.gamma]
-                above, below = (
-                    jnp.concatenate([jnp.asarray(part) for part in row], 1) / inertia
-                    for row, inertia in ((upper, c.i_phi), (lower, c.i_B))
-                )
-                matrix = jnp.concatenate([above, below]) * medium.damping.unrelaxed
+                matrix = bound_matrix(medium, block, units, norm, jnp)
                 squares.append(_largest(jax.lax.stop_gradient(matrix)))
     return jnp.max(jnp.stack(squares)) <= most**2 * 1.0001
 
