@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from wavesim.figures.bands import LINE_STYLES, band_figure
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.field import spacetime
-from wavesim.figures.style import GAP, KHZ, MAP, STYLE, decibels, title
+from wavesim.figures.style import GAP, MAP, STYLE, title
 from wavesim.grid.bar import Bar
 from wavesim.layered.transmission import Transmission
 from wavesim.material.arguments import checked
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ, decibels
 from wavesim.readings.dispersion.extract import Measured
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.run_folder import Run

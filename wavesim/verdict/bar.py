@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
-from wavesim.material.medium import fastest_speed
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
@@ -31,7 +31,6 @@ from wavesim.verdict.foreseen_errors import (
 
 Float = NDArray[Any]
 
-_KHZ = 1 / (2e3 * np.pi)
 DECIBEL_TOLERANCE = 1.0
 RESONANCE_TOLERANCE = 1e-6
 BLOCH_TOLERANCE = 1e-3
@@ -350,8 +349,8 @@ def _sent_back(field: Field) -> str:
                 omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
                 loud = float(excitation(driven, cutoff)) if driven else 0.0
                 slowness = wavenumber(medium, block.sector, omega).real / omega
-                back = REFLECTION ** (slowness * fastest_speed(medium))
+                back = REFLECTION ** (slowness * medium.fastest)
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
                     until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
-                    told.append(f"{block.sector} {cutoff * _KHZ:.5g} to {until * _KHZ:.5g} kHz")
+                    told.append(f"{block.sector} {cutoff * KHZ:.5g} to {until * KHZ:.5g} kHz")
     return ", ".join(dict.fromkeys(told))
