@@ -62,7 +62,7 @@ def waveforms(
         begun = tau >= -0.05 * tau[-1]
         axes.plot(tau[begun], row + 0.45 * u[begun], color="#37424d", lw=0.8)
         if record.crosstalk:
-            raw = record.raw / (float(np.abs(record.got).max()) or 1.0)
+            raw = (record.raw + record.crosstalk_taken) / (float(np.abs(record.got).max()) or 1.0)
             hidden = (record.t >= record.start) & (record.t <= record.blank)
             axes.plot(tau[hidden], row + 0.45 * np.clip(raw[hidden], -1, 1), color=_GREY, lw=0.7,
                       label="crosstalk, left out")  # fmt: skip

@@ -218,7 +218,7 @@ class Family:
         return {"body": "body", **self.drives, "initial": "initial"}
 
 
-def travelling_block(family: Family, sector: str, kept: bool) -> Block:
+def travelling_block(family: Family, sector: str, kept: bool = False) -> Block:
     """The block in which a sector's waves travel.
 
     Args:

@@ -192,7 +192,7 @@ class Medium(Shown, metaclass=_ByFamily):
 
     @functools.cached_property
     def fastest(self) -> float:
-        """See :func:`fastest_speed`."""
+        """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
         forms = [part.form for part in self.parts]
         squares = [np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi for form in forms]
         return float(np.sqrt(self.damping.unrelaxed * max(squares)))
@@ -302,8 +302,3 @@ def families() -> tuple[str, ...]:
 def _same(value: Any, default: Any) -> bool:
     """Whether a parameter is a plain number or word that equals its default."""
     return isinstance(value, str | numbers.Real) and value == default
-
-
-def fastest_speed(medium: Medium) -> float:
-    """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
-    return medium.fastest

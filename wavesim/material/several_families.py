@@ -213,8 +213,10 @@ def together(*media: Medium) -> Medium:
         A medium with the blocks of all; of one medium, itself.
 
     Raises:
-        ValueError: two are of one family, or their loss laws differ.
+        ValueError: there is none, two are of one family, or their loss laws differ.
     """
+    if not media:
+        raise ValueError("media: none given; give one medium of each family")
     names = [medium.family.name for medium in media]
     if len(set(names)) < len(names):
         raise ValueError(f"family = {', '.join(names)}: must differ; give one medium of each")

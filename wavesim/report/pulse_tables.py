@@ -50,7 +50,7 @@ def _single(
     scale, unit = in_time(min(times) if times else math.nan)
     # A narrow terminal has room for the answer alone.
     shown = _CONVENTIONS[:4] if console.width >= _WIDE else ()
-    varied = [series.parameter] if series is not None else []
+    varied = [series.parameter.replace(" (", "\n(")] if series is not None else []
     table = new_table("record", *varied, f"travel time ({unit})", "velocity (m/s)", *shown)
     for place, one in enumerate(readings):
         if one.result is not None:
@@ -157,7 +157,7 @@ def _by_convention(one: Reading, scale: float, unit: str) -> str:
 
 
 def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:
-    law, name = series.law, series.parameter
+    law, name = series.law, series.parameter.partition(" (")[0]
     if law is None:
         console.print(
             f"No law V = a {name}^b: it needs three velocities at two values above 0 or more."

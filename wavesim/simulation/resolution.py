@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.medium import Medium, fastest_speed
+from wavesim.material.medium import Medium
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
 _PHASE_ERROR = 0.01
@@ -60,7 +60,7 @@ def highest_frequency(medium: Medium, bar: Bar) -> float:
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    return fastest_speed(medium) * largest_phase(bar.order) / bar.spacing / (2 * math.pi)
+    return medium.fastest * largest_phase(bar.order) / bar.spacing / (2 * math.pi)
 
 
 @functools.cache

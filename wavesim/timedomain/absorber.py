@@ -18,7 +18,6 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
-from wavesim.material.medium import fastest_speed
 
 # Of the fastest wave. Slower waves, and those near a cutoff, whose phase velocity c is high, are
 # reflected more or less: R to the power c_∞/c.
@@ -45,7 +44,7 @@ def strongest_absorption(layers: Layers, bar: Bar, end: str) -> float:
     if getattr(bar, end) != "absorbing":
         return 0.0
     medium = layers.at(0.0 if end == "left" else layers.length)
-    return -4 * fastest_speed(medium) * math.log(REFLECTION) / (2 * bar.absorber)
+    return -4 * medium.fastest * math.log(REFLECTION) / (2 * bar.absorber)
 
 
 def absorption(layers: Layers, bar: Bar, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

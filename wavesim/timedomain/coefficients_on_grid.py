@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
-from wavesim.grid.summation_by_parts import chain
 from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium, with_each_class
@@ -289,14 +288,9 @@ def _stretches(
 ) -> list[tuple[Layer, slice, Any, np.ndarray]]:
     """Each layer with its cells, the norm of its nodes, and their positions on the bar, m."""
     found, first = [], 0
-    for number, (layer, (cells, spacing)) in enumerate(
-        zip(layers.layers, bar.all_stretches, strict=True)
+    for number, (layer, (cells, spacing), norm) in enumerate(
+        zip(layers.layers, bar.all_stretches, bar.stretch_norms, strict=True)
     ):
-        if bar.uniform and bar.periodic:
-            norm = np.full(cells + 1, spacing)
-            norm[[0, -1]] /= 2
-        else:
-            norm = chain(bar.order, (cells,), (spacing,)).node_norm
         x = layer.start + np.arange(cells + 1) * spacing
         if sizes is not None:
             norm = norm * (sizes[number] / spacing)

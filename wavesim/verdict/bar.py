@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
-from wavesim.material.medium import fastest_speed
 from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
@@ -344,7 +343,7 @@ def _sent_back(field: Field) -> str:
                 omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
                 loud = float(excitation(driven, cutoff)) if driven else 0.0
                 slowness = wavenumber(medium, block.sector, omega).real / omega
-                back = REFLECTION ** (slowness * fastest_speed(medium))
+                back = REFLECTION ** (slowness * medium.fastest)
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
                     until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
                     told.append(f"{block.sector} {cutoff * KHZ:.5g} to {until * KHZ:.5g} kHz")

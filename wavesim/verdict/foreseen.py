@@ -12,7 +12,6 @@ import numpy as np
 from wavesim.case.load import Case
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
-from wavesim.material.medium import fastest_speed
 from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.simulation.resolution import largest_phase
@@ -87,7 +86,7 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
 def _at_rest(simulated: Simulation) -> Iterator[str]:
     """A bar of which next to all stays at rest."""
     bar, duration = simulated.bar, simulated.duration
-    speed = max(fastest_speed(medium) for medium in simulated.layers.media)
+    speed = max(medium.fastest for medium in simulated.layers.media)
     gone = speed * duration
     reached = [(one.position, gone + _REACH * one.width) for one in simulated.sources]
     moved = max(x + r for x, r in reached) - min(x - r for x, r in reached)
@@ -167,7 +166,7 @@ def _travel(simulated: Simulation, low: float, high: float) -> float:
     """Time that the fastest wave takes from one place to another, s."""
     return sum(
         max(0.0, min(high, layer.end) - max(low, layer.start))
-        / max(fastest_speed(medium) for medium in layer.sampled(3))
+        / max(medium.fastest for medium in layer.sampled(3))
         for layer in simulated.layers.layers
     )
 
@@ -241,10 +240,8 @@ def _judged(case: Case) -> Iterator[str]:
 def _products(simulated: Simulation, steps: TimeStep) -> Iterator[str]:
     """More work than the waves on the grid ask for."""
     crossing = max(
-        fastest_speed(medium) / size
-        for layer, (_, size) in zip(
-            simulated.layers.layers, simulated.bar.all_stretches, strict=True
-        )
+        medium.fastest / size
+        for layer, _, size in simulated.stretches
         for medium in layer.sampled(3)
     )
     needed = max(simulated.duration * crossing, simulated.frames)

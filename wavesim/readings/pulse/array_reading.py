@@ -171,10 +171,12 @@ def _without_crosstalk(
         return signals
     until = max(one.blank for one in each.values())
     notes.append(f"crosstalk up to {until:.4g} s was left out of every receiver")
-    return {
-        key: np.where((one.t >= one.start) & (one.t < until), u - one.raw, u)
-        for (key, u), one in zip(signals.items(), each.values(), strict=True)
-    }
+    result = {}
+    for (key, u), one in zip(signals.items(), each.values(), strict=True):
+        own = u - one.crosstalk_taken
+        hidden = (one.t >= one.start) & (one.t < until)
+        result[key] = np.where(hidden, own - one.raw, own)
+    return result
 
 
 def _ended(u: Float, weight: Float) -> Float:
