@@ -265,7 +265,7 @@ class _Fork:
     def result(self) -> tuple[bool, bytes]:
         """Whether it went wrong, and what it returned or raised, pickled."""
         told = None
-        with self.answer, suppress(EOFError):
+        with self.answer, suppress(EOFError, OSError):  # ended, or while it told
             told = self.answer.recv()
         self._process.join()
         if told is None:
