@@ -404,8 +404,8 @@ def test_too_little_room_for_the_final_file_is_told_before_it_is_written(
 
 @pytest.mark.parametrize(
     "error",
-    [OSError(28, "No space left on device"), MemoryError("800 GB")],
-    ids=["disk", "memory"],
+    [OSError(28, "No space left on device"), MemoryError("800 GB"), MemoryError()],
+    ids=["disk", "memory", "memory, without a word"],
 )
 def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch, error):
     def append(*arguments):
@@ -414,7 +414,7 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
     monkeypatch.setattr(storage.Results, "append", append)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path / "out")
-    assert not caught.value.unstable
+    assert caught.value.code == (3 if isinstance(error, OSError) else 2)
     assert ("No space left" in str(caught.value)) or ("into memory" in str(caught.value))
 
 
@@ -431,5 +431,5 @@ def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
     monkeypatch.setattr(integrate, "stream", stream)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path)
-    assert caught.value.unstable
+    assert caught.value.code == 3
     assert not (tmp_path / "summary.json").exists()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import resource
 import shlex
@@ -35,19 +34,19 @@ _FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", 
 _FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
 _PICTURES = (".png", ".pdf", ".svg")
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
+_OVERVIEW = "wavesim.figures.overview.write_overview"
 
 
 class RunError(RuntimeError):
     """A run can't begin or can't go on; the message says why and what to do.
 
     Attributes:
-        unstable: the integration failed, rather than a file.
         code: to end with: 2 where what was asked for can't be, 3 where the integration, or the
             writing of its results, failed.
     """
 
-    def __init__(self, message: str, unstable: bool, written: bool = True) -> None:
-        self.unstable, self.code = unstable, 2 if written and not unstable else 3
+    def __init__(self, message: str, code: int) -> None:
+        self.code = code
         super().__init__(message)
 
 
@@ -112,14 +111,15 @@ def run(
         What came of it.
 
     Raises:
-        RunError: a file can't be written or resumed, or the integration failed; the result file
-            then holds what came before.
+        StorageError: result.h5 can't be written or resumed.
+        RunError: another file can't be written, or the integration failed; the result file then
+            holds what came before.
     """
     begun = time.perf_counter()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
     from wavesim.io.folder_lock import locked
-    from wavesim.io.result_reader import StorageError, WriteError
+    from wavesim.report.terminal import BAD_INPUT, FAILED, unwritable
 
     try:
         with ExitStack() as until_the_end:
@@ -131,24 +131,18 @@ def run(
             at_work = reached(case.simulation, own)
             known = case, folder, resume, tell, begun, at_work, figures, rerun
             return _run(until_the_end, *known)
-    except StorageError as error:
-        raise RunError(str(error), False, not isinstance(error, WriteError)) from error
     except OSError as error:
-        what = error.strerror or error
-        raise RunError(
-            f"{error.filename or folder}: can't be written: {what}; make room on the disk, and "
-            "run again with --resume if result.h5 is there",
-            False,
-            False,
-        ) from error
+        remedy = "run again, with --resume if result.h5 is there"
+        said, _ = unwritable(error, error.filename or folder, remedy)
+        raise RunError(said, FAILED) from error
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "RESOURCE_EXHAUSTED" not in str(error):
             raise
-        why = str(error).splitlines()[0]
+        why = str(error).partition("\n")[0] or type(error).__name__
         raise RunError(
             f"the run does not fit into memory ({why}): lower [time] samples or duration, or take "
             "fewer cells",
-            False,
+            BAD_INPUT,
         ) from error
 
 
@@ -180,7 +174,7 @@ def _run(
     if not case.simulation.endless:
         table = case.analysis
         read = table.frequencies, table.damping, table.bands
-        known = beside.one(_EXPECTED, to_come, *read)
+        known = beside.ask(_EXPECTED, to_come, *read)
     from wavesim.timedomain.compiled import keep_compiled
 
     keep_compiled()
@@ -233,7 +227,7 @@ def _run(
         storing.wait()
         field = resultfile.read(results.path, simulated)
     pictures = _Pictures(beside, folder, figures, field)
-    found = measure(case, field, *(known.result() if known else ()))
+    found = measure(case, field, known and known.result())
     lap("analyse")
     tell("figures", 0.0)
     rows = [check.row() for check in found.checks]
@@ -314,6 +308,7 @@ def _integrated(
         The energy of each chunk.
     """
     from wavesim.io.result_reader import StorageError
+    from wavesim.report.terminal import FAILED
     from wavesim.timedomain.integrate import NotFiniteError, stream
 
     energies = []
@@ -325,7 +320,7 @@ def _integrated(
     except NotFiniteError as error:
         storing.wait()
         results.finish("failed")
-        raise RunError(str(error), True) from None
+        raise RunError(str(error), FAILED) from None
     except BaseException:
         with suppress(StorageError):
             storing.stop()
@@ -344,23 +339,23 @@ class _Pictures:
     """
 
     def __init__(self, beside: Worker | Here, folder: Path, figures: bool, field: Field) -> None:
-        self._beside, self._field, self._overview = beside, field, folder / "overview.png"
-        self._folder = folder / "figures" if figures else None
-        self._data = [beside.one(f"{_PAGE_DATA}.of_field", field)]
+        self._beside, self._folder, self._figures, self._field = beside, folder, figures, field
+        self._data = [beside.ask(f"{_PAGE_DATA}.of_field", field)]
         self._drawn: list[Answer] = []
-        if self._folder:
-            self._drawn.append(beside.each(f"{_DRAWING}.of_field", self._folder, field))
 
     def of_found(self, found: Any, title: str, verdict: str) -> None:
         """Draw what was measured; arguments as of ``figures.overview.write_overview``."""
-        beside, field = self._beside, self._field
-        known = self._overview, field, found, title, verdict
-        self._drawn.append(beside.one(f"{_DRAWING}.overview", *known))
-        self._data.append(beside.one(f"{_PAGE_DATA}.of_found", field, found))
-        if self._folder:
-            self._drawn.append(
-                beside.each(f"{_DRAWING}.of_measurement", self._folder, field, found)
-            )
+        ask, folder, known = self._beside.ask, self._folder, (self._field, found)
+        self._drawn.append(ask(_OVERVIEW, folder / "overview.png", *known, title, verdict))
+        self._data.append(ask(f"{_PAGE_DATA}.of_found", *known))
+        if self._figures:
+            named = ask(f"{_DRAWING}.names", *known)
+            self._drawn.append(named)
+            with suppress(Exception):  # told of with the others
+                self._drawn += [
+                    ask(f"{_DRAWING}.draw", folder / "figures", *known, name, "png")
+                    for name in named.result()
+                ]
 
     def wait(self) -> None:
         """Wait until all is drawn, well or not."""
@@ -375,7 +370,7 @@ class _Pictures:
             try:
                 made = one.result()
                 if data is not None and one in self._data:
-                    data |= made[0]
+                    data |= made
             except Exception as error:
                 wrong.append(error)
                 data = None if one in self._data else data
@@ -383,15 +378,12 @@ class _Pictures:
 
 
 def _begin(folder: Path) -> None:
+    from wavesim.report.terminal import unwritable
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-        raise RunError(
-            f"--out {folder}: can't be written: {error.strerror}; name another folder",
-            False,
-            not full,
-        ) from None
+        raise RunError(*unwritable(error, f"--out {folder}")) from None
 
 
 def peak_memory() -> int:

@@ -89,10 +89,11 @@ def compare(
 
 
 def _write(answer: Any, found: Any, folder: Path, quiet: bool) -> None:
-    from wavesim.figures.comparison import write
+    from wavesim.figures.comparison import overlay
+    from wavesim.figures.style import write
 
     with writing(folder):
         write_json(folder / "compare.json", answer)
-        write(found, folder / "compare.png")
+        write({"compare": lambda: overlay(found)}, folder)
     if not quiet:
         click.echo(f"compare.json, compare.png in {folder}")

@@ -11,13 +11,14 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import click
 
 from wavesim.cli.arguments import BAND, JSON, RING, SOURCES, WRITTEN, options, record_options
 from wavesim.cli.shared import print_json, read_case, write_json, writing
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
@@ -152,6 +153,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
+    from wavesim.material.shown import with_error
     from wavesim.report.tables import show_checks
 
     shown = console()
@@ -190,7 +192,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         fit = answer["fit"]
         for name, value in fit["values"].items():
             bar = 1.96 * fit["standard_errors"][name]
-            shown.print(f"{name} = {value:.9g} ± {bar:.2g} (95 %)")
+            shown.print(f"{name} = {with_error(value, bar)} (95 %)")
         shown.print(f"χ² per degree of freedom {fit['chi_square']:.3g}, {fit['points']} numbers")
 
 
@@ -203,8 +205,8 @@ def _splitting(points: Any) -> str | None:
     if not apart:
         return None
     size, unit = (own.k, "rad/m of k") if points.in_space else (own.omega, "rad/s of ω")
-    middle = _median(apart)
-    part = 100 * middle / _median(abs(size))
+    middle = median(apart)
+    part = 100 * middle / median(abs(size))
     return f"Two waves within {middle:.2g} {unit} ({part:.2g} %) pass for one, beyond its bar"
 
 
@@ -214,19 +216,12 @@ def _count(number: int, one: str, more: str) -> str:
 
 def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
     """Each wave: where found, |Δω|/ω against the continuum and, of a simulated field, its grid."""
-    from rich import box
-    from rich.table import Table
-
     kinds = ("grid", "continuum") if on_grid else ("continuum",)
-    # No wider than 80 columns, digits uncut.
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("wave", "found", "missed"):
-        table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
+    errors = []
     for kind in kinds:
         where = f"\n{kind}" if on_grid else ""
-        table.add_column(f"|Δω|/ω{where}\nmedian", justify="right", no_wrap=True)
-        table.add_column(f"{where}\nlargest", justify="right", no_wrap=True)
-    table.add_column("in 95 %\nbar", justify="right", no_wrap=True)
+        errors += [f"|Δω|/ω{where}\nmedian", f"{where}\nlargest"]
+    table = new_table("wave", "found", "missed", *errors, "in 95 %\nbar")
     for row in rows:
         inside = row["within_bar"]
         numbers = [row[f"{part}_{kind}"] for kind in kinds for part in ("median", "largest")]
@@ -241,35 +236,31 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 
 
 def _show_branches(shown: Any, points: Any) -> None:
+    from wavesim.material.shown import HERTZ
+
     for branch in points.branches:
         own = points.take(points.branch == branch)
-        hertz = own.omega / 6.283185307179586
+        hertz = own.omega * HERTZ
         text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                f"{own.k.max():.4g} rad/m, median 95 % bar {_median(own.bar / own.omega):.1e}"
+                f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
                 " of ω")  # fmt: skip
         shown.print(f"  branch {branch + 1}: {len(own)} points, {text}")
 
 
 def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
-    from rich import box
-    from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0))
+    from wavesim.material.shown import DECIBELS, HERTZ
+
     headings = "frequency\nkHz", "attenuation\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
-    for heading in (*headings, f"one of\n{len(own)}"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = new_table(*headings, f"one of\n{len(own)}", words=0)
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
-        k, hertz = complex(own.k[n]), own.omega[n].real / 6.283185307179586
+        k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        decibels = 20e-3 * math.log10(math.e) * k.imag
+        decibels = 1e-3 * DECIBELS * k.imag
         row = f"{hertz / 1e3:.5g}", f"{decibels:.4g}", f"{k.real / 1e3:.4g}", size, str(n + 1)
         table.add_row(*row)
     return table
-
-
-def _median(values: Any) -> float:
-    return float(sorted(values)[len(values) // 2])
 
 
 def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None:

@@ -180,6 +180,7 @@ def _of_series(p: str, s: str, start: Any) -> Any:
 
 def _show_speeds(answer: dict[str, Any]) -> None:
     """Print a series of fits, a line for each state; of a pair, as any fit."""
+    from wavesim.material.shown import with_error
     from wavesim.report.fit_tables import show_fit
 
     if "series" not in answer:
@@ -196,8 +197,8 @@ def _show_speeds(answer: dict[str, Any]) -> None:
             if one["reason"]:
                 parts = [one["reason"]]
                 break
-            bar = "" if one["error"] is None else f" ± {one['error']:.2g}"
-            parts.append(f"{key.partition('.')[2]} = {one['value']:.4g}{bar}")
+            value = with_error(one["value"], one["error"] or math.nan)
+            parts.append(f"{key.partition('.')[2]} = {value}")
         state = f"{answer['parameter']} = {row['parameter']:g}"
         console().print(f"{state}: {', '.join(parts)}", markup=False)
     if answer["law"]:
@@ -219,9 +220,10 @@ def _write(
         write_json(folder / "fit.json", answer)
         (folder / "fitted.toml").write_text(_fitted(case, overrides, answer), encoding="utf-8")
         if found is not None and found.comparison is not None:
-            from wavesim.figures.comparison import write
+            from wavesim.figures.comparison import overlay
+            from wavesim.figures.style import write
 
-            write(found.comparison, folder / "fit.png")
+            write({"fit": lambda: overlay(found.comparison)}, folder)
             written.append("fit.png")
     if not quiet:
         click.echo(f"{', '.join(written)} in {folder}")

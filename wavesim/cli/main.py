@@ -33,7 +33,7 @@ from wavesim.cli.shared import folder_for, read_case
 from wavesim.cli.sweep import sweep
 from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told, unwritable
 from wavesim.report.terminal import console as _console
 from wavesim.report.terminal import stop as _stop
 from wavesim.worker import end_all
@@ -200,8 +200,6 @@ def _run(
     try:
         with farewell(stored):
             return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
-    except runner.RunError as error:
-        _stop(str(error), error.code)
     except KeyboardInterrupt:  # where this is not the command, but called by a program
         more = stored()
         _stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
@@ -254,13 +252,13 @@ def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
     from wavesim.paper.claims import CLOSURES
     from wavesim.paper.reproduction import reproduce
-    from wavesim.report.progress import parts
+    from wavesim.report.progress import counted
 
     try:
-        with parts("figures") as tell:
+        with counted("figures") as tell:
             result = reproduce(Path(out), tell=tell)
     except OSError as error:
-        _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
+        _stop(*unwritable(error, f"--out {out}"))
     click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
     for claim in result["claims"]:
         verdicts = "  ".join(f"{claim['verdicts'][closure]:<10}" for closure in CLOSURES)

@@ -6,6 +6,7 @@ Exit codes: 0 all well; 1 no record could be answered; 2 bad input.
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -47,7 +48,7 @@ class _Set:
 @click.option(
     "--against",
     metavar="NAME=V1,V2,…",
-    help="What differs from record to record, as stress=20,40,80: a series.",
+    help="What differs from record to record, as stress=20,40,80kPa: a series.",
 )
 @click.option(
     "--expected",
@@ -177,8 +178,18 @@ def _setup(
         parameter, mark, listed = against.partition("=")
         if not (mark and parameter.strip()):
             stop(f"--against {against}: must be NAME=V1,V2,…, as stress=20,40,80", BAD_INPUT)
-        parameter, values = parameter.strip(), _numbers("--against", listed)
+        parameter, listed = _with_unit(parameter.strip(), listed)
+        values = _numbers("--against", listed)
     return _Set(distances, delays, parameter, values)
+
+
+def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
+    """A series' parameter with the unit that its first or last value has, and its numbers alone."""
+    found = re.findall(r"(?<=[\d.])\s*([A-Za-zµ%°/²³]+)\s*(?=[,;]|$)", listed)
+    if not found or len(set(found)) > 1:
+        return parameter, listed
+    numbers = re.sub(rf"\s*{re.escape(found[0])}\s*(?=[,;]|$)", "", listed)
+    return (parameter if "(" in parameter else f"{parameter} ({found[0]})"), numbers
 
 
 def _same(delay: float) -> dict[str, float]:
@@ -337,10 +348,11 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
 def _write(
     found: dict[str, Any], readings: Sequence[Any], series: Any, folder: Path, quiet: bool
 ) -> None:
-    from wavesim.figures.pulse_records import write
+    from wavesim.figures.pulse_records import drawings
+    from wavesim.figures.style import write
 
     with writing(folder):
         write_json(folder / "pulse.json", found)
-        written = write(readings, series, folder)
+        written = [path.name for path in write(drawings(readings, series), folder)]
     if not quiet:
         click.echo(f"pulse.json, {', '.join(written)} in {folder}")

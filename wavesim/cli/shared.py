@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from wavesim.report.terminal import BAD_INPUT, stop
+from wavesim.report.terminal import stop, unwritable
 
 
 def read_case(case: str, overrides: Sequence[str] = ()) -> Any:
@@ -39,7 +39,7 @@ def writing(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
-        stop(f"--out {folder}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
+        stop(*unwritable(error, f"--out {error.filename or folder}"))
 
 
 def print_json(answer: Any) -> None:

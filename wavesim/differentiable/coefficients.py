@@ -13,6 +13,7 @@ the units of the first medium.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -156,20 +157,26 @@ def waves(kinds: tuple[Medium, ...], values: dict[str, Any], block: Block, units
     Returns:
         Shape (L,) each.
     """
-    found: Wave | None = None
-    for kind in dict.fromkeys(kinds):
-        own = jax.vmap(lambda v, kind=kind: _wave(medium_of(kind, v), block, units))(values)
-        if found is None:
-            found = own
-        else:
-            here = jnp.asarray([k == kind for k in kinds])
-            found = jax.tree.map(lambda a, b, here=here: jnp.where(here, a, b), own, found)
-    assert found is not None
+    found: Wave = of_each(kinds, values, lambda m: wave_of(block_coefficients(m, block, units)))
     return found
 
 
-def _wave(medium: Medium, block: Block, units: Scales) -> Wave:
-    return wave_of(block_coefficients(medium, block, units))
+def of_each(
+    kinds: tuple[Medium, ...], values: dict[str, Any], make: Callable[[Medium], Any]
+) -> Any:
+    """What is made of each of some media, arrays of (L, …); arguments as of :func:`waves`."""
+    found: Any = None
+    for kind in dict.fromkeys(kinds):
+        own = jax.vmap(lambda v, kind=kind: make(medium_of(kind, v)))(values)
+        if found is not None:
+            here = jnp.asarray([k == kind for k in kinds])
+            own = jax.tree.map(
+                lambda a, b, here=here: jnp.where(here.reshape(-1, *[1] * (a.ndim - 1)), a, b),
+                own,
+                found,
+            )
+        found = own
+    return found
 
 
 def wave_of(own: BlockCoefficients) -> Wave:

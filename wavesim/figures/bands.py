@@ -12,9 +12,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import KHZ, gap_edges, second_axes, shade
+from wavesim.figures.style import gap_edges, second_axes, shade
 from wavesim.material.family import Family, sector_words
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_frequencies, full_gaps, gaps, wavenumber
 
 _VIRIDIS = colormaps["viridis"]

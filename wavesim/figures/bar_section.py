@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from wavesim.figures.style import FOUND, KHZ, title
+from wavesim.figures.style import FOUND, title
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
 

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import (
     FOUND,
     HALO,
-    KHZ,
     MAP,
     RECORD,
     RECORD_MARK,
@@ -25,6 +24,7 @@ from wavesim.figures.style import (
     title,
 )
 from wavesim.material.medium import Medium
+from wavesim.material.shown import DECIBELS, KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.simulation.field import Field
 from wavesim.verdict.branches import Held
@@ -43,7 +43,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
     second_axes(
         axes,
         (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
-        (2e3 * np.pi * medium.time_scale, "ω̄"),
+        (medium.time_scale / KHZ, "ω̄"),
     )
     axes.set_title(title(medium.family.blocks_of(sector)))
     figure.colorbar(image, ax=axes, label="power (dB)")
@@ -57,8 +57,7 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
     size = min(len(h.measured.spectrum.omega) for h in own)
     power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
     medium = field.medium
-    to_kHz = 1 / (2e3 * np.pi)
-    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * to_kHz
+    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * KHZ
     image = axes.imshow(
         10 * np.log10(np.maximum(thin(power.T, (1200, 4096)) / (power.max() or 1.0), 1e-12)),
         origin="lower",
@@ -73,14 +72,14 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
         exact = block_oscillations(medium, h.measured.block, k)
-        lines = axes.plot(k / 1e3, exact * to_kHz, color=THEORY, lw=0.8, path_effects=HALO)
+        lines = axes.plot(k / 1e3, exact * KHZ, color=THEORY, lw=0.8, path_effects=HALO)
         lines[0].set_label("plane-wave solver" if h is own[0] else None)
         for branch in h.branches:
             shown = branch.k > 0
             every = max(1, int(shown.sum()) // 26)
             axes.plot(
                 branch.k[shown][::every] / 1e3,
-                branch.omega[shown][::every] * to_kHz,
+                branch.omega[shown][::every] * KHZ,
                 "o",
                 ms=3.6,
                 mfc="white",
@@ -128,7 +127,7 @@ def _name_branches(axes: Axes, own: Sequence[Held], medium: Medium, k: float) ->
 def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:
     """Frequencies (kHz) between which a dispersion figure is drawn: all branches, with room."""
     ends = [block_oscillations(medium, h.measured.block, [0.0, k]) for h in own]
-    low, high = (edge(np.concatenate(ends, axis=1)) / (2e3 * np.pi) for edge in (np.min, np.max))
+    low, high = (edge(np.concatenate(ends, axis=1)) * KHZ for edge in (np.min, np.max))
     return (0.75 * low if low < top else 0.0), min(top, 1.08 * high)
 
 
@@ -140,7 +139,7 @@ def attenuation(field: Field, held: Held) -> Figure:
     medium = field.medium
     figure = Figure(figsize=(6.2, 7.2))
     level, loss, real = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1, 1))
-    frequency = curve.omega / (2e3 * np.pi)
+    frequency = curve.omega * KHZ
     shown = thin(curve.level.T, (600, 4096))
     image = level.imshow(
         np.maximum(shown, -_LEVEL),
@@ -159,8 +158,8 @@ def attenuation(field: Field, held: Held) -> Figure:
     _wavenumber_panel(real, field, held, np.real, 1e-3, "Re k (rad/mm)")
     real.set_xlabel("ω/2π (kHz)")
     figure.legend(*loss.get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
-    second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
+    second_axes(level, (medium.time_scale / KHZ, "ω̄"), None)
+    second_axes(loss, None, (1e3 / DECIBELS * medium.length_scale, "Im k l"))
     second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
     level.set_title(
         title(medium.family.blocks_of(block.sector)) + f",  σ = {curve.sigma:.3g} rad/s"
@@ -170,7 +169,7 @@ def attenuation(field: Field, held: Held) -> Figure:
 
 def attenuation_panel(axes: Axes, field: Field, held: Held) -> None:
     """Attenuation against frequency, measured and exact, on given axes."""
-    per_decibel = 20 / np.log(10) * 1e-3
+    per_decibel = 1e-3 * DECIBELS
     _wavenumber_panel(axes, field, held, np.imag, per_decibel, "attenuation (dB/mm)")
 
 

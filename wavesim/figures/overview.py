@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, as_written, shade, title
+from wavesim.figures.style import FOUND, STYLE, THEORY, as_written, shade, title
 from wavesim.material.family import is_macro
+from wavesim.material.shown import KHZ
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.simulation.field import Field
 

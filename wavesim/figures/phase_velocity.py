@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import MAP, THEORY
+from wavesim.figures.style import MAP, MARKS, SHADES, THEORY
+from wavesim.material.shown import HERTZ
 from wavesim.readings.dispersion.beam import highest_wavenumber, phase_beam, transform, weights
 from wavesim.readings.dispersion.noise_level import noise_of_transform
+from wavesim.readings.dispersion.points import BAR
 from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.verdict.record import Recovered
 
-_HZ = 1 / (2 * np.pi)
-_SHADES = ("#0b3954", "#c8102e", "#2f7f4f", "#7a3e9d", "#e08e1b", "#555555")
-_MARKS = ("o", "s", "^", "D", "v", "P")
 _VELOCITIES = 400
 _MOST_FREQUENCIES = 500
 _ROOM = 1.35
@@ -49,8 +48,8 @@ def phase_velocity(one: Recovered) -> Figure:
     c = np.geomspace(slow, fast, _VELOCITIES)
     k = omega[:, None] / c
     height = np.maximum(*(phase_beam(U, x, weight, sign * k) for sign in (1, -1)))
-    unit, prefix = (1e-3, "k") if float(omega.max()) * _HZ >= 1e3 else (1.0, "")
-    to_f = _HZ * unit
+    unit, prefix = (1e-3, "k") if float(omega.max()) * HERTZ >= 1e3 else (1.0, "")
+    to_f = HERTZ * unit
     figure = Figure(figsize=(6.0, 4.6))
     axes = figure.subplots()
     image = axes.pcolormesh(
@@ -58,9 +57,9 @@ def phase_velocity(one: Recovered) -> Figure:
     )
     for branch in points.branches:
         own = points.take(points.branch == branch)
-        shade, mark = _SHADES[branch % 6], _MARKS[branch % 6]
+        shade, mark = SHADES[branch % 6], MARKS[branch % 6]
         axes.errorbar(
-            own.omega * to_f, own.phase_velocity, 1.96 * own.phase_velocity_error, fmt=mark, ms=3.4,
+            own.omega * to_f, own.phase_velocity, BAR * own.phase_velocity_error, fmt=mark, ms=3.4,
             mfc="white", mec=shade, ecolor=shade, mew=0.9, elinewidth=0.9,
             label=f"mode {branch + 1}, 95 %",
         )  # fmt: skip

@@ -12,21 +12,19 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import style
 from wavesim.figures.phase_velocity import phase_velocity
-from wavesim.figures.style import FOUND, MAP, THEORY, as_written, gap_edges, shade
+from wavesim.figures.style import FOUND, MAP, MARKS, SHADES, THEORY, as_written, gap_edges, shade
+from wavesim.material.shown import DECIBELS, HERTZ, KHZ
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
 from wavesim.verdict.record import Recovered
 from wavesim.verdict.recovered_points import Matched, MatchedInSpace
 
-_HZ = 1 / (2 * np.pi)
-_SHADES = ("#0b3954", "#c8102e", "#e08e1b", "#2f7f4f", "#7a3e9d", "#555555")
-_MARKS = ("o", "s", "^", "D", "v", "P")
 _MOST_POINTS = 60
-_DECIBELS = 100.0
+_DEEPEST = -100.0
 
 
 def _frequency(largest: float) -> tuple[float, str]:
     """From rad/s to the unit shown: kHz as everywhere, Hz where all is slower."""
-    return (1e-3 * _HZ, "ω/2π (kHz)") if largest * _HZ >= 1e3 else (_HZ, "ω/2π (Hz)")
+    return (KHZ, "ω/2π (kHz)") if largest * HERTZ >= 1e3 else (HERTZ, "ω/2π (Hz)")
 
 
 def _wavenumber(largest: float) -> tuple[float, str]:
@@ -56,7 +54,7 @@ def spectrum(one: Recovered) -> Figure:
             (k[0] - k[0] / 2) * to_k, (k[-1] + k[0] / 2) * to_k, 0, omega[kept][-1] * to_f
         ),
         cmap=MAP,
-        vmin=-_DECIBELS,
+        vmin=_DEEPEST,
         vmax=0,
         interpolation="nearest",
     )  # fmt: skip
@@ -73,11 +71,11 @@ def spectrum(one: Recovered) -> Figure:
             own.k[every] * to_k,
             own.omega[every] * to_f,
             own.bar[every] * to_f,
-            fmt=_MARKS[branch % 6],
+            fmt=MARKS[branch % 6],
             ms=3.4,
             mfc="white",
-            mec=_SHADES[branch % 6],
-            ecolor=_SHADES[branch % 6],
+            mec=SHADES[branch % 6],
+            ecolor=SHADES[branch % 6],
             mew=0.9,
             elinewidth=1.0,
             label=f"branch {branch + 1}, 95 %",
@@ -106,9 +104,9 @@ def residuals(one: Recovered) -> Figure:
         for b, name in enumerate(matched.names):
             error = np.maximum(matched.error(continuum)[:, b], 1e-16)
             every = slice(None, None, max(1, len(error) // (2 * _MOST_POINTS)))
-            shade = _SHADES[b % 6]
+            shade = SHADES[b % 6]
             axes.plot(
-                matched.k[every] * to_k, error[every], _MARKS[b % 6], ms=3.2, mfc="white",
+                matched.k[every] * to_k, error[every], MARKS[b % 6], ms=3.2, mfc="white",
                 mec=shade, mew=0.9, label=name,
             )  # fmt: skip
             bar = (matched.bar / matched.omega)[:, b]
@@ -117,8 +115,7 @@ def residuals(one: Recovered) -> Figure:
         axes.set_title(title)
         axes.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel("|Δω|/ω")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(as_written(one.origin.name))
     return figure
 
@@ -131,7 +128,7 @@ def attenuation(one: Recovered) -> Figure:
     loss, real = figure.subplots(2, 1, sharex=True)
     frequency = points.omega.real * to_f
     to_k, k_label = _wavenumber(float(np.abs(points.k.real).max()))
-    decibels, per = 20 / np.log(10) * to_k, "mm" if to_k < 1 else "m"
+    decibels, per = DECIBELS * to_k, "mm" if to_k < 1 else "m"
     parts: tuple[tuple[Any, Callable[[Any], Any], float, str], ...] = (
         (loss, np.imag, decibels, f"attenuation (dB/{per})"),
         (real, np.real, to_k, f"Re {k_label}"),
@@ -170,8 +167,7 @@ def attenuation(one: Recovered) -> Figure:
             room = 0.12 * max(float(np.ptp(shown)), 1e-300)
             axes.set_ylim(shown.min() - room, shown.max() + room)
     real.set_xlabel(f_label)
-    handles, labels = loss.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(*loss.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     loss.set_title(
         f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s"
     )
@@ -189,11 +185,11 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     if one.origin.bar is not None:
         axes.plot(
             points.omega.real * to_f, np.maximum(matched.error(False), 1e-17), "o", ms=3.6,
-            mfc="white", mec=_SHADES[0], label="against the grid",
+            mfc="white", mec=SHADES[0], label="against the grid",
         )  # fmt: skip
     axes.plot(
         points.omega.real * to_f, np.maximum(matched.error(True), 1e-17), "s", ms=3.2,
-        mfc="white", mec=_SHADES[1], label="against the continuum",
+        mfc="white", mec=SHADES[1], label="against the continuum",
     )  # fmt: skip
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, KHZ, Drawings, decibels, symbol
+from wavesim.figures.style import FOUND, Drawings, symbol
 from wavesim.material.family import known_field
+from wavesim.material.shown import KHZ, decibels
 
 _MAP = matplotlib.colormaps["viridis"]
 # Levels below this are one colour, dB.

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, THEORY, decibels, gap_edges, shade
+from wavesim.figures.style import FOUND, THEORY, gap_edges, shade
+from wavesim.material.shown import decibels
 
 if TYPE_CHECKING:  # a run's pictures need none of the studies
     from wavesim.studies.transmission_study import Curve, Study

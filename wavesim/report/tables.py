@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -17,10 +16,11 @@ from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
+from wavesim.material.shown import KHZ
 from wavesim.report.answers import KINDS, answers, explained, number, short_name
 from wavesim.report.answers import verdict as sentence
+from wavesim.report.terminal import new_table
 from wavesim.simulation.resolution import highest_frequency, largest_phase
-from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
@@ -33,17 +33,9 @@ _MOST_SHORT = 12
 _MANY = 8
 
 
-def _table(*headings: str, title: str = "") -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
-    for heading in headings:
-        words = heading == headings[0]
-        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
-    return table
-
-
 def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
     """Print checks as a table, pass or FAIL, and below it what to change for each that fails."""
-    table = _table("check", "measured", "reference", "tolerance", "unit", "")
+    table = new_table("check", "measured", "reference", "tolerance", "unit", "")
     for check in checks:
         mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
         numbers = [number(check[key]) for key in ("measured", "reference", "tolerance")]
@@ -65,8 +57,9 @@ def found(console: Console, summary: dict[str, Any]) -> None:
     """
     for answer in answers(summary):
         columns = answer.columns
-        table = _table(*(column.name for column in columns), title=answer.title)
-        table.padding = (0, 1 if len(columns) < _MANY else 0, 0, 0)
+        table = new_table(*(column.name for column in columns), title=answer.title)
+        if len(columns) >= _MANY:
+            table.padding = (0, 0)
         for one, column in zip(table.columns, columns, strict=True):
             one.no_wrap = bool(column.kind)  # words may be broken, digits never cut off
         units = [KINDS[column.kind][1] if column.kind else "" for column in columns]
@@ -129,19 +122,19 @@ def survey(
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
+    carried = highest_frequency(simulated.layers, bar) / 1e3
     seconds = steps.step * float(scales(medium).time)
-    kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
         ("medium", f"{medium.in_words}; ω̄ = 1 is "
-                   f"{kHz / medium.time_scale:.5g} kHz"),
+                   f"{KHZ / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
         ("ends", _ends(bar)),
         ("grid carries", f"to 1 % of their phase, waves of {_shortest(bar):.2g} cells and longer: "
-                         f"the fastest to {_carried(simulated) / 1e3:.0f} kHz, slower ones less"),
+                         f"the fastest to {carried:.0f} kHz, slower ones less"),
         ("grid's errors", _errors(errors)),
         ("sources", ", ".join(map(_source, simulated.sources))),
         ("integrated", ", ".join(simulated.fields)),
@@ -180,7 +173,7 @@ def _losses(layers: Layers) -> str:
         if law.rates:
             middle = math.sqrt(law.rates[0] * law.rates[-1])
             parts.append(
-                f"Q = {float(quality(law, middle)):.4g} at {middle / 2e3 / math.pi:.4g} kHz, "
+                f"Q = {float(quality(law, middle)):.4g} at {middle * KHZ:.4g} kHz, "
                 f"{len(law.rates)} relaxations"
             )
         told.append(", ".join(parts))
@@ -216,11 +209,6 @@ def _shortest(bar: Bar) -> float:
     return 2 * math.pi / largest_phase(bar.order)
 
 
-def _carried(simulated: Simulation) -> float:
-    """Highest peak frequency that the grid carries in every layer, Hz."""
-    return min(highest_frequency(medium, simulated.bar) for medium in simulated.layers.media)
-
-
 def _source(source: Source) -> str:
     pitch = source.peak_frequency
     at = f", {pitch / 1e3:.5g} kHz" if math.isfinite(pitch) else ""
@@ -239,9 +227,8 @@ def bands(
         full_gaps: [(lower, upper)] in Hz and ω̄: (low, high, low_bar, high_bar).
         bar_hz: frequency of ω̄ = 1, Hz.
     """
-    table = _table("sector", "branch", "cutoff", "asymptote", "gap", "", "")
+    table = new_table("sector", "branch", "cutoff", "asymptote", "gap", "", "", words=2)
     table.padding, table.show_edge = (0, 0), False
-    table.columns[1].justify = "left"
     for column in table.columns:
         column.no_wrap = True
     # Two digits of a kHz are enough for the fast waves of grains, and none of slow ones.

@@ -46,8 +46,6 @@ _RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.1
 _MOST_CELLS = BUDGET / _LEAST_PART / 64
 # So long a signal (rad of the highest frequency) takes long to transform.
 _MOST_PHASE = 500.0
-# The exact solver takes half a second for a graded layer.
-_MOST_GRADED = 0
 
 
 @dataclass(frozen=True)
@@ -139,8 +137,9 @@ def _along_ring(
 def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
     """Signals at receivers, and T and R."""
     bar, sources = simulated.bar, simulated.sources
-    graded = sum(layer.last is not None for layer in simulated.layers.layers)
-    if simulated.gradient_felt or bar.cells > _MOST_CELLS or graded > _MOST_GRADED:
+    # The exact solver takes half a second for a graded layer.
+    graded = any(layer.last is not None for layer in simulated.layers.layers)
+    if simulated.gradient_felt or bar.cells > _MOST_CELLS or graded:
         return None
     if any((s.end - s.onset) * s.excited[1] > _MOST_PHASE for s in sources):
         return None
@@ -218,10 +217,7 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
 
 
 def _specimens(simulated: Simulation, table: AnalysisTable) -> Iterator[tuple[Block, Specimen]]:
-    """What stands between half-spaces, in each block that tells of it; nothing graded, of which the
-    exact solver takes seconds."""
-    if any(layer.last is not None for layer in simulated.layers.layers):
-        return
+    """What stands between half-spaces, in each block that tells of it."""
     field = Field(simulated, simulated.times, {})
     for block in (block for block in simulated.blocks if block.macro):
         with suppress(ValueError):  # what the exact solver does not have

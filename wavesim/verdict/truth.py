@@ -7,6 +7,7 @@ smooth function of k, while ω itself has a corner at k = 0.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ class Truth:
                         max(len(nodes) - _NODES, 0))  # fmt: skip
         at = first[:, None] + np.arange(min(_NODES, len(nodes)))
         count = at.shape[1]
-        weight = np.array([(-1.0) ** j * _binomial(count - 1, j) for j in range(count)])
+        weight = np.array([(-1.0) ** j * comb(count - 1, j) for j in range(count)])
         away = k[:, None] - nodes[at]
         hit = np.abs(away) < 1e-9 * step
         part = np.where(hit.any(axis=1, keepdims=True), hit, weight / np.where(hit, 1, away))
@@ -111,12 +112,6 @@ def _newton(nodes: Float, values: Any, target: complex, start: complex, degree: 
         if abs(step) < 1e-14 * (1 + abs(z)):
             break
     return complex(middle + scale * z) if abs(z) < 2 else complex(np.nan, np.nan)
-
-
-def _binomial(n: int, j: int) -> float:
-    from math import comb
-
-    return float(comb(n, j))
 
 
 def truth_of(record: Record) -> Truth:
