@@ -125,6 +125,7 @@ def build(file: CaseFile, name: str) -> Case:
     spacings = [min(widest, layer.thickness / closure(order).cells) for layer in stretches]
     absorber = make(("bar",), _absorber, file, ends, (media[0], media[-1]), length)
     bar = make(("bar",), _whole, plain, layers, length, spacings, order, ends, absorber)
+    of_bar = layers or as_layers(medium, bar.length)
     sources = []
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
@@ -136,14 +137,13 @@ def build(file: CaseFile, name: str) -> Case:
             make(where, _check_end, source, entry, ends)
         else:
             make(where, spread, bar, source.position, source.width, source.staggered)
-        make(where, check_carried, source, media, bar)
+        make(where, check_carried, source, of_bar, bar)
         sources.append(source)
     receivers = {}
     for number, receiver in enumerate(file.receivers):
         position = _within(receiver.position, file, bar)
         make(("receivers", str(number)), sampling, bar, position, False)
         receivers[receiver.name] = position
-    of_bar = layers or as_layers(medium, bar.length)
     simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)
     for number, band in enumerate(file.analysis.bands):
         make(("analysis", "bands", str(number)), _check_band, band, simulation)

@@ -152,22 +152,10 @@ def _graded(
         if p:
             over = 1 / own.c_pp
             P = P + 1j / at * modulus * (own.c_bp @ own.c_pb) * over
-            P = jnp.concatenate(
-                [
-                    jnp.concatenate([1j * at / modulus * over, own.c_pb * over + 0j], axis=-1),
-                    jnp.concatenate([-own.c_bp * over, P], axis=-1),
-                ],
-                axis=-2,
-            )
+            P = jnp.block([[1j * at / modulus * over, own.c_pb * over], [-own.c_bp * over, P]])
             of_phi = 1j * at * inertia * own.i_phi[..., None, None]
             none = jnp.zeros((*u.shape, 1, size - p))
-            Q = jnp.concatenate(
-                [
-                    jnp.concatenate([of_phi, none], axis=-1),
-                    jnp.concatenate([jnp.swapaxes(none, -1, -2), Q], axis=-1),
-                ],
-                axis=-2,
-            )
+            Q = jnp.block([[of_phi, none], [jnp.swapaxes(none, -1, -2), Q]])
         turn = even[:, None] * even
         return P * turn * thickness, Q / turn * thickness
 

@@ -147,13 +147,7 @@ class Stack:
 
     def _made(self, layer: Layer, own: Waves, x0: float, x1: float, loads: Sequence[Load]) -> Any:
         here = self.section(layer, layer.start)
-        basis = np.concatenate(
-            [
-                np.concatenate([own.v, own.mirror_v], axis=2),
-                np.concatenate([own.f, own.mirror_f], axis=2),
-            ],
-            axis=1,
-        )
+        basis = np.block([[own.v, own.mirror_v], [own.f, own.mirror_f]])
         right, left = np.zeros_like(own.k), np.zeros_like(own.k)
         n = here.size
         for load in loads:

@@ -25,9 +25,9 @@ class Study:
 
     closure: str
 
-    def medium(self, a: float, eta: float = 0.5) -> Medium:
-        """Table 1 with this a, η and closure."""
-        return Medium(anisotropy=a, stiffness_ratio=eta, closure=self.closure)
+    def medium(self, a: float) -> Medium:
+        """Table 1 with this a and closure."""
+        return Medium(anisotropy=a, closure=self.closure)
 
     @cached_property
     def branch(self) -> dict[str, Float]:

@@ -34,12 +34,12 @@ class Statement:
     holds: bool
 
 
-def _rises(values: Float, axis: int = 0) -> bool:
-    return bool((np.diff(values, axis=axis) > -1e-12).all())
+def _rises(values: Float) -> bool:
+    return bool((np.diff(values, axis=0) > -1e-12).all())
 
 
-def _falls(values: Float, axis: int = 0) -> bool:
-    return _rises(-values, axis)
+def _falls(values: Float) -> bool:
+    return _rises(-values)
 
 
 def _at(k_bar: float) -> int:

@@ -86,6 +86,15 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
         "ω + iσ: simulated, beside what is exact there; the longer the record, the nearer. "
         "Edges are the medium's, exact.",
     ),
+    "stopped": (
+        "Where no wave at all travels",
+        (
+            Column("waves", "stopped"),
+            Column("from", "lower", "frequency"),
+            Column("to", "upper", "frequency"),
+        ),
+        "",
+    ),
     "wave": (
         "Phase velocity of long waves",
         (

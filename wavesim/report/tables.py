@@ -21,7 +21,6 @@ from wavesim.report.answers import KINDS, answers, explained, number, short_name
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
 from wavesim.simulation.resolution import highest_frequency, largest_phase
-from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
@@ -123,6 +122,7 @@ def survey(
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
+    carried = highest_frequency(simulated.layers, bar) / 1e3
     seconds = steps.step * float(scales(medium).time)
     rows = [
         ("title", case.title or "–"),
@@ -134,7 +134,7 @@ def survey(
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
         ("ends", _ends(bar)),
         ("grid carries", f"to 1 % of their phase, waves of {_shortest(bar):.2g} cells and longer: "
-                         f"the fastest to {_carried(simulated) / 1e3:.0f} kHz, slower ones less"),
+                         f"the fastest to {carried:.0f} kHz, slower ones less"),
         ("grid's errors", _errors(errors)),
         ("sources", ", ".join(map(_source, simulated.sources))),
         ("integrated", ", ".join(simulated.fields)),
@@ -207,11 +207,6 @@ def _errors(errors: Sequence[Foretold] | None) -> str:
 def _shortest(bar: Bar) -> float:
     """Cells to the shortest wave that the grid carries."""
     return 2 * math.pi / largest_phase(bar.order)
-
-
-def _carried(simulated: Simulation) -> float:
-    """Highest peak frequency that the grid carries in every layer, Hz."""
-    return min(highest_frequency(medium, simulated.bar) for medium in simulated.layers.media)
 
 
 def _source(source: Source) -> str:

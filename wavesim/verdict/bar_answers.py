@@ -79,7 +79,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         more = closer(field, found.sector, Gap("", found.sector, low, high))
         edges = low * HERTZ, high * HERTZ, middle * HERTZ
         rows.append(_level_row(where, *edges, level_there, opened, more))
-    top = int(np.nanargmax(np.where(within, steady, -np.inf)))
+    top = int(np.argmax(np.where(within & np.isfinite(steady), steady, -np.inf)))
     best = float(omega[top]) * HERTZ
     rows.append(_level_row("most passes", None, None, best, float(steady[top])))
     for band in found.bands:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.measurement import PulseResult
+from wavesim.readings.pulse.signals import check_distance
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
     is_step,
@@ -166,7 +167,11 @@ def read_one(
 
     Returns:
         The reading.
+
+    Raises:
+        PulseError: the distance is none.
     """
+    check_distance(distance)
     heard = packets(record)
     if not heard:
         nothing = refused(record.name, "receiver", distance, NOTHING)
