@@ -139,8 +139,8 @@ def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> fl
 
 
 def slow_rise(record: TransmissionRecord) -> float:
-    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near field
-    runs into its wave; 0 of what does neither."""
+    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
+    field runs into its wave; 0 of what does neither."""
     if record.sent is not None and is_step(record.sent):
         return _OF_A_STEP * record.period
     return record.period if record.rise > _SLOW * record.period else 0.0
