@@ -222,6 +222,7 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
         where = f"\n{kind}" if on_grid else ""
         errors += [f"|Δω|/ω{where}\nmedian", f"{where}\nlargest"]
     table = new_table("wave", "found", "missed", *errors, "in 95 %\nbar")
+    table.padding = (0, 0)  # no wider than 80 columns
     for row in rows:
         inside = row["within_bar"]
         numbers = [row[f"{part}_{kind}"] for kind in kinds for part in ("median", "largest")]

@@ -96,9 +96,6 @@ def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
     """All arrays with their units, by their path in result.h5.
 
     Blocks of one sector share their axes: their powers add.
-
-    Args:
-        held: every block that was measured.
     """
     found: dict[str, tuple[Any, str]] = {}
     for h in held:
