@@ -18,7 +18,7 @@ from wavesim.grid.stencils import modified_wavenumber
 from wavesim.layered.inverse_transform import Contour
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.family import Block
-from wavesim.material.scaling import JUDGED
+from wavesim.material.scaling import judged_range
 from wavesim.planewave.dispersion_relation import block_oscillations
 from wavesim.readings.bar.loudness import ARRIVED, NODE, ROUNDING, TAIL, blurred, reach
 from wavesim.readings.bar.transmission import TOLD, Specimen, amplitudes, specimen
@@ -80,12 +80,11 @@ def foretold(
         k_range: wavenumbers of a ring that are judged, rad/m; those by default where None.
     """
     table = table or AnalysisTable()
-    unit = 2 * math.pi / float(simulated.medium.length_scale)
     try:
         with np.errstate(all="ignore"):
             if simulated.endless:
-                low, high = k_range or (JUDGED[0] * unit, JUDGED[1] * unit)
-                found: list[Foretold] | None = list(_of_ring(simulated, table, (low, high)))
+                k_range = k_range or judged_range(simulated.medium)
+                found: list[Foretold] | None = list(_of_ring(simulated, table, k_range))
             else:
                 found = _of_bar(simulated, table)
     except (ValueError, ArithmeticError, MemoryError):
