@@ -221,6 +221,7 @@ class _Plan:
 
     def serves(self, theta: Float) -> bool:
         layers, law = with_values(self.planned.layers, self.varied, theta)
+        layers = layers.mapped(lambda medium: replace(medium, damping=law)) if law else layers
         return _highest(self.planned, layers) <= self.highest and law.rates == self.rates
 
     def run(self, theta: Float) -> tuple[Float, list[Float]]:

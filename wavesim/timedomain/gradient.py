@@ -145,7 +145,8 @@ def traced_fields(
     fields = to_fields(pairs, blocks, medium)
     if receivers is None:
         fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
-    fits = _fits(given, quickest, sizes)
+    stiffer = None if law is None else law[0] / medium.damping.unrelaxed
+    fits = _fits(given, quickest, sizes, stiffer)
     return {name: jnp.where(fits, values, jnp.nan) for name, values in fields.items()}
 
 
@@ -226,9 +227,13 @@ def _placed(layers: Medium | Layers | Sequence[Layer], planned: Simulation) -> A
     ]
 
 
-def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
+def _fits(given: Layers, planned: Simulation, sizes: Any, stiffer: Any) -> Any:
     """Whether no frequency is above the highest of the plan; True where that is known before."""
-    if sizes is None and all(_plain(layer) is not None for layer in given.layers):
+    if (
+        sizes is None
+        and stiffer is None
+        and all(_plain(layer) is not None for layer in given.layers)
+    ):
         return True
     most = highest_frequency(planned) / closure_factor(planned.bar)
     units, bar = scales(planned.medium), planned.bar
@@ -242,7 +247,8 @@ def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
             for block in planned.blocks:
                 matrix = bound_matrix(medium, block, units, norm, jnp)
                 squares.append(_largest(jax.lax.stop_gradient(matrix)))
-    return jnp.max(jnp.stack(squares)) <= most**2 * 1.0001
+    largest = jnp.max(jnp.stack(squares)) * (1.0 if stiffer is None else stiffer)
+    return largest <= most**2 * 1.0001
 
 
 def _largest(matrix: Any) -> Any:

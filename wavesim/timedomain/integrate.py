@@ -348,7 +348,7 @@ def simulate(
     simulated = simulation(*known)
     for number, source in enumerate(simulated.sources):
         try:
-            check_carried(source, simulated.layers.media, bar)
+            check_carried(source, simulated.layers, bar)
         except ValueError as error:
             raise ValueError(f"sources[{number}]: {error}") from None
     return integrate(simulated, progress, timing, at_most)
