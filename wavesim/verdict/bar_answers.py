@@ -30,10 +30,6 @@ _STOPPED, _FLOOR = -20.0, -120.0
 def of_bar(field: Field, reading: Reading) -> Answers:
     """What a bar with layers or ends lets through, how it rings, how fast pulses pass.
 
-    Args:
-        field: the field.
-        reading: what was measured of it, beside the exact solver.
-
     Returns:
         "transmission": each band where T of a steady wave, exact at real ω, is below −20 dB (Hz;
         open where it goes on past what the run tells of), its level (dB) in the middle, and what

@@ -23,10 +23,6 @@ from wavesim.verdict.endless import told
 def of_endless(field: Field, held: Sequence[Held]) -> Answers:
     """Gaps with the attenuation in their middle, and velocities of long waves, of an endless bar.
 
-    Args:
-        field: the field.
-        held: every block that was measured, beside the theory.
-
     Returns:
         "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) in the
         middle, measured and exact at ω + iσ, exact at real ω, and what to set to look closer;
@@ -97,14 +93,7 @@ def _steady_loss(field: Field, sector: str, omega: float) -> Row:
 
 
 def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:
-    """Why nothing was measured of a gap.
-
-    Args:
-        field: the field.
-        gap: the gap.
-        sector: of its waves.
-        measured: frequencies at which its attenuation was, rad/s.
-    """
+    """Why nothing was measured of a gap, with the frequencies (rad/s) at which waves were."""
     family = field.medium.family
     if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
         return f"no source drives {sector_words(sector, sector)} waves"

@@ -41,14 +41,8 @@ _RANGE = 65
 
 
 def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = None) -> list[str]:
-    """What will make a run less than it could be.
-
-    Args:
-        case: what is to be run.
-        steps: how it would be stepped.
-        errors: what its grid will do to what is judged, where that was found
-            (``foreseen_errors.foretold``).
-    """
+    """What will make a run less than it could be; errors are those of its grid, where
+    ``foreseen_errors.foretold`` found them."""
     simulated = case.simulation
     found: list[str] = []
     for looked in (_in_time, _at_rest, _at_ends, _receivers, _absorbed):
