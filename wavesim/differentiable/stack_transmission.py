@@ -82,7 +82,7 @@ def transmission(
         ValueError: the sector is unknown, or nothing travels in it: as Γ → 0 micro-fields alone
             swing on the spot, each at one frequency.
     """
-    block = block_of(stack, sector)
+    block = travelling_block(stack.kinds[0].family, sector, stack.kept)
     solve = with_gradient if stack.kept else _transmission
     with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
         *found, clear = solve(stack, block, jnp.asarray(omega), steps or stack.slices)
@@ -209,8 +209,3 @@ def _graded(
         return found[0][:, None], found[1][:, None]
 
     return System(halves, rate, zeros)
-
-
-def block_of(stack: TracedLayers, sector: str) -> Block:
-    """The block in which a sector's waves travel, by the name of either."""
-    return travelling_block(stack.kinds[0].family, sector, stack.kept)

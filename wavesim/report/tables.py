@@ -20,7 +20,7 @@ from wavesim.material.shown import KHZ
 from wavesim.report.answers import KINDS, answers, explained, number, short_name
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
-from wavesim.simulation.resolution import highest_frequency, largest_phase
+from wavesim.simulation.resolution import highest_carried, largest_phase
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
@@ -122,7 +122,7 @@ def survey(
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
-    carried = highest_frequency(simulated.layers, bar) / 1e3
+    carried = highest_carried(simulated.layers, bar) / 1e3
     seconds = steps.step * float(scales(medium).time)
     rows = [
         ("title", case.title or "–"),
