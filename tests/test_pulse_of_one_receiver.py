@@ -169,6 +169,18 @@ def test_a_series_is_followed_and_no_pick_jumps():
     assert (np.abs(found[shuffled] - speed[shuffled]) <= 2 * error).all()
 
 
+def test_records_of_reversed_polarity_are_followed_as_the_others():
+    """Three of seven leads the other way round: speeds within 5 % of V = 60 σ^0.27, none jumps."""
+    stress = STRESS[:-1:2]
+    records = []
+    for i, c in enumerate(60 * stress**0.27):
+        t, sent, got = record(c, seed=i, noise=0.02, guided=0.7)
+        records.append(transmission_record(t, -got if i in (1, 2, 4) else got, sent, "made"))
+    readings, _ = read_series(records, L, {}, "stress", stress.tolist())
+    found = np.array([one.best.velocity for one in readings if one.best.valid])
+    assert found == pytest.approx(60 * stress**0.27, rel=0.05)
+
+
 def test_one_record_of_something_else_is_refused_or_set_aside():
     """A record of noise alone among the others is no point of the law."""
     speed = 60 * STRESS**0.27

@@ -419,10 +419,12 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
 
 
 def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
-    """A summary of an earlier run must not stand beside a run that failed."""
+    """Nothing of an earlier run may stand beside one that failed before it stored anything."""
     from wavesim.timedomain import integrate
 
-    (tmp_path / "summary.json").write_text("{}")
+    old = [tmp_path / name for name in ("summary.json", "report.html", "result.h5")]
+    for path in old:
+        path.write_text("{}")
 
     def stream(*arguments):
         raise integrate.NotFiniteError(1e-6, "propagator", 1e-7)
@@ -432,4 +434,4 @@ def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path)
     assert caught.value.code == 3
-    assert not (tmp_path / "summary.json").exists()
+    assert not any(path.exists() for path in old)

@@ -7,8 +7,8 @@ import resource
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -115,22 +115,142 @@ def run(
         RunError: another file can't be written, or the integration failed; the result file then
             holds what came before.
     """
-    begun = time.perf_counter()
+    clock, timing = time.perf_counter(), dict[str, float]()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
-    from wavesim.io.folder_lock import locked
+    with _told_as_run_errors(folder), ExitStack() as until_the_end:
+        from wavesim.io.folder_lock import locked
+
+        if not resume:
+            _begin(folder)
+        if folder.is_dir():
+            until_the_end.enter_context(locked(folder))
+        own = beside or until_the_end.enter_context(begun_beside())
+        worker = reached(case.simulation, own)
+
+        def lap(stage: str) -> None:
+            nonlocal clock
+            now = time.perf_counter()
+            timing[stage], clock = timing.get(stage, 0.0) + now - clock, now
+
+        from wavesim.material.scaling import scales
+        from wavesim.report.answers import verdict
+        from wavesim.report.page import page
+        from wavesim.simulation.field import Energy, Field
+
+        known: Answer | None = None
+        to_come = Field(case.simulation, case.simulation.times, {})
+        if not case.simulation.endless:
+            table = case.analysis
+            read = table.frequencies, table.damping, table.bands
+            known = worker.ask(_EXPECTED, to_come, *read)
+        from wavesim.timedomain.compiled import keep_compiled
+
+        keep_compiled()
+        from wavesim.io import result_reader as resultfile
+        from wavesim.io import result_writer as storage
+        from wavesim.io.storing import Storing
+        from wavesim.io.whole_files import write_whole
+        from wavesim.timedomain.cost import in_memory
+        from wavesim.timedomain.integrate import Timing
+        from wavesim.timedomain.time_step import time_step
+
+        lap("import")
+        simulated, spent = case.simulation, Timing()
+        steps, frames = time_step(simulated), simulated.frames
+        seconds = steps.step * float(scales(simulated.medium).time)
+        resolved = case.resolved(steps.solver, seconds)
+        told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
+        results = storage.Results(folder / "result.h5", simulated, told)
+        start = None
+        if resume:
+            start = results.carry_on()
+        else:
+            results.create()
+        _take_away_old(folder)
+        write_whole(folder / "resolved.toml", resolved.encode())
+        kept: dict[str, SharedArray] = {}
+        if start is None and in_memory(simulated):
+            sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
+            with suppress(OSError):
+                kept = {name: worker.array((frames, size)) for name, size in sizes.items()}
+        tell("compile", 0.0)
+        # What the analysis needs is loaded while the compiler leaves Python's lock alone.
+        loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
+        storing = until_the_end.enter_context(Storing(results, kept))
+        energies = _integrated(simulated, results, start, storing, spent, tell, loading.start)
+        lap("integrate")
+        timing["compile"] = spent.compile
+        timing["store"] = timing["integrate"] - spent.compile - spent.integrate
+        timing["integrate"] = spent.integrate
+
+        loading.join()
+        tell("analyse", 0.0)
+        if kept:
+            storing.filled()
+            for values in kept.values():
+                values.freeze()
+            stored = simulated.times, kept, Energy.joined(energies)
+            field = Field(simulated, *stored, steps.solver, seconds)
+        else:
+            storing.wait()
+            field = resultfile.read(results.path, simulated)
+        pictures = _Pictures(worker, folder, figures, field)
+        found = measure(case, field, known and known.result())
+        lap("analyse")
+        tell("figures", 0.0)
+        rows = [check.row() for check in found.checks]
+        pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
+        storing.wait()
+        until_the_end.enter_context(results.gathering())
+        if not kept:
+            # The file is read until all is drawn: only then may another take its place.
+            pictures.wait()
+            lap("figures")
+        tell("store", 0.0)
+        results.finish("complete", found.tables)
+        lap("store")
+        tell("figures", 0.0)
+        data, undrawn = pictures.result()
+        lap("figures")
+        summary = {
+            "title": case.title,
+            "checks": rows,
+            "passed": all(check.passed for check in found.checks),
+            "timing": timing,
+            "stepper": steps.solver,
+            "step": seconds,
+            "steps": steps.steps,
+            "operator_products": steps.operator_products,
+            "cells": simulated.bar.cells,
+            "fields": list(simulated.fields),
+            "peak_memory_bytes": peak_memory(),
+            "versions": storage.versions(),
+            "answers": found.answers,
+        } | found.summary
+        summary = plain(summary)
+        text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+        write_whole(folder / "summary.json", text.encode())
+        notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
+        for failure in undrawn:
+            why = str(failure).partition("\n")[0]
+            notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+        if data is not None:
+            made = page(summary, data, resolved, folder, rerun, notes)
+            write_whole(folder / "report.html", made.encode())
+        for failure in undrawn:
+            if isinstance(failure, OSError):
+                raise failure
+        return Outcome(summary, folder, notes)
+
+
+@contextmanager
+def _told_as_run_errors(folder: Path) -> Iterator[None]:
+    """Files that can't be written, and memory that does not suffice, told with what to do."""
     from wavesim.report.terminal import BAD_INPUT, FAILED, unwritable
 
     try:
-        with ExitStack() as until_the_end:
-            if not resume:
-                _begin(folder)
-            if folder.is_dir():
-                until_the_end.enter_context(locked(folder))
-            own = beside or until_the_end.enter_context(begun_beside())
-            at_work = reached(case.simulation, own)
-            known = case, folder, resume, tell, begun, at_work, figures, rerun
-            return _run(until_the_end, *known)
+        yield
     except OSError as error:
         remedy = "run again, with --resume if result.h5 is there"
         said, _ = unwritable(error, error.filename or folder, remedy)
@@ -144,135 +264,6 @@ def run(
             "fewer cells",
             BAD_INPUT,
         ) from error
-
-
-def _run(
-    until_the_end: ExitStack,
-    case: Case,
-    folder: Path,
-    resume: bool,
-    tell: Progress,
-    clock: float,
-    beside: Worker | Here,
-    figures: bool,
-    rerun: str,
-) -> Outcome:
-    timing: dict[str, float] = {}
-
-    def lap(stage: str) -> None:
-        nonlocal clock
-        now = time.perf_counter()
-        timing[stage], clock = timing.get(stage, 0.0) + now - clock, now
-
-    from wavesim.material.scaling import scales
-    from wavesim.report.answers import verdict
-    from wavesim.report.page import page
-    from wavesim.simulation.field import Energy, Field
-
-    known: Answer | None = None
-    to_come = Field(case.simulation, case.simulation.times, {})
-    if not case.simulation.endless:
-        table = case.analysis
-        read = table.frequencies, table.damping, table.bands
-        known = beside.ask(_EXPECTED, to_come, *read)
-    from wavesim.timedomain.compiled import keep_compiled
-
-    keep_compiled()
-    from wavesim.io import result_reader as resultfile
-    from wavesim.io import result_writer as storage
-    from wavesim.io.storing import Storing
-    from wavesim.io.whole_files import write_whole
-    from wavesim.timedomain.cost import in_memory
-    from wavesim.timedomain.integrate import Timing
-    from wavesim.timedomain.time_step import time_step
-
-    lap("import")
-    simulated, spent = case.simulation, Timing()
-    steps, frames = time_step(simulated), simulated.frames
-    seconds = steps.step * float(scales(simulated.medium).time)
-    resolved = case.resolved(steps.solver, seconds)
-    told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
-    results = storage.Results(folder / "result.h5", simulated, told)
-    start = None
-    if resume:
-        start = results.carry_on()
-    else:
-        results.create()
-    _take_away_old(folder)
-    write_whole(folder / "resolved.toml", resolved.encode())
-    kept: dict[str, SharedArray] = {}
-    if start is None and in_memory(simulated):
-        sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
-        with suppress(OSError):
-            kept = {name: beside.array((frames, size)) for name, size in sizes.items()}
-    tell("compile", 0.0)
-    # What the analysis needs is loaded while the compiler leaves Python's lock alone.
-    loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
-    storing = until_the_end.enter_context(Storing(results, kept))
-    energies = _integrated(simulated, results, start, storing, spent, tell, loading.start)
-    lap("integrate")
-    timing["compile"] = spent.compile
-    timing["store"] = timing["integrate"] - spent.compile - spent.integrate
-    timing["integrate"] = spent.integrate
-
-    loading.join()
-    tell("analyse", 0.0)
-    if kept:
-        storing.filled()
-        for values in kept.values():
-            values.freeze()
-        stored = simulated.times, kept, Energy.joined(energies)
-        field = Field(simulated, *stored, steps.solver, seconds)
-    else:
-        storing.wait()
-        field = resultfile.read(results.path, simulated)
-    pictures = _Pictures(beside, folder, figures, field)
-    found = measure(case, field, known and known.result())
-    lap("analyse")
-    tell("figures", 0.0)
-    rows = [check.row() for check in found.checks]
-    pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
-    storing.wait()
-    until_the_end.enter_context(results.gathering())
-    if not kept:
-        # The file is read until all is drawn: only then may another take its place.
-        pictures.wait()
-        lap("figures")
-    tell("store", 0.0)
-    results.finish("complete", found.tables)
-    lap("store")
-    tell("figures", 0.0)
-    data, undrawn = pictures.result()
-    lap("figures")
-    summary = {
-        "title": case.title,
-        "checks": rows,
-        "passed": all(check.passed for check in found.checks),
-        "timing": timing,
-        "stepper": steps.solver,
-        "step": seconds,
-        "steps": steps.steps,
-        "operator_products": steps.operator_products,
-        "cells": simulated.bar.cells,
-        "fields": list(simulated.fields),
-        "peak_memory_bytes": peak_memory(),
-        "versions": storage.versions(),
-        "answers": found.answers,
-    } | found.summary
-    summary = plain(summary)
-    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
-    write_whole(folder / "summary.json", text.encode())
-    notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
-    for failure in undrawn:
-        why = str(failure).partition("\n")[0]
-        notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
-    if data is not None:
-        made = page(summary, data, resolved, folder, rerun, notes)
-        write_whole(folder / "report.html", made.encode())
-    for failure in undrawn:
-        if isinstance(failure, OSError):
-            raise failure
-    return Outcome(summary, folder, notes)
 
 
 def _take_away_old(folder: Path) -> None:

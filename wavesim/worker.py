@@ -45,6 +45,12 @@ _shared = -1
 _RUNNING: set[int] = set()
 
 
+def cores() -> int:
+    """Cores that this process may use, of a machine that may have more."""
+    known = getattr(os, "sched_getaffinity", None)
+    return len(known(0)) if known else os.cpu_count() or 1
+
+
 def end_all() -> None:
     """End all workers of this process, and their forks, at once."""
     for number in list(_RUNNING):
@@ -265,7 +271,7 @@ class _Fork:
     def result(self) -> tuple[bool, bytes]:
         """Whether it went wrong, and what it returned or raised, pickled."""
         told = None
-        with self.answer, suppress(EOFError):
+        with self.answer, suppress(EOFError, OSError):  # ended, or while it told
             told = self.answer.recv()
         self._process.join()
         if told is None:
@@ -313,7 +319,7 @@ def serve(descriptor: int, shared: int) -> None:
             waiting.append((number, work))
 
     while True:
-        while waiting and len(running) < (os.cpu_count() or 1):
+        while waiting and len(running) < cores():
             fork = _Fork(*waiting.popleft(), line)
             running[fork.answer] = fork
         for ready in wait([line, *running]):

@@ -10,7 +10,6 @@ import click
 from wavesim.cli.shared import writing
 from wavesim.report.terminal import BAD_INPUT, stop, told
 
-KINDS = ("png", "pdf", "svg")
 _FOLDER = click.argument("folder", type=click.Path(file_okay=True))
 
 
@@ -22,7 +21,9 @@ def _incomplete(run: Any) -> None:
 @click.command(short_help="Draw the figures of a run, from its FOLDER.")
 @_FOLDER
 @click.option("--only", multiple=True, metavar="NAME", help="One figure; may be repeated.")
-@click.option("--format", "kind", type=click.Choice(KINDS), default="png", show_default=True)
+@click.option(
+    "--format", "kind", type=click.Choice(("png", "pdf", "svg")), default="png", show_default=True
+)
 @click.option("--out", type=click.Path(), help="Folder for them; FOLDER/figures by default.")
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""

@@ -125,6 +125,7 @@ def _of_speeds(
     overrides: tuple[str, ...],
 ) -> None:
     from wavesim.material.shown import plain
+    from wavesim.studies.speed_fit import fit_speeds
 
     if speeds and (shear or case is not None):
         stop("--speeds: takes CASE alone, without RECORD and --shear", BAD_INPUT)
@@ -134,7 +135,10 @@ def _of_speeds(
         )
     path = case or record
     start = read_layers(path, overrides).medium
-    found = _of_pair(speeds, errors, start) if speeds else _of_series(record, shear or "", start)
+    if speeds:
+        found = fit_speeds(*speeds, start, errors or (math.nan, math.nan)).summary()
+    else:
+        found = _of_series(record, shear or "", start)
     answer = plain(found)
     if as_json:
         print_json(answer)
@@ -154,13 +158,6 @@ def _series(path: str) -> Any:
         stop(f"{path}: can't be read: {error}; name pulse.json of wavesim pulse --out", BAD_INPUT)
     except (ValueError, KeyError, TypeError):
         stop(f"{path}: not what wavesim pulse --json writes; name its pulse.json", BAD_INPUT)
-
-
-def _of_pair(speeds: tuple[float, float], errors: tuple[float, float] | None, start: Any) -> Any:
-    """The fit of one pair, as plain data."""
-    from wavesim.studies.speed_fit import fit_speeds
-
-    return fit_speeds(*speeds, start, errors or (math.nan, math.nan)).summary()
 
 
 def _of_series(p: str, s: str, start: Any) -> Any:

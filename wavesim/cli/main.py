@@ -33,9 +33,16 @@ from wavesim.cli.shared import folder_for, read_case
 from wavesim.cli.sweep import sweep
 from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told, unwritable
-from wavesim.report.terminal import console as _console
-from wavesim.report.terminal import stop as _stop
+from wavesim.report.terminal import (
+    BAD_INPUT,
+    FELL_SHORT,
+    INTERRUPTED,
+    console,
+    failed,
+    stop,
+    told,
+    unwritable,
+)
 from wavesim.worker import end_all
 
 # A run that takes so long (s) is told before what its grid will do; a shorter one tells it itself.
@@ -49,9 +56,9 @@ def _planned(case: str, loaded: Any) -> Any:
     try:
         return time_step(loaded.simulation)
     except ValueError as error:
-        _stop(f"{case}: [time] {error}", BAD_INPUT)
+        stop(f"{case}: [time] {error}", BAD_INPUT)
     except ArithmeticError:
-        _stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
+        stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
 
 
 def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
@@ -61,12 +68,12 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
     try:
         longest = seconds_of(at_most)
     except ValueError as error:
-        _stop(f"--at-most {at_most}: {error}", BAD_INPUT)
+        stop(f"--at-most {at_most}: {error}", BAD_INPUT)
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
     try:
         check_cost(loaded.simulation, taken, longest, folder)
     except ValueError as error:
-        _stop(f"{case}: [time] {error}", BAD_INPUT)
+        stop(f"{case}: [time] {error}", BAD_INPUT)
     return taken
 
 
@@ -74,10 +81,10 @@ def _misused(error: click.UsageError) -> NoReturn:
     """End with what is wrong of a command's words, and how it is used."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         raise error
-    told = error.format_message().rstrip(".")
+    said = error.format_message().rstrip(".")
     if error.ctx is not None:
-        told += f"{'' if told.endswith('?') else '.'} {error.ctx.get_usage()}"
-    _stop(" ".join(told.split()), BAD_INPUT)
+        said += f"{'' if said.endswith('?') else '.'} {error.ctx.get_usage()}"
+    stop(" ".join(said.split()), BAD_INPUT)
 
 
 class _Commands(click.Group):
@@ -153,16 +160,17 @@ def _whole(
         errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
     warned = foreseen(loaded, steps, errors)
     _tell(case, loaded, warned)
-    console = _console(quiet)
+    shown = console(quiet)
     with progress(loaded.simulation.frames, quiet, taken.stages) as tell:
         outcome = _run(loaded, folder, resume, tell, beside, figures, _typed(case, overrides))
-    report.found(console, outcome.summary)
-    report.verdict(console, outcome.summary)
+    report.found(shown, outcome.summary)
+    report.verdict(shown, outcome.summary)
     for note in outcome.notes:
-        console.print(f"Note: {note}.")
+        shown.print(f"Note: {note}.")
     if warned:
-        console.print(f"{_count(warned)} before the run, told again by wavesim check.")
-    click.echo(f"The page: {folder / 'report.html'}") if not quiet else None
+        shown.print(f"{_count(warned)} before the run, told again by wavesim check.")
+    if not quiet:
+        click.echo(f"The page: {folder / 'report.html'}")
     if not outcome.passed:
         sys.exit(FELL_SHORT)
 
@@ -202,7 +210,7 @@ def _run(
             return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
     except KeyboardInterrupt:  # where this is not the command, but called by a program
         more = stored()
-        _stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
+        stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
 
 
 @main.command(short_help="What can be said of a case before it runs.")
@@ -219,7 +227,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
 
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
     errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
-    report.survey(_console(), loaded, steps, taken, errors)
+    report.survey(console(), loaded, steps, taken, errors)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.
     found = foreseen(loaded, steps, errors)
@@ -258,7 +266,7 @@ def paper(out: str) -> None:
         with counted("figures") as tell:
             result = reproduce(Path(out), tell=tell)
     except OSError as error:
-        _stop(*unwritable(error, f"--out {out}"))
+        stop(*unwritable(error, f"--out {out}"))
     click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
     for claim in result["claims"]:
         verdicts = "  ".join(f"{claim['verdicts'][closure]:<10}" for closure in CLOSURES)
@@ -277,8 +285,8 @@ def entry() -> None:
             warnings.simplefilter("ignore")  # what is amiss a command says itself
             sys.warnoptions.append("ignore")  # and of processes beside it too
         main()
-    except SystemExit as stop:
-        code = stop.code
+    except SystemExit as ended:
+        code = ended.code
     except BaseException as error:
         code = failed(error)
     with suppress(OSError, ValueError):  # whoever read it may be gone

@@ -88,17 +88,17 @@ def pulse(
 
     One receiver beside its transmitter (--input, --distance), several receivers with positions,
     or a series of records of one set-up in different states (--against).
-    """  # fmt: skip
+    """
     from wavesim.readings.pulse.answers import answer
 
-    layout = replace(layout, input=_column(column))
+    layout = replace(layout, input=column)
     if medium is not None and against is not None:
         stop("--medium: not beside --against, as speeds change from state to state", BAD_INPUT)
     speeds = None if medium is None else _speeds(medium)
     tests, refused = _read(files, layout)
     if speeds is not None:
         tests = [test and replace(test, speeds=speeds) for test in tests]
-    setup = _setup(distance, delay, face_to_face, against, layout, column)
+    setup = _setup(distance, delay, face_to_face, against, layout)
     readings, series = _readings(files, tests, refused, setup, expected, wave)
     found = answer(readings, series)
     if as_json:
@@ -128,10 +128,6 @@ def _speeds(case: str) -> dict[str, float]:
     return found
 
 
-def _column(column: str | None) -> str | int | None:
-    return int(column) if column is not None and column.strip().isdigit() else column
-
-
 def _read(files: Sequence[str], layout: Any) -> tuple[list[Any], dict[int, str]]:
     """Tests of all files; of several, those that can't be read stand as None, with why."""
     from wavesim.records.content import RecordError
@@ -158,8 +154,9 @@ def _setup(
     face_to_face: str | None,
     against: str | None,
     layout: Any,
-    column: str | None,
 ) -> _Set:
+    from wavesim.readings.pulse.arrivals import CONVENTIONS
+
     distances: tuple[float, ...] = ()
     if distance is not None:
         distances = _numbers("--distance", distance, "m")
@@ -169,9 +166,9 @@ def _setup(
         stop("give either --delay or --face-to-face, one of the two", BAD_INPUT)
     if delay is not None and not math.isfinite(delay):
         stop(f"--delay {delay}: must be a time in s", BAD_INPUT)
-    delays = {} if delay is None else _same(delay)
+    delays = {} if delay is None else dict.fromkeys(CONVENTIONS, delay)
     if face_to_face is not None:
-        delays = _delays(face_to_face, layout, column)
+        delays = _delays(face_to_face, layout)
     parameter: str | None = None
     values: tuple[float, ...] = ()
     if against is not None:
@@ -192,12 +189,6 @@ def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
     return (parameter if "(" in parameter else f"{parameter} ({found[0]})"), numbers
 
 
-def _same(delay: float) -> dict[str, float]:
-    from wavesim.readings.pulse.arrivals import CONVENTIONS
-
-    return dict.fromkeys(CONVENTIONS, delay)
-
-
 def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
     from wavesim.case.units import meant_by
 
@@ -212,7 +203,7 @@ def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
     return found
 
 
-def _delays(file: str, layout: Any, column: str | None) -> dict[str, float]:
+def _delays(file: str, layout: Any) -> dict[str, float]:
     """Delays by convention, of a record with the transducers face to face."""
     from wavesim.readings.pulse.signals import PulseError
     from wavesim.readings.pulse.transmission_record import transmission_record
@@ -220,7 +211,7 @@ def _delays(file: str, layout: Any, column: str | None) -> dict[str, float]:
     from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
 
-    if column is None:
+    if layout.input is None:
         stop("--face-to-face: needs --input, the transmitter's column", BAD_INPUT)
     try:
         (test, *others) = of_pulse_file(file, layout)
@@ -245,6 +236,7 @@ def _readings(
     from wavesim.readings.pulse.reading import Wanted, read_one
     from wavesim.readings.pulse.reading import refused as refusal
     from wavesim.readings.pulse.series_reading import Series, law_of, read_series
+    from wavesim.readings.pulse.signals import PulseError
 
     count = len(tests)
     if setup.parameter is not None and len(setup.values) != count:
@@ -264,7 +256,9 @@ def _readings(
     single: dict[int, Any] = {}
     for i, test in enumerate(tests):
         if test is None:
-            found[i] = refusal(_name_of(files, tests, i), "receiver", math.nan, refused[i])
+            # Files and tests are one for one up to what could not be read.
+            name = files[i] if len(files) == count else f"record {i + 1}"
+            found[i] = refusal(name, "receiver", math.nan, refused[i])
             continue
         distance = each[i] if each else math.nan
         try:
@@ -272,7 +266,7 @@ def _readings(
                 found[i] = _array(test, expected)
             else:
                 single[i] = _single(test, distance)
-        except _errors() as error:
+        except PulseError as error:
             if count == 1:
                 stop(f"{test.name}: {error}", BAD_INPUT)
             found[i] = refusal(test.name, "receiver", distance, str(error))
@@ -292,17 +286,6 @@ def _readings(
         for i, one in zip(own, readings, strict=True):
             found[i] = _noted(one, tests[i])
     return found, Series(setup.parameter, values, law_of(found, values))
-
-
-def _errors() -> tuple[type[Exception], ...]:
-    from wavesim.readings.pulse.signals import PulseError
-
-    return (PulseError,)
-
-
-def _name_of(files: Sequence[str], tests: list[Any], i: int) -> str:
-    """The file of a test that could not be read: files and tests are one for one up to it."""
-    return files[i] if len(files) == len(tests) else f"record {i + 1}"
 
 
 def _noted(reading: Any, test: Any) -> Any:

@@ -12,6 +12,7 @@ from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.shared import folder_for
 from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop, unwritable
+from wavesim.worker import cores
 
 
 @click.command(short_help="Measure a case over ranges of its keys.")
@@ -68,7 +69,7 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
 
     workers, address = options["workers"], options["scheduler"]
     if workers is None and address is None and options["measure"] == "run":
-        workers = _cores()
+        workers = cores()
     carried_on = f"what was done is in {folder}, --resume carries on"
     try:
         with counted("members", quiet) as tell, farewell(lambda: carried_on):
@@ -81,12 +82,6 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
     except SweepStoppedError as error:
         where = f"--scheduler {address}: " if address else ""
         stop(f"{where}{error}; {carried_on}", FAILED)
-
-
-def _cores() -> int:
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _tell(asked: Any, data: Any, folder: Path, quiet: bool) -> None:

@@ -83,6 +83,8 @@ def transmission(
             swing on the spot, each at one frequency.
     """
     block = travelling_block(stack.kinds[0].family, sector, stack.kept)
+    if omega is None or jnp.iscomplexobj(omega) or jnp.ndim(omega) == 0:
+        raise ValueError("omega: must be a list of real frequencies, rad/s")
     solve = with_gradient if stack.kept else _transmission
     with jax.numpy_dtype_promotion("standard"):  # complex where something is lost, real elsewhere
         *found, clear = solve(stack, block, jnp.asarray(omega), steps or stack.slices)

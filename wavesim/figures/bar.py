@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -13,6 +14,7 @@ from wavesim.figures import pulse_test as pulsefigures
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.style import (
     FOUND,
+    POINT,
     RECORD,
     RECORD_MARK,
     THEORY,
@@ -37,14 +39,13 @@ from wavesim.simulation.field import Field
 from wavesim.verdict.bar import RESONANCE_TOLERANCE
 from wavesim.verdict.foreseen_errors import AMPLITUDE_TOLERANCE, SIGNAL_TOLERANCE
 
-_POINT: dict[str, Any] = {"ms": 3.2, "mfc": "white", "mew": 0.8, "ls": ""}
 _DEEPEST = -80.0
 _MOST_LABELS = 12
 _STYLES = ("-", "--", "-.", ":")
 # Of a signal no more periods are shown than can be told apart; of a difference so many points.
 _MOST_PERIODS = 90
 _MUCH = 0.7
-_MOST_POINTS = 400
+_MOSTPOINTS = 400
 
 
 def transmission(field: Field, found: Scattered) -> Figure:
@@ -54,7 +55,7 @@ def transmission(field: Field, found: Scattered) -> Figure:
     level_panel(upper, field, found)
     f, judged = found.omega * KHZ, found.judged
     for value, exact, mark in ((found.T, found.T_exact, "o"), (found.R, found.R_exact, "s")):
-        lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=RECORD_MARK, **_POINT)
+        lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=RECORD_MARK, **POINT)
     lower.axhline(AMPLITUDE_TOLERANCE, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
     lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
@@ -81,7 +82,7 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     ):
         told, seen = f"{label}, {recorded}", decibels(value[judged])
         axes.plot(fine * KHZ, decibels(curve), line, color=RECORD, lw=0.9, label=f"{told}exact")
-        axes.plot(f[judged], seen, mark, mec=RECORD_MARK, label=f"{told}simulated", **_POINT)
+        axes.plot(f[judged], seen, mark, mec=RECORD_MARK, label=f"{told}simulated", **POINT)
     draw_masks(axes, [band.asked for band in found.bands])
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
 
@@ -98,7 +99,7 @@ def bloch(field: Field, found: Cells) -> Figure:
     ):
         axes.plot(fine * KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9, label="exact")
         axes.plot(
-            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="simulated", **_POINT
+            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="simulated", **POINT
         )
         axes.set(ylabel=label, xlim=(f[0], f[-1]))
     deep = np.imag(found.q_exact[shown]) * found.period if shown.any() else np.ones(1)
@@ -113,7 +114,7 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     ringing_panel(upper, found)
-    lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
+    lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **POINT)
     lower.axhline(RESONANCE_TOLERANCE, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
     lower.set(xlabel="ω/2π (kHz)", ylabel="|Δω|/ω")
@@ -131,7 +132,7 @@ def ringing_panel(axes: Axes, found: Ringing) -> None:
         axes.axvline(omega * KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
                      label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
     heights = np.interp(found.found, found.omega, found.level)
-    axes.plot(found.found * KHZ, decibels(heights), "o", mec=FOUND, label="simulated", **_POINT)
+    axes.plot(found.found * KHZ, decibels(heights), "o", mec=FOUND, label="simulated", **POINT)
     axes.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
 
 
@@ -196,7 +197,7 @@ def _worst_in_time(field: Field, reading: Reading, receiver: str) -> tuple[Any, 
     for name, exact in reading.exact[receiver].items():
         off = np.abs(field.at(field.receivers[receiver], name) - exact)
         worst = np.maximum(worst, off / (float(np.abs(exact).max()) or 1.0))
-    wide = -(-len(worst) // _MOST_POINTS)
+    wide = -(-len(worst) // _MOSTPOINTS)
     return field.t[::wide], np.maximum(tiles(worst, 0, wide), 1e-18)
 
 
@@ -220,14 +221,14 @@ def _pulse_drawings(test: PulseTest) -> Drawings:
     record = result.record
     arrived = np.concatenate([picks.time for picks in result.arrivals.values()])
     span = float(record.t[0]), min(float(record.t[-1]), 3 * float(np.nanmax(arrived, initial=0.0)))
+    section = partial(pulsefigures.record_section, result, line=line, span=span)
     drawings: Drawings = {
-        f"arrivals_{name}": lambda: pulsefigures.record_section(result, line=line, span=span),
-        f"loss_{name}": lambda: pulsefigures.transmission(result, shaded, exact),
+        f"arrivals_{name}": section,
+        f"loss_{name}": partial(pulsefigures.transmission, result, shaded, exact),
     }
     if medium is not None:
-        drawings[f"velocities_{name}"] = lambda: pulsefigures.velocities_and_losses(
-            result, shaded, curves
-        )
+        speeds = partial(pulsefigures.velocities_and_losses, result, shaded, curves)
+        drawings[f"velocities_{name}"] = speeds
     return drawings
 
 
@@ -236,17 +237,15 @@ def of_reading(field: Field, reading: Reading) -> Drawings:
     sectors = [block.sector for block in field.blocks if block.macro]
     drawings: Drawings = {}
     if sectors:
-        drawings["bar"] = lambda: bar_section(field, sectors)
+        drawings["bar"] = partial(bar_section, field, sectors)
     if reading.exact and any(is_macro(name) for name in field.names):
-        drawings["signals"] = lambda: signals(field, reading)
+        drawings["signals"] = partial(signals, field, reading)
     for one in reading.scattered:
-        drawings[f"transmission_{one.sector}"] = lambda one=one: transmission(field, one)  # type: ignore[misc]
+        drawings[f"transmission_{one.sector}"] = partial(transmission, field, one)
     for two in reading.cells:
-        drawings[f"bloch_{two.sector}"] = lambda two=two: bloch(field, two)  # type: ignore[misc]
+        drawings[f"bloch_{two.sector}"] = partial(bloch, field, two)
     for three in reading.ringing:
-        drawings[f"eigenfrequencies_{three.sector}"] = lambda three=three: eigenfrequencies(  # type: ignore[misc]
-            field, three
-        )
+        drawings[f"eigenfrequencies_{three.sector}"] = partial(eigenfrequencies, field, three)
     for test in reading.pulses:
         drawings |= _pulse_drawings(test)
     return drawings

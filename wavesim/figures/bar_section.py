@@ -29,12 +29,7 @@ _POINTS = 601
 
 
 def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
-    """Layers, ends, sources and receivers along the bar; below, the gaps of each sector.
-
-    Args:
-        field: of a bar with layers, ends or losses.
-        sectors: whose gaps.
-    """
+    """Layers, ends, sources and receivers along the bar; below, the gaps of each sector."""
     layers, bar = field.layers, field.bar
     kinds = _kinds(layers)
     figure = Figure(figsize=(7.4, 1.9 + 0.17 * min(len(kinds), _MOST_MEDIA) + 2.1 * len(sectors)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from wavesim.figures.style import (
     FOUND,
     HALO,
     MAP,
+    POINT,
     RECORD,
     RECORD_MARK,
     THEORY,
@@ -78,15 +80,9 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
             shown = branch.k > 0
             every = max(1, int(shown.sum()) // 26)
             axes.plot(
-                branch.k[shown][::every] / 1e3,
-                branch.omega[shown][::every] * KHZ,
-                "o",
-                ms=3.6,
-                mfc="white",
-                mec=FOUND,
-                mew=0.9,
-                label="recovered" if branch is own[0].branches[0] else None,
-            )
+                branch.k[shown][::every] / 1e3, branch.omega[shown][::every] * KHZ, "o", **POINT,
+                mec=FOUND, label="recovered" if branch is own[0].branches[0] else None,
+            )  # fmt: skip
     axes.set(
         xlim=(0, found.k[-1] / 1e3),
         ylim=_extent(own, found.k[-1], medium, top),
@@ -189,10 +185,9 @@ def _wavenumber_panel(
               label="steady wave (real ω): exact")  # fmt: skip
     axes.plot(w * KHZ, part(damped) * unit, "-", color=RECORD, lw=1.0,
               label="record (ω + iσ): exact")  # fmt: skip
-    axes.plot(
-        curve.omega * KHZ, part(curve.k) * unit, "o", ms=3.2, mfc="white", mec=RECORD_MARK, mew=0.8,
-        label="record (ω + iσ): simulated",
-    )  # fmt: skip
+    label_of_marks = "record (ω + iσ): simulated"
+    measured = part(curve.k) * unit
+    axes.plot(curve.omega * KHZ, measured, "o", **POINT, mec=RECORD_MARK, label=label_of_marks)
     axes.set_ylabel(label)
     top = np.nanmax(part(held.k_exact)) * unit
     axes.set_ylim(-0.04 * top, 1.25 * top)
@@ -202,9 +197,8 @@ def of_measurement(field: Field, held: Sequence[Held]) -> Drawings:
     """Figures that show what was measured of a field, beside the theory, not drawn yet."""
     drawings: Drawings = {}
     for sector in dict.fromkeys(h.measured.block.sector for h in held):
-        drawings[f"dispersion_{sector}"] = lambda s=sector: dispersion(field, held, s)  # type: ignore[misc]
+        drawings[f"dispersion_{sector}"] = partial(dispersion, field, held, sector)
     for h in held:
         if h.k_exact is not None:
-            name = f"attenuation_{h.measured.block.sector}"
-            drawings[name] = lambda h=h: attenuation(field, h)  # type: ignore[misc]
+            drawings[f"attenuation_{h.measured.block.sector}"] = partial(attenuation, field, h)
     return drawings

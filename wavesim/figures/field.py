@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -247,9 +248,9 @@ def energy(field: Field) -> Figure:
 
 def of_field(field: Field) -> Drawings:
     """Figures that show a field alone, by name, not drawn yet."""
-    drawings: Drawings = {"spacetime": lambda: spacetime(field)}
+    drawings: Drawings = {"spacetime": partial(spacetime, field)}
     if field.receivers:
-        drawings["receivers"] = lambda: receivers(field)
+        drawings["receivers"] = partial(receivers, field)
     if field.energy is not None:
-        drawings["energy"] = lambda: energy(field)
+        drawings["energy"] = partial(energy, field)
     return drawings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import MAP, MARKS, SHADES, THEORY
+from wavesim.figures.style import MAP, THEORY, plot_branch
 from wavesim.material.shown import HERTZ
 from wavesim.readings.dispersion.beam import highest_wavenumber, phase_beam, transform, weights
 from wavesim.readings.dispersion.noise_level import noise_of_transform
@@ -57,12 +57,9 @@ def phase_velocity(one: Recovered) -> Figure:
     )
     for branch in points.branches:
         own = points.take(points.branch == branch)
-        shade, mark = SHADES[branch % 6], MARKS[branch % 6]
-        axes.errorbar(
-            own.omega * to_f, own.phase_velocity, BAR * own.phase_velocity_error, fmt=mark, ms=3.4,
-            mfc="white", mec=shade, ecolor=shade, mew=0.9, elinewidth=0.9,
-            label=f"mode {branch + 1}, 95 %",
-        )  # fmt: skip
+        error = BAR * own.phase_velocity_error
+        label = f"mode {branch + 1}, 95 %"
+        plot_branch(axes, branch, own.omega * to_f, own.phase_velocity, error, label)
     if one.origin.theory is not None:
         fine = np.linspace(float(k.min()), float(k.max()), 800)
         curves = np.real(one.origin.theory[0].omega(fine))

@@ -10,7 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from wavesim.figures.style import FOUND, THEORY, as_written, second_axes, shade
+from wavesim.figures.style import (
+    FOUND,
+    POINT,
+    THEORY,
+    as_written,
+    legend_entries,
+    second_axes,
+    shade,
+)
 from wavesim.material.shown import DECIBELS, KHZ, with_error
 from wavesim.readings.pulse.measurement import PulseResult
 
@@ -24,7 +32,6 @@ _MARKS = {
     "envelope": ("o", "white", FOUND),
     "correlation": ("x", "#0b3954", "#0b3954"),
 }
-_POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mec": FOUND, "mew": 0.8}
 _MOST_POINTS = 90
 # Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
 # near the edges of a gap don't flatten all others.
@@ -105,7 +112,7 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
         levels.append(loss.floor[np.isfinite(loss.floor) & loss.valid])
     axes.errorbar(
         frequency[loss.valid], loss.level[loss.valid], np.nan_to_num(loss.error[loss.valid]),
-        fmt="o", ecolor=FOUND, elinewidth=0.8, label="measured", **_POINT,
+        fmt="o", ecolor=FOUND, elinewidth=0.8, label="measured", **POINT, mec=FOUND,
     )  # fmt: skip
     refused = frequency[~loss.valid]
     if len(refused):
@@ -164,7 +171,7 @@ def velocities_and_losses(
         colour = FOUND if mark == "o" else "#0b3954"
         axes.errorbar(
             frequency[own], value[own], np.nan_to_num(error[own]), fmt=mark, ecolor=colour,
-            elinewidth=0.8, label=label or None, **{**_POINT, "mec": colour},
+            elinewidth=0.8, label=label or None, **POINT, mec=colour,
         )  # fmt: skip
         seen[axes].append(value[own])
         if name in exact:
@@ -173,11 +180,7 @@ def velocities_and_losses(
             axes.plot(at, unit * np.asarray(curve), style, color=THEORY, lw=0.9, label=told)
     for axes, values in seen.items():
         _limit(axes, np.concatenate(values))
-    entries: dict[str, Any] = {}
-    for axes in seen:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(name, handle)
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=4)
+    figure.legend(*legend_entries(*seen), loc="outside upper center", ncols=4)
     second_axes(loss, None, (1 / _DECIBELS, "Np/m"))
     factor.set(xlim=_ends(frequency), xlabel="ω/2π (kHz)")
     return figure

@@ -12,7 +12,18 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import style
 from wavesim.figures.phase_velocity import phase_velocity
-from wavesim.figures.style import FOUND, MAP, MARKS, SHADES, THEORY, as_written, gap_edges, shade
+from wavesim.figures.style import (
+    FOUND,
+    MAP,
+    MARKS,
+    POINT,
+    SHADES,
+    THEORY,
+    as_written,
+    gap_edges,
+    plot_branch,
+    shade,
+)
 from wavesim.material.shown import DECIBELS, HERTZ, KHZ
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
 from wavesim.verdict.record import Recovered
@@ -67,19 +78,9 @@ def spectrum(one: Recovered) -> Figure:
     for branch in points.branches:
         own = points.take(points.branch == branch)
         every = slice(None, None, max(1, len(own) // _MOST_POINTS))
-        axes.errorbar(
-            own.k[every] * to_k,
-            own.omega[every] * to_f,
-            own.bar[every] * to_f,
-            fmt=MARKS[branch % 6],
-            ms=3.4,
-            mfc="white",
-            mec=SHADES[branch % 6],
-            ecolor=SHADES[branch % 6],
-            mew=0.9,
-            elinewidth=1.0,
-            label=f"branch {branch + 1}, 95 %",
-        )
+        shown_k, bar = own.k[every] * to_k, own.bar[every] * to_f
+        label = f"branch {branch + 1}, 95 %"
+        plot_branch(axes, branch, shown_k, own.omega[every] * to_f, bar, label)
     lone = shown.take(shown.branch < 0)
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
@@ -106,9 +107,8 @@ def residuals(one: Recovered) -> Figure:
             every = slice(None, None, max(1, len(error) // (2 * _MOST_POINTS)))
             shade = SHADES[b % 6]
             axes.plot(
-                matched.k[every] * to_k, error[every], MARKS[b % 6], ms=3.2, mfc="white",
-                mec=shade, mew=0.9, label=name,
-            )  # fmt: skip
+                matched.k[every] * to_k, error[every], MARKS[b % 6], **POINT, mec=shade, label=name
+            )
             bar = (matched.bar / matched.omega)[:, b]
             axes.plot(matched.k * to_k, bar, color=shade, lw=0.8, label=f"{name}, 95 % bar")
         axes.set(yscale="log", xlabel=label)
@@ -142,15 +142,10 @@ def attenuation(one: Recovered) -> Figure:
                 frequency[own], middle - bar, middle + bar, color=FOUND, alpha=0.25, lw=0,
                 label="95 % band" if branch == 0 else None,
             )  # fmt: skip
-        axes.plot(
-            frequency[valid], factor * part(points.k[valid]), "o", ms=3.4, mfc="white",
-            mec=FOUND, mew=0.9, label="measured",
-        )  # fmt: skip
-        if (~valid).any():
-            for number, at in enumerate(frequency[~valid]):
-                axes.axvline(
-                    at, color="#888888", lw=0.6, ls=":", label=None if number else "refused"
-                )
+        middle = factor * part(points.k[valid])
+        axes.plot(frequency[valid], middle, "o", **POINT, mec=FOUND, label="measured")
+        for number, at in enumerate(frequency[~valid]):
+            axes.axvline(at, color="#888888", lw=0.6, ls=":", label=None if number else "refused")
         if one.origin.theory is not None:
             fine = np.linspace(points.omega.real.min(), points.omega.real.max(), 1500)
             sigma = float(points.omega.imag[0])
@@ -182,15 +177,13 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     to_f, f_label = _frequency(float(points.omega.real.max()))
     figure = Figure(figsize=(5.6, 3.9))
     axes = figure.subplots()
-    if one.origin.bar is not None:
-        axes.plot(
-            points.omega.real * to_f, np.maximum(matched.error(False), 1e-17), "o", ms=3.6,
-            mfc="white", mec=SHADES[0], label="against the grid",
-        )  # fmt: skip
-    axes.plot(
-        points.omega.real * to_f, np.maximum(matched.error(True), 1e-17), "s", ms=3.2,
-        mfc="white", mec=SHADES[1], label="against the continuum",
-    )  # fmt: skip
+    for own, name in enumerate(("grid", "continuum")):
+        if name == "continuum" or one.origin.bar is not None:
+            error = np.maximum(matched.error(name == "continuum"), 1e-17)
+            axes.plot(
+                points.omega.real * to_f, error, MARKS[own], **POINT, mec=SHADES[own],
+                label=f"against the {name}",
+            )  # fmt: skip
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")

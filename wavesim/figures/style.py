@@ -44,6 +44,8 @@ THEORY = "#111111"
 RECORD, RECORD_MARK = "#8a97a3", "#5d6b78"
 GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
+# A measured point, of any mark and colour of its edge.
+POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mew": 0.9}
 # Of branches and modes, told apart by both.
 SHADES = ("#0b3954", "#c8102e", "#2f7f4f", "#7a3e9d", "#e08e1b", "#555555")
 MARKS = ("o", "s", "^", "D", "v", "P")
@@ -93,6 +95,24 @@ def _scaling(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]
 def gap_edges(medium: Medium, sector: str, unit: float = KHZ) -> list[tuple[str, float, float]]:
     """Name, lower and upper edge of each open gap of a sector; a frequency is ω times unit."""
     return [(gap.name, gap.lower * unit, gap.upper * unit) for gap in open_gaps(medium, sector)]
+
+
+def plot_branch(axes: Axes, number: int, x: Any, y: Any, error: Any, label: str) -> None:
+    """Points of one branch among several, with their bars."""
+    colour = SHADES[number % len(SHADES)]
+    axes.errorbar(
+        x, y, error, fmt=MARKS[number % len(MARKS)], **POINT, mec=colour, ecolor=colour,
+        elinewidth=0.9, label=label,
+    )  # fmt: skip
+
+
+def legend_entries(*axes: Axes) -> tuple[list[Any], list[str]]:
+    """Handles and labels of what is drawn on some axes, each label once."""
+    found: dict[str, Any] = {}
+    for one in axes:
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values()), list(found)
 
 
 def shade(

@@ -241,7 +241,10 @@ def layered_bar(
         ValueError: a layer is too thin for the order, or a value is not admissible.
     """
     stretches = []
-    sizes = np.broadcast_to(np.asarray(spacing, dtype=float), len(layers.layers))
+    sizes, count = np.asarray(spacing, dtype=float), len(layers.layers)
+    if sizes.shape not in ((), (count,)):
+        raise ValueError(f"spacing: {sizes.size} given for {count} layers; give one, or one each")
+    sizes = np.broadcast_to(sizes, count)
     for layer, size in zip(layers.layers, sizes.tolist(), strict=True):
         if not (size > 0 and math.isfinite(size)):
             raise ValueError(f"spacing = {size:g} m: must be greater than 0, and finite")

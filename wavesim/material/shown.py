@@ -47,7 +47,7 @@ class Shown:
             The figure; ``figure.savefig("name.pdf")`` writes it.
 
         Raises:
-            TypeError: there is no such option.
+            ValueError: there is no such option.
         """
         return importlib.import_module(_DRAWN_BY).picture(self, **options)
 

@@ -195,6 +195,8 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
         nearest = np.abs(k**2 - _closed_form(form, scaled)[:, None] ** 2)
         first = np.argmin(np.where(np.isfinite(nearest), nearest, np.inf), axis=1)
         others = np.array([row[row != one] for row, one in zip(order, first, strict=True)])
-        order = np.concatenate([first[:, None], others.reshape(len(first), -1)], axis=1)
+        order = np.concatenate(
+            [first[:, None], others.reshape(len(first), order.shape[1] - 1)], axis=1
+        )
     k = np.take_along_axis(k, order.astype(int), axis=1)
     return ComplexWaves(block.sector, block.name, given.astype(complex), k / medium.length_scale)

@@ -39,11 +39,7 @@ _FINE = 800
 
 
 def of_field(field: Field) -> Data:
-    """The field: amplitude over time and place, snapshots, signals at receivers.
-
-    Args:
-        field: read where it is looked at.
-    """
+    """The field: amplitude over time and place, snapshots, signals at receivers."""
     bar, medium = field.bar, field.medium
     sectors = list(dict.fromkeys(block.sector for block in field.blocks))
     return {

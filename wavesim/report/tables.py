@@ -17,7 +17,13 @@ from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
 from wavesim.material.shown import KHZ
-from wavesim.report.answers import KINDS, answers, explained, number, short_name
+from wavesim.report.answers import (
+    answers,
+    explained,
+    measured_and_allowed,
+    number,
+    short_name,
+)
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
 from wavesim.simulation.resolution import highest_carried, largest_phase
@@ -49,12 +55,7 @@ def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
 
 
 def found(console: Console, summary: dict[str, Any]) -> None:
-    """Print what a run found: gaps, velocities, T, Q, each beside the exact value.
-
-    Args:
-        console: where to.
-        summary: contents of summary.json.
-    """
+    """Print what a run found, of its summary.json: gaps, velocities, T, Q, beside exact values."""
     for answer in answers(summary):
         columns = answer.columns
         table = new_table(*(column.name for column in columns), title=answer.title)
@@ -62,7 +63,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
             table.padding = (0, 0)
         for one, column in zip(table.columns, columns, strict=True):
             one.no_wrap = bool(column.kind)  # words may be broken, digits never cut off
-        units = [KINDS[column.kind][1] if column.kind else "" for column in columns]
+        units = [column.unit for column in columns]
         if any(units):
             table.add_row(*units, style="dim")
         for row in answer.rows:
@@ -74,12 +75,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
 
 
 def verdict(console: Console, summary: dict[str, Any]) -> None:
-    """Print the verdict of a run in a line, then what fell short, and once what to change.
-
-    Args:
-        console: where to.
-        summary: contents of summary.json.
-    """
+    """Print the verdict of a run in a line, then what fell short, and once what to change."""
     short = [check for check in summary["checks"] if not check["passed"]]
     console.print(sentence(summary), soft_wrap=True)
     for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
@@ -88,19 +84,12 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
         told = ", ".join(dict.fromkeys(names)) + (f": {remedy}." if remedy else "")
         console.print(Text("FAIL", "bold red"), told, soft_wrap=True)
         for check, name in zip(alike, names, strict=False):
-            console.print(f"     {name} is {_off(check)}", soft_wrap=True)
+            measured, allowed = measured_and_allowed(check)
+            console.print(f"     {name} is {measured}, allowed {allowed}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
     if explained(short):
         console.print(explained(short), style="dim")
-
-
-def _off(check: dict[str, Any]) -> str:
-    """What was measured where a check fell short, and what was allowed."""
-    reference = f"{number(check['reference'])} ± " if check["reference"] else ""
-    unit = "" if check["unit"] == "–" else f" {check['unit']}"
-    measured, allowed = number(check["measured"]), number(check["tolerance"])
-    return f"{measured}{unit}, allowed {reference}{allowed}{unit}"
 
 
 def survey(
@@ -110,15 +99,8 @@ def survey(
     taken: Cost,
     errors: Sequence[Foretold] | None,
 ) -> None:
-    """Print what can be said of a case before integrating.
-
-    Args:
-        console: where to.
-        case: the case.
-        steps: how it would be stepped.
-        taken: what that takes.
-        errors: what the grid will do to what is judged; None where that is too much to work out.
-    """
+    """Print what can be said of a case before integrating; errors of the grid are None where they
+    are too much to work out."""
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
@@ -135,7 +117,7 @@ def survey(
         ("ends", _ends(bar)),
         ("grid carries", f"to 1 % of their phase, waves of {_shortest(bar):.2g} cells and longer: "
                          f"the fastest to {carried:.0f} kHz, slower ones less"),
-        ("grid's errors", _errors(errors)),
+        ("grid's errors", _errors(simulated, errors)),
         ("sources", ", ".join(map(_source, simulated.sources))),
         ("integrated", ", ".join(simulated.fields)),
         ("time", f"{simulated.duration:.6g} s, {frames} frames of {frame:.4g} s (Nyquist "
@@ -190,10 +172,13 @@ def _ends(bar: Bar) -> str:
     )
 
 
-def _errors(errors: Sequence[Foretold] | None) -> str:
+def _errors(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
     """Of each kind of what is judged the worst, beside what is allowed."""
     if errors is None:
-        return "not known beforehand: too much to work out"
+        from wavesim.verdict.foreseen_errors import limit_of
+
+        why = limit_of(simulated) or "too many cells and frequencies to work out"
+        return f"not known beforehand, as {why}; the run's checks tell"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:

@@ -63,6 +63,7 @@ class Energy:
         return self.work - (self.total - self.total[0])
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Field(Shown):
     """A space-time field on a bar.

@@ -125,7 +125,8 @@ def time_step(simulation: Simulation) -> TimeStep:
         longest = _LONGEST_STEP / radius
         if loss > 0:
             grows = radius * math.log(_growth(radius, loss / 2)) - loss / 2
-            longest = min(longest, 2 * _MOST_DECAY / loss, _MOST_GROWTH / grows)
+            longest = min(longest, 2 * _MOST_DECAY / loss)
+            longest = min(longest, _MOST_GROWTH / grows) if grows > 0 else longest
     else:
         longest = EXPLICIT[solver][1] / (radius + loss)
     if simulation.step is not None:
@@ -170,8 +171,30 @@ def _check_size(simulation: Simulation, step: TimeStep) -> None:
         seconds = step.step * float(scales(simulation.medium).time)
         raise ValueError(
             f"duration = {simulation.duration:g} takes {step.steps:.3g} steps of {seconds:.3g} s, "
-            f"more than {_MOST_STEPS:.0e}; shorten it, or lengthen step"
+            f"more than {_MOST_STEPS:.0e}; shorten it, or {slower(simulation, step)}"
         )
+
+
+def slower(simulation: Simulation, step: TimeStep) -> str:
+    """What to change where a run takes too many steps, or products."""
+    if simulation.solver != "auto":
+        return f'leave [time] solver (now "{simulation.solver}") at "auto"'
+    if simulation.step is not None:
+        return f'leave [time] step (now {simulation.step:g} s) at "auto"'
+    if step.shift > step.radius:  # losses set the pace
+        laws = [layer.medium.damping for layer in simulation.layers.layers]
+        mass, stiffness = max(law.mass for law in laws), max(law.stiffness for law in laws)
+        squared = (step.radius / float(scales(simulation.medium).time)) ** 2
+        if mass + stiffness * squared > 0:
+            key = "mass" if mass > stiffness * squared else "stiffness"
+            return (
+                f"lower {key}_damping (now {mass if key == 'mass' else stiffness:g}), by which "
+                "waves on the grid die far faster than they swing"
+            )
+    return (
+        "lower [time] samples, or look for a medium far stiffer, or far lighter, than the others, "
+        "which sets the pace for all"
+    )
 
 
 def _rounded(size: int) -> int:

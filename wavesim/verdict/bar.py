@@ -127,14 +127,20 @@ def _band_checks(field: Field, found: Scattered) -> list[Check]:
             (asked.at_most, band.highest, 1, "at most"),
             (asked.at_least, band.lowest, -1, "at least"),
         ):
-            if limit is not None:
-                name = (
-                    f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω "
-                    f"(worst {level:.2f} dB, at {at / 1e3:.5g} kHz)"
-                )
-                short = max(sign * (level - limit), 0.0) if math.isfinite(level) else math.nan
+            if limit is None:
+                continue
+            there = f"{at / 1e3:.5g} kHz"
+            if math.isfinite(level):
+                worst, short = f"worst {level:.2f} dB, at {there}", max(sign * (level - limit), 0.0)
                 change = "change the layers: wavesim design finds some that keep a band"
-                checks.append(Check(name, short, 0.0, 0.0, "dB", change))
+            else:
+                worst, short = f"no answer at {there}", math.nan
+                change = (
+                    "give its graded layer a quality_factor: without losses waves pile up where "
+                    "it has its asymptote, and there is no T at real ω"
+                )
+            name = f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω ({worst})"
+            checks.append(Check(name, short, 0.0, 0.0, "dB", change))
     return checks
 
 

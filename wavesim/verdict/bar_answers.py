@@ -30,10 +30,6 @@ _STOPPED, _FLOOR = -20.0, -120.0
 def of_bar(field: Field, reading: Reading) -> Answers:
     """What a bar with layers or ends lets through, how it rings, how fast pulses pass.
 
-    Args:
-        field: the field.
-        reading: what was measured of it, beside the exact solver.
-
     Returns:
         "transmission": each band where T of a steady wave, exact at real ω, is below −20 dB (Hz;
         open where it goes on past what the run tells of), its level (dB) in the middle, and what
@@ -79,7 +75,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         more = closer(field, found.sector, Gap("", found.sector, low, high))
         edges = low * HERTZ, high * HERTZ, middle * HERTZ
         rows.append(_level_row(where, *edges, level_there, opened, more))
-    top = int(np.nanargmax(np.where(within, steady, -np.inf)))
+    top = int(np.argmax(np.where(within & np.isfinite(steady), steady, -np.inf)))
     best = float(omega[top]) * HERTZ
     rows.append(_level_row("most passes", None, None, best, float(steady[top])))
     for band in found.bands:

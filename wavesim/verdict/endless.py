@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.family import sector_words
 from wavesim.material.shown import HERTZ, KHZ
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
@@ -159,7 +160,7 @@ def _not_judged(field: Field, held: Sequence[Held]) -> list[str]:
             else:
                 remedy = f"drive it with a source of {middle * KHZ:.4g} kHz or so"
             names = by_remedy.setdefault(remedy, [])
-            name = f"{sector} {gap.name}"
+            name = f"{sector_words(sector)} {gap.name}"
             if name not in names:
                 names.append(name)
     return [

@@ -18,7 +18,7 @@ from wavesim.simulation.resolution import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.absorber import least_absorber
-from wavesim.timedomain.time_step import TimeStep
+from wavesim.timedomain.time_step import TimeStep, slower
 
 if TYPE_CHECKING:  # slow to import, and only where it is asked for
     from wavesim.verdict.foreseen_errors import Foretold
@@ -41,14 +41,8 @@ _RANGE = 65
 
 
 def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = None) -> list[str]:
-    """What will make a run less than it could be.
-
-    Args:
-        case: what is to be run.
-        steps: how it would be stepped.
-        errors: what its grid will do to what is judged, where that was found
-            (``foreseen_errors.foretold``).
-    """
+    """What will make a run less than it could be; errors are those of its grid, where
+    ``foreseen_errors.foretold`` found them."""
     simulated = case.simulation
     found: list[str] = []
     for looked in (_in_time, _at_rest, _at_ends, _receivers, _absorbed):
@@ -60,7 +54,8 @@ def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = No
     else:
         found += _on_the_grid(simulated)
     found += _losses(simulated)
-    return [*found, *_judged(case), *_products(simulated, steps)]
+    # Blocks of one sector say the same.
+    return list(dict.fromkeys([*found, *_judged(case), *_products(simulated, steps)]))
 
 
 def _in_time(simulated: Simulation) -> Iterator[str]:
@@ -253,18 +248,10 @@ def _products(simulated: Simulation, steps: TimeStep) -> Iterator[str]:
     needed = max(simulated.duration * crossing, simulated.frames)
     if steps.operator_products <= max(_PROPORTION * needed, _FEW_PRODUCTS):
         return
-    if simulated.solver != "auto":
-        remedy = f'leave [time] solver (now "{simulated.solver}") at "auto"'
-    elif simulated.step is not None:
-        remedy = f'leave [time] step (now {simulated.step:g} s) at "auto"'
-    else:
-        remedy = (
-            "lower [time] samples, or look for a medium far stiffer, or far lighter, than the "
-            "others, which sets the pace for all"
-        )
     yield (
         f"[time] {steps.operator_products:.3g} products for {simulated.bar.cells} cells, "
-        f"{steps.operator_products / needed:.0f} times what waves that cross them ask for; {remedy}"
+        f"{steps.operator_products / needed:.0f} times what waves that cross them ask for; "
+        f"{slower(simulated, steps)}"
     )
 
 

@@ -113,7 +113,16 @@ def in_space(
             f"{record.missing.sum()} frames are missing: the exponential window needs them all; "
             "fill them, or use the part before the first one"
         )
-    omega = np.asarray(omega, float)
+    omega = np.atleast_1d(np.asarray(omega, float))
+    for key, well, allowed in (
+        ("omega", len(omega), "one frequency (rad/s) at least"),
+        ("damping", damping is None or damping > 0, "greater than 0"),
+        ("pairs", pairs in (1, 2), "1 or 2"),
+        ("component", component is None or 0 <= component < len(record.values),
+         f"0 to {len(record.values) - 1}"),
+    ):  # fmt: skip
+        if not well:
+            raise RecordError(f"{key} = {locals()[key]}: must be {allowed}")
     if component is None:
         component = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
     receivers, x, stretch = _line(record, clear)

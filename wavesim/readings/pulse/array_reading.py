@@ -167,7 +167,7 @@ def _without_crosstalk(
         each = {key: transmission_record(t, u, sent, key) for key, u in signals.items()}
     except PulseError:
         return signals
-    if not all(one.crosstalk for one in each.values()):
+    if not each or not all(one.crosstalk for one in each.values()):
         return signals
     until = max(one.blank for one in each.values())
     notes.append(f"crosstalk up to {until:.4g} s was left out of every receiver")

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.measurement import PulseResult
+from wavesim.readings.pulse.signals import check_distance
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
+    is_step,
 )
 from wavesim.readings.pulse.travel_time import (
     TravelTime,
@@ -59,6 +61,10 @@ _LARGEST_OPEN = 0.3
 SLOW = (
     "what was sent rises over more than half a period, so that its first cycle does not stand out; "
     "the error holds one cycle either way: a pulse that begins at once would tell it"
+)
+STEP = (
+    "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
+    "sine would tell them apart"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
@@ -161,7 +167,11 @@ def read_one(
 
     Returns:
         The reading.
+
+    Raises:
+        PulseError: the distance is none.
     """
+    check_distance(distance)
     heard = packets(record)
     if not heard:
         nothing = refused(record.name, "receiver", distance, NOTHING)
@@ -237,7 +247,7 @@ def settled(
     slow = slow_rise(record)
     if slow:
         share = float(np.hypot(share, slow))
-        notes.append(SLOW)
+        notes.append(STEP if record.sent is not None and is_step(record.sent) else SLOW)
     error = float(np.hypot(best.error, share))
     others = [time - delay for time in rivals]
     answer = judged(OF_ONE, best.time, error, distance, best.reason, others, wanted)

@@ -29,6 +29,7 @@ from wavesim.readings.pulse.series import (
     clearest,
     follow,
 )
+from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
 from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_rise, unknown_delay
 from wavesim.readings.pulse.wave_packets import (
@@ -90,8 +91,17 @@ def read_series(
 
     Returns:
         (readings in the order given, the series).
+
+    Raises:
+        PulseError: there are no records, or not a value and a distance for each.
     """
-    p = np.asarray(values, float)
+    p, count = np.asarray(values, float), len(records)
+    if not count or len(p) != count or np.size(distance) not in (1, count):
+        raise PulseError(
+            f"records: {count}, with {len(p)} values and {np.size(distance)} distances; give at "
+            "least one record, a value for each, and one distance or one each"
+        )
+    check_distance(distance)
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
     records = _without_what_is_static(records)
     heard = [[] if one.covered else packets(one) for one in records]

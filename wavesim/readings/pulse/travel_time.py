@@ -39,6 +39,8 @@ _FURTHEST = 0.7
 _SECOND = 0.9
 # What takes longer than this to rise, in periods, has no first cycle that stands out.
 _SLOW = 0.6
+# A step's near field begins this far ahead of its wave, in periods, as one standard error.
+_OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
 _DELAY = 0.1
 NOTHING_ALIKE = "nothing in common with what was sent near the break"
@@ -137,7 +139,10 @@ def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> fl
 
 
 def slow_rise(record: TransmissionRecord) -> float:
-    """What a burst that rises slowly leaves open of its first cycle, s; 0 of one that does not."""
+    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
+    field runs into its wave; 0 of what does neither."""
+    if record.sent is not None and is_step(record.sent):
+        return _OF_A_STEP * record.period
     return record.period if record.rise > _SLOW * record.period else 0.0
 
 
