@@ -122,7 +122,7 @@ def test_a_stretch_by_the_plain_route(csv_file, tmp_path):
         (("dispersion", "FILE", "--values", "q"), "has no array 'q'"),
         (("dispersion", "FILE", "--method", "fft", "--fit", "anisotropy"), "needs --medium"),
         (("attenuation", "FILE", "--medium", "none.toml"), "none.toml: no such file"),
-        (("attenuation", "FILE", "--band", 2e5, 1e5), "must ascend"),
+        (("attenuation", "FILE", "--band", 2e5, 1e5), "must be two frequencies in Hz"),
         (("attenuation", "FILE", "--source", 0.005, "--clear", 0.02), "stand on one side"),
         (("attenuation", "FILE", "--medium", CASE, "--fit", "hue"), "parameters = hue: must be"),
         (("synthesize", "OUT.npz", "--spacing", 1e-3, "--duration", 1, "--samples", 16,

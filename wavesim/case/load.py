@@ -19,7 +19,7 @@ from wavesim.grid.points import sampling, spread
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import JUDGED
+from wavesim.material.scaling import JUDGED, judged_range
 from wavesim.simulation.resolution import check_carried
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
@@ -170,9 +170,8 @@ def _on_grid(source: Source, number: int, file: CaseFile, bar: Bar) -> tuple[Sou
 
 def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
     """Wavenumbers between which branches are judged, held to what the bar resolves."""
-    unit = 2 * math.pi / medium.length_scale
-    low = analysis.k_min or JUDGED[0] * unit
-    high = analysis.k_max or JUDGED[1] * unit
+    lowest, highest = judged_range(medium)
+    low, high = analysis.k_min or lowest, analysis.k_max or highest
     if low >= high:
         raise ValueError(
             f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {JUDGED[0]:g} and "

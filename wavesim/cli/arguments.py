@@ -11,6 +11,8 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from wavesim.report.terminal import BAD_INPUT, stop
+
 
 def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """Names of shipped cases that begin so, and files."""
@@ -47,9 +49,18 @@ class Frequency(click.ParamType):
         return float(known)
 
 
+def _ascending(context: Any, option: Any, band: tuple[float, float] | None) -> Any:
+    """A band, if it is one."""
+    if band is not None and not 0 < band[0] < band[1]:
+        said = f"--band {band[0]:g} {band[1]:g}: must be two frequencies in Hz, 0 < F1 < F2"
+        stop(said, BAD_INPUT)
+    return band
+
+
 BAND = click.option(
     "--band",
     type=(Frequency(), Frequency()),
+    callback=_ascending,
     metavar="F1 F2",
     help="Lowest and highest frequency, in Hz or as 600kHz.",
 )

@@ -319,8 +319,6 @@ def attenuation(
     **given: Any,
 ) -> None:
     """Complex k(ω) of the record FILE, in bands and gaps: result.h5, other HDF5, NPZ or CSV."""
-    if band is not None and not 0 < band[0] < band[1]:
-        stop(f"--band {band[0]:g} {band[1]:g}: must ascend, from above 0 Hz", BAD_INPUT)
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record

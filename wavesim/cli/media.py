@@ -205,8 +205,6 @@ def gaps(
     from wavesim.material.shown import HERTZ
     from wavesim.planewave.gap_map import gap_map, table
 
-    if band is not None and not 0 < band[0] < band[1]:
-        stop(f"--band {band[0]:g} {band[1]:g}: must ascend from above 0 Hz", BAD_INPUT)
     wanted = None if band is None else (band[0] / HERTZ, band[1] / HERTZ)
     folder = folder_for(out, case)
     for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):

@@ -47,8 +47,7 @@ def transmission(
     try:
         study = transmission_study(known, band, points)
     except ValueError as error:
-        where = f"--{error}" if str(error).startswith("band") else f"{case}: {error}"
-        stop(where, BAD_INPUT)
+        stop(f"{case}: {error}", BAD_INPUT)
     answer = study.summary()
     if as_json:
         print_json(answer)
