@@ -216,9 +216,11 @@ def together(*media: Medium) -> Medium:
     Raises:
         ValueError: one is no medium, two are of one family, or their loss laws differ.
     """
+    if not media:
+        raise ValueError("media: none given; give one medium of each family")
     odd = [one for one in media if not isinstance(one, Medium)]
-    if odd or not media:
-        raise ValueError(f"media = {shown(odd[0]) if odd else '()'}: must be of type Medium, each")
+    if odd:
+        raise ValueError(f"media = {shown(odd[0])}: must be of type Medium, each")
     names = [medium.family.name for medium in media]
     if len(set(names)) < len(names):
         raise ValueError(f"family = {', '.join(names)}: must differ; give one medium of each")

@@ -27,6 +27,7 @@ from wavesim.report.answers import (
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
 from wavesim.simulation.resolution import highest_frequency, largest_phase
+from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
@@ -117,7 +118,7 @@ def survey(
         ("ends", _ends(bar)),
         ("grid carries", f"to 1 % of their phase, waves of {_shortest(bar):.2g} cells and longer: "
                          f"the fastest to {carried:.0f} kHz, slower ones less"),
-        ("grid's errors", _errors(errors)),
+        ("grid's errors", _errors(simulated, errors)),
         ("sources", ", ".join(map(_source, simulated.sources))),
         ("integrated", ", ".join(simulated.fields)),
         ("time", f"{simulated.duration:.6g} s, {frames} frames of {frame:.4g} s (Nyquist "
@@ -172,10 +173,13 @@ def _ends(bar: Bar) -> str:
     )
 
 
-def _errors(errors: Sequence[Foretold] | None) -> str:
+def _errors(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
     """Of each kind of what is judged the worst, beside what is allowed."""
     if errors is None:
-        return "not known beforehand: too much to work out"
+        from wavesim.verdict.foreseen_errors import limit_of
+
+        why = limit_of(simulated) or "too many cells and frequencies to work out"
+        return f"not known beforehand, as {why}; the run's checks tell"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:

@@ -93,6 +93,26 @@ def foretold(
     return found and [one for one in found if math.isfinite(one.error)]
 
 
+def limit_of(simulated: Simulation) -> str:
+    """Why :func:`foretold` does not work out what the grid of a simulation does; "" where it may.
+
+    Only what hangs on the simulation: an answer that needs too many frequencies is None besides.
+    """
+    if simulated.endless:
+        return ""
+    if simulated.bar.cells > _MOST_CELLS:
+        return f"{simulated.bar.cells} cells are more than {_MOST_CELLS:.0f}"
+    # The exact solver takes half a second for a graded layer.
+    if any(layer.last is not None for layer in simulated.layers.layers):
+        return "a layer is graded"
+    if simulated.gradient_felt:
+        return "the gradient term Γ counts here"
+    for one in simulated.sources:
+        if (one.end - one.onset) * one.excited[1] > _MOST_PHASE:
+            return f"the signal of the {one.field} source is too long, {one.end - one.onset:.3g} s"
+    return ""
+
+
 def _of_ring(
     simulated: Simulation, table: AnalysisTable, k_range: tuple[float, float]
 ) -> Iterator[Foretold]:
@@ -136,11 +156,7 @@ def _along_ring(
 def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
     """Signals at receivers, and T and R."""
     bar, sources = simulated.bar, simulated.sources
-    # The exact solver takes half a second for a graded layer.
-    graded = any(layer.last is not None for layer in simulated.layers.layers)
-    if simulated.gradient_felt or bar.cells > _MOST_CELLS or graded:
-        return None
-    if any((s.end - s.onset) * s.excited[1] > _MOST_PHASE for s in sources):
+    if limit_of(simulated):
         return None
     low, high = bar.clear
     seen = {
