@@ -43,7 +43,8 @@ def level(stack: TracedLayers, sector: str, omega: Any, slices: int) -> Any:
     own, units = uniform_slices(stack, slices), units_of(stack)
     with jax.numpy_dtype_promotion("standard"):
         scaled = jnp.asarray(omega) * units.time
-        wave = waves(own.kinds, own.first, block_of(own, sector), units)
+        block = travelling_block(own.kinds[0].family, sector, own.kept)
+        wave = waves(own.kinds, own.first, block, units)
         return _level(wave, own.thickness / units.length, own.losses, scaled, units.time)
 
 
