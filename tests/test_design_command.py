@@ -13,8 +13,8 @@ from test_transmission_command import transfer
 from wavesim.case.layered_case import load_layers
 from wavesim.case.load import load
 from wavesim.case.schema import read
+from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import problem
-from wavesim.studies.design_search import Search
 from wavesim.studies.design_tolerance import allowed_offsets
 
 CASE = """\

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -32,6 +33,26 @@ def keys(context: click.Context, parameter: click.Parameter, begun: str) -> list
         found += [f"{name}.{key}=" for key in getattr(table, "model_fields", ())]
     found += [f"sources.0.{key}=" for key in ("field", "position", "peak_frequency", "width")]
     return [CompletionItem(key) for key in found if key.startswith(begun)]
+
+
+class Number(click.types.FloatParamType):
+    """A finite number."""
+
+    name = "float"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """The number, else a line that says what it must be."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is no finite number.", param, ctx)
+        return number
+
+
+class NumberIn(Number, click.FloatRange):
+    """A finite number within a range."""
+
+
+NUMBER, POSITIVE, NOT_NEGATIVE = Number(), NumberIn(min=0, min_open=True), NumberIn(min=0)
 
 
 class Frequency(click.ParamType):
@@ -86,7 +107,7 @@ INPUT = click.option(
     help="The transmitter's column: its heading, or its number from 1 (times are 1); 'column 2' "
     "or 'heading 2' where either may be meant.",
 )
-SOURCES = click.option("--source", "places", type=float, multiple=True, help="Position in m.")
+SOURCES = click.option("--source", "places", type=NUMBER, multiple=True, help="Position in m.")
 RING = click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")
 
 
@@ -108,10 +129,10 @@ BESIDE = options(
         metavar="NAME",
         help="What the record is of, such as phi1 or u1; what is driven where not given.",
     ),
-    click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given."),
+    click.option("--lag", type=NUMBER, help="Of the record's clock, s; fitted where not given."),
     click.option(
         "--scale",
-        type=float,
+        type=NUMBER,
         help="Unit of the record over that of the field; fitted where not given.",
     ),
 )
@@ -121,8 +142,8 @@ _OPTIONS = (
     click.option("--time", metavar="NAME", help="Array of its times."),
     click.option("--positions", metavar="NAME|X1,X2,…",
                  help="Array of its receivers' positions, or the positions themselves, in m."),
-    click.option("--interval", type=float, help="Δt in s; stands before the file's times."),
-    click.option("--spacing", type=float,
+    click.option("--interval", type=POSITIVE, help="Δt in s; stands before the file's times."),
+    click.option("--spacing", type=POSITIVE,
                  help="Receiver spacing in m; stands before the file's positions."),
     click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
     click.option("--position-unit", metavar="UNIT", help="Of the file's positions: m, mm, in …"),

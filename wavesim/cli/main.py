@@ -51,18 +51,15 @@ _WORTH_IT = 20.0
 
 def _planned(case: str, loaded: Any) -> Any:
     """How the simulation of a case is stepped."""
+    from wavesim.case.layered_case import builder
     from wavesim.timedomain.time_step import time_step
 
-    try:
-        return time_step(loaded.simulation)
-    except ValueError as error:
-        stop(f"{case}: [time] {error}", BAD_INPUT)
-    except ArithmeticError:
-        stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
+    return builder(case)(("time",), time_step, loaded.simulation)
 
 
 def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
     """What a run takes, which is refused where it is more than there is, or was allowed."""
+    from wavesim.case.layered_case import builder
     from wavesim.timedomain.cost import check_cost, cost, seconds_of
 
     try:
@@ -70,10 +67,7 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
     except ValueError as error:
         stop(f"--at-most {at_most}: {error}", BAD_INPUT)
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
-    try:
-        check_cost(loaded.simulation, taken, longest, folder)
-    except ValueError as error:
-        stop(f"{case}: [time] {error}", BAD_INPUT)
+    builder(case)(("time",), check_cost, loaded.simulation, taken, longest, folder)
     return taken
 
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from wavesim.case.schema import CaseError, parse, tables_of
+from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem, problem
-from wavesim.studies.design_search import SECONDS, Search, Tell, search
+from wavesim.studies.design_search import SECONDS, Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
 from wavesim.studies.designed_case import designed_tables
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.studies.design_search import Search
+from wavesim.studies.design_descent import Search
+from wavesim.studies.design_search import moved_on
 
 # Relative offsets of one variable that are looked at, and members of a yield.
 _OFFSETS = np.geomspace(1e-4, 0.3, 25)
@@ -110,7 +111,7 @@ def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:
         return []
     rows = []
     for scale in scales:
-        end = own.moved_on(np.clip(x, 0, 1), scale)
+        end = moved_on(own, np.clip(x, 0, 1), scale)
         reached = own.reached(problem.values(end)[None])[0]
         rows.append(
             {
