@@ -9,7 +9,7 @@ import numpy as np
 from wavesim.grid.bar import layered_bar
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.medium import Medium, fastest_speed
+from wavesim.material.medium import Medium
 from wavesim.material.rotation import ROTATION
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading
@@ -46,7 +46,7 @@ def chain(*stretches, start=0.0):
     return Layers(tuple(found))
 
 
-SPEED = 0.9 * fastest_speed(STIFF)
+SPEED = 0.9 * STIFF.fastest
 
 
 def pulsed(layers, right, places, source=None, echo=0.0, absorber=0.0, t=T):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 
 import numpy as np
@@ -11,12 +12,27 @@ from madeup import SOFT, STIFF, chain, field_of, reading_of
 from wavesim import planewave
 from wavesim.case.load import load
 from wavesim.grid.bar import layered_bar
+from wavesim.material.shown import with_error
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.report.answers import answers, verdict
 from wavesim.sources import Ricker
 from wavesim.verdict.bar_answers import of_bar
+from wavesim.verdict.endless import endless_notes
+from wavesim.verdict.endless_answers import of_endless
 
 KHZ = 2e3 * np.pi
+
+
+@pytest.mark.parametrize("value", [0.0, 4.2e-7, 0.0123, 1.0, -713.4, 36963.7, -9.9996e5, 2.5e11])
+@pytest.mark.parametrize("error", [3.3e-12, 9.96e-5, 0.19, 12.0, 4.7e4])
+def test_a_value_stands_to_two_digits_of_its_error(value, error):
+    """Both are read back to half a unit of the error's second digit, and no more is written."""
+    read, bar = (float(part) for part in with_error(value, error).split(" ± "))
+    unit = 10.0 ** (np.floor(np.log10(error)) - 1)
+    assert bar == pytest.approx(error, abs=0.51 * unit)
+    assert read == pytest.approx(value, abs=max(0.51 * unit, 1e-12 * abs(value)))
+    assert with_error(value) == f"{value:.6g}"
+    assert with_error(np.nan, error) == "–"
 
 
 def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(small_run):
@@ -35,10 +51,45 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
     assert rows["RSB"]["attenuation"] is None
     assert rows["RTB1"]["frequencies"] == 0
     assert "not driven" in rows["RTB1"]["closer"]
+    free = [(row["lower"], row["upper"]) for row in small_run.summary["answers"]["full_gaps"]]
+    for low, high in free:  # each is in a gap of every sector, or past its branches
+        for sector in medium.family.sectors:
+            k = np.linspace(0, 0.999 * np.pi / 1.25e-4, 400)
+            omega = planewave.frequencies(medium, sector, k) / KHZ / 1e3
+            assert not ((omega > low * (1 + 1e-9)) & (omega < high * (1 - 1e-9))).any()
     # Where there is no number a word says why, once for all that have none for the same reason.
     told = answers(small_run.summary)[0].note
     assert all((row["untold"] == "") == (row["attenuation"] is not None) for row in rows.values())
     assert "RTB1, RTB2: no source drives transverse waves" in told
+
+
+def test_a_gap_told_at_no_frequency_is_named_as_in_tables_with_what_tells_it(small_run, small_held):
+    """What a record's end leaves out falls as e^−σT: with the damping named it is small enough.
+    At one frequency alone, that is the answer."""
+    field = small_run.field
+    (gap, *_), (held, *_) = planewave.gaps(field.medium, "longitudinal"), small_held
+    curve = held.measured.attenuation
+    inside = (curve.omega > gap.lower) & (curve.omega < gap.upper)
+    one = inside & (np.cumsum(inside) == inside.sum() // 2)
+    for known in (inside & False, one):
+        error = np.where(inside & ~known, 1e-2 * np.abs(curve.k), 1e-9)
+        curve_of = dataclasses.replace(curve, error=error)
+        changed = dataclasses.replace(
+            held, measured=dataclasses.replace(held.measured, attenuation=curve_of)
+        )
+        (row, *_) = of_endless(field, [changed])["gaps"]
+        told = [note for note in endless_notes(field, [changed]) if "can't be told" in note]
+        if known.any():
+            assert not told
+            decibels = 20 * np.log10(np.e) * curve.k[known][0].imag
+            assert row["attenuation"] == pytest.approx(decibels, rel=1e-12)
+            assert row["frequencies"] == 1
+            continue
+        assert row["attenuation"] is None
+        (note,) = told
+        assert f"longitudinal {gap.name};" in note
+        now, raised = curve.sigma * field.t[-1], float(note.partition("damping to ")[2].split()[0])
+        assert 1e-2 * np.exp(now - raised) < 0.3 * 1e-3
 
 
 def test_advice_is_one_that_a_case_takes_and_shows_more_of_the_gap(small_run, small_case):

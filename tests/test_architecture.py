@@ -1,8 +1,6 @@
 """Rooms and who leans on whom: imports run one way. Read off the modules' text, not off a run."""
 
 import ast
-import importlib
-import inspect
 import subprocess
 import sys
 from functools import cache
@@ -242,22 +240,3 @@ def test_names_of_the_package_lead_somewhere():
     assert set(dir(wavesim)) == {*wavesim.__all__, "__doc__", "__version__"}
     with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
         wavesim.Nothing  # noqa: B018
-
-
-def test_editors_are_told_of_the_same_names():
-    """The stub, which completions and types come from, has each name from where it is loaded."""
-    import wavesim
-
-    stub = ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
-    told = {
-        alias.asname or alias.name: f"{node.module}.{alias.name}"
-        for node in stub.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    assert set(told) == set(wavesim.__all__)
-    for name, where in told.items():
-        module, _, own = where.rpartition(".")
-        found = importlib.import_module(module)
-        found = getattr(found, own, None) or importlib.import_module(where)
-        assert inspect.unwrap(found) is inspect.unwrap(getattr(wavesim, name)), name

@@ -10,6 +10,7 @@ from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.points import sampling, spread
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
+from wavesim.simulation.resolution import highest_carried
 
 ENDED = Bar(64, 1.25e-4, 8, "free", "fixed")
 STEPPED = layered_bar(
@@ -235,3 +236,14 @@ def test_the_spacing_told_for_a_thin_layer_is_enough():
     assert layered_bar(thin(), told).stretches[1][0] >= 16
     with pytest.raises(ValueError, match="layer 2"):
         layered_bar(thin(), 1.1 * told)
+
+
+def test_a_layer_that_is_as_much_slower_as_it_is_finer_carries_the_same():
+    """Cells in proportion to c_∞, from a medium to one of four times the density: what a grid of
+    both carries is what that of the first alone does."""
+    fast, slow = Medium(), Medium(density=4 * 1570.0)
+    alone = Layers((Layer(0.0, 8e-3, fast),))
+    both = Layers((Layer(0.0, 8e-3, fast), Layer(8e-3, 12e-3, slow)))
+    expected = highest_carried(alone, layered_bar(alone, 2e-4))
+    assert highest_carried(both, layered_bar(both, [2e-4, 1e-4])) == pytest.approx(expected)
+    assert highest_carried(both, layered_bar(both, 2e-4)) == pytest.approx(expected / 2)

@@ -112,8 +112,12 @@ def test_schema_takes_every_shipped_case_and_refuses_a_misspelt_key():
     ):
         wrong = tables | {table: tables[table] | {key: value}}
         assert list(check.iter_errors(wrong)), key
+    for family, right in (("u", False), (["u"], False), (["translation", "rotation"], True)):
+        assert check.is_valid({"medium": {"family": family}}) == right
     keys = made["$defs"]["MediumTable"]["properties"]
     assert "(kg/m³)" in keys["density"]["description"]
+    for table, unit in (("LayerTable", "(m)"), ("BandTable", "(Hz)"), ("WishTable", "(Hz)")):
+        assert unit in made["$defs"][table]["properties"]["from"]["description"], table
     assert '"null"' not in json.dumps(made)
 
 

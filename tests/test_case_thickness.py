@@ -70,13 +70,15 @@ def test_a_case_by_thickness_is_the_case_by_from_and_to():
 LAWS = st.sampled_from(
     [Damping(), constant_quality(30.0, (1e5, 1e6)), Damping(mass=1e3, stiffness=1e-9)]
 )
-PIECES = st.tuples(st.floats(1e-4, 1e-2), any_media(), any_media(), st.booleans(), LAWS)
+INERTIA = st.sampled_from([{}, {"rotation_inertia": 2e-7}])
+MEDIA = st.builds(lambda medium, own: dataclasses.replace(medium, **own), any_media(), INERTIA)
+PIECES = st.tuples(st.floats(1e-4, 1e-2), MEDIA, MEDIA, st.booleans(), LAWS)
 
 
 @settings(deadline=None, derandomize=True, max_examples=25)
 @given(st.lists(PIECES, min_size=2, max_size=4), st.integers(1, 3))
 def test_layers_written_as_a_case_are_read_as_they_were(pieces, times):
-    """Fourteen digits of each number."""
+    """Fourteen digits of each number; inertias that are given here and follow from R there."""
     layers, end = [], 0.0
     for thickness, medium, other, graded, law in pieces * times:
         one = dataclasses.replace(medium, damping=law)

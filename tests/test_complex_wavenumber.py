@@ -173,3 +173,19 @@ def test_what_has_no_answer_is_refused():
         complex_waves(TABLE_1, ROTATION.blocks[0], [0.0, 1.0])
     with pytest.raises(ValueError, match="'inplane' has no propagating wave"):
         wavenumber(TABLE_1, "inplane", [1.0])
+
+
+@property_test
+@given(any_media(), omega_bars, st.floats(0.0, 0.5))
+def test_fields_are_real(medium, real, imaginary):
+    """exp(i(kx − ωt)) and its conjugate are one wave: k(−ω*) = −k(ω)*, to rounding."""
+    omega = np.array([complex(real, imaginary)]) / medium.time_scale
+    for block in ROTATION.blocks:
+        for at in (omega, omega.real):
+            there, back = (complex_waves(medium, block, w).k for w in (at, -np.conj(at)))
+            assert np.abs(back + np.conj(there)).max(initial=0.0) <= 1e-9 * np.abs(there).min(
+                initial=1e300
+            )
+    for at in (omega, omega.real):
+        there, back = (wavenumber(medium, "longitudinal", w) for w in (at, -np.conj(at)))
+        assert np.abs(back + np.conj(there)).max() <= 1e-12 * np.abs(there).max()

@@ -33,11 +33,11 @@ def test_quality_is_constant_over_its_band(q, band):
     assert sum(law.strengths) < 1
 
 
-@pytest.mark.parametrize("reference", [None, 6e4, 1e6])
+@pytest.mark.parametrize("reference", [None, 0.0, 6e4, 1e6])
 def test_the_medium_s_own_modulus_is_at_the_reference(reference):
     """Re m = 1 there, at the geometric mean by default, to rounding; it rises with ω."""
     law = constant_quality(20.0, BAND, reference)
-    at = 2 * np.pi * (reference or np.sqrt(BAND[0] * BAND[1]))
+    at = 2 * np.pi * (np.sqrt(BAND[0] * BAND[1]) if reference is None else reference)
     assert abs(law.modulus(at).real - 1) <= 1e-14
     real = law.modulus(2 * np.pi * np.geomspace(1e3, 1e8, 200)).real
     assert (np.diff(real) > 0).all()
@@ -130,6 +130,7 @@ BAD = [
     (lambda: constant_quality(float("inf"), BAND), "quality_factor = inf", "finite"),
     (lambda: constant_quality(9.0, (2e6, 5e4)), "quality_band = [2e+06, 50000]", "0 < f1 < f2"),
     (lambda: constant_quality(9.0, (0.0, 5e4)), "quality_band = [0, 50000]", "0 < f1 < f2"),
+    (lambda: constant_quality(9.0, BAND, -1.0), "reference = -1", "0 or greater"),
 ]
 
 

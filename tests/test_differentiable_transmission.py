@@ -95,6 +95,19 @@ def test_graded_layers_too(quality, rng):
     assert np.abs(known.R - found.R[~inside]).max() <= 1e-10
 
 
+def test_an_unrelaxed_modulus_counts_where_nothing_is_lost(rng):
+    """A law of m_U = 1.3 alone: that of layers 1.3 times as stiff, by scattering matrices."""
+    layers = random_stack(rng, 3)
+    stiffer = layers.mapped(
+        lambda m: dataclasses.replace(m, G_n_a=1.3 * m.G_n_a, G_n_r=1.3 * m.G_n_r)
+    )
+    lawful = layers.mapped(lambda m: dataclasses.replace(m, damping=Damping(unrelaxed=1.3)))
+    known = layered.transmission(stiffer, "longitudinal", OMEGA, gradient=False)
+    found = transmission(traced_layers(lawful), "longitudinal", OMEGA)
+    here = clear(stiffer, "longitudinal", OMEGA, 1e-4)
+    assert np.abs(known.T - found.T)[here].max() <= 1e-10
+
+
 def test_what_comes_in_goes_out(rng):
     """Reflected and transmitted energy sum to 1 to 1e-10; measured 3e-14."""
     for _ in range(3):

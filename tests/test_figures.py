@@ -20,6 +20,7 @@ from wavesim.figures import style
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
+from wavesim.material.shown import decibels
 from wavesim.readings import amplitude_map
 from wavesim.sources import Ricker
 from wavesim.worker import Worker
@@ -261,7 +262,7 @@ def test_colours_are_readable_in_grey():
 
 def test_decibels():
     np.testing.assert_allclose(
-        style.decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
+        decibels(np.array([10.0, -1.0, 0.1, 0.0]), 10.0), [0, -20, -40, -300]
     )
 
 
@@ -334,8 +335,10 @@ def test_amplitude_of_a_steady_wave_is_its_amplitude():
 
 def drawn_by_forks(folder, field):
     with Worker() as beside:
-        files = beside.each("wavesim.figures.drawing.of_field", folder, field).result()
-        return [path for own in files for path in own]
+        drawing = "wavesim.figures.drawing"
+        names = beside.ask(f"{drawing}.names", field, None).result()
+        made = [beside.ask(f"{drawing}.draw", folder, field, None, n, "png") for n in names]
+        return [one.result() for one in made]
 
 
 def test_forks_draw_what_this_process_would(small_run, tmp_path):

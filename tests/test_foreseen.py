@@ -9,7 +9,7 @@ from wavesim.case.load import build
 from wavesim.case.schema import parse
 from wavesim.timedomain.time_step import time_step
 from wavesim.verdict.foreseen import foreseen as said
-from wavesim.verdict.foreseen_errors import foretold
+from wavesim.verdict.foreseen_errors import foretold, limit_of
 
 ENDED = """
 [medium]
@@ -153,12 +153,25 @@ def test_waves_shorter_than_the_grid_carries_are_said():
     assert any("cells to its length" in one and "spacing" in one for one in found), found
 
 
-def test_a_long_signal_is_not_worked_out_beforehand():
-    """A chirp over 800 periods of its highest frequency, whose transform takes seconds: None."""
+def test_what_is_too_much_to_work_out_beforehand_is_none_and_named():
+    """A chirp over 800 periods of its highest frequency, whose transform takes seconds; a graded
+    layer; more cells than can be eliminated at enough frequencies."""
     medium = ws.Medium(closure="consistent")
     layers = ws.Layers((ws.Layer(0.0, 0.032, medium),))
     bar = ws.Bar(128, 2.5e-4, left="fixed", right="free")
     known = {"duration": 6e-5, "receivers": {"far": 0.024}}
     long = ws.Chirp("phi1", 0.012, 1e5, 8e5, 1e-3)
-    assert foretold(ws.Simulation(layers, bar, (long,), **known)) is None
-    assert foretold(ws.Simulation(layers, bar, (ws.Ricker("phi1", 0.012, 2e5),), **known))
+    pulse = (ws.Ricker("phi1", 0.012, 2e5),)
+    graded = ws.Layers(
+        (ws.Layer(0.0, 0.032, medium, ws.Medium(closure="consistent", density=3e3)),)
+    )
+    many = ws.Bar(40_000, 8e-7, left="fixed", right="free")
+    for simulated, told in (
+        (ws.Simulation(layers, bar, (long,), **known), "signal"),
+        (ws.Simulation(graded, bar, pulse, **known), "graded"),
+        (ws.Simulation(layers, many, pulse, **known), "40000 cells"),
+    ):
+        assert foretold(simulated) is None
+        assert told in limit_of(simulated)
+    assert foretold(ws.Simulation(layers, bar, pulse, **known))
+    assert not limit_of(ws.Simulation(layers, bar, pulse, **known))

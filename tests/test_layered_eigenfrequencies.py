@@ -109,17 +109,33 @@ def test_layered_bars_resonate_where_a_wave_returns_as_it_left(gradient, graded)
     assert least(found).max() / halfway <= 1e-7
 
 
-def test_damped_bars_ring_at_the_frequencies_of_damped_waves():
-    """ω of ω(k = nπ/L) with loss, one law; tolerance 1e-11, secants; measured 1e-15."""
-    damping = Damping(mass=0.02 / BAR, stiffness=0.01 * BAR, rates=(1 / BAR,), strengths=(0.1,))
-    medium = dataclasses.replace(ONE, damping=damping)
+@pytest.mark.parametrize(
+    ("rate", "alike"), [(0.02, True), (0.02, False), (0.3, True), (2.0, True), (2.0, False)]
+)
+def test_damped_bars_resonate_where_a_wave_returns_as_it_left(rate, alike):
+    """With one law for all layers and with two, at losses up to where the waves are overdamped:
+    det(1 − S R) = 0 by scattering matrices, whose least singular value is held to 1e-9 of that a
+    hundredth of ω away. Where laws differ those that can't be followed are NaN.
+    """
+    damping = Damping(rate / BAR, 0.01 * BAR, rates=(1 / BAR,), strengths=(0.1,))
+    other = damping if alike else Damping(mass=rate / 2 / BAR)
+    one, two = (dataclasses.replace(m, damping=law) for m, law in ((ONE, damping), (TWO, other)))
+    layers = Layers((Layer(0.0, 4e-3, one), Layer(4e-3, 7e-3, two)))
     band = (0.05 / BAR, 0.8 / BAR)
-    found = layeredwave.resonances(uniform(medium), "fixed", "fixed", "longitudinal", band)
-    expected = planewave.damped_frequencies(
-        medium, "longitudinal", np.arange(1, len(found) + 1) * np.pi / LENGTH
-    )[:, 0]
-    assert len(found) > 5
-    assert np.abs(found / expected - 1).max() <= 1e-11
+    found = layeredwave.resonances(layers, "fixed", "free", "longitudinal", band)
+    assert len(found) > 3
+    known = found[np.isfinite(found)]
+    if alike or rate < 1:
+        assert len(known) == len(found)
+    assert (known.imag < 0).all()
+    assert (known.real == 0).any() == (alike and rate > 0.1)
+
+    def least(omega):
+        stack = Stack(layers, ROTATION.blocks[0], omega, False)
+        S, R = stack.whole().whole, returned(stack, "fixed", "free")
+        return np.linalg.svd(np.eye(S.shape[-1]) - S @ R, compute_uv=False)[:, -1]
+
+    assert (least(known) <= 1e-9 * least(known * 1.01)).all()
 
 
 def test_what_has_no_answer_is_refused():

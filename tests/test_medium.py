@@ -101,7 +101,7 @@ def test_out_of_range(name, value, allowed):
 @pytest.mark.parametrize("name", Medium().known())
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_not_finite(name, value):
-    with pytest.raises(ValueError, match=rf"^{name} = {value}: must be finite"):
+    with pytest.raises(ValueError, match=rf"^{name} = {value}: must be a finite number"):
         Medium(**{name: value})
 
 

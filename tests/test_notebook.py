@@ -54,7 +54,7 @@ def test_text_in_a_table_is_no_markup():
 def test_a_thing_has_a_picture_that_a_notebook_shows(thing):
     figure = thing.plot()
     assert figure._repr_png_().startswith(b"\x89PNG")
-    with pytest.raises(TypeError, match="nothing"):
+    with pytest.raises(ValueError, match="nothing"):
         thing.plot(nothing=1)
 
 

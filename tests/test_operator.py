@@ -19,10 +19,10 @@ from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
 from wavesim.simulation.simulation import simulation
-from wavesim.sources.ricker import Ricker
+from wavesim.sources import Ricker
 from wavesim.timedomain.energy import energy
 from wavesim.timedomain.operator import operator
-from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
+from wavesim.timedomain.sparse_matrix import flat, second_order, sparse_matrix, unflat
 from wavesim.timedomain.time_step import series_coefficients, time_step
 
 CELL = 1.25e-4
@@ -111,6 +111,20 @@ def test_as_jax_applies_it_is_the_sparse_matrix(ends, cell, rng):
     by_matrix = sparse_matrix(A) @ flat(y)
     assert np.abs(flat(applied(A, y)) - by_matrix).max() <= 1e-14 * np.abs(by_matrix).max()
     assert np.array_equal(flat(unflat(flat(y), y)), flat(y))
+
+
+def test_in_second_order_it_is_the_same_operator(rng):
+    """Without losses q̈ = F K G q of q = (φ, B) is what A makes of rates of strains, κ = φ′; to
+    rounding, measured 4e-16 of the largest."""
+    layers = three(gradient=1e-3)
+    A = built(layers, fitted(layers, "fixed", "free"), ROTATION.blocks[:1], with_gradient=True)
+    (group,), (y,) = A.groups, random_state(A, rng)
+    F, K, G = second_order(group)
+    y = y._replace(kappa=np.asarray(group.D(y.phi)))
+    (rate,) = unflat(sparse_matrix(A) @ flat((y,)), (y,))
+    found = F @ (K @ (G @ np.concatenate([y.phi.ravel(), y.B.ravel()])))
+    known = np.concatenate([rate.phi_rate.ravel(), rate.B_rate.ravel()])
+    assert np.abs(found - known).max() <= 1e-14 * np.abs(known).max()
 
 
 @pytest.mark.parametrize("ends", ENDS)

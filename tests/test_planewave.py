@@ -413,4 +413,6 @@ def test_unknown_sectors_are_refused():
 def test_gradient_share_of_table_1_is_negligible():
     """Γ(2π/l)²/C_BB with Table 1: about 1e-12 of the rest times (2π)², so gaps are fair without."""
     assert 1e-12 < planewave.gradient_share(TABLE_1) < 1e-9
-    assert planewave.gradient_share(dataclasses.replace(TABLE_1, G_n_g=0.0)) == 0
+    for eta in (0.0, 0.5):  # a micro-field of no stiffness has no share either
+        none = dataclasses.replace(TABLE_1, G_n_g=0.0, stiffness_ratio=eta)
+        assert planewave.gradient_share(none) == 0

@@ -79,14 +79,21 @@ def test_a_batch_at_receivers_is_a_loop_of_runs(name):
 
 
 def test_an_initial_field_at_receivers():
-    """Beside a source, on a ring, with a Γ that counts; to 1e-11 of the largest value."""
-    bar = ws.Bar(96, 2.5e-4, 4)
-    sources = (ws.Ricker("phi1", 3e-3, 5e5, amplitude=1e4), ws.InitialField("phi1", 9e-3, 1e-3))
+    """Beside a source, on a ring, with a Γ that counts; to 1e-11 of the largest value.
+
+    The field is as wide as the ring allows, laid round it: at t = 0 it is its Fourier series."""
+    bar, place, width = ws.Bar(96, 2.5e-4, 4), 9e-3, 4e-3
+    sources = (ws.Ricker("phi1", 3e-3, 5e5, amplitude=1e4), ws.InitialField("phi1", place, width))
     medium = dataclasses.replace(HOST, G_n_g=0.5)
     plan = simulation(medium, bar, sources, DURATION, FRAMES)
     found = ws.traced_fields(medium, plan, SEEN)
-    for name, values in stepped(plan).items():
+    run = stepped(plan)
+    for name, values in run.items():
         assert np.abs(found[name] - values).max() <= 1e-11 * np.abs(values).max(), name
+    k = 2 * np.pi * np.arange(1, 20) / bar.length
+    series = 1 + 2 * np.exp(-((k * width) ** 2) / 2) @ np.cos(k * (SEEN[0] - place))
+    expected = np.sqrt(2 * np.pi) * width / bar.length * series
+    assert run["phi1"][0, 0] == pytest.approx(expected, rel=1e-11)
 
 
 def loss(p, thicknesses, plan, host=HOST):
@@ -125,13 +132,15 @@ def test_gradients_of_a_batch_by_media_and_thicknesses():
 
 
 def test_thicknesses_of_a_bar_that_absorbs():
-    """Its receivers by the series, with losses; to 1e-9 of a run of those layers."""
+    """Its receivers by the series, with losses and a source narrower than a cell; to 1e-9 of a run
+    of those layers."""
     host = dataclasses.replace(HOST, damping=ws.Damping(1e4, rates=(3e6,), strengths=(0.02,)))
 
     def whole(thicknesses):
         own = layers((0.3, 6.0), thicknesses, host)
         bar = ws.layered_bar(own, 2.5e-4, 4, "free", "absorbing", 3e-3)
-        return simulation(own, bar, (ws.Ricker("phi1", 3e-3, 5e5),), DURATION, FRAMES)
+        source = ws.Ricker("phi1", 3e-3, 5e5, width=1e-4)
+        return simulation(own, bar, (source,), DURATION, FRAMES)
 
     plan, other = whole((0.007, 0.00592, 0.00495, 0.006)), THICK
     sizes = jnp.asarray(other)
@@ -149,6 +158,24 @@ def test_what_is_beyond_the_plan_is_not_a_number():
     assert np.isfinite(at(members, sizes)).tolist() == [True, False, False]
     with pytest.raises(ValueError, match=r"thicknesses: shape \(3,\) given for 4 layers"):
         ws.traced_fields(plan.layers, plan, SEEN, jnp.ones(3))
+
+
+def test_neither_are_media_or_laws_that_are_little_beyond():
+    """Free ends leave room above the highest frequency of an endless bar, which is not for faster
+    media, nor for another law of losses that stiffens them."""
+    law = ws.constant_quality(20.0, (1e5, 1e6))
+    host = dataclasses.replace(HOST, damping=law)
+    bar = ws.Bar(96, 2.5e-4, 4, "free", "free")
+    plan = simulation(host, bar, [ws.Ricker("phi1", 3.1e-3, 5e5)], DURATION, FRAMES)
+
+    def seen(faster, stiffer):
+        medium = dataclasses.replace(host, G_n_a=9.0 * faster, G_n_r=5.0 * faster)
+        own = law.unrelaxed * stiffer, jnp.asarray(law.strengths)
+        return ws.traced_fields(medium, plan, SEEN, law=own)["phi1"].sum()
+
+    batch = jnp.asarray([[0.99, 0.99], [1.08, 0.99], [0.99, 1.08]])
+    found = jax.jit(jax.vmap(seen))(*batch.T)
+    assert np.isfinite(found).tolist() == [True, False, False]
 
 
 def test_the_example_shapes_a_pulse():

@@ -404,8 +404,8 @@ def test_too_little_room_for_the_final_file_is_told_before_it_is_written(
 
 @pytest.mark.parametrize(
     "error",
-    [OSError(28, "No space left on device"), MemoryError("800 GB")],
-    ids=["disk", "memory"],
+    [OSError(28, "No space left on device"), MemoryError("800 GB"), MemoryError()],
+    ids=["disk", "memory", "memory, without a word"],
 )
 def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch, error):
     def append(*arguments):
@@ -414,15 +414,17 @@ def test_errors_of_the_machine_are_run_errors(small_case, tmp_path, monkeypatch,
     monkeypatch.setattr(storage.Results, "append", append)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path / "out")
-    assert not caught.value.unstable
+    assert caught.value.code == (3 if isinstance(error, OSError) else 2)
     assert ("No space left" in str(caught.value)) or ("into memory" in str(caught.value))
 
 
 def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
-    """A summary of an earlier run must not stand beside a run that failed."""
+    """Nothing of an earlier run may stand beside one that failed before it stored anything."""
     from wavesim.timedomain import integrate
 
-    (tmp_path / "summary.json").write_text("{}")
+    old = [tmp_path / name for name in ("summary.json", "report.html", "result.h5")]
+    for path in old:
+        path.write_text("{}")
 
     def stream(*arguments):
         raise integrate.NotFiniteError(1e-6, "propagator", 1e-7)
@@ -431,5 +433,5 @@ def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
     monkeypatch.setattr(integrate, "stream", stream)
     with pytest.raises(runner.RunError) as caught:
         runner.run(load(small_case), tmp_path)
-    assert caught.value.unstable
-    assert not (tmp_path / "summary.json").exists()
+    assert caught.value.code == 3
+    assert not any(path.exists() for path in old)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import signal
+from scipy import fft, ndimage, signal
 from scipy.optimize import linear_sum_assignment
 
 from wavesim.material.assignment import assigned
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.records.windows import blackman_harris, hann, noise_density
+from wavesim.records.windows import blackman_harris, fast_length, hann, moving_mean, noise_density
 from wavesim.simulation.bandlimited import cross_correlation
 
 
@@ -25,6 +25,17 @@ def test_noise_density_is_welch_s(count, rng):
     noise, dt = rng.normal(size=count), 2e-6
     f, one_sided = signal.welch(noise, 1 / dt, nperseg=max(16, count // 4))
     assert noise_density(noise, dt, f[1:-1]) == pytest.approx(one_sided[1:-1] / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [1, 4, 7, 31])
+def test_moving_mean_mirrors_the_ends(size, rng):
+    u = rng.normal(size=31)
+    assert moving_mean(u, size) == pytest.approx(ndimage.uniform_filter1d(u, size), abs=1e-13)
+
+
+@pytest.mark.parametrize("least", [1, 13, 1024, 7919, 1_299_709])
+def test_length_of_a_quick_fft_is_the_next_one(least):
+    assert fast_length(least) == fft.next_fast_len(least)
 
 
 @pytest.mark.parametrize("counts", [(5, 1), (1, 5), (100, 37)])

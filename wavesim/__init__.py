@@ -8,100 +8,44 @@
     field = ws.simulate(medium, bar, [pulse], duration=8e-5)
     measured = ws.extract(field)
 
-Names are loaded when they are first used, so that ``import wavesim`` is quick and the plane-wave
-solver needs no jax.
+Names are loaded when they are first used, from where ``__init__.pyi`` says, so that ``import
+wavesim`` is quick and the plane-wave solver needs no jax.
 """
 
 from __future__ import annotations
 
 import importlib
+import re
 from typing import Any
 
-_HOMES = {
-    "Medium": "wavesim.material.medium",
-    "Family": "wavesim.material.family",
-    "Block": "wavesim.material.family",
-    "FluxForm": "wavesim.material.medium",
-    "Parameter": "wavesim.material.parameter",
-    "together": "wavesim.material.several_families",
-    "Bar": "wavesim.grid.bar",
-    "layered_bar": "wavesim.grid.bar",
-    "Layer": "wavesim.material.layers",
-    "Layers": "wavesim.material.layers",
-    "Damping": "wavesim.material.damping",
-    "constant_quality": "wavesim.material.damping",
-    "Ricker": "wavesim.sources",
-    "GaussianDerivative": "wavesim.sources",
-    "ToneBurst": "wavesim.sources",
-    "Chirp": "wavesim.sources",
-    "Recorded": "wavesim.sources",
-    "InitialField": "wavesim.sources",
-    "Field": "wavesim.simulation.field",
-    "Simulation": "wavesim.simulation.simulation",
-    "simulate": "wavesim.timedomain.integrate",
-    "integrate": "wavesim.timedomain.integrate",
-    "traced_fields": "wavesim.timedomain.gradient",
-    "traced_layers": "wavesim.differentiable.traced_layers",
-    "traced_transmission": "wavesim.differentiable.stack_transmission",
-    "extract": "wavesim.readings.dispersion.extract",
-    "hold": "wavesim.verdict.branches",
-    "judge": "wavesim.verdict.endless",
-    "read_bar": "wavesim.readings.bar.reading",
-    "judge_bar": "wavesim.verdict.bar",
-    "measure_pulses": "wavesim.readings.pulse.measurement",
-    "read_pulse_test": "wavesim.records.of_pulse_test",
-    "read_pulses": "wavesim.readings.pulse.array_reading",
-    "transmission_record": "wavesim.readings.pulse.transmission_record",
-    "read_transmission": "wavesim.readings.pulse.reading",
-    "read_series": "wavesim.readings.pulse.series_reading",
-    "matched": "wavesim.readings.matched_record",
-    "compare": "wavesim.studies.comparison",
-    "fit_waveforms": "wavesim.studies.fit_answer",
-    "load": "wavesim.case.load",
-    "progress": "wavesim.report.progress",
-    "open": "wavesim.records.run_folder",
-    "record": "wavesim.records.record",
-    "read_record": "wavesim.records.files",
-    "inspect": "wavesim.records.inspection",
-    "Layout": "wavesim.records.arrays",
-    "in_time": "wavesim.readings.dispersion.frequency_at_wavenumber",
-    "in_space": "wavesim.readings.dispersion.wavenumber_at_frequency",
-    "synthesize": "wavesim.records.synthetic",
-    "score": "wavesim.verdict.score",
-    "fit": "wavesim.studies.medium_fit",
-    "sweep": "wavesim.studies.sweep",
-}
-# Offered under a name that says more than the one at home.
-_NAMES = {
-    "measure_pulses": "measure",
-    "read_pulse_test": "of_pulse_file",
-    "read_pulses": "read_array",
-    "read_transmission": "read_one",
-    "fit_waveforms": "of_waveforms",
-    "open": "open_run",
-    "progress": "part_done",
-    "read_record": "read",
-    "traced_transmission": "transmission",
-}
-_MODULES = {"layeredwave": "wavesim.layered", "planewave": "wavesim.planewave"}
+# {name: (where it is at home, its name there)}, of each statement of import in the stub.
+_HOMES: dict[str, tuple[str, str]] = {}
+with open(f"{__file__}i", encoding="utf-8") as _file:
+    _STUB = _file.read()
+for _home, _several, _alone in re.findall(
+    r"^from (\S+) import (?:\(([^)]*)\)|(.+))$", _STUB, re.MULTILINE
+):
+    for _own, _name in re.findall(r"(\w+)(?: as (\w+))?", _several or _alone):
+        _HOMES[_name or _own] = _home, _own
 
-__all__ = [*_HOMES, *_MODULES]
+__all__ = [*_HOMES]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        found = getattr(importlib.import_module(_HOMES[name]), _NAMES.get(name, name))
-        if not isinstance(found, type):
-            checked = importlib.import_module("wavesim.material.arguments").checked
-            found = checked(found, name)
-            found.__module__, found.__qualname__ = __name__, name  # where pickle finds it
-        globals()[name] = found
-        return found
-    if name in _MODULES:
-        return importlib.import_module(_MODULES[name])
     if name == "__version__":
         return importlib.import_module("importlib.metadata").version("wavesim")
-    raise AttributeError(f"module 'wavesim' has no attribute {name!r}")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'wavesim' has no attribute {name!r}")
+    home, own = _HOMES[name]
+    if home == __name__:  # a room
+        return importlib.import_module(f"{home}.{own}")
+    found = getattr(importlib.import_module(home), own)
+    if not isinstance(found, type):
+        checked = importlib.import_module("wavesim.material.arguments").checked
+        found = checked(found, name)
+        found.__module__, found.__qualname__ = __name__, name  # where pickle finds it
+    globals()[name] = found
+    return found
 
 
 def __dir__() -> list[str]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import resource
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -35,19 +34,19 @@ _FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", 
 _FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
 _PICTURES = (".png", ".pdf", ".svg")
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
+_OVERVIEW = "wavesim.figures.overview.write_overview"
 
 
 class RunError(RuntimeError):
     """A run can't begin or can't go on; the message says why and what to do.
 
     Attributes:
-        unstable: the integration failed, rather than a file.
         code: to end with: 2 where what was asked for can't be, 3 where the integration, or the
             writing of its results, failed.
     """
 
-    def __init__(self, message: str, unstable: bool, written: bool = True) -> None:
-        self.unstable, self.code = unstable, 2 if written and not unstable else 3
+    def __init__(self, message: str, code: int) -> None:
+        self.code = code
         super().__init__(message)
 
 
@@ -112,173 +111,159 @@ def run(
         What came of it.
 
     Raises:
-        RunError: a file can't be written or resumed, or the integration failed; the result file
-            then holds what came before.
+        StorageError: result.h5 can't be written or resumed.
+        RunError: another file can't be written, or the integration failed; the result file then
+            holds what came before.
     """
-    begun = time.perf_counter()
+    clock, timing = time.perf_counter(), dict[str, float]()
     tell = progress or (lambda stage, part: None)
     tell("import", 0.0)
-    from wavesim.io.folder_lock import locked
-    from wavesim.io.result_reader import StorageError, WriteError
+    with _told_as_run_errors(folder), ExitStack() as until_the_end:
+        from wavesim.io.folder_lock import locked
+
+        if not resume:
+            _begin(folder)
+        if folder.is_dir():
+            until_the_end.enter_context(locked(folder))
+        own = beside or until_the_end.enter_context(begun_beside())
+        worker = reached(case.simulation, own)
+
+        def lap(stage: str) -> None:
+            nonlocal clock
+            now = time.perf_counter()
+            timing[stage], clock = timing.get(stage, 0.0) + now - clock, now
+
+        from wavesim.material.scaling import scales
+        from wavesim.report.answers import verdict
+        from wavesim.report.page import page
+        from wavesim.simulation.field import Energy, Field
+
+        known: Answer | None = None
+        to_come = Field(case.simulation, case.simulation.times, {})
+        if not case.simulation.endless:
+            table = case.analysis
+            read = table.frequencies, table.damping, table.bands
+            known = worker.ask(_EXPECTED, to_come, *read)
+        from wavesim.timedomain.compiled import keep_compiled
+
+        keep_compiled()
+        from wavesim.io import result_reader as resultfile
+        from wavesim.io import result_writer as storage
+        from wavesim.io.storing import Storing
+        from wavesim.io.whole_files import write_whole
+        from wavesim.timedomain.cost import in_memory
+        from wavesim.timedomain.integrate import Timing
+        from wavesim.timedomain.time_step import time_step
+
+        lap("import")
+        simulated, spent = case.simulation, Timing()
+        steps, frames = time_step(simulated), simulated.frames
+        seconds = steps.step * float(scales(simulated.medium).time)
+        resolved = case.resolved(steps.solver, seconds)
+        told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
+        results = storage.Results(folder / "result.h5", simulated, told)
+        start = None
+        if resume:
+            start = results.carry_on()
+        else:
+            results.create()
+        _take_away_old(folder)
+        write_whole(folder / "resolved.toml", resolved.encode())
+        kept: dict[str, SharedArray] = {}
+        if start is None and in_memory(simulated):
+            sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
+            with suppress(OSError):
+                kept = {name: worker.array((frames, size)) for name, size in sizes.items()}
+        tell("compile", 0.0)
+        # What the analysis needs is loaded while the compiler leaves Python's lock alone.
+        loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
+        storing = until_the_end.enter_context(Storing(results, kept))
+        energies = _integrated(simulated, results, start, storing, spent, tell, loading.start)
+        lap("integrate")
+        timing["compile"] = spent.compile
+        timing["store"] = timing["integrate"] - spent.compile - spent.integrate
+        timing["integrate"] = spent.integrate
+
+        loading.join()
+        tell("analyse", 0.0)
+        if kept:
+            storing.filled()
+            for values in kept.values():
+                values.freeze()
+            stored = simulated.times, kept, Energy.joined(energies)
+            field = Field(simulated, *stored, steps.solver, seconds)
+        else:
+            storing.wait()
+            field = resultfile.read(results.path, simulated)
+        pictures = _Pictures(worker, folder, figures, field)
+        found = measure(case, field, known and known.result())
+        lap("analyse")
+        tell("figures", 0.0)
+        rows = [check.row() for check in found.checks]
+        pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
+        storing.wait()
+        until_the_end.enter_context(results.gathering())
+        if not kept:
+            # The file is read until all is drawn: only then may another take its place.
+            pictures.wait()
+            lap("figures")
+        tell("store", 0.0)
+        results.finish("complete", found.tables)
+        lap("store")
+        tell("figures", 0.0)
+        data, undrawn = pictures.result()
+        lap("figures")
+        summary = {
+            "title": case.title,
+            "checks": rows,
+            "passed": all(check.passed for check in found.checks),
+            "timing": timing,
+            "stepper": steps.solver,
+            "step": seconds,
+            "steps": steps.steps,
+            "operator_products": steps.operator_products,
+            "cells": simulated.bar.cells,
+            "fields": list(simulated.fields),
+            "peak_memory_bytes": peak_memory(),
+            "versions": storage.versions(),
+            "answers": found.answers,
+        } | found.summary
+        summary = plain(summary)
+        text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+        write_whole(folder / "summary.json", text.encode())
+        notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
+        for failure in undrawn:
+            why = str(failure).partition("\n")[0]
+            notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
+        if data is not None:
+            made = page(summary, data, resolved, folder, rerun, notes)
+            write_whole(folder / "report.html", made.encode())
+        for failure in undrawn:
+            if isinstance(failure, OSError):
+                raise failure
+        return Outcome(summary, folder, notes)
+
+
+@contextmanager
+def _told_as_run_errors(folder: Path) -> Iterator[None]:
+    """Files that can't be written, and memory that does not suffice, told with what to do."""
+    from wavesim.report.terminal import BAD_INPUT, FAILED, unwritable
 
     try:
-        with ExitStack() as until_the_end:
-            if not resume:
-                _begin(folder)
-            if folder.is_dir():
-                until_the_end.enter_context(locked(folder))
-            own = beside or until_the_end.enter_context(begun_beside())
-            at_work = reached(case.simulation, own)
-            known = case, folder, resume, tell, begun, at_work, figures, rerun
-            return _run(until_the_end, *known)
-    except StorageError as error:
-        raise RunError(str(error), False, not isinstance(error, WriteError)) from error
+        yield
     except OSError as error:
-        what = error.strerror or error
-        raise RunError(
-            f"{error.filename or folder}: can't be written: {what}; make room on the disk, and "
-            "run again with --resume if result.h5 is there",
-            False,
-            False,
-        ) from error
+        remedy = "run again, with --resume if result.h5 is there"
+        said, _ = unwritable(error, error.filename or folder, remedy)
+        raise RunError(said, FAILED) from error
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "RESOURCE_EXHAUSTED" not in str(error):
             raise
-        why = str(error).splitlines()[0]
+        why = str(error).partition("\n")[0] or type(error).__name__
         raise RunError(
             f"the run does not fit into memory ({why}): lower [time] samples or duration, or take "
             "fewer cells",
-            False,
+            BAD_INPUT,
         ) from error
-
-
-def _run(
-    until_the_end: ExitStack,
-    case: Case,
-    folder: Path,
-    resume: bool,
-    tell: Progress,
-    clock: float,
-    beside: Worker | Here,
-    figures: bool,
-    rerun: str,
-) -> Outcome:
-    timing: dict[str, float] = {}
-
-    def lap(stage: str) -> None:
-        nonlocal clock
-        now = time.perf_counter()
-        timing[stage], clock = timing.get(stage, 0.0) + now - clock, now
-
-    from wavesim.material.scaling import scales
-    from wavesim.report.answers import verdict
-    from wavesim.report.page import page
-    from wavesim.simulation.field import Energy, Field
-
-    known: Answer | None = None
-    to_come = Field(case.simulation, case.simulation.times, {})
-    if not case.simulation.endless:
-        table = case.analysis
-        read = table.frequencies, table.damping, table.bands
-        known = beside.one(_EXPECTED, to_come, *read)
-    from wavesim.timedomain.compiled import keep_compiled
-
-    keep_compiled()
-    from wavesim.io import result_reader as resultfile
-    from wavesim.io import result_writer as storage
-    from wavesim.io.storing import Storing
-    from wavesim.io.whole_files import write_whole
-    from wavesim.timedomain.cost import in_memory
-    from wavesim.timedomain.integrate import Timing
-    from wavesim.timedomain.time_step import time_step
-
-    lap("import")
-    simulated, spent = case.simulation, Timing()
-    steps, frames = time_step(simulated), simulated.frames
-    seconds = steps.step * float(scales(simulated.medium).time)
-    resolved = case.resolved(steps.solver, seconds)
-    told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
-    results = storage.Results(folder / "result.h5", simulated, told)
-    start = None
-    if resume:
-        start = results.carry_on()
-    else:
-        results.create()
-    _take_away_old(folder)
-    write_whole(folder / "resolved.toml", resolved.encode())
-    kept: dict[str, SharedArray] = {}
-    if start is None and in_memory(simulated):
-        sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
-        with suppress(OSError):
-            kept = {name: beside.array((frames, size)) for name, size in sizes.items()}
-    tell("compile", 0.0)
-    # What the analysis needs is loaded while the compiler leaves Python's lock alone.
-    loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
-    storing = until_the_end.enter_context(Storing(results, kept))
-    energies = _integrated(simulated, results, start, storing, spent, tell, loading.start)
-    lap("integrate")
-    timing["compile"] = spent.compile
-    timing["store"] = timing["integrate"] - spent.compile - spent.integrate
-    timing["integrate"] = spent.integrate
-
-    loading.join()
-    tell("analyse", 0.0)
-    if kept:
-        storing.filled()
-        for values in kept.values():
-            values.freeze()
-        stored = simulated.times, kept, Energy.joined(energies)
-        field = Field(simulated, *stored, steps.solver, seconds)
-    else:
-        storing.wait()
-        field = resultfile.read(results.path, simulated)
-    pictures = _Pictures(beside, folder, figures, field)
-    found = measure(case, field, *(known.result() if known else ()))
-    lap("analyse")
-    tell("figures", 0.0)
-    rows = [check.row() for check in found.checks]
-    pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
-    storing.wait()
-    until_the_end.enter_context(results.gathering())
-    if not kept:
-        # The file is read until all is drawn: only then may another take its place.
-        pictures.wait()
-        lap("figures")
-    tell("store", 0.0)
-    results.finish("complete", found.tables)
-    lap("store")
-    tell("figures", 0.0)
-    data, undrawn = pictures.result()
-    lap("figures")
-    summary = {
-        "title": case.title,
-        "checks": rows,
-        "passed": all(check.passed for check in found.checks),
-        "timing": timing,
-        "stepper": steps.solver,
-        "step": seconds,
-        "steps": steps.steps,
-        "operator_products": steps.operator_products,
-        "cells": simulated.bar.cells,
-        "fields": list(simulated.fields),
-        "peak_memory_bytes": peak_memory(),
-        "versions": storage.versions(),
-        "answers": found.answers,
-    } | found.summary
-    summary = plain(summary)
-    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
-    write_whole(folder / "summary.json", text.encode())
-    notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
-    for failure in undrawn:
-        why = str(failure).partition("\n")[0]
-        notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
-    if data is not None:
-        made = page(summary, data, resolved, folder, rerun, notes)
-        write_whole(folder / "report.html", made.encode())
-    for failure in undrawn:
-        if isinstance(failure, OSError):
-            raise failure
-    return Outcome(summary, folder, notes)
 
 
 def _take_away_old(folder: Path) -> None:
@@ -314,6 +299,7 @@ def _integrated(
         The energy of each chunk.
     """
     from wavesim.io.result_reader import StorageError
+    from wavesim.report.terminal import FAILED
     from wavesim.timedomain.integrate import NotFiniteError, stream
 
     energies = []
@@ -325,7 +311,7 @@ def _integrated(
     except NotFiniteError as error:
         storing.wait()
         results.finish("failed")
-        raise RunError(str(error), True) from None
+        raise RunError(str(error), FAILED) from None
     except BaseException:
         with suppress(StorageError):
             storing.stop()
@@ -344,23 +330,23 @@ class _Pictures:
     """
 
     def __init__(self, beside: Worker | Here, folder: Path, figures: bool, field: Field) -> None:
-        self._beside, self._field, self._overview = beside, field, folder / "overview.png"
-        self._folder = folder / "figures" if figures else None
-        self._data = [beside.one(f"{_PAGE_DATA}.of_field", field)]
+        self._beside, self._folder, self._figures, self._field = beside, folder, figures, field
+        self._data = [beside.ask(f"{_PAGE_DATA}.of_field", field)]
         self._drawn: list[Answer] = []
-        if self._folder:
-            self._drawn.append(beside.each(f"{_DRAWING}.of_field", self._folder, field))
 
     def of_found(self, found: Any, title: str, verdict: str) -> None:
         """Draw what was measured; arguments as of ``figures.overview.write_overview``."""
-        beside, field = self._beside, self._field
-        known = self._overview, field, found, title, verdict
-        self._drawn.append(beside.one(f"{_DRAWING}.overview", *known))
-        self._data.append(beside.one(f"{_PAGE_DATA}.of_found", field, found))
-        if self._folder:
-            self._drawn.append(
-                beside.each(f"{_DRAWING}.of_measurement", self._folder, field, found)
-            )
+        ask, folder, known = self._beside.ask, self._folder, (self._field, found)
+        self._drawn.append(ask(_OVERVIEW, folder / "overview.png", *known, title, verdict))
+        self._data.append(ask(f"{_PAGE_DATA}.of_found", *known))
+        if self._figures:
+            named = ask(f"{_DRAWING}.names", *known)
+            self._drawn.append(named)
+            with suppress(Exception):  # told of with the others
+                self._drawn += [
+                    ask(f"{_DRAWING}.draw", folder / "figures", *known, name, "png")
+                    for name in named.result()
+                ]
 
     def wait(self) -> None:
         """Wait until all is drawn, well or not."""
@@ -375,7 +361,7 @@ class _Pictures:
             try:
                 made = one.result()
                 if data is not None and one in self._data:
-                    data |= made[0]
+                    data |= made
             except Exception as error:
                 wrong.append(error)
                 data = None if one in self._data else data
@@ -383,15 +369,12 @@ class _Pictures:
 
 
 def _begin(folder: Path) -> None:
+    from wavesim.report.terminal import unwritable
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-        raise RunError(
-            f"--out {folder}: can't be written: {error.strerror}; name another folder",
-            False,
-            not full,
-        ) from None
+        raise RunError(*unwritable(error, f"--out {folder}")) from None
 
 
 def peak_memory() -> int:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 import traceback
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
@@ -33,10 +33,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # a process is begun before it is loaded
     import numpy as np
 
-Job = Callable[[], Any]
-# Whether something went wrong, and what that was or else each answer, pickled.
-Told = tuple[bool, list[bytes]]
-
 _PROGRAM = (
     "import sys; sys.path[:] = sys.argv[3:]; from wavesim.worker import serve; "
     "serve(int(sys.argv[1]), int(sys.argv[2]))"
@@ -47,6 +43,12 @@ _PROGRAM = (
 _shared = -1
 # Process ids of the workers of this process.
 _RUNNING: set[int] = set()
+
+
+def cores() -> int:
+    """Cores that this process may use, of a machine that may have more."""
+    known = getattr(os, "sched_getaffinity", None)
+    return len(known(0)) if known else os.cpu_count() or 1
 
 
 def end_all() -> None:
@@ -100,15 +102,16 @@ class Answer:
     """What a worker was asked for, once it is there."""
 
     def __init__(self, pickled: bool = True) -> None:
-        self.told: Future[Any] = Future()
+        # Whether something went wrong, and what that was or else what was returned.
+        self.told: Future[tuple[bool, Any]] = Future()
         self._pickled = pickled
 
     def wait(self) -> None:
         """Wait until it is there, well or not."""
         self.told.exception()
 
-    def result(self, timeout: float | None = None) -> list[Any]:
-        """What the jobs returned, in their order.
+    def result(self, timeout: float | None = None) -> Any:
+        """What the function returned.
 
         It is unpickled by who asks, not by the thread that listens: two threads that import what it
         is made of, each a part, may find modules half made.
@@ -118,13 +121,13 @@ class Answer:
 
         Raises:
             TimeoutError: it is not there yet.
-            MemoryError: the system ended a fork, or the worker.
-            Exception: what a job, or what makes them, raised.
+            MemoryError: the system ended the fork, or the worker.
+            Exception: what the function raised.
         """
-        wrong, parts = self.told.result(timeout)
-        found = [pickle.loads(part) for part in parts] if self._pickled else parts
+        wrong, told = self.told.result(timeout)
+        found = pickle.loads(told) if self._pickled else told
         if wrong:
-            raise found[0]
+            raise found
         return found
 
 
@@ -177,31 +180,24 @@ class Worker:
         os.ftruncate(self._memory, self._taken)
         return SharedArray(_mapped(self._memory, place, shape, mmap.ACCESS_WRITE), place)
 
-    def each(self, jobs: str, *arguments: Any) -> Answer:
-        """Have jobs done, each by a fork, as many at once as there are cores.
+    def ask(self, function: str, *arguments: Any) -> Answer:
+        """Have a function called by a fork; of forks as many work at once as there are cores.
 
         Args:
-            jobs: full name of the function that returns them, which is called there.
+            function: its full name.
             arguments: of it.
-
-        Returns:
-            The answer to come: what each returns.
         """
-        return self._ask(("each", jobs, arguments))
-
-    def one(self, function: str, *arguments: Any) -> Answer:
-        """Have one thing done by a fork; arguments as of :meth:`each`, a list of one answer."""
-        return self._ask(("one", function, arguments))
+        return self._ask(False, function, arguments)
 
     def prepare(self, function: str, *arguments: Any) -> Answer:
-        """Have something done by the process itself, as to load what its forks need; no answer."""
-        return self._ask(("prepare", function, arguments))
+        """Have one called by the process itself, as to load what its forks need; returns None."""
+        return self._ask(True, function, arguments)
 
-    def _ask(self, question: tuple[str, str, Sequence[Any]]) -> Answer:
+    def _ask(self, itself: bool, function: str, arguments: tuple[Any, ...]) -> Answer:
         answer = Answer()
         self._asked.append(answer)
         try:
-            self._line.send((len(self._asked) - 1, *question))
+            self._line.send((len(self._asked) - 1, itself, function, arguments))
         except (BrokenPipeError, ConnectionResetError):
             self._listener.join()
             if not answer.told.done():
@@ -232,20 +228,13 @@ class Here:
 
         return SharedArray(np.zeros(shape), 0)
 
-    def each(self, jobs: str, *arguments: Any) -> Answer:
+    def ask(self, function: str, *arguments: Any) -> Answer:
         """As of a worker."""
-        return self._done("each", jobs, arguments)
-
-    def one(self, function: str, *arguments: Any) -> Answer:
-        """As of a worker."""
-        return self._done("one", function, arguments)
-
-    def _done(self, how: str, name: str, arguments: Sequence[Any]) -> Answer:
         answer = Answer(pickled=False)
         try:
-            answer.told.set_result((False, [job() for job in _jobs(how, name, arguments)]))
+            answer.told.set_result((False, _named(function)(*arguments)))
         except Exception as error:
-            answer.told.set_result((True, [error]))
+            answer.told.set_result((True, error))
         return answer
 
 
@@ -257,14 +246,10 @@ def _memory() -> int:
         return os.dup(file.fileno())
 
 
-def _jobs(how: str, name: str, arguments: Sequence[Any]) -> list[Job]:
-    """What is to be forked for, by the full name of a function."""
-    module, _, attribute = name.rpartition(".")
-    function = getattr(import_module(module), attribute)
-    if how == "one":
-        return [partial(function, *arguments)]
-    made = function(*arguments)
-    return list(made) if how == "each" else []
+def _named(function: str) -> Callable[..., Any]:
+    """A function by its full name."""
+    module, _, attribute = function.rpartition(".")
+    return getattr(import_module(module), attribute)
 
 
 def _ended(what: str, code: int | None) -> Exception:
@@ -273,19 +258,20 @@ def _ended(what: str, code: int | None) -> Exception:
 
 
 class _Fork:
-    """A fork at work on a job, and the end of a pipe with its answer."""
+    """A fork at work, and the end of a pipe with its answer."""
 
-    def __init__(self, job: Job, line: Connection) -> None:
+    def __init__(self, number: int, work: Callable[[], Any], line: Connection) -> None:
         forking = get_context("fork")
+        self.number = number
         self.answer, theirs = forking.Pipe(duplex=False)
-        self._process = forking.Process(target=_work, args=(job, theirs, line))
+        self._process = forking.Process(target=_work, args=(work, theirs, line))
         self._process.start()
         theirs.close()
 
     def result(self) -> tuple[bool, bytes]:
         """Whether it went wrong, and what it returned or raised, pickled."""
         told = None
-        with self.answer, suppress(EOFError):
+        with self.answer, suppress(EOFError, OSError):  # ended, or while it told
             told = self.answer.recv()
         self._process.join()
         if told is None:
@@ -297,17 +283,18 @@ def _pickled(what: Any) -> bytes:
     return pickle.dumps(what, pickle.HIGHEST_PROTOCOL)
 
 
-def _wrong(error: Exception) -> bytes:
-    error.add_note(traceback.format_exc())
-    return _pickled(error)
-
-
-def _work(job: Job, answer: Connection, line: Connection) -> None:
-    line.close()  # the run must see it end with the process alone
+def _told(work: Callable[..., Any], *arguments: Any) -> tuple[bool, bytes]:
+    """What comes of work, as :meth:`_Fork.result` has it."""
     try:
-        answer.send((False, _pickled(job())))
+        return False, _pickled(work(*arguments))
     except Exception as error:
-        answer.send((True, _wrong(error)))
+        error.add_note(traceback.format_exc())
+        return True, _pickled(error)
+
+
+def _work(work: Callable[[], Any], answer: Connection, line: Connection) -> None:
+    line.close()  # the run must see it end with the process alone
+    answer.send(_told(work))
 
 
 def serve(descriptor: int, shared: int) -> None:
@@ -320,46 +307,32 @@ def serve(descriptor: int, shared: int) -> None:
     global _shared
     _shared = shared
     line = Connection(descriptor)
-    waiting: deque[tuple[int, int, Job]] = deque()
-    running: dict[Connection, tuple[int, int, _Fork]] = {}
-    answers: dict[int, dict[int, bytes]] = {}
-    wanted: dict[int, int] = {}
+    waiting: deque[tuple[int, Callable[[], Any]]] = deque()
+    running: dict[Connection, _Fork] = {}
     gc.disable()  # what it loads stays, and what it makes is forked
 
-    def tell_if_done(number: int) -> None:
-        if len(answers[number]) == wanted[number]:
-            found = answers.pop(number)
-            line.send((number, (False, [found[place] for place in sorted(found)])))
+    def begin(number: int, itself: bool, function: str, arguments: tuple[Any, ...]) -> None:
+        work = partial(_named(function), *arguments)
+        if itself:
+            work()
+        else:
+            waiting.append((number, work))
 
     while True:
-        while waiting and len(running) < (os.cpu_count() or 1):
-            number, place, job = waiting.popleft()
-            fork = _Fork(job, line)
-            running[fork.answer] = number, place, fork
+        while waiting and len(running) < cores():
+            fork = _Fork(*waiting.popleft(), line)
+            running[fork.answer] = fork
         for ready in wait([line, *running]):
-            if ready is line:
-                try:
-                    number, *question = line.recv()
-                except (EOFError, OSError):
-                    # The run ended before; forks at work on it end too.
-                    os.killpg(os.getpgid(0), signal.SIGKILL)
-                try:
-                    made = _jobs(*question)
-                except Exception as error:
-                    line.send((number, (True, [_wrong(error)])))
-                    continue
-                wanted[number], answers[number] = len(made), {}
-                waiting.extend((number, place, job) for place, job in enumerate(made))
-                tell_if_done(number)
+            if ready is not line:
+                assert isinstance(ready, Connection)
+                fork = running.pop(ready)
+                line.send((fork.number, fork.result()))
                 continue
-            assert isinstance(ready, Connection)
-            number, place, fork = running.pop(ready)
-            wrong, answer = fork.result()
-            if number not in answers:
-                continue  # of several that go wrong the first is told
-            if wrong:
-                del answers[number]
-                line.send((number, (True, [answer])))
-            else:
-                answers[number][place] = answer
-                tell_if_done(number)
+            try:
+                number, itself, function, arguments = line.recv()
+            except (EOFError, OSError):
+                # The run ended before; forks at work on it end too.
+                os.killpg(os.getpgid(0), signal.SIGKILL)
+            wrong, told = _told(begin, number, itself, function, arguments)
+            if itself or wrong:
+                line.send((number, (wrong, told)))

@@ -54,6 +54,17 @@ _MEANS = {
     "k_max": "highest wavenumber judged (rad/m)",
     "frequencies": "of the attenuation curve",
     "damping": "σT of the exponential window",
+    "sector": "whose waves, such as longitudinal",
+    "at_most": "|T| (dB)",
+    "at_least": "|T| (dB)",
+    "length_at_most": "of all that stands between the half-spaces (m)",
+    "thickness_at_least": "of each layer there (m)",
+    "tolerance": "of each variable as it is made, relative",
+}
+# What from and to are of tables that have such a key, and no layers.
+_ENDS = {
+    "sector": {"from": "lowest frequency (Hz)", "to": "highest frequency (Hz)"},
+    "key": {"from": "least, in the key's unit", "to": "most, in the key's unit"},
 }
 
 
@@ -62,12 +73,6 @@ def _meaning(key: str) -> str | None:
     if known is None:
         return _MEANS.get(key)
     return known.symbol + (f" ({known.unit})" if known.unit else "")
-
-
-def _one_of(key: str) -> list[Any] | None:
-    """What a key may be."""
-    known = {"order": ORDERS, "field": known_fields(), "family": families()}.get(key)
-    return None if known is None else list(known)
 
 
 def json_schema() -> dict[str, Any]:
@@ -93,15 +98,20 @@ def _told(part: Any) -> Any:
         made |= rest[0] if len(rest) == 1 else {"anyOf": rest}
     if "default" in made and not isinstance(made["default"], str | int | float | bool):
         del made["default"]
-    keys = made.get("properties")
+    keys, allowed = (
+        made.get("properties"),
+        {"order": ORDERS, "field": known_fields(), "family": families()},
+    )
     if isinstance(keys, dict):
         made.pop("title", None)
         made.pop("description", None)
+        allowed = {"order": ORDERS, "field": known_fields(), "family": families()}
+        ends = next((ends for key, ends in _ENDS.items() if key in keys), {})
         for name, one in keys.items():
             one.pop("title", None)
-            meaning, allowed = _meaning(name), _one_of(name)
+            meaning = ends.get(name) or _meaning(name)
             if meaning is not None and "$ref" not in one:
                 one["description"] = meaning
-            if allowed is not None:
-                one["enum"] = allowed
+            for kind in one.get("anyOf", [one]) if name in allowed else ():
+                kind.get("items", kind)["enum"] = list(allowed[name])
     return made

@@ -148,8 +148,8 @@ def _check_half_spaces(bar: BarTable, tables: Sequence[LayerTable]) -> None:
             )
 
 
-def _placed(tables: Sequence[LayerTable]) -> list[Placed]:
-    """The layers of a case in order, each where it stands.
+def _placed(tables: Sequence[LayerTable], begin: float) -> list[Placed]:
+    """The layers of a case in order, each where it stands, from a position (m) on.
 
     Raises:
         ValueError: there are more than can be meant.
@@ -167,7 +167,7 @@ def _placed(tables: Sequence[LayerTable]) -> list[Placed]:
                 raise ValueError(f"more than {MOST_REPEATS} layers; lower a repeat")
             start = table.start
             if start is None:
-                start = found[-1].end if found else 0.0
+                start = found[-1].end if found else begin
             end = start + table.thickness if table.end is None else table.end  # type: ignore[operator]
             found.append(Placed(where, table, start, end))
 
@@ -177,20 +177,18 @@ def _placed(tables: Sequence[LayerTable]) -> list[Placed]:
 
 def _with_buffers(bar: BarTable, tables: Sequence[LayerTable], unit: float) -> list[Placed]:
     """The layers where they stand, with a buffer of [medium] for each half-space."""
-    own = LayerTable(thickness=BUFFER * unit)
-    first = [own] if bar.left == HALF_SPACE else []
-    last = [own] if bar.right == HALF_SPACE else []
-    found = _placed([*first, *tables, *last])
+    length = BUFFER * unit
+    own = LayerTable(thickness=length)
+    first = [Placed(("bar",), own, 0.0, length)] if bar.left == HALF_SPACE else []
+    found = _placed(tables, length if first else 0.0)
     given = next((p for p in found if p.table.start is not None), None)
     if first and given is not None:
         raise ValueError(
-            f'number {int(given.where[1])}: from = {given.start:g}: [bar] left = "{HALF_SPACE}" '
-            "puts a buffer before the first layer; give thickness in place of from and to"
+            f"number {int(given.where[1]) + 1}: from = {given.start:g}: [bar] left = "
+            f'"{HALF_SPACE}" puts a buffer before the first layer; give thickness in place of from '
+            "and to"
         )
-    whole = []
-    for number, one in enumerate(found):
-        buffer = (first and number == 0) or (last and number == len(found) - 1)
-        where = ("bar",) if buffer else (one.where[0], str(int(one.where[1]) - len(first)))
-        rest = () if buffer else one.where[2:]
-        whole.append(Placed((*where, *rest), one.table, one.start, one.end))
-    return whole
+    if bar.right != HALF_SPACE:
+        return first + found
+    last = found[-1].end
+    return [*first, *found, Placed(("bar",), own, last, last + length)]

@@ -11,8 +11,6 @@ from typing import Any, cast
 
 import tomli_w
 
-from wavesim.case import medium_tables as casemedia
-from wavesim.case import source_tables as casesources
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.messages import place
 from wavesim.case.schema import AnalysisTable, BandTable, CaseError, CaseFile, read
@@ -21,7 +19,7 @@ from wavesim.grid.points import sampling, spread
 from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import JUDGED
+from wavesim.material.scaling import JUDGED, judged_range
 from wavesim.simulation.resolution import check_carried
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
@@ -87,15 +85,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Case:
 
 
 def build(file: CaseFile, name: str) -> Case:
-    """Build what a case file describes.
-
-    Args:
-        file: its tables.
-        name: of the file, for messages.
-
-    Raises:
-        CaseError: as :func:`load`.
-    """
+    """Build what the tables of a case file describe; name and errors as of :func:`load`."""
     for heading in file.missing:
         raise CaseError(
             f"{name}: {heading}: required, but not given; add it (what needs no simulation, as "
@@ -125,6 +115,7 @@ def build(file: CaseFile, name: str) -> Case:
     spacings = [min(widest, layer.thickness / closure(order).cells) for layer in stretches]
     absorber = make(("bar",), _absorber, file, ends, (media[0], media[-1]), length)
     bar = make(("bar",), _whole, plain, layers, length, spacings, order, ends, absorber)
+    of_bar = layers or as_layers(medium, bar.length)
     sources = []
     for number, entry in enumerate(file.sources):
         where = ("sources", str(number))
@@ -136,15 +127,17 @@ def build(file: CaseFile, name: str) -> Case:
             make(where, _check_end, source, entry, ends)
         else:
             make(where, spread, bar, source.position, source.width, source.staggered)
-        make(where, check_carried, source, media, bar)
+        make(where, check_carried, source, of_bar, bar)
         sources.append(source)
     receivers = {}
     for number, receiver in enumerate(file.receivers):
         position = _within(receiver.position, file, bar)
         make(("receivers", str(number)), sampling, bar, position, False)
         receivers[receiver.name] = position
-    of_bar = layers or as_layers(medium, bar.length)
-    simulation = make(("time",), _simulation, file, of_bar, bar, tuple(sources), receivers)
+    duration, solver = file.time.duration, file.time.solver
+    samples, step = (None if v == "auto" else v for v in (file.time.samples, file.time.step))
+    timed = duration, samples, receivers, solver, step
+    simulation = make(("time",), Simulation, of_bar, bar, tuple(sources), *timed)
     for number, band in enumerate(file.analysis.bands):
         make(("analysis", "bands", str(number)), _check_band, band, simulation)
     judged = (0.0, 0.0)
@@ -175,31 +168,10 @@ def _on_grid(source: Source, number: int, file: CaseFile, bar: Bar) -> tuple[Sou
     return source if same else dataclasses.replace(cast(Any, source), **changed), said
 
 
-def _simulation(
-    file: CaseFile,
-    layers: Layers,
-    bar: Bar,
-    sources: tuple[Source, ...],
-    receivers: dict[str, float],
-) -> Simulation:
-    time = file.time
-    return Simulation(
-        layers,
-        bar,
-        sources,
-        time.duration,
-        None if time.samples == "auto" else time.samples,
-        receivers,
-        time.solver,
-        None if time.step == "auto" else time.step,
-    )
-
-
 def _judged(analysis: AnalysisTable, medium: Medium, bar: Bar) -> tuple[float, float]:
     """Wavenumbers between which branches are judged, held to what the bar resolves."""
-    unit = 2 * math.pi / medium.length_scale
-    low = analysis.k_min or JUDGED[0] * unit
-    high = analysis.k_max or JUDGED[1] * unit
+    lowest, highest = judged_range(medium)
+    low, high = analysis.k_min or lowest, analysis.k_max or highest
     if low >= high:
         raise ValueError(
             f"k_min = {low:g}: must be below k_max = {high:g} rad/m (k̄ = {JUDGED[0]:g} and "
@@ -255,12 +227,11 @@ def _resolved(
     if absorber:
         tables["bar"]["absorber"] = absorber
     tables["layers"] = [
-        casemedia.resolved(layer, one.table, file.medium)
+        one.table.resolved(layer, file.medium)
         for one, layer in zip(known.places, known.stretches, strict=True)
     ]
     tables["sources"] = [
-        casesources.resolved(table, source)
-        for table, source in zip(file.sources, sources, strict=True)
+        table.resolved(source) for table, source in zip(file.sources, sources, strict=True)
     ]
     for name in ("medium", "bar"):
         tables[name] = {key: value for key, value in tables[name].items() if value is not None}

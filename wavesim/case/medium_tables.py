@@ -51,17 +51,16 @@ def _one_number(value: Any, info: ValidationInfo) -> Any:
 def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
     """A parameter in a layer: a number, or one for each end."""
     assert info.field_name is not None
-    parts = value if isinstance(value, list) else [value]
-    if len(parts) not in (1, 2) or (isinstance(value, list) and len(value) != 2):
+    graded = isinstance(value, list)
+    parts = value if graded else [value]
+    real = all(isinstance(p, numbers.Real) and not isinstance(p, bool) for p in parts)
+    if not real or (graded and len(parts) != 2):
         raise ValueError("must be a number, or a pair [at from, at to]")
-    for part in parts:
-        if isinstance(part, bool) or not isinstance(part, numbers.Real):
-            raise ValueError("must be a number, or a pair [at from, at to]")
-        try:
-            _held(info.field_name, float(part))
-        except OverflowError:
-            raise ValueError("must be finite") from None
-    return [float(part) for part in parts] if isinstance(value, list) else float(value)
+    try:
+        found = [_held(info.field_name, float(part)) for part in parts]
+    except OverflowError:
+        raise ValueError("must be finite") from None
+    return found if graded else found[0]
 
 
 def _check_band(value: list[float] | None) -> list[float] | None:
@@ -276,6 +275,25 @@ class LayerTable(_LayerKeys):
         last = None if ends[0] == ends[-1] else ends[-1]
         return Layer(start, end, ends[0], last, self.grading)
 
+    def resolved(self, layer: Layer, medium: MediumTable) -> dict[str, Any]:
+        """This table with every default filled in.
+
+        Args:
+            layer: what it was built into.
+            medium: [medium], which gives the loss keys that this does not.
+        """
+        first, last = layer.medium.parameters, (layer.last or layer.medium).parameters
+        losses = {
+            key: getattr(self, key) if getattr(self, key) is not None else getattr(medium, key)
+            for key in LOSSES
+        }
+        return (
+            {"from": layer.start, "to": layer.end, "grading": layer.grading}
+            | {"closure": layer.medium.keys["closure"]}
+            | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in first}
+            | {key: value for key, value in losses.items() if value is not None}
+        )
+
 
 _EXTENT = ("start", "end", "thickness", "grading", "repeat", "layers")
 
@@ -288,24 +306,3 @@ def learn() -> bool:
             table.model_fields[name] = FieldInfo.from_annotated_attribute(kind, None)
         table.model_rebuild(force=True)
     return bool(new)
-
-
-def resolved(layer: Layer, table: LayerTable, medium: MediumTable) -> dict[str, Any]:
-    """A layer's table with every default filled in.
-
-    Args:
-        layer: what the table was built into.
-        table: the table.
-        medium: [medium], which gives the loss keys that the table does not.
-    """
-    first, last = layer.medium.parameters, (layer.last or layer.medium).parameters
-    losses = {
-        key: getattr(table, key) if getattr(table, key) is not None else getattr(medium, key)
-        for key in LOSSES
-    }
-    return (
-        {"from": layer.start, "to": layer.end, "grading": layer.grading}
-        | {"closure": layer.medium.keys["closure"]}
-        | {n: first[n] if first[n] == last[n] else [first[n], last[n]] for n in first}
-        | {key: value for key, value in losses.items() if value is not None}
-    )

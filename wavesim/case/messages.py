@@ -43,10 +43,6 @@ def sentence(schema: type[BaseModel], error: ValidationError) -> str:
     """The error to tell of a case that does not fit its schema.
 
     An unknown key is told first, as it is often why another one is missing.
-
-    Args:
-        schema: the model of the whole file.
-        error: what validation said.
     """
     errors: list[Any] = list(error.errors())
     first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
@@ -105,13 +101,13 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
     where = place(table) + " " if table else ""
     given = f"{where}{key} = {shown(value)}"
     if kind == "extra_forbidden":
-        fields = _model(schema, error["loc"][:-1]).model_fields
+        fields = _at(schema, error["loc"][:-1]).model_fields
         allowed = [field.alias or name for name, field in fields.items()]
         near = difflib.get_close_matches(key, allowed, 1)
         if not table and not near:
             near = [f"{name}.{key}" for name in allowed if _is_key(schema, name, key)]
         # Keys of [medium] are many; elsewhere they are said in three words.
-        many = set(_model(schema, ("medium",)).model_fields) if "layers" in table else set()
+        many = set(_at(schema, ("medium",)).model_fields) if "layers" in table else set()
         short = [name for name in allowed if name not in many]
         short += ["any key of [medium]"] if many else []
         hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(short)}"
@@ -165,20 +161,9 @@ def _heading(schema: type[BaseModel], key: str) -> str:
     return f"[[{key}]]" if several else f"[{key}]"
 
 
-def _model(schema: type[BaseModel], loc: Sequence[Any]) -> type[BaseModel]:
-    """The model of the table at a path, in which the kind, if any, follows a number."""
-    model: Any = schema
-    for part in loc:
-        if isinstance(model, dict):
-            model = model.get(part, model)
-        elif isinstance(part, str):
-            model = _table(model.model_fields[part].annotation)
-    assert isinstance(model, type)
-    return model
-
-
-def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
-    """Whether a table belongs at a path, rather than a value that was given as one."""
+def _at(schema: type[BaseModel], loc: Sequence[Any]) -> Any:
+    """What is known of a path, in which the kind, if any, follows a number: the model of its table,
+    the models of an array's tables by kind, or what else its key holds."""
     model: Any = schema
     for part in loc:
         if isinstance(model, dict):
@@ -186,6 +171,12 @@ def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
         elif isinstance(part, str):
             known = getattr(model, "model_fields", {}).get(part)
             model = _table(known.annotation) if known else None
+    return model
+
+
+def _is_table(schema: type[BaseModel], loc: Sequence[Any]) -> bool:
+    """Whether a table belongs at a path, rather than a value that was given as one."""
+    model = _at(schema, loc)
     return isinstance(model, dict) or (isinstance(model, type) and issubclass(model, BaseModel))
 
 

@@ -18,7 +18,7 @@ from wavesim.case.shipped import found, like
 from wavesim.case.source_tables import SourceTable
 from wavesim.case.table import Finite, Name, NotNegative, Positive, Table, Text
 from wavesim.case.toml_text import CaseError as CaseError
-from wavesim.case.toml_text import lay_over, toml_tables
+from wavesim.case.toml_text import toml_tables
 from wavesim.grid.bar import MOST_CELLS, Bar
 from wavesim.grid.stencils import ORDERS
 from wavesim.material.arguments import FREQUENCIES, WINDOW
@@ -276,10 +276,7 @@ def tables_of(path: str | Path, overrides: Sequence[str] = ()) -> tuple[dict[str
     Arguments and errors as of :func:`read`; nothing is held to the schema.
     """
     file, text = source_of(path)
-    tables = toml_tables(text, str(path))
-    for override in overrides:
-        lay_over(tables, override)
-    return tables, file.parent
+    return toml_tables(text, str(path), overrides), file.parent
 
 
 def source_of(path: str | Path) -> tuple[Path, str]:
@@ -302,9 +299,7 @@ def parse(
         overrides: as :func:`read`.
         folder: that the paths of recorded signals are taken from.
     """
-    tables = toml_tables(text, name)
-    for override in overrides:
-        lay_over(tables, override)
+    tables = toml_tables(text, name, overrides)
     learned()
     try:
         return CaseFile.model_validate(tables, context={"folder": Path(folder)})

@@ -43,6 +43,17 @@ class _SourceTable(Table):
             given["position"] = 0.0 if end == "left" else length
         return _KINDS[given.pop("kind")](**given)
 
+    def resolved(self, source: Source) -> dict[str, Any]:
+        """This table with every default filled in and a file's samples inlined.
+
+        Args:
+            source: what it was built into.
+        """
+        settled, given = parameters(source), self.model_dump()
+        placed = [key for key in ("position", "width") if given.get(key) is not None]
+        given |= {key: settled[key] for key in ("delay", "start", *placed) if key in settled}
+        return {key: value for key, value in given.items() if value is not None}
+
     @field_validator("field")
     @classmethod
     def _known(cls, value: str) -> str:
@@ -210,17 +221,3 @@ SourceTable = Annotated[
     | Annotated[InitialTable, Tag("initial")],
     Discriminator(_kind),
 ]
-
-
-def resolved(table: Any, source: Source) -> dict[str, Any]:
-    """A source's table with every default filled in and a file's samples inlined.
-
-    Args:
-        table: one of the tables above.
-        source: what it was built into.
-    """
-    settled = parameters(source)
-    given = table.model_dump()
-    kept = ("delay", "start", *(key for key in ("position", "width") if given.get(key) is not None))
-    tables = given | {key: settled[key] for key in kept if key in settled}
-    return {key: value for key, value in tables.items() if value is not None}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from typing import Any
 
 from wavesim.material.shown import printable
@@ -13,21 +14,25 @@ class CaseError(ValueError):
     """A case can't be used; the message names file, key, value and remedy."""
 
 
-def toml_tables(text: str, name: str) -> dict[str, Any]:
-    """The tables of a case file's text.
+def toml_tables(text: str, name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a case file's text, with values laid over them.
 
     Args:
         text: of the file.
         name: of the file, for messages.
+        overrides: as of :func:`lay_over`.
 
     Raises:
         CaseError: it isn't TOML, or more than anyone means: nested deeper, numbers longer than
             Python reads.
     """
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise CaseError(f"{name}: not valid TOML: {_why(error)}") from None
+    for override in overrides:
+        lay_over(tables, override)
+    return tables
 
 
 def _why(error: Exception) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click.shell_completion import get_completion_class
 
-from wavesim.report.terminal import BAD_INPUT, console, stop
+from wavesim.report.terminal import BAD_INPUT, console, stop, unwritable
 
 _SCHEMA = "wavesim.schema.json"
 _WHERE = {
@@ -25,7 +25,7 @@ def _write(path: Path, text: str) -> None:
     except FileExistsError:
         stop(f"{path}: is there already; name another file, or take it away", BAD_INPUT)
     except OSError as error:
-        stop(f"{path}: can't be written: {error.strerror}; name another file", BAD_INPUT)
+        stop(*unwritable(error, path, "name another file"))
 
 
 @click.command(short_help="Write a commented case to begin with.")

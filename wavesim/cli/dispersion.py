@@ -11,13 +11,29 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, JSON, RING, SOURCES, WRITTEN, options, record_options
-from wavesim.cli.shared import print_json, read_case, write_json, writing
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
+from wavesim.cli.arguments import (
+    BAND,
+    JSON,
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    RING,
+    SOURCES,
+    WRITTEN,
+    NumberIn,
+    options,
+    print_json,
+    read_case,
+    record_options,
+    write_json,
+    writing,
+)
+from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
@@ -37,7 +53,7 @@ _OPTIONS = options(
     WRITTEN,
     JSON,
     click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
-    click.option("--quiet-from", type=float, help="Time in s from which no source acts."),
+    click.option("--quiet-from", type=NUMBER, help="Time in s from which no source acts."),
     SOURCES,
     RING,
     click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
@@ -152,6 +168,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
+    from wavesim.material.shown import with_error
     from wavesim.report.tables import show_checks
 
     shown = console()
@@ -190,7 +207,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         fit = answer["fit"]
         for name, value in fit["values"].items():
             bar = 1.96 * fit["standard_errors"][name]
-            shown.print(f"{name} = {value:.9g} ± {bar:.2g} (95 %)")
+            shown.print(f"{name} = {with_error(value, bar)} (95 %)")
         shown.print(f"χ² per degree of freedom {fit['chi_square']:.3g}, {fit['points']} numbers")
 
 
@@ -203,8 +220,8 @@ def _splitting(points: Any) -> str | None:
     if not apart:
         return None
     size, unit = (own.k, "rad/m of k") if points.in_space else (own.omega, "rad/s of ω")
-    middle = _median(apart)
-    part = 100 * middle / _median(abs(size))
+    middle = median(apart)
+    part = 100 * middle / median(abs(size))
     return f"Two waves within {middle:.2g} {unit} ({part:.2g} %) pass for one, beyond its bar"
 
 
@@ -214,19 +231,13 @@ def _count(number: int, one: str, more: str) -> str:
 
 def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
     """Each wave: where found, |Δω|/ω against the continuum and, of a simulated field, its grid."""
-    from rich import box
-    from rich.table import Table
-
     kinds = ("grid", "continuum") if on_grid else ("continuum",)
-    # No wider than 80 columns, digits uncut.
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("wave", "found", "missed"):
-        table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
+    errors = []
     for kind in kinds:
         where = f"\n{kind}" if on_grid else ""
-        table.add_column(f"|Δω|/ω{where}\nmedian", justify="right", no_wrap=True)
-        table.add_column(f"{where}\nlargest", justify="right", no_wrap=True)
-    table.add_column("in 95 %\nbar", justify="right", no_wrap=True)
+        errors += [f"|Δω|/ω{where}\nmedian", f"{where}\nlargest"]
+    table = new_table("wave", "found", "missed", *errors, "in 95 %\nbar")
+    table.padding = (0, 0)  # no wider than 80 columns
     for row in rows:
         inside = row["within_bar"]
         numbers = [row[f"{part}_{kind}"] for kind in kinds for part in ("median", "largest")]
@@ -241,35 +252,31 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 
 
 def _show_branches(shown: Any, points: Any) -> None:
+    from wavesim.material.shown import HERTZ
+
     for branch in points.branches:
         own = points.take(points.branch == branch)
-        hertz = own.omega / 6.283185307179586
+        hertz = own.omega * HERTZ
         text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                f"{own.k.max():.4g} rad/m, median 95 % bar {_median(own.bar / own.omega):.1e}"
+                f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
                 " of ω")  # fmt: skip
         shown.print(f"  branch {branch + 1}: {len(own)} points, {text}")
 
 
 def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
-    from rich import box
-    from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0))
+    from wavesim.material.shown import DECIBELS, HERTZ
+
     headings = "frequency\nkHz", "attenuation\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
-    for heading in (*headings, f"one of\n{len(own)}"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = new_table(*headings, f"one of\n{len(own)}", words=0)
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
-        k, hertz = complex(own.k[n]), own.omega[n].real / 6.283185307179586
+        k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        decibels = 20e-3 * math.log10(math.e) * k.imag
+        decibels = 1e-3 * DECIBELS * k.imag
         row = f"{hertz / 1e3:.5g}", f"{decibels:.4g}", f"{k.real / 1e3:.4g}", size, str(n + 1)
         table.add_row(*row)
     return table
-
-
-def _median(values: Any) -> float:
-    return float(sorted(values)[len(values) // 2])
 
 
 def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None:
@@ -293,7 +300,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 @click.option(
     "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
 )
-@click.option("--k-max", type=float, help="Highest wavenumber, rad/m.")
+@click.option("--k-max", type=POSITIVE, help="Highest wavenumber, rad/m.")
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
@@ -311,10 +318,10 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 @_OPTIONS
 @BAND
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)
-@click.option("--damping", type=click.FloatRange(4, 30),
+@click.option("--damping", type=NumberIn(4, 30),
               help="σT of the exponential window; by the noise where not given.")  # fmt: skip
 @click.option("--pairs", type=click.IntRange(1, 2), default=1, help="Most pairs ±k sought.")
-@click.option("--clear", type=float, help="Distance to keep from sources, m.")
+@click.option("--clear", type=NOT_NEGATIVE, help="Distance to keep from sources, m.")
 @click.option("--spreading", type=click.Choice(("plane", "cylindrical", "spherical")),
               default="plane", help="How waves spread from --source; plane: not.")  # fmt: skip
 def attenuation(
@@ -327,8 +334,6 @@ def attenuation(
     **given: Any,
 ) -> None:
     """Complex k(ω) of the record FILE, in bands and gaps: result.h5, other HDF5, NPZ or CSV."""
-    if band is not None and not 0 < band[0] < band[1]:
-        stop(f"--band {band[0]:g} {band[1]:g}: must ascend, from above 0 Hz", BAD_INPUT)
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record

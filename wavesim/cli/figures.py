@@ -2,38 +2,15 @@
 
 from __future__ import annotations
 
-import errno
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 
-from wavesim.report.terminal import BAD_INPUT, FAILED, stop, told
+from wavesim.cli.arguments import writing
+from wavesim.report.terminal import BAD_INPUT, stop, told
 
-KINDS = ("png", "pdf", "svg")
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 _FOLDER = click.argument("folder", type=click.Path(file_okay=True))
-
-
-@contextmanager
-def _told(target: Path) -> Iterator[None]:
-    """One line for whatever keeps a picture from being made."""
-    from wavesim.case.schema import CaseError
-    from wavesim.figures.animation import AnimationError
-    from wavesim.io.result_reader import StorageError
-
-    try:
-        yield
-    except (StorageError, CaseError, AnimationError) as error:
-        stop(str(error), BAD_INPUT)
-    except OSError as error:
-        stop(
-            f"{error.filename or target}: can't be written: {error.strerror}; name another with "
-            "--out",
-            FAILED if error.errno in _FULL else BAD_INPUT,
-        )
 
 
 def _incomplete(run: Any) -> None:
@@ -44,34 +21,36 @@ def _incomplete(run: Any) -> None:
 @click.command(short_help="Draw the figures of a run, from its FOLDER.")
 @_FOLDER
 @click.option("--only", multiple=True, metavar="NAME", help="One figure; may be repeated.")
-@click.option("--format", "kind", type=click.Choice(KINDS), default="png", show_default=True)
+@click.option(
+    "--format", "kind", type=click.Choice(("png", "pdf", "svg")), default="png", show_default=True
+)
 @click.option("--out", type=click.Path(), help="Folder for them; FOLDER/figures by default.")
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""
     from wavesim.records.run_folder import open_run
-    from wavesim.report.progress import parts
+    from wavesim.report.progress import counted
     from wavesim.runner import begun_beside, reached
     from wavesim.verdict.judgement import measure
 
-    with begun_beside() as process, _told(Path(out or folder)):
+    with begun_beside() as process:
         run = open_run(folder)
         beside = reached(run.field.simulation, process)
         target = Path(out) if out else run.folder / "figures"
         found = measure(run.case, run.field).shown if run.status == "complete" else None
         try:
-            (names,) = beside.one("wavesim.figures.drawing.names", run.field, found, only).result()
+            names = beside.ask("wavesim.figures.drawing.names", run.field, found, only).result()
         except KeyError as error:
             name, known = error.args
             stop(f"--only {name}: must be one of {', '.join(known)}", BAD_INPUT)
-        jobs = [
-            beside.one("wavesim.figures.drawing.draw", target, run.field, found, name, kind)
-            for name in names
-        ]
         written: list[Path] = []
-        with parts("figures") as tell:
+        with writing(target), counted("figures") as tell:
+            jobs = [
+                beside.ask("wavesim.figures.drawing.draw", target, run.field, found, name, kind)
+                for name in names
+            ]
             for job in jobs:
                 tell(len(written), len(jobs))
-                written += job.result()
+                written.append(job.result())
     _incomplete(run)
     click.echo(f"{', '.join(sorted(path.name for path in written))} in {target}")
 
@@ -88,19 +67,17 @@ def animate(
     folder: str, name: str | None, kind: str, frames: int, rate: int, out: str | None
 ) -> None:
     """Animate the pulse on its way, from the FOLDER of a run's results."""
-    with _told(Path(out or folder)):
-        from wavesim.figures.animation import animate as made
-        from wavesim.figures.animation import field_of
-        from wavesim.records.run_folder import open_run
-        from wavesim.report.progress import parts
+    from wavesim.figures.animation import animate as made
+    from wavesim.figures.animation import field_of
+    from wavesim.records.run_folder import open_run
+    from wavesim.report.progress import counted
 
-        run = open_run(folder)
-        shown = field_of(run.field, name)
-        path = Path(out) if out else run.folder / f"{shown}.{kind}"
-        if out and path.suffix not in (".gif", ".mp4"):
-            path = path.with_name(f"{path.name}.{kind}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with parts("frames") as tell:
-            made(path, run.field, shown, frames, rate, tell)
+    run = open_run(folder)
+    shown = field_of(run.field, name)
+    path = Path(out) if out else run.folder / f"{shown}.{kind}"
+    if out and path.suffix not in (".gif", ".mp4"):
+        path = path.with_name(f"{path.name}.{kind}")
+    with writing(path.parent), counted("frames") as tell:
+        made(path, run.field, shown, frames, rate, tell)
     _incomplete(run)
     click.echo(f"{shown} over {run.field.t[-1] * 1e6:.4g} µs in {path}")

@@ -13,9 +13,21 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BESIDE, JSON, SET, WRITTEN, record_options
-from wavesim.cli.compare import laid_beside, stated
-from wavesim.cli.shared import print_json, read_case, read_layers, write_json, writing
+from wavesim.cli.arguments import (
+    BESIDE,
+    JSON,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SET,
+    WRITTEN,
+    print_json,
+    read_case,
+    read_layers,
+    record_options,
+    write_json,
+    writing,
+)
+from wavesim.cli.compare import laid_beside
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -38,10 +50,18 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
     "longitudinal, where not given.",
 )
 @click.option(
-    "--speeds", nargs=2, type=float, metavar="V_P V_S", help="Of long waves, m/s: fit CASE to them."
+    "--speeds",
+    nargs=2,
+    type=POSITIVE,
+    metavar="V_P V_S",
+    help="Of long waves, m/s: fit CASE to them.",
 )
 @click.option(
-    "--speed-errors", nargs=2, type=float, metavar="E_P E_S", help="One standard error of each."
+    "--speed-errors",
+    nargs=2,
+    type=NOT_NEGATIVE,
+    metavar="E_P E_S",
+    help="One standard error of each.",
 )
 @click.option(
     "--shear", metavar="FILE", help="pulse.json of S waves; RECORD is that of P waves then."
@@ -82,7 +102,6 @@ def fit(
     if not keys:
         stop("--vary: required, but not given; name what to fit, as medium.anisotropy", BAD_INPUT)
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
-    lag, scale = stated("--lag", lag), stated("--scale", scale)
     from wavesim.material.shown import plain
     from wavesim.studies.fit_answer import is_points, of_points, of_waveforms
     from wavesim.studies.least_squares import FitError
@@ -125,6 +144,7 @@ def _of_speeds(
     overrides: tuple[str, ...],
 ) -> None:
     from wavesim.material.shown import plain
+    from wavesim.studies.speed_fit import fit_speeds
 
     if speeds and (shear or case is not None):
         stop("--speeds: takes CASE alone, without RECORD and --shear", BAD_INPUT)
@@ -134,7 +154,10 @@ def _of_speeds(
         )
     path = case or record
     start = read_layers(path, overrides).medium
-    found = _of_pair(speeds, errors, start) if speeds else _of_series(record, shear or "", start)
+    if speeds:
+        found = fit_speeds(*speeds, start, errors or (math.nan, math.nan)).summary()
+    else:
+        found = _of_series(record, shear or "", start)
     answer = plain(found)
     if as_json:
         print_json(answer)
@@ -156,13 +179,6 @@ def _series(path: str) -> Any:
         stop(f"{path}: not what wavesim pulse --json writes; name its pulse.json", BAD_INPUT)
 
 
-def _of_pair(speeds: tuple[float, float], errors: tuple[float, float] | None, start: Any) -> Any:
-    """The fit of one pair, as plain data."""
-    from wavesim.studies.speed_fit import fit_speeds
-
-    return fit_speeds(*speeds, start, errors or (math.nan, math.nan)).summary()
-
-
 def _of_series(p: str, s: str, start: Any) -> Any:
     """The fits of two series, as plain data: the first state's, and all under "series"."""
     from wavesim.studies.speed_fit import fit_series
@@ -180,6 +196,7 @@ def _of_series(p: str, s: str, start: Any) -> Any:
 
 def _show_speeds(answer: dict[str, Any]) -> None:
     """Print a series of fits, a line for each state; of a pair, as any fit."""
+    from wavesim.material.shown import with_error
     from wavesim.report.fit_tables import show_fit
 
     if "series" not in answer:
@@ -196,8 +213,8 @@ def _show_speeds(answer: dict[str, Any]) -> None:
             if one["reason"]:
                 parts = [one["reason"]]
                 break
-            bar = "" if one["error"] is None else f" ± {one['error']:.2g}"
-            parts.append(f"{key.partition('.')[2]} = {one['value']:.4g}{bar}")
+            value = with_error(one["value"], one["error"] or math.nan)
+            parts.append(f"{key.partition('.')[2]} = {value}")
         state = f"{answer['parameter']} = {row['parameter']:g}"
         console().print(f"{state}: {', '.join(parts)}", markup=False)
     if answer["law"]:
@@ -219,9 +236,10 @@ def _write(
         write_json(folder / "fit.json", answer)
         (folder / "fitted.toml").write_text(_fitted(case, overrides, answer), encoding="utf-8")
         if found is not None and found.comparison is not None:
-            from wavesim.figures.comparison import write
+            from wavesim.figures.comparison import overlay
+            from wavesim.figures.style import write
 
-            write(found.comparison, folder / "fit.png")
+            write({"fit": lambda: overlay(found.comparison)}, folder)
             written.append("fit.png")
     if not quiet:
         click.echo(f"{', '.join(written)} in {folder}")

@@ -9,9 +9,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import INPUT, JSON, RING, SOURCES, record_options
-from wavesim.cli.shared import print_json
-from wavesim.report.terminal import FELL_SHORT
+from wavesim.cli.arguments import INPUT, JSON, RING, SOURCES, print_json, record_options
+from wavesim.report.terminal import FELL_SHORT, console, new_table
 
 _WIDTH = 80
 
@@ -64,7 +63,10 @@ def _show(summary: dict[str, Any]) -> None:
     findings = summary["findings"]
     if findings:
         click.echo()
-        _table(findings)
+        table = new_table("what", "where", "size", "done", words=4)
+        for finding in findings:
+            table.add_row(*(str(finding[name]) for name in ("what", "where", "size", "done")))
+        console().print(table)
         click.echo()
     else:
         click.echo("Nothing is wrong with it.")
@@ -74,23 +76,3 @@ def _show(summary: dict[str, Any]) -> None:
 
 def _say(text: str) -> None:
     click.echo(textwrap.fill(text, _WIDTH, subsequent_indent="  ", break_on_hyphens=False))
-
-
-def _table(findings: list[dict[str, Any]]) -> None:
-    names = ("what", "where", "size", "done")
-    widths = {n: max(len(n), *(len(f[n]) for f in findings)) for n in names}
-    # What does not fit is folded within its column.
-    for name, most in (("what", 18), ("size", 24), ("done", 9)):
-        widths[name] = min(widths[name], most)
-    widths["where"] = min(
-        widths["where"], _WIDTH - 6 - widths["what"] - widths["size"] - widths["done"]
-    )
-    for row in [dict(zip(names, names, strict=True)), None, *findings]:
-        if row is None:
-            click.echo("  ".join("-" * widths[n] for n in names))
-            continue
-        cells = [textwrap.wrap(str(row[n]), widths[n]) or [""] for n in names]
-        for line in range(max(map(len, cells))):
-            parts = [(c[line] if line < len(c) else "").ljust(widths[n])
-                     for c, n in zip(cells, names, strict=True)]  # fmt: skip
-            click.echo("  ".join(parts).rstrip())

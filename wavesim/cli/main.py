@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET
+from wavesim.cli.arguments import CASE, OUT, QUIET, SET, folder_for, read_case
 from wavesim.cli.begin import cases, completion, init, schema
 from wavesim.cli.compare import compare
 from wavesim.cli.design import design
@@ -29,13 +29,19 @@ from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
-from wavesim.cli.shared import folder_for, read_case
 from wavesim.cli.sweep import sweep
 from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, INTERRUPTED, failed, told
-from wavesim.report.terminal import console as _console
-from wavesim.report.terminal import stop as _stop
+from wavesim.report.terminal import (
+    BAD_INPUT,
+    FELL_SHORT,
+    INTERRUPTED,
+    console,
+    failed,
+    stop,
+    told,
+    unwritable,
+)
 from wavesim.worker import end_all
 
 # A run that takes so long (s) is told before what its grid will do; a shorter one tells it itself.
@@ -44,29 +50,23 @@ _WORTH_IT = 20.0
 
 def _planned(case: str, loaded: Any) -> Any:
     """How the simulation of a case is stepped."""
+    from wavesim.case.layered_case import builder
     from wavesim.timedomain.time_step import time_step
 
-    try:
-        return time_step(loaded.simulation)
-    except ValueError as error:
-        _stop(f"{case}: [time] {error}", BAD_INPUT)
-    except ArithmeticError:
-        _stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
+    return builder(case)(("time",), time_step, loaded.simulation)
 
 
 def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
     """What a run takes, which is refused where it is more than there is, or was allowed."""
+    from wavesim.case.layered_case import builder
     from wavesim.timedomain.cost import check_cost, cost, seconds_of
 
     try:
         longest = seconds_of(at_most)
     except ValueError as error:
-        _stop(f"--at-most {at_most}: {error}", BAD_INPUT)
+        stop(f"--at-most {at_most}: {error}", BAD_INPUT)
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
-    try:
-        check_cost(loaded.simulation, taken, longest, folder)
-    except ValueError as error:
-        _stop(f"{case}: [time] {error}", BAD_INPUT)
+    builder(case)(("time",), check_cost, loaded.simulation, taken, longest, folder)
     return taken
 
 
@@ -74,10 +74,10 @@ def _misused(error: click.UsageError) -> NoReturn:
     """End with what is wrong of a command's words, and how it is used."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         raise error
-    told = error.format_message().rstrip(".")
+    said = error.format_message().rstrip(".")
     if error.ctx is not None:
-        told += f"{'' if told.endswith('?') else '.'} {error.ctx.get_usage()}"
-    _stop(" ".join(told.split()), BAD_INPUT)
+        said += f"{'' if said.endswith('?') else '.'} {error.ctx.get_usage()}"
+    stop(" ".join(said.split()), BAD_INPUT)
 
 
 class _Commands(click.Group):
@@ -153,16 +153,17 @@ def _whole(
         errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
     warned = foreseen(loaded, steps, errors)
     _tell(case, loaded, warned)
-    console = _console(quiet)
+    shown = console(quiet)
     with progress(loaded.simulation.frames, quiet, taken.stages) as tell:
         outcome = _run(loaded, folder, resume, tell, beside, figures, _typed(case, overrides))
-    report.found(console, outcome.summary)
-    report.verdict(console, outcome.summary)
+    report.found(shown, outcome.summary)
+    report.verdict(shown, outcome.summary)
     for note in outcome.notes:
-        console.print(f"Note: {note}.")
+        shown.print(f"Note: {note}.")
     if warned:
-        console.print(f"{_count(warned)} before the run, told again by wavesim check.")
-    click.echo(f"The page: {folder / 'report.html'}") if not quiet else None
+        shown.print(f"{_count(warned)} before the run, told again by wavesim check.")
+    if not quiet:
+        click.echo(f"The page: {folder / 'report.html'}")
     if not outcome.passed:
         sys.exit(FELL_SHORT)
 
@@ -200,11 +201,9 @@ def _run(
     try:
         with farewell(stored):
             return runner.run(loaded, folder, resume, go_on, beside, figures, rerun)
-    except runner.RunError as error:
-        _stop(str(error), error.code)
     except KeyboardInterrupt:  # where this is not the command, but called by a program
         more = stored()
-        _stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
+        stop(f"interrupted; {more}" if more else "interrupted", INTERRUPTED)
 
 
 @main.command(short_help="What can be said of a case before it runs.")
@@ -221,7 +220,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
 
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
     errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
-    report.survey(_console(), loaded, steps, taken, errors)
+    report.survey(console(), loaded, steps, taken, errors)
     print_all_bands(loaded.simulation)
     # Last, and counted with the rest, as the tables before may be long.
     found = foreseen(loaded, steps, errors)
@@ -254,13 +253,13 @@ def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
     from wavesim.paper.claims import CLOSURES
     from wavesim.paper.reproduction import reproduce
-    from wavesim.report.progress import parts
+    from wavesim.report.progress import counted
 
     try:
-        with parts("figures") as tell:
+        with counted("figures") as tell:
             result = reproduce(Path(out), tell=tell)
     except OSError as error:
-        _stop(f"--out {out}: can't be written: {error.strerror}", BAD_INPUT)
+        stop(*unwritable(error, f"--out {out}"))
     click.echo("claim  " + "  ".join(f"{closure:<10}" for closure in CLOSURES))
     for claim in result["claims"]:
         verdicts = "  ".join(f"{claim['verdicts'][closure]:<10}" for closure in CLOSURES)
@@ -279,8 +278,8 @@ def entry() -> None:
             warnings.simplefilter("ignore")  # what is amiss a command says itself
             sys.warnoptions.append("ignore")  # and of processes beside it too
         main()
-    except SystemExit as stop:
-        code = stop.code
+    except SystemExit as ended:
+        code = ended.code
     except BaseException as error:
         code = failed(error)
     with suppress(OSError, ValueError):  # whoever read it may be gone

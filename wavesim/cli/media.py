@@ -5,14 +5,19 @@ A case needs no more than its [medium] for that, or its [[layers]].
 
 from __future__ import annotations
 
-import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, JSON, OUT, SET
-from wavesim.cli.shared import (
+from wavesim.cli.arguments import (
+    BAND,
+    CASE,
+    JSON,
+    NUMBER,
+    OUT,
+    SET,
     folder_for,
     print_json,
     read_layers,
@@ -49,16 +54,16 @@ def distinct(known: Any) -> list[tuple[str, float | None, Any]]:
 
 def print_bands(medium: Any) -> None:
     """Branches and gaps of a medium, as a table."""
+    from wavesim.material.shown import HERTZ
     from wavesim.planewave import bands as content
     from wavesim.planewave.dispersion_relation import full_gaps
     from wavesim.report import tables
 
-    to_hertz, to_bar = 1 / (2 * math.pi), float(medium.time_scale)
+    to_bar = float(medium.time_scale)
     free = [
-        (low * to_hertz, high * to_hertz, low * to_bar, high * to_bar)
-        for low, high in full_gaps(medium)
+        (low * HERTZ, high * HERTZ, low * to_bar, high * to_bar) for low, high in full_gaps(medium)
     ]
-    tables.bands(console(), content.table(medium), free, to_hertz / to_bar)
+    tables.bands(console(), content.table(medium), free, HERTZ / to_bar)
 
 
 def print_all_bands(known: Any) -> None:
@@ -78,10 +83,10 @@ def print_all_bands(known: Any) -> None:
 
 def _print_full_gaps(medium: Any) -> None:
     """Where no wave of any of its families propagates."""
+    from wavesim.material.shown import KHZ
     from wavesim.planewave.dispersion_relation import full_gaps
 
-    to_kHz = 1 / (2e3 * math.pi)
-    free = [f"{low * to_kHz:.2f} – {high * to_kHz:.2f} kHz" for low, high in full_gaps(medium)]
+    free = [f"{low * KHZ:.2f} – {high * KHZ:.2f} kHz" for low, high in full_gaps(medium)]
     if free:
         click.echo(f"\nNo wave of any family propagates between {', '.join(free)}.")
     else:
@@ -122,20 +127,23 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
         print_all_bands(known)
     if out:
         from wavesim.figures.bands import band_figure
+        from wavesim.figures.style import write
 
         folder = Path(out)
         with writing(folder):
             write_json(folder / "bands.json", answer, indent=None)
             for number, (_, _, medium) in enumerate(media[:_TOLD], start=1):
-                name = "bands.png" if len(media) == 1 else f"bands_{number}.png"
-                band_figure(medium).savefig(folder / name, dpi=160)
+                name = "bands" if len(media) == 1 else f"bands_{number}"
+                write({name: partial(band_figure, medium)}, folder)
 
 
 def _tell_covering(found: Any, band: tuple[float, float]) -> None:
     """Which gaps hold all of a band, over how much of the map, and the best place of each."""
     import numpy as np
 
-    ends = "{:g} to {:g} kHz".format(*(1e-3 * end / (2 * np.pi) for end in band))
+    from wavesim.material.shown import KHZ
+
+    ends = "{:g} to {:g} kHz".format(*(end * KHZ for end in band))
     covering = {name: found.covers(name, band) for name in (*found.lower, "full")}
     covering = {name: held for name, held in covering.items() if held.any()}
     for name, held in covering.items():
@@ -144,7 +152,7 @@ def _tell_covering(found: Any, band: tuple[float, float]) -> None:
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
         x = np.ravel(getattr(found.medium, found.x))[column]
         y = np.ravel(getattr(found.medium, found.y))[row]
-        edges = [1e-3 * float(edge[row, column]) / (2 * np.pi) for edge in (lower, upper)]
+        edges = [KHZ * float(edge[row, column]) for edge in (lower, upper)]
         click.echo(
             f"{name} holds {ends} over {100 * held.mean():.3g} % of the map; best at {found.x} = "
             f"{x:.4g}, {found.y} = {y:.4g}: {edges[0]:.4g} to {edges[1]:.4g} kHz"
@@ -153,7 +161,7 @@ def _tell_covering(found: Any, band: tuple[float, float]) -> None:
         click.echo(f"no gap holds all of {ends} anywhere on the map: take other keys or ranges")
 
 
-_AXIS = (str, float, float)
+_AXIS = (str, NUMBER, NUMBER)
 
 
 @click.command(short_help="Map the gaps of a medium over two parameters.")
@@ -198,11 +206,11 @@ def gaps(
     import numpy as np
 
     from wavesim.figures.gap_map import gap_map_figure
+    from wavesim.figures.style import write
+    from wavesim.material.shown import HERTZ
     from wavesim.planewave.gap_map import gap_map, table
 
-    if band is not None and not 0 < band[0] < band[1]:
-        stop(f"--band {band[0]:g} {band[1]:g}: must ascend from above 0 Hz", BAD_INPUT)
-    wanted = None if band is None else (2 * np.pi * band[0], 2 * np.pi * band[1])
+    wanted = None if band is None else (band[0] / HERTZ, band[1] / HERTZ)
     folder = folder_for(out, case)
     for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):
         try:
@@ -217,7 +225,7 @@ def gaps(
         name = "gap_map" if len(media) == 1 else f"gap_map_{number}"
         with writing(folder):
             write_table(folder / f"{name}.csv", header, rows, fmt="%.6g")
-            gap_map_figure(found, wanted).savefig(folder / f"{name}.png", dpi=160)
+            write({name: partial(gap_map_figure, found, wanted)}, folder)
         told = f"{place}: " if place else ""
         click.echo(f"{told}{name}.csv and {name}.png in {folder}")
         if wanted is not None:

@@ -6,6 +6,7 @@ Exit codes: 0 all well; 1 no record could be answered; 2 bad input.
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,8 +15,18 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import INPUT, JSON, WRITTEN, record_options
-from wavesim.cli.shared import print_json, read_layers, write_json, writing
+from wavesim.cli.arguments import (
+    INPUT,
+    JSON,
+    NUMBER,
+    POSITIVE,
+    WRITTEN,
+    print_json,
+    read_layers,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 # Waves in solids, from loose dust to diamond, m/s; others are of a wrong unit.
@@ -38,7 +49,7 @@ class _Set:
 @click.option(
     "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
 )
-@click.option("--delay", type=float, help="Of cables and transducers, s.")
+@click.option("--delay", type=NUMBER, help="Of cables and transducers, s.")
 @click.option(
     "--face-to-face",
     metavar="FILE",
@@ -47,11 +58,11 @@ class _Set:
 @click.option(
     "--against",
     metavar="NAME=V1,V2,…",
-    help="What differs from record to record, as stress=20,40,80: a series.",
+    help="What differs from record to record, as stress=20,40,80kPa: a series.",
 )
 @click.option(
     "--expected",
-    type=float,
+    type=POSITIVE,
     nargs=2,
     metavar="F C",
     help="About how fast the wave is, C m/s at F Hz, where phases or packets are ambiguous.",
@@ -87,17 +98,17 @@ def pulse(
 
     One receiver beside its transmitter (--input, --distance), several receivers with positions,
     or a series of records of one set-up in different states (--against).
-    """  # fmt: skip
+    """
     from wavesim.readings.pulse.answers import answer
 
-    layout = replace(layout, input=_column(column))
+    layout = replace(layout, input=column)
     if medium is not None and against is not None:
         stop("--medium: not beside --against, as speeds change from state to state", BAD_INPUT)
     speeds = None if medium is None else _speeds(medium)
     tests, refused = _read(files, layout)
     if speeds is not None:
         tests = [test and replace(test, speeds=speeds) for test in tests]
-    setup = _setup(distance, delay, face_to_face, against, layout, column)
+    setup = _setup(distance, delay, face_to_face, against, layout)
     readings, series = _readings(files, tests, refused, setup, expected, wave)
     found = answer(readings, series)
     if as_json:
@@ -127,10 +138,6 @@ def _speeds(case: str) -> dict[str, float]:
     return found
 
 
-def _column(column: str | None) -> str | int | None:
-    return int(column) if column is not None and column.strip().isdigit() else column
-
-
 def _read(files: Sequence[str], layout: Any) -> tuple[list[Any], dict[int, str]]:
     """Tests of all files; of several, those that can't be read stand as None, with why."""
     from wavesim.records.content import RecordError
@@ -157,8 +164,9 @@ def _setup(
     face_to_face: str | None,
     against: str | None,
     layout: Any,
-    column: str | None,
 ) -> _Set:
+    from wavesim.readings.pulse.arrivals import CONVENTIONS
+
     distances: tuple[float, ...] = ()
     if distance is not None:
         distances = _numbers("--distance", distance, "m")
@@ -166,25 +174,27 @@ def _setup(
             stop(f"--distance {distance}: must be greater than 0, in m", BAD_INPUT)
     if delay is not None and face_to_face is not None:
         stop("give either --delay or --face-to-face, one of the two", BAD_INPUT)
-    if delay is not None and not math.isfinite(delay):
-        stop(f"--delay {delay}: must be a time in s", BAD_INPUT)
-    delays = {} if delay is None else _same(delay)
+    delays = {} if delay is None else dict.fromkeys(CONVENTIONS, delay)
     if face_to_face is not None:
-        delays = _delays(face_to_face, layout, column)
+        delays = _delays(face_to_face, layout)
     parameter: str | None = None
     values: tuple[float, ...] = ()
     if against is not None:
         parameter, mark, listed = against.partition("=")
         if not (mark and parameter.strip()):
             stop(f"--against {against}: must be NAME=V1,V2,…, as stress=20,40,80", BAD_INPUT)
-        parameter, values = parameter.strip(), _numbers("--against", listed)
+        parameter, listed = _with_unit(parameter.strip(), listed)
+        values = _numbers("--against", listed)
     return _Set(distances, delays, parameter, values)
 
 
-def _same(delay: float) -> dict[str, float]:
-    from wavesim.readings.pulse.arrivals import CONVENTIONS
-
-    return dict.fromkeys(CONVENTIONS, delay)
+def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
+    """A series' parameter with the unit that its first or last value has, and its numbers alone."""
+    found = re.findall(r"(?<=[\d.])\s*([A-Za-zµ%°/²³]+)\s*(?=[,;]|$)", listed)
+    if not found or len(set(found)) > 1:
+        return parameter, listed
+    numbers = re.sub(rf"\s*{re.escape(found[0])}\s*(?=[,;]|$)", "", listed)
+    return (parameter if "(" in parameter else f"{parameter} ({found[0]})"), numbers
 
 
 def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
@@ -201,7 +211,7 @@ def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
     return found
 
 
-def _delays(file: str, layout: Any, column: str | None) -> dict[str, float]:
+def _delays(file: str, layout: Any) -> dict[str, float]:
     """Delays by convention, of a record with the transducers face to face."""
     from wavesim.readings.pulse.signals import PulseError
     from wavesim.readings.pulse.transmission_record import transmission_record
@@ -209,7 +219,7 @@ def _delays(file: str, layout: Any, column: str | None) -> dict[str, float]:
     from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
 
-    if column is None:
+    if layout.input is None:
         stop("--face-to-face: needs --input, the transmitter's column", BAD_INPUT)
     try:
         (test, *others) = of_pulse_file(file, layout)
@@ -234,6 +244,7 @@ def _readings(
     from wavesim.readings.pulse.reading import Wanted, read_one
     from wavesim.readings.pulse.reading import refused as refusal
     from wavesim.readings.pulse.series_reading import Series, law_of, read_series
+    from wavesim.readings.pulse.signals import PulseError
 
     count = len(tests)
     if setup.parameter is not None and len(setup.values) != count:
@@ -253,7 +264,9 @@ def _readings(
     single: dict[int, Any] = {}
     for i, test in enumerate(tests):
         if test is None:
-            found[i] = refusal(_name_of(files, tests, i), "receiver", math.nan, refused[i])
+            # Files and tests are one for one up to what could not be read.
+            name = files[i] if len(files) == count else f"record {i + 1}"
+            found[i] = refusal(name, "receiver", math.nan, refused[i])
             continue
         distance = each[i] if each else math.nan
         try:
@@ -261,7 +274,7 @@ def _readings(
                 found[i] = _array(test, expected)
             else:
                 single[i] = _single(test, distance)
-        except _errors() as error:
+        except PulseError as error:
             if count == 1:
                 stop(f"{test.name}: {error}", BAD_INPUT)
             found[i] = refusal(test.name, "receiver", distance, str(error))
@@ -281,17 +294,6 @@ def _readings(
         for i, one in zip(own, readings, strict=True):
             found[i] = _noted(one, tests[i])
     return found, Series(setup.parameter, values, law_of(found, values))
-
-
-def _errors() -> tuple[type[Exception], ...]:
-    from wavesim.readings.pulse.signals import PulseError
-
-    return (PulseError,)
-
-
-def _name_of(files: Sequence[str], tests: list[Any], i: int) -> str:
-    """The file of a test that could not be read: files and tests are one for one up to it."""
-    return files[i] if len(files) == len(tests) else f"record {i + 1}"
 
 
 def _noted(reading: Any, test: Any) -> Any:
@@ -337,10 +339,11 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
 def _write(
     found: dict[str, Any], readings: Sequence[Any], series: Any, folder: Path, quiet: bool
 ) -> None:
-    from wavesim.figures.pulse_records import write
+    from wavesim.figures.pulse_records import drawings
+    from wavesim.figures.style import write
 
     with writing(folder):
         write_json(folder / "pulse.json", found)
-        written = write(readings, series, folder)
+        written = [path.name for path in write(drawings(readings, series), folder)]
     if not quiet:
         click.echo(f"pulse.json, {', '.join(written)} in {folder}")

@@ -8,12 +8,10 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET
+from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET, folder_for
 from wavesim.cli.interrupts import farewell
-from wavesim.cli.shared import folder_for
-from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
-
-_STOPPED = 3
+from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop, unwritable
+from wavesim.worker import cores
 
 
 @click.command(short_help="Measure a case over ranges of its keys.")
@@ -49,52 +47,40 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
     cores unless --workers says otherwise. Exit code 1 if a member failed, or a run fell short of a
     check.
     """
-    from wavesim.case.schema import CaseError
-    from wavesim.io.result_reader import StorageError
     from wavesim.studies.sweep import sweep as described
-    from wavesim.studies.variation import SweepError
+    from wavesim.verdict.judgement import measure
 
     if options["workers"] and options["scheduler"]:
         stop("--workers, --scheduler: give one of the two", BAD_INPUT)
     folder = folder_for(out, case)
     named = ("vary", "measure", "sample", "sampler", "seed", "overrides", "band", "points")
     try:
-        asked = described(case, folder=folder, judge=_judge, **{n: options[n] for n in named})
+        asked = described(case, folder=folder, judge=measure, **{n: options[n] for n in named})
         data = _measured(asked, options, quiet, folder)
-    except (CaseError, SweepError, StorageError) as error:
-        stop(str(error), BAD_INPUT)
     except OSError as error:
-        where = error.filename or folder
-        stop(f"--out {where}: can't be written: {error.strerror}; name another folder", BAD_INPUT)
+        stop(*unwritable(error, f"--out {error.filename or folder}"))
     _tell(asked, data, folder, quiet)
 
 
-def _judge(case: Any, field: Any) -> Any:
-    from wavesim.verdict.judgement import measure
-
-    return measure(case, field)
-
-
 def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) -> Any:
-    from wavesim.report.progress import members
+    from wavesim.report.progress import counted
     from wavesim.studies.sweep_workers import SweepStoppedError
 
     workers, address = options["workers"], options["scheduler"]
     if workers is None and address is None and options["measure"] == "run":
-        workers = _cores()
+        workers = cores()
     carried_on = f"what was done is in {folder}, --resume carries on"
     try:
-        with members(asked.count, quiet) as tell, farewell(lambda: carried_on):
-            return asked.go(options["resume"], workers, address, tell)
+        with counted("members", quiet) as tell, farewell(lambda: carried_on):
+            return asked.go(
+                options["resume"],
+                workers,
+                address,
+                lambda done, failed, of: tell(done, of, failed),
+            )
     except SweepStoppedError as error:
         where = f"--scheduler {address}: " if address else ""
-        stop(f"{where}{error}; {carried_on}", _STOPPED)
-
-
-def _cores() -> int:
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        stop(f"{where}{error}; {carried_on}", FAILED)
 
 
 def _tell(asked: Any, data: Any, folder: Path, quiet: bool) -> None:

@@ -7,8 +7,12 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, JSON, OUT, SET
-from wavesim.cli.shared import (
+from wavesim.cli.arguments import (
+    BAND,
+    CASE,
+    JSON,
+    OUT,
+    SET,
     folder_for,
     print_json,
     read_layers,
@@ -16,7 +20,7 @@ from wavesim.cli.shared import (
     write_table,
     writing,
 )
-from wavesim.report.terminal import BAD_INPUT, console, stop
+from wavesim.report.terminal import BAD_INPUT, console, new_table, stop
 
 _ROWS = 12
 
@@ -47,8 +51,7 @@ def transmission(
     try:
         study = transmission_study(known, band, points)
     except ValueError as error:
-        where = f"--{error}" if str(error).startswith("band") else f"{case}: {error}"
-        stop(where, BAD_INPUT)
+        stop(f"{case}: {error}", BAD_INPUT)
     answer = study.summary()
     if as_json:
         print_json(answer)
@@ -73,32 +76,28 @@ def _write(study: Any, answer: Any, folder: Path) -> None:
 def _tell(study: Any) -> None:
     """A few frequencies of each sector, the gaps of the layers, and notes."""
     import numpy as np
-    from rich.table import Table
 
     from wavesim.studies.transmission_study import decibels, kept
 
     out = console()
-    table = Table(box=None, pad_edge=False)
     alike: dict[bytes, list[Any]] = {}
     for curve in study.curves:
         alike.setdefault(curve.T.tobytes(), []).append(curve)
     # Of several families the family stands above its sectors.
     names = ["\n".join(curve.sector for curve in own).replace("-", "\n") for own in alike.values()]
     unit, scale = ("kHz", 1e3) if study.curves[0].frequency[-1] >= 1e3 else ("Hz", 1.0)
-    for head in (unit, *(f"{name}\nT, dB" for name in names)):
-        table.add_column(head, justify="right")
+    table = new_table(unit, *(f"{name}\nT, dB" for name in names), words=0)
     frequency = study.curves[0].frequency
     levels = [decibels(own[0].T) for own in alike.values()]
     for n in np.unique(np.linspace(0, len(frequency) - 1, _ROWS).round().astype(int)):
         table.add_row(f"{frequency[n] / scale:.1f}", *(f"{level[n]:.2f}" for level in levels))
     out.print(table)
-    gaps = Table("layers", "sector", "gap", f"from {unit}", f"to {unit}", box=None, pad_edge=False)
+    gaps = new_table("layers", "sector", "gap", f"from {unit}", f"to {unit}", words=3)
     for where, sector, name, low, high in study.gaps:
         gaps.add_row(where, sector, name, f"{low / scale:.2f}", f"{high / scale:.2f}")
     out.print(gaps)
     if study.bands:
-        bands = Table("band", "from kHz", "to kHz", "dB", "T from", "to dB", "", box=None,
-                      pad_edge=False)  # fmt: skip
+        bands = new_table("band", "from kHz", "to kHz", "dB", "T from", "to dB", "")
         for band, highest, lowest in study.bands:
             limits = [f"at most {band.at_most:g}"] if band.at_most is not None else []
             limits += [f"at least {band.at_least:g}"] if band.at_least is not None else []

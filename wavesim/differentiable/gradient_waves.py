@@ -21,9 +21,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.differentiable.coefficients import loss_law, moduli, units_of
+from wavesim.differentiable.coefficients import loss_law, moduli, of_each, units_of
 from wavesim.differentiable.graded_slices import System, coefficients_along, through_graded
-from wavesim.differentiable.traced_layers import TracedLayers, medium_of
+from wavesim.differentiable.traced_layers import TracedLayers
 from wavesim.differentiable.waves_of_medium import Waves, inverse, waves_of
 from wavesim.material.family import Block
 from wavesim.material.layers import Grading
@@ -152,22 +152,10 @@ def _graded(
         if p:
             over = 1 / own.c_pp
             P = P + 1j / at * modulus * (own.c_bp @ own.c_pb) * over
-            P = jnp.concatenate(
-                [
-                    jnp.concatenate([1j * at / modulus * over, own.c_pb * over + 0j], axis=-1),
-                    jnp.concatenate([-own.c_bp * over, P], axis=-1),
-                ],
-                axis=-2,
-            )
+            P = jnp.block([[1j * at / modulus * over, own.c_pb * over], [-own.c_bp * over, P]])
             of_phi = 1j * at * inertia * own.i_phi[..., None, None]
             none = jnp.zeros((*u.shape, 1, size - p))
-            Q = jnp.concatenate(
-                [
-                    jnp.concatenate([of_phi, none], axis=-1),
-                    jnp.concatenate([jnp.swapaxes(none, -1, -2), Q], axis=-1),
-                ],
-                axis=-2,
-            )
+            Q = jnp.block([[of_phi, none], [jnp.swapaxes(none, -1, -2), Q]])
         turn = even[:, None] * even
         return P * turn * thickness, Q / turn * thickness
 
@@ -202,21 +190,11 @@ def _coefficients(
 ) -> tuple[Any, ...]:
     """c_pp, c_pb, c_bp, c_bb, Γ and inertias of each layer, scaled, (L, …)."""
 
-    def of(kind: Any, values: Any) -> tuple[Any, ...]:
-        own = block_coefficients(medium_of(kind, values), block, units)
-        return own.c_pp, own.c_pb, own.c_bp, own.c_bb, own.gamma, own.i_phi, own.i_B
+    def of(medium: Medium) -> tuple[Any, ...]:
+        return tuple(vars(block_coefficients(medium, block, units)).values())
 
-    found: Any = None
-    for kind in dict.fromkeys(kinds):
-        made = jax.vmap(partial(of, kind))(values)
-        here = jnp.asarray([k == kind for k in kinds])
-        if found is not None:
-            made = tuple(
-                jnp.where(here.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-                for new, old in zip(made, found, strict=True)
-            )
-        found = made
-    return tuple(found)
+    made: tuple[Any, ...] = of_each(kinds, values, of)
+    return made
 
 
 def _impedance(own: tuple[Any, ...]) -> Any:

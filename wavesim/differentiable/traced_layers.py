@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from wavesim.material.damping import UNDAMPED
 from wavesim.material.layers import Grading, Layers
 from wavesim.material.medium import Medium
 from wavesim.material.several_families import together
@@ -36,7 +37,7 @@ class TracedLayers:
         last: the same at the end of each layer; None where none is graded.
         thickness: (L,), m.
         losses: {"mass", "stiffness", "unrelaxed": (L,), "rates", "strengths": (L, M)} of
-            :class:`~wavesim.material.damping.Damping`; None where nothing is lost.
+            :class:`~wavesim.material.damping.Damping`; None where no layer has a law.
         kinds: of each layer, a medium of the closure at hand; its parameters do not count.
         gradings: of each layer "smooth" or "linear" where it is graded, else None.
         kept: whether the gradient term Γ is kept.
@@ -101,8 +102,8 @@ def traced_layers(layers: Layers, gradient: bool | None = None) -> TracedLayers:
     graded = any(layer.last is not None for layer in own)
     last = _parameters([layer.last or layer.medium for layer in own]) if graded else None
     losses = None
-    if layers.lossy:
-        laws = [layer.medium.damping for layer in own]
+    laws = [layer.medium.damping for layer in own]
+    if any(law != UNDAMPED for law in laws):
         most = max(len(law.rates) for law in laws)
         # A rate of 1 with a strength of 0 loses nothing.
         rates = np.ones((len(own), most))

@@ -12,9 +12,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import KHZ, gap_edges, second_axes, shade
+from wavesim.figures.style import gap_edges, second_axes, shade
 from wavesim.material.family import Family, sector_words
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_frequencies, full_gaps, gaps, wavenumber
 
 _VIRIDIS = colormaps["viridis"]
@@ -33,25 +34,17 @@ def colour_of(family: Family, sector: str) -> tuple[float, ...]:
     return SECTOR_COLOURS[family.unlike.index(sector) % len(SECTOR_COLOURS)]
 
 
-def shade_gaps(axes: Axes, medium: Medium, sector: str, label: bool = True) -> None:
+def shade_gaps(axes: Axes, medium: Medium, sector: str) -> None:
     """Shade the gaps of one sector on axes with ω̄ upwards, each with its name."""
-    edges = gap_edges(medium, sector, float(medium.time_scale))
-    shade(axes, edges, upright=False, named=label)
+    shade(axes, gap_edges(medium, sector, float(medium.time_scale)), upright=False)
 
 
 def hatch_full_gaps(axes: Axes, medium: Medium, unit: float | None = None) -> None:
     """Hatch the frequencies at which no wave of any sector propagates: ω times unit, ω̄ if None."""
     scale = float(medium.time_scale) if unit is None else unit
+    hatched: Any = {"facecolor": "none", "edgecolor": "0.6", "hatch": "////", "lw": 0}
     for low, high in full_gaps(medium):
-        axes.axhspan(
-            low * scale,
-            high * scale,
-            facecolor="none",
-            edgecolor="0.6",
-            hatch="////",
-            lw=0,
-            zorder=1,
-        )
+        axes.axhspan(low * scale, high * scale, **hatched, zorder=1)
 
 
 def add_hertz_axis(axes: Axes, medium: Medium) -> None:

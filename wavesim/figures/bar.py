@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -13,13 +14,12 @@ from wavesim.figures import pulse_test as pulsefigures
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.style import (
     FOUND,
-    KHZ,
+    POINT,
     RECORD,
     RECORD_MARK,
     THEORY,
     Drawings,
     as_written,
-    decibels,
     gap_edges,
     second_axes,
     shade,
@@ -29,22 +29,23 @@ from wavesim.figures.style import (
 from wavesim.figures.transmission import draw_masks
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro
+from wavesim.material.shown import KHZ, decibels
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
-from wavesim.verdict.bar import SIGNAL_TOLERANCE
+from wavesim.verdict.bar import RESONANCE_TOLERANCE
+from wavesim.verdict.foreseen_errors import AMPLITUDE_TOLERANCE, SIGNAL_TOLERANCE
 
-_POINT: dict[str, Any] = {"ms": 3.2, "mfc": "white", "mew": 0.8, "ls": ""}
 _DEEPEST = -80.0
 _MOST_LABELS = 12
 _STYLES = ("-", "--", "-.", ":")
 # Of a signal no more periods are shown than can be told apart; of a difference so many points.
 _MOST_PERIODS = 90
 _MUCH = 0.7
-_MOST_POINTS = 400
+_MOSTPOINTS = 400
 
 
 def transmission(field: Field, found: Scattered) -> Figure:
@@ -53,16 +54,13 @@ def transmission(field: Field, found: Scattered) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     level_panel(upper, field, found)
     f, judged = found.omega * KHZ, found.judged
-    for value, exact, colour, mark in (
-        (found.T, found.T_exact, RECORD_MARK, "o"),
-        (found.R, found.R_exact, RECORD_MARK, "s"),
-    ):
-        lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=colour, **_POINT)
-    lower.axhline(1e-3, color=THEORY, lw=0.7, ls=":", label="tolerance of the difference")
+    for value, exact, mark in ((found.T, found.T_exact, "o"), (found.R, found.R_exact, "s")):
+        lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=RECORD_MARK, **POINT)
+    lower.axhline(AMPLITUDE_TOLERANCE, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
     lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
               ylabel="|simulated − exact|")  # fmt: skip
-    second_axes(upper, (2e3 * np.pi * field.medium.time_scale, "ω̄, of the first layer"), None)
+    second_axes(upper, (field.medium.time_scale / KHZ, "ω̄, of the first layer"), None)
     figure.legend(loc="outside upper center", ncols=2)
     return figure
 
@@ -78,16 +76,13 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     if len(lines) > 2:
         level = decibels(lines[2])
         axes.plot(fine * KHZ, level, "-", color=FOUND, lw=1.5, zorder=2.5, label=f"T, {steady}")
-    for label, value, curve, mark in (
-        ("T", found.T, lines[0], "o"),
-        ("R", found.R, lines[1], "s"),
+    for label, value, curve, mark, line in (
+        ("T", found.T, lines[0], "o", "-"),
+        ("R", found.R, lines[1], "s", "--"),
     ):
-        level = decibels(curve)
-        axes.plot(fine * KHZ, level, "-" if label == "T" else "--", color=RECORD, lw=0.9,
-                  label=f"{label}, {recorded}exact")  # fmt: skip
-        seen = decibels(value[judged])
-        axes.plot(f[judged], seen, mark, mec=RECORD_MARK, label=f"{label}, {recorded}simulated",
-                  **_POINT)  # fmt: skip
+        told, seen = f"{label}, {recorded}", decibels(value[judged])
+        axes.plot(fine * KHZ, decibels(curve), line, color=RECORD, lw=0.9, label=f"{told}exact")
+        axes.plot(f[judged], seen, mark, mec=RECORD_MARK, label=f"{told}simulated", **POINT)
     draw_masks(axes, [band.asked for band in found.bands])
     axes.set(ylabel="amplitude over incident (dB)", ylim=(_DEEPEST, 8), xlim=(f[0], f[-1]))
 
@@ -98,22 +93,19 @@ def bloch(field: Field, found: Cells) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     f, shown = found.omega * KHZ, found.judged
     fine, exact = found.line or (found.omega, found.q_exact)
-    for axes, part, label in (
-        (upper, np.real, "Re qL/π"),
-        (lower, np.imag, "Im qL"),
+    for axes, part, scale, label in (
+        (upper, np.real, found.period / np.pi, "Re qL/π"),
+        (lower, np.imag, found.period, "Im qL"),
     ):
-        scale = found.period / np.pi if part is np.real else found.period
-        axes.plot(fine * KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9,
-                  label="exact")  # fmt: skip
+        axes.plot(fine * KHZ, part(exact) * scale, "-", color=THEORY, lw=0.9, label="exact")
         axes.plot(
-            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="simulated", **_POINT
+            f[shown], part(found.q[shown]) * scale, "o", mec=FOUND, label="simulated", **POINT
         )
         axes.set(ylabel=label, xlim=(f[0], f[-1]))
     deep = np.imag(found.q_exact[shown]) * found.period if shown.any() else np.ones(1)
     lower.set_ylim(0, 1.15 * float(np.nanmax(deep)))
     lower.set_xlabel(f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz")
-    handles, labels = upper.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
@@ -122,8 +114,8 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     ringing_panel(upper, found)
-    lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **_POINT)
-    lower.axhline(1e-6, color=THEORY, lw=0.7, ls=":", label="tolerance of the difference")
+    lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **POINT)
+    lower.axhline(RESONANCE_TOLERANCE, color=THEORY, lw=0.7, ls=":", label="tolerance")
     lower.set_yscale("log")
     lower.set(xlabel="ω/2π (kHz)", ylabel="|Δω|/ω")
     figure.legend(loc="outside upper center", ncols=3)
@@ -135,16 +127,12 @@ def ringing_panel(axes: Axes, found: Ringing) -> None:
     f = found.omega * KHZ
     last = float(found.exact[-1] * KHZ)
     shown = f <= 1.08 * last
-    axes.plot(
-        f[shown], 20 * np.log10(np.maximum(found.level[shown], 1e-8)), color="#55606b", lw=0.6
-    )
+    axes.plot(f[shown], decibels(found.level[shown]), color="#55606b", lw=0.6)
     for number, omega in enumerate(found.exact):
         axes.axvline(omega * KHZ, ymin=0.92, ymax=0.99, color=THEORY, lw=0.9,
                      label="exact eigenfrequency" if number == 0 else None)  # fmt: skip
     heights = np.interp(found.found, found.omega, found.level)
-    axes.plot(
-        found.found * KHZ, 20 * np.log10(heights), "o", mec=FOUND, label="simulated", **_POINT
-    )
+    axes.plot(found.found * KHZ, decibels(heights), "o", mec=FOUND, label="simulated", **POINT)
     axes.set(ylabel="receivers together (dB)", ylim=(-110, 14), xlim=(0, 1.08 * last))
 
 
@@ -199,8 +187,7 @@ def signals(field: Field, reading: Reading) -> Figure:
     part = f"; first {end:.3g} of {t[-1]:.3g} µs" if end < t[-1] else ""
     more = f"; {len(shown)} of {len(receivers)} receivers" if len(shown) < len(receivers) else ""
     rows[0].set_title(f"each signal to its own peak{part}{more}", fontsize=8)
-    handles, labels = rows[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
@@ -210,41 +197,38 @@ def _worst_in_time(field: Field, reading: Reading, receiver: str) -> tuple[Any, 
     for name, exact in reading.exact[receiver].items():
         off = np.abs(field.at(field.receivers[receiver], name) - exact)
         worst = np.maximum(worst, off / (float(np.abs(exact).max()) or 1.0))
-    wide = -(-len(worst) // _MOST_POINTS)
+    wide = -(-len(worst) // _MOSTPOINTS)
     return field.t[::wide], np.maximum(tiles(worst, 0, wide), 1e-18)
 
 
 def _pulse_drawings(test: PulseTest) -> Drawings:
-    result = test.result
-    medium = test.medium
-    shaded = [] if medium is None else gap_edges(medium, test.sector, 1 / (2 * np.pi))
+    result, medium, name = test.result, test.medium, test.name
+    shaded = [] if medium is None else gap_edges(medium, test.sector)
     known = test.exact.loss
-    exact = known.omega / 2 / np.pi, np.where(known.valid, known.level, np.nan)
+    exact = known.omega * KHZ, np.where(known.valid, known.level, np.nan)
     curves = {}
     if test.k_exact is not None:
-        f = result.dispersion.omega / 2 / np.pi
-        other = test.exact.dispersion
+        f, other = result.dispersion.omega * KHZ, test.exact.dispersion
         curves = {
-            name: (f, getattr(other, name))
-            for name in ("phase_velocity", "group_velocity", "attenuation")
+            quantity: (f, getattr(other, quantity))
+            for quantity in ("phase_velocity", "group_velocity", "attenuation")
         }
-    if test.medium is not None and test.medium.damping:
+    if medium is not None and medium.damping:
         omega = result.dispersion.omega
-        curves["quality"] = omega / 2 / np.pi, quality(test.medium.damping, omega)
+        curves["quality"] = omega * KHZ, quality(medium.damping, omega)
     # One speed across several layers would be the speed of nothing.
-    line = "envelope" if test.medium is not None else None
-    name = test.name
+    line = "envelope" if medium is not None else None
     record = result.record
     arrived = np.concatenate([picks.time for picks in result.arrivals.values()])
     span = float(record.t[0]), min(float(record.t[-1]), 3 * float(np.nanmax(arrived, initial=0.0)))
+    section = partial(pulsefigures.record_section, result, line=line, span=span)
     drawings: Drawings = {
-        f"arrivals_{name}": lambda: pulsefigures.record_section(result, line=line, span=span),
-        f"loss_{name}": lambda: pulsefigures.transmission(result, shaded, exact),
+        f"arrivals_{name}": section,
+        f"loss_{name}": partial(pulsefigures.transmission, result, shaded, exact),
     }
-    if test.medium is not None:
-        drawings[f"velocities_{name}"] = lambda: pulsefigures.velocities_and_losses(
-            result, shaded, curves
-        )
+    if medium is not None:
+        speeds = partial(pulsefigures.velocities_and_losses, result, shaded, curves)
+        drawings[f"velocities_{name}"] = speeds
     return drawings
 
 
@@ -253,17 +237,15 @@ def of_reading(field: Field, reading: Reading) -> Drawings:
     sectors = [block.sector for block in field.blocks if block.macro]
     drawings: Drawings = {}
     if sectors:
-        drawings["bar"] = lambda: bar_section(field, sectors)
+        drawings["bar"] = partial(bar_section, field, sectors)
     if reading.exact and any(is_macro(name) for name in field.names):
-        drawings["signals"] = lambda: signals(field, reading)
+        drawings["signals"] = partial(signals, field, reading)
     for one in reading.scattered:
-        drawings[f"transmission_{one.sector}"] = lambda one=one: transmission(field, one)  # type: ignore[misc]
+        drawings[f"transmission_{one.sector}"] = partial(transmission, field, one)
     for two in reading.cells:
-        drawings[f"bloch_{two.sector}"] = lambda two=two: bloch(field, two)  # type: ignore[misc]
+        drawings[f"bloch_{two.sector}"] = partial(bloch, field, two)
     for three in reading.ringing:
-        drawings[f"eigenfrequencies_{three.sector}"] = lambda three=three: eigenfrequencies(  # type: ignore[misc]
-            field, three
-        )
+        drawings[f"eigenfrequencies_{three.sector}"] = partial(eigenfrequencies, field, three)
     for test in reading.pulses:
         drawings |= _pulse_drawings(test)
     return drawings

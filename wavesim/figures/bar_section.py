@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from wavesim.figures.style import FOUND, KHZ, title
+from wavesim.figures.style import FOUND, title
 from wavesim.material.damping import quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
 
@@ -28,12 +29,7 @@ _POINTS = 601
 
 
 def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
-    """Layers, ends, sources and receivers along the bar; below, the gaps of each sector.
-
-    Args:
-        field: of a bar with layers, ends or losses.
-        sectors: whose gaps.
-    """
+    """Layers, ends, sources and receivers along the bar; below, the gaps of each sector."""
     layers, bar = field.layers, field.bar
     kinds = _kinds(layers)
     figure = Figure(figsize=(7.4, 1.9 + 0.17 * min(len(kinds), _MOST_MEDIA) + 2.1 * len(sectors)))

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, STYLE, THEORY
+from wavesim.figures.style import FOUND, THEORY
 from wavesim.readings.misfit import Comparison
 
 _MOST = 10
 _GREY = "#8a949e"
-
-
-def write(found: Comparison, path: Path) -> None:
-    """Draw a comparison into a file."""
-    with rc_context(STYLE):
-        overlay(found).savefig(path, dpi=160)
 
 
 def overlay(found: Comparison) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import (
     FOUND,
     HALO,
-    KHZ,
     MAP,
+    POINT,
     RECORD,
     RECORD_MARK,
     THEORY,
@@ -25,6 +26,7 @@ from wavesim.figures.style import (
     title,
 )
 from wavesim.material.medium import Medium
+from wavesim.material.shown import DECIBELS, KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.simulation.field import Field
 from wavesim.verdict.branches import Held
@@ -43,7 +45,7 @@ def dispersion(field: Field, held: Sequence[Held], sector: str) -> Figure:
     second_axes(
         axes,
         (1e3 * medium.length_scale / 2 / np.pi, "k̄ = k l/2π"),
-        (2e3 * np.pi * medium.time_scale, "ω̄"),
+        (medium.time_scale / KHZ, "ω̄"),
     )
     axes.set_title(title(medium.family.blocks_of(sector)))
     figure.colorbar(image, ax=axes, label="power (dB)")
@@ -57,8 +59,7 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
     size = min(len(h.measured.spectrum.omega) for h in own)
     power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
     medium = field.medium
-    to_kHz = 1 / (2e3 * np.pi)
-    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * to_kHz
+    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * KHZ
     image = axes.imshow(
         10 * np.log10(np.maximum(thin(power.T, (1200, 4096)) / (power.max() or 1.0), 1e-12)),
         origin="lower",
@@ -73,21 +74,15 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
         exact = block_oscillations(medium, h.measured.block, k)
-        lines = axes.plot(k / 1e3, exact * to_kHz, color=THEORY, lw=0.8, path_effects=HALO)
+        lines = axes.plot(k / 1e3, exact * KHZ, color=THEORY, lw=0.8, path_effects=HALO)
         lines[0].set_label("plane-wave solver" if h is own[0] else None)
         for branch in h.branches:
             shown = branch.k > 0
             every = max(1, int(shown.sum()) // 26)
             axes.plot(
-                branch.k[shown][::every] / 1e3,
-                branch.omega[shown][::every] * to_kHz,
-                "o",
-                ms=3.6,
-                mfc="white",
-                mec=FOUND,
-                mew=0.9,
-                label="recovered" if branch is own[0].branches[0] else None,
-            )
+                branch.k[shown][::every] / 1e3, branch.omega[shown][::every] * KHZ, "o", **POINT,
+                mec=FOUND, label="recovered" if branch is own[0].branches[0] else None,
+            )  # fmt: skip
     axes.set(
         xlim=(0, found.k[-1] / 1e3),
         ylim=_extent(own, found.k[-1], medium, top),
@@ -128,7 +123,7 @@ def _name_branches(axes: Axes, own: Sequence[Held], medium: Medium, k: float) ->
 def _extent(own: Sequence[Held], k: float, medium: Medium, top: float) -> tuple[float, float]:
     """Frequencies (kHz) between which a dispersion figure is drawn: all branches, with room."""
     ends = [block_oscillations(medium, h.measured.block, [0.0, k]) for h in own]
-    low, high = (edge(np.concatenate(ends, axis=1)) / (2e3 * np.pi) for edge in (np.min, np.max))
+    low, high = (edge(np.concatenate(ends, axis=1)) * KHZ for edge in (np.min, np.max))
     return (0.75 * low if low < top else 0.0), min(top, 1.08 * high)
 
 
@@ -140,7 +135,7 @@ def attenuation(field: Field, held: Held) -> Figure:
     medium = field.medium
     figure = Figure(figsize=(6.2, 7.2))
     level, loss, real = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1, 1))
-    frequency = curve.omega / (2e3 * np.pi)
+    frequency = curve.omega * KHZ
     shown = thin(curve.level.T, (600, 4096))
     image = level.imshow(
         np.maximum(shown, -_LEVEL),
@@ -159,8 +154,8 @@ def attenuation(field: Field, held: Held) -> Figure:
     _wavenumber_panel(real, field, held, np.real, 1e-3, "Re k (rad/mm)")
     real.set_xlabel("ω/2π (kHz)")
     figure.legend(*loss.get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    second_axes(level, (2e3 * np.pi * medium.time_scale, "ω̄"), None)
-    second_axes(loss, None, (1e3 * np.log(10) / 20 * medium.length_scale, "Im k l"))
+    second_axes(level, (medium.time_scale / KHZ, "ω̄"), None)
+    second_axes(loss, None, (1e3 / DECIBELS * medium.length_scale, "Im k l"))
     second_axes(real, None, (1e3 * medium.length_scale / 2 / np.pi, "Re k l/2π"))
     level.set_title(
         title(medium.family.blocks_of(block.sector)) + f",  σ = {curve.sigma:.3g} rad/s"
@@ -170,7 +165,7 @@ def attenuation(field: Field, held: Held) -> Figure:
 
 def attenuation_panel(axes: Axes, field: Field, held: Held) -> None:
     """Attenuation against frequency, measured and exact, on given axes."""
-    per_decibel = 20 / np.log(10) * 1e-3
+    per_decibel = 1e-3 * DECIBELS
     _wavenumber_panel(axes, field, held, np.imag, per_decibel, "attenuation (dB/mm)")
 
 
@@ -190,10 +185,9 @@ def _wavenumber_panel(
               label="steady wave (real ω): exact")  # fmt: skip
     axes.plot(w * KHZ, part(damped) * unit, "-", color=RECORD, lw=1.0,
               label="record (ω + iσ): exact")  # fmt: skip
-    axes.plot(
-        curve.omega * KHZ, part(curve.k) * unit, "o", ms=3.2, mfc="white", mec=RECORD_MARK, mew=0.8,
-        label="record (ω + iσ): simulated",
-    )  # fmt: skip
+    label_of_marks = "record (ω + iσ): simulated"
+    measured = part(curve.k) * unit
+    axes.plot(curve.omega * KHZ, measured, "o", **POINT, mec=RECORD_MARK, label=label_of_marks)
     axes.set_ylabel(label)
     top = np.nanmax(part(held.k_exact)) * unit
     axes.set_ylim(-0.04 * top, 1.25 * top)
@@ -203,9 +197,8 @@ def of_measurement(field: Field, held: Sequence[Held]) -> Drawings:
     """Figures that show what was measured of a field, beside the theory, not drawn yet."""
     drawings: Drawings = {}
     for sector in dict.fromkeys(h.measured.block.sector for h in held):
-        drawings[f"dispersion_{sector}"] = lambda s=sector: dispersion(field, held, s)  # type: ignore[misc]
+        drawings[f"dispersion_{sector}"] = partial(dispersion, field, held, sector)
     for h in held:
         if h.k_exact is not None:
-            name = f"attenuation_{h.measured.block.sector}"
-            drawings[name] = lambda h=h: attenuation(field, h)  # type: ignore[misc]
+            drawings[f"attenuation_{h.measured.block.sector}"] = partial(attenuation, field, h)
     return drawings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -16,7 +17,6 @@ from wavesim.figures.style import (
     THEORY,
     Drawings,
     as_written,
-    decibels,
     gap_edges,
     second_axes,
     shade,
@@ -24,6 +24,7 @@ from wavesim.figures.style import (
     title,
 )
 from wavesim.material.family import is_macro
+from wavesim.material.shown import KHZ, decibels
 from wavesim.readings.amplitude_map import amplitude_map, gone_round
 from wavesim.readings.record_section import ARRIVED, Section, record_section, spectra
 from wavesim.simulation.field import Field
@@ -157,7 +158,7 @@ def receivers(field: Field) -> Figure:
                 label=f"{as_written(label)}, {x * 1e3:g} mm",
             )  # fmt: skip
         largest = float(power.max()) or 1.0
-        spectrum.set(xlim=(0, field.band / (2e3 * np.pi)), ylim=(1e-5 * largest, 2 * largest))
+        spectrum.set(xlim=(0, field.band * KHZ), ylim=(1e-5 * largest, 2 * largest))
         spectrum.set_yscale("log", subs=())  # of many decades; ticks between cost much to draw
         one_medium = len(field.layers.layers) == 1
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
@@ -178,7 +179,7 @@ def receivers(field: Field) -> Figure:
     second_axes(
         rows[0, 0], (1e-6 / field.medium.time_scale, f"t / {field.medium.family.time}"), None
     )
-    second_axes(rows[0, 1], (2e3 * np.pi * field.medium.time_scale, "ω̄"), None)
+    second_axes(rows[0, 1], (field.medium.time_scale / KHZ, "ω̄"), None)
     return figure
 
 
@@ -247,9 +248,9 @@ def energy(field: Field) -> Figure:
 
 def of_field(field: Field) -> Drawings:
     """Figures that show a field alone, by name, not drawn yet."""
-    drawings: Drawings = {"spacetime": lambda: spacetime(field)}
+    drawings: Drawings = {"spacetime": partial(spacetime, field)}
     if field.receivers:
-        drawings["receivers"] = lambda: receivers(field)
+        drawings["receivers"] = partial(receivers, field)
     if field.energy is not None:
-        drawings["energy"] = lambda: energy(field)
+        drawings["energy"] = partial(energy, field)
     return drawings

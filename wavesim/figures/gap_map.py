@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from wavesim.figures.style import FOUND
 from wavesim.material.medium import Medium
 from wavesim.material.parameter import PARAMETERS
+from wavesim.material.shown import KHZ
 from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
 from wavesim.planewave.gap_map import GapMap, edge_families
 
@@ -47,7 +48,7 @@ def gap_map_figure(gaps: GapMap, band: tuple[float, float] | None = None) -> Fig
         title = "widest full gap" if name.endswith("full") else name
         several = len(gaps.medium.parts) > 1
         axes.set_title(f"{title}, {families[name]}" if several else title, fontsize=10)
-        width = gaps.width(name) * 1e-3 / (2 * math.pi)
+        width = gaps.width(name) * KHZ
         top = float(np.nanmax(width))
         if not top > 0:
             axes.text(0.5, 0.5, "closed", transform=axes.transAxes, ha="center", va="center")
@@ -69,7 +70,7 @@ def gap_map_figure(gaps: GapMap, band: tuple[float, float] | None = None) -> Fig
         axes.set_ylabel(_label(gaps.y))
     told = "white: closed"
     if band is not None:
-        low, high = (1e-3 * end / (2 * math.pi) for end in band)
+        low, high = (KHZ * end for end in band)
         told += f"; hatched: holds all of {low:g} to {high:g} kHz"
     figure.suptitle(
         f"{gaps.medium.family.name}, closure {gaps.medium.closure}; {told}", fontsize=10

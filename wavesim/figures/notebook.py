@@ -14,11 +14,13 @@ from matplotlib.figure import Figure
 from wavesim.figures.bands import LINE_STYLES, band_figure
 from wavesim.figures.bar_section import bar_section
 from wavesim.figures.field import spacetime
-from wavesim.figures.style import GAP, KHZ, MAP, STYLE, decibels, title
+from wavesim.figures.style import GAP, MAP, STYLE, title
 from wavesim.grid.bar import Bar
 from wavesim.layered.transmission import Transmission
+from wavesim.material.arguments import checked
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ, decibels
 from wavesim.readings.dispersion.extract import Measured
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.run_folder import Run
@@ -34,10 +36,11 @@ def picture(thing: Any, **options: Any) -> Figure:
         options: of its kind, see :func:`draw`.
 
     Raises:
-        TypeError: it has no picture, or no such option.
+        ValueError: it has no picture, or no such option.
     """
+    own = checked(draw.dispatch(type(thing)), f"plot of {type(thing).__name__}")
     with matplotlib.rc_context(STYLE):
-        figure = draw(thing, **options)
+        figure = own(thing, **options)
         FigureCanvasAgg(figure)
     figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
     return figure
@@ -52,7 +55,7 @@ def _png(figure: Figure) -> bytes:
 @singledispatch
 def draw(thing: Any, **options: Any) -> Figure:
     """What :func:`picture` shows, by kind: options are those of the functions registered here."""
-    raise TypeError(f"{type(thing).__name__}: has no picture")
+    raise ValueError(f"{type(thing).__name__}: has no picture")
 
 
 @draw.register

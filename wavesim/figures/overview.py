@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, KHZ, STYLE, THEORY, as_written, shade, title
+from wavesim.figures.style import FOUND, POINT, STYLE, THEORY, as_written, shade, title
 from wavesim.material.family import is_macro
+from wavesim.material.shown import KHZ
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.simulation.field import Field
 
@@ -42,31 +43,25 @@ def write_overview(path: Path, field: Field, found: Any, title: str, verdict: st
         verdict: in a sentence.
     """
     with matplotlib.rc_context(STYLE | _PLAIN):
-        figure = overview(field, found, title, verdict)
+        panels = _panels(field, found)
+        rows = -(-len(panels) // 2)
+        height = _HEAD + _HEIGHT * rows
+        figure = Figure(figsize=(_WIDTH, height))
+        figure.subplots_adjust(
+            left=0.065, right=0.955, bottom=0.55 / height, top=1 - (_HEAD + 0.3) / height,
+            wspace=0.24, hspace=0.5,
+        )  # fmt: skip
+        figure.text(
+            0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
+        )
+        told = textwrap.shorten(verdict, 165, placeholder=" …")
+        figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
+        for number, panel in enumerate(panels, start=1):
+            wide = number == len(panels) and number % 2 == 1
+            axes = figure.add_subplot(rows, 2, (number, number + 1) if wide else number)
+            text = panel(axes)
+            axes.set_title(text, fontsize=9, y=axes.title.get_position()[1])
         FigureCanvasAgg(figure).print_png(path, pil_kwargs={"compress_level": 1})
-
-
-def overview(field: Field, found: Any, title: str, verdict: str) -> Figure:
-    """The picture, not written yet; arguments as of :func:`write_overview`."""
-    panels = _panels(field, found)
-    rows = -(-len(panels) // 2)
-    height = _HEAD + _HEIGHT * rows
-    figure = Figure(figsize=(_WIDTH, height))
-    figure.subplots_adjust(
-        left=0.065, right=0.955, bottom=0.55 / height, top=1 - (_HEAD + 0.3) / height,
-        wspace=0.24, hspace=0.5,
-    )  # fmt: skip
-    figure.text(
-        0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
-    )
-    told = textwrap.shorten(verdict, 165, placeholder=" …")
-    figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
-    for number, panel in enumerate(panels, start=1):
-        wide = number == len(panels) and number % 2 == 1
-        axes = figure.add_subplot(rows, 2, (number, number + 1) if wide else number)
-        text = panel(axes)
-        axes.set_title(text, fontsize=9, y=axes.title.get_position()[1])
-    return figure
 
 
 def _panels(field: Field, found: Any) -> list[Panel]:
@@ -145,8 +140,7 @@ def _velocity(axes: Axes, test: PulseTest) -> str:
         value = getattr(found, f"{name}_velocity")
         axes.plot(f, getattr(exact, f"{name}_velocity"), style, color=THEORY, lw=0.9,
                   label=f"{name} velocity, exact")  # fmt: skip
-        axes.plot(f, value, mark, ms=3.2, mfc="white", mec=FOUND, mew=0.8,
-                  label=f"{name} velocity, simulated")  # fmt: skip
+        axes.plot(f, value, mark, **POINT, mec=FOUND, label=f"{name} velocity, simulated")
     speeds = found.phase_velocity[np.isfinite(found.phase_velocity)]
     top = 1.6 * float(np.median(speeds)) if len(speeds) else 1.0
     axes.set(xlabel="ω/2π (kHz)", ylabel="velocity (m/s)", xlim=(f[0], f[-1]), ylim=(0, top))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from wavesim.figures import pulse_test
-from wavesim.figures.style import FOUND, STYLE, THEORY
+from wavesim.figures.style import FOUND, POINT, THEORY, Drawings, legend_entries
 from wavesim.readings.pulse.reading import Reading
 from wavesim.readings.pulse.series_reading import Series
 
@@ -19,32 +19,22 @@ _GREY = "#8a949e"
 _MOST_SHOWN = 24
 
 
-def write(readings: Sequence[Reading], series: Series | None, folder: Path) -> list[str]:
-    """Draw all that there is; names of the files."""
-    written = []
-    single = [one for one in readings if one.record is not None]
-
-    def save(figure: Figure, name: str) -> None:
-        figure.savefig(folder / name, dpi=160)
-        written.append(name)
-
-    with rc_context(STYLE):
-        if single:
-            values = None
-            if series is not None:
-                own = [i for i, one in enumerate(readings) if one.record is not None]
-                values = series.values[own]
-            name = series.parameter if series is not None else ""
-            save(waveforms(single, values, name), "pulse_records.png")
-        if series is not None and any(one.best.valid for one in readings):
-            save(law(readings, series), "pulse_series.png")
-        several = [one for one in readings if one.result is not None]
-        for number, one in enumerate(several):
-            assert one.result is not None
-            tail = f"_{number + 1}" if len(several) > 1 else ""
-            save(pulse_test.record_section(one.result), f"pulse_section{tail}.png")
-            save(pulse_test.velocities_and_losses(one.result), f"pulse_velocities{tail}.png")
-    return written
+def drawings(readings: Sequence[Reading], series: Series | None) -> Drawings:
+    """Figures of what was read, by name, not drawn yet."""
+    found: Drawings = {}
+    own = [i for i, one in enumerate(readings) if one.record is not None]
+    if own:
+        single = [readings[i] for i in own]
+        varied = (None, "") if series is None else (series.values[own], series.parameter)
+        found["pulse_records"] = partial(waveforms, single, *varied)
+    if series is not None and any(one.best.valid for one in readings):
+        found["pulse_series"] = partial(law, readings, series)
+    several = [one.result for one in readings if one.result is not None]
+    for number, result in enumerate(several, start=1):
+        tail = f"_{number}" if len(several) > 1 else ""
+        found[f"pulse_section{tail}"] = partial(pulse_test.record_section, result)
+        found[f"pulse_velocities{tail}"] = partial(pulse_test.velocities_and_losses, result)
+    return found
 
 
 def waveforms(
@@ -62,13 +52,6 @@ def waveforms(
     figure = Figure(figsize=(6.6, 1.7 + 0.42 * max(len(order), 3)))
     axes = figure.subplots()
     last = 0.0
-    labelled: set[str] = set()
-
-    def once(label: str) -> str | None:
-        fresh = label not in labelled
-        labelled.add(label)
-        return label if fresh else None
-
     ticks = []
     for row, index in enumerate(order.tolist()):
         one = readings[index]
@@ -79,10 +62,10 @@ def waveforms(
         begun = tau >= -0.05 * tau[-1]
         axes.plot(tau[begun], row + 0.45 * u[begun], color="#37424d", lw=0.8)
         if record.crosstalk:
-            raw = record.raw / (float(np.abs(record.got).max()) or 1.0)
+            raw = (record.raw + record.crosstalk_taken) / (float(np.abs(record.got).max()) or 1.0)
             hidden = (record.t >= record.start) & (record.t <= record.blank)
             axes.plot(tau[hidden], row + 0.45 * np.clip(raw[hidden], -1, 1), color=_GREY, lw=0.7,
-                      label=once("crosstalk, left out"))  # fmt: skip
+                      label="crosstalk, left out")  # fmt: skip
         best = one.best
         shift = one.receivers[0].arrivals
         if np.isfinite(best.time) and shift:
@@ -90,7 +73,7 @@ def waveforms(
             axes.errorbar(
                 at * 1e3, row, xerr=best.error * 1e3, fmt="|", ms=14, mew=1.6, elinewidth=1.0,
                 color=FOUND if best.valid else _GREY,
-                label=once("direct wave ± standard error" if best.valid else "refused"), zorder=4,
+                label="direct wave ± standard error" if best.valid else "refused", zorder=4,
             )  # fmt: skip
             last = max(last, 3.4 * at * 1e3)
         for packet in one.packets:
@@ -100,13 +83,13 @@ def waveforms(
                 place = packet.top if named else packet.begins
                 label = f"top of a {packet.name}" if named else "other packets"
                 axes.plot(place * 1e3, row - 0.3, "^", ms=4, mec=THEORY, mew=0.8,
-                          mfc=THEORY if named else "white", label=once(label))  # fmt: skip
+                          mfc=THEORY if named else "white", label=label)  # fmt: skip
         ticks.append(f"{values[index]:g}" if values is not None else Path(one.file).stem[-24:])
     axes.set_yticks(range(len(ticks)), ticks)
     high = last if last else float(tau[-1])
     axes.set(xlim=(-0.04 * high, min(high, float(tau[-1]))), ylim=(-0.7, len(order) - 0.3),
              xlabel="time after what was sent begins (ms)", ylabel=name)  # fmt: skip
-    figure.legend(loc="outside upper center", ncols=4)
+    figure.legend(*legend_entries(axes), loc="outside upper center", ncols=4)
     return figure
 
 
@@ -128,8 +111,8 @@ def law(readings: Sequence[Reading], series: Series) -> Figure:
         axes.set(xscale="log", yscale="log")
     for own, mark, label in ((valid & ~aside, "o", "measured"), (aside, "x", "set aside")):
         if own.any():
-            axes.errorbar(p[own], v[own], e[own], fmt=mark, ms=4.5, mfc="white", mec=FOUND,
-                          ecolor=FOUND, elinewidth=0.8, label=label)  # fmt: skip
+            axes.errorbar(p[own], v[own], e[own], fmt=mark, **POINT, mec=FOUND, ecolor=FOUND,
+                          elinewidth=0.8, label=label)  # fmt: skip
     axes.set(xlabel=series.parameter, ylabel="velocity (m/s)")
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from wavesim.figures.style import FOUND, KHZ, THEORY, as_written, shade
+from wavesim.figures.style import (
+    FOUND,
+    POINT,
+    THEORY,
+    as_written,
+    legend_entries,
+    second_axes,
+    shade,
+)
+from wavesim.material.shown import DECIBELS, KHZ, with_error
 from wavesim.readings.pulse.measurement import PulseResult
 
 Gaps = Sequence[tuple[str, float, float]]
@@ -23,13 +32,12 @@ _MARKS = {
     "envelope": ("o", "white", FOUND),
     "correlation": ("x", "#0b3954", "#0b3954"),
 }
-_POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mec": FOUND, "mew": 0.8}
 _MOST_POINTS = 90
 # Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
 # near the edges of a gap don't flatten all others.
 _WILD = 2.0
 # From Np/m to dB/mm.
-_DECIBELS = 20e-3 / np.log(10)
+_DECIBELS = 1e-3 * DECIBELS
 
 
 def record_section(
@@ -64,7 +72,7 @@ def record_section(
         ends = np.array([x[0] - 1.5 * room, x[-1] + 1.5 * room])
         axes.plot(
             (speed.intercept + ends * 1e-3 / speed.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
-            label=f"{line}: {_with_error(speed.velocity, speed.error)} m/s",
+            label=f"{line}: {with_error(speed.velocity, speed.error, 'm/s')}",
         )  # fmt: skip
     for convention in conventions:
         mark, face, edge = _MARKS[convention]
@@ -87,24 +95,24 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
 
     Args:
         result: what was read.
-        gaps: (name, lowest, highest frequency in Hz), shaded.
-        exact: (frequency in Hz, level in dB), drawn as a line.
+        gaps: (name, lowest, highest frequency in kHz), shaded.
+        exact: (frequency in kHz, level in dB), drawn as a line.
     """
     loss = result.loss
     frequency = loss.omega * KHZ
     figure = Figure(figsize=(6.2, 3.6))
     axes = figure.subplots()
-    shade(axes, _in_kHz(gaps))
+    shade(axes, gaps)
     levels = [loss.level[loss.valid]]
     if exact is not None:
-        axes.plot(exact[0] / 1e3, exact[1], "-", color=THEORY, lw=1.0, label="exact")
+        axes.plot(*exact, "-", color=THEORY, lw=1.0, label="exact")
     if np.isfinite(loss.floor).any():
         name = "floor: noise, record's end"
         axes.plot(frequency, loss.floor, ":", color="#55606b", lw=1.1, label=name)
         levels.append(loss.floor[np.isfinite(loss.floor) & loss.valid])
     axes.errorbar(
         frequency[loss.valid], loss.level[loss.valid], np.nan_to_num(loss.error[loss.valid]),
-        fmt="o", ecolor=FOUND, elinewidth=0.8, label="measured", **_POINT,
+        fmt="o", ecolor=FOUND, elinewidth=0.8, label="measured", **POINT, mec=FOUND,
     )  # fmt: skip
     refused = frequency[~loss.valid]
     if len(refused):
@@ -131,8 +139,8 @@ def velocities_and_losses(
 
     Args:
         result: what was read.
-        gaps: (name, lowest, highest frequency in Hz), shaded.
-        exact: curves (frequency in Hz, SI values) under any of the keys "phase_velocity",
+        gaps: (name, lowest, highest frequency in kHz), shaded.
+        exact: curves (frequency in kHz, SI values) under any of the keys "phase_velocity",
             "group_velocity", "attenuation" (Np/m), "quality".
     """
     found, exact = result.dispersion, exact or {}
@@ -148,7 +156,7 @@ def velocities_and_losses(
     )
     labels = {speed: "velocity (m/s)", loss: "attenuation (dB/mm)", factor: "Q = ω/2α$v_g$"}
     for axes, label in labels.items():
-        shade(axes, _in_kHz(gaps), named=axes is speed)
+        shade(axes, gaps, named=axes is speed)
         axes.set_ylabel(label)
     seen: dict[Axes, list[Any]] = {speed: [], loss: [], factor: []}
     for axes, name, error_name, label, mark in parts:
@@ -158,44 +166,24 @@ def velocities_and_losses(
         counts = ~(error > 0.5 * np.abs(value)) | (name == "attenuation")
         if axes is not loss:
             for _, low, high in gaps:
-                counts &= (frequency < low / 1e3) | (frequency > high / 1e3)
+                counts &= (frequency < low) | (frequency > high)
         own = np.flatnonzero(counts & np.isfinite(value))[::every]
         colour = FOUND if mark == "o" else "#0b3954"
         axes.errorbar(
             frequency[own], value[own], np.nan_to_num(error[own]), fmt=mark, ecolor=colour,
-            elinewidth=0.8, label=label or None, **{**_POINT, "mec": colour},
+            elinewidth=0.8, label=label or None, **POINT, mec=colour,
         )  # fmt: skip
         seen[axes].append(value[own])
         if name in exact:
             at, curve = exact[name]
-            style = "-" if mark == "o" else "--"
-            axes.plot(
-                at / 1e3,
-                unit * np.asarray(curve),
-                style,
-                color=THEORY,
-                lw=0.9,
-                label="exact" if mark == "o" else "group velocity, exact",
-            )
+            style, told = ("-", "exact") if mark == "o" else ("--", "group velocity, exact")
+            axes.plot(at, unit * np.asarray(curve), style, color=THEORY, lw=0.9, label=told)
     for axes, values in seen.items():
         _limit(axes, np.concatenate(values))
-    entries: dict[str, Any] = {}
-    for axes in seen:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(name, handle)
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=4)
-    second = loss.secondary_yaxis("right", functions=_nepers())
-    second.set_ylabel("Np/m")
+    figure.legend(*legend_entries(*seen), loc="outside upper center", ncols=4)
+    second_axes(loss, None, (1 / _DECIBELS, "Np/m"))
     factor.set(xlim=_ends(frequency), xlabel="ω/2π (kHz)")
     return figure
-
-
-def _with_error(value: float, error: float) -> str:
-    """A value to two digits of its error."""
-    if not (np.isfinite(error) and error > 0):
-        return f"{value:.6g}"
-    digits = max(0, 1 - int(np.floor(np.log10(error))))
-    return f"{value:.{min(digits, 6)}f} ± {error:.{min(digits, 6)}f}"
 
 
 def _at(result: PulseResult) -> str:
@@ -211,10 +199,6 @@ def _ends(frequency: NDArray[Any]) -> tuple[float, float]:
     return (low - room, high + room) if high > low else (0.9 * low, 1.1 * low)
 
 
-def _nepers() -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    return (lambda v: v / _DECIBELS), (lambda v: v * _DECIBELS)
-
-
 def _limit(axes: Axes, values: NDArray[Any]) -> None:
     if not len(values):
         axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes)
@@ -224,7 +208,3 @@ def _limit(axes: Axes, values: NDArray[Any]) -> None:
     low, high = np.percentile(values, [wild, 100 - wild])
     room = 0.15 * max(high - low, 0.05 * abs(high), 1e-300)
     axes.set_ylim(low - room, high + 1.6 * room)
-
-
-def _in_kHz(gaps: Gaps) -> Gaps:
-    return [(name, low / 1e3, high / 1e3) for name, low, high in gaps]

@@ -1,4 +1,4 @@
-"""Figures of what was recovered from a record: spectrum, attenuation, and residuals."""
+"""Figures of what was recovered of a record: spectrum, phase velocity, attenuation, residuals."""
 
 from __future__ import annotations
 
@@ -11,22 +11,34 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wavesim.figures import style
-from wavesim.figures.phase_velocity import phase_velocity
-from wavesim.figures.style import FOUND, MAP, THEORY, as_written, gap_edges, shade
+from wavesim.figures.style import (
+    FOUND,
+    MAP,
+    MARKS,
+    POINT,
+    SHADES,
+    THEORY,
+    as_written,
+    gap_edges,
+    plot_branch,
+    shade,
+)
+from wavesim.material.shown import DECIBELS, HERTZ, KHZ
+from wavesim.readings.dispersion.beam import highest_wavenumber, phase_beam, transform, weights
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
+from wavesim.readings.dispersion.noise_level import noise_of_transform
+from wavesim.readings.dispersion.points import BAR
+from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.verdict.record import Recovered
 from wavesim.verdict.recovered_points import Matched, MatchedInSpace
 
-_HZ = 1 / (2 * np.pi)
-_SHADES = ("#0b3954", "#c8102e", "#e08e1b", "#2f7f4f", "#7a3e9d", "#555555")
-_MARKS = ("o", "s", "^", "D", "v", "P")
 _MOST_POINTS = 60
-_DECIBELS = 100.0
+_DEEPEST = -100.0
 
 
 def _frequency(largest: float) -> tuple[float, str]:
     """From rad/s to the unit shown: kHz as everywhere, Hz where all is slower."""
-    return (1e-3 * _HZ, "ω/2π (kHz)") if largest * _HZ >= 1e3 else (_HZ, "ω/2π (Hz)")
+    return (KHZ, "ω/2π (kHz)") if largest * HERTZ >= 1e3 else (HERTZ, "ω/2π (Hz)")
 
 
 def _wavenumber(largest: float) -> tuple[float, str]:
@@ -56,7 +68,7 @@ def spectrum(one: Recovered) -> Figure:
             (k[0] - k[0] / 2) * to_k, (k[-1] + k[0] / 2) * to_k, 0, omega[kept][-1] * to_f
         ),
         cmap=MAP,
-        vmin=-_DECIBELS,
+        vmin=_DEEPEST,
         vmax=0,
         interpolation="nearest",
     )  # fmt: skip
@@ -69,19 +81,9 @@ def spectrum(one: Recovered) -> Figure:
     for branch in points.branches:
         own = points.take(points.branch == branch)
         every = slice(None, None, max(1, len(own) // _MOST_POINTS))
-        axes.errorbar(
-            own.k[every] * to_k,
-            own.omega[every] * to_f,
-            own.bar[every] * to_f,
-            fmt=_MARKS[branch % 6],
-            ms=3.4,
-            mfc="white",
-            mec=_SHADES[branch % 6],
-            ecolor=_SHADES[branch % 6],
-            mew=0.9,
-            elinewidth=1.0,
-            label=f"branch {branch + 1}, 95 %",
-        )
+        shown_k, bar = own.k[every] * to_k, own.bar[every] * to_f
+        label = f"branch {branch + 1}, 95 %"
+        plot_branch(axes, branch, shown_k, own.omega[every] * to_f, bar, label)
     lone = shown.take(shown.branch < 0)
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
@@ -106,19 +108,17 @@ def residuals(one: Recovered) -> Figure:
         for b, name in enumerate(matched.names):
             error = np.maximum(matched.error(continuum)[:, b], 1e-16)
             every = slice(None, None, max(1, len(error) // (2 * _MOST_POINTS)))
-            shade = _SHADES[b % 6]
+            shade = SHADES[b % 6]
             axes.plot(
-                matched.k[every] * to_k, error[every], _MARKS[b % 6], ms=3.2, mfc="white",
-                mec=shade, mew=0.9, label=name,
-            )  # fmt: skip
+                matched.k[every] * to_k, error[every], MARKS[b % 6], **POINT, mec=shade, label=name
+            )
             bar = (matched.bar / matched.omega)[:, b]
             axes.plot(matched.k * to_k, bar, color=shade, lw=0.8, label=f"{name}, 95 % bar")
         axes.set(yscale="log", xlabel=label)
         axes.set_title(title)
         axes.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel("|Δω|/ω")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(as_written(one.origin.name))
     return figure
 
@@ -131,7 +131,7 @@ def attenuation(one: Recovered) -> Figure:
     loss, real = figure.subplots(2, 1, sharex=True)
     frequency = points.omega.real * to_f
     to_k, k_label = _wavenumber(float(np.abs(points.k.real).max()))
-    decibels, per = 20 / np.log(10) * to_k, "mm" if to_k < 1 else "m"
+    decibels, per = DECIBELS * to_k, "mm" if to_k < 1 else "m"
     parts: tuple[tuple[Any, Callable[[Any], Any], float, str], ...] = (
         (loss, np.imag, decibels, f"attenuation (dB/{per})"),
         (real, np.real, to_k, f"Re {k_label}"),
@@ -145,15 +145,10 @@ def attenuation(one: Recovered) -> Figure:
                 frequency[own], middle - bar, middle + bar, color=FOUND, alpha=0.25, lw=0,
                 label="95 % band" if branch == 0 else None,
             )  # fmt: skip
-        axes.plot(
-            frequency[valid], factor * part(points.k[valid]), "o", ms=3.4, mfc="white",
-            mec=FOUND, mew=0.9, label="measured",
-        )  # fmt: skip
-        if (~valid).any():
-            for number, at in enumerate(frequency[~valid]):
-                axes.axvline(
-                    at, color="#888888", lw=0.6, ls=":", label=None if number else "refused"
-                )
+        middle = factor * part(points.k[valid])
+        axes.plot(frequency[valid], middle, "o", **POINT, mec=FOUND, label="measured")
+        for number, at in enumerate(frequency[~valid]):
+            axes.axvline(at, color="#888888", lw=0.6, ls=":", label=None if number else "refused")
         if one.origin.theory is not None:
             fine = np.linspace(points.omega.real.min(), points.omega.real.max(), 1500)
             sigma = float(points.omega.imag[0])
@@ -170,8 +165,7 @@ def attenuation(one: Recovered) -> Figure:
             room = 0.12 * max(float(np.ptp(shown)), 1e-300)
             axes.set_ylim(shown.min() - room, shown.max() + room)
     real.set_xlabel(f_label)
-    handles, labels = loss.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(*loss.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     loss.set_title(
         f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s"
     )
@@ -186,15 +180,13 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     to_f, f_label = _frequency(float(points.omega.real.max()))
     figure = Figure(figsize=(5.6, 3.9))
     axes = figure.subplots()
-    if one.origin.bar is not None:
-        axes.plot(
-            points.omega.real * to_f, np.maximum(matched.error(False), 1e-17), "o", ms=3.6,
-            mfc="white", mec=_SHADES[0], label="against the grid",
-        )  # fmt: skip
-    axes.plot(
-        points.omega.real * to_f, np.maximum(matched.error(True), 1e-17), "s", ms=3.2,
-        mfc="white", mec=_SHADES[1], label="against the continuum",
-    )  # fmt: skip
+    for own, name in enumerate(("grid", "continuum")):
+        if name == "continuum" or one.origin.bar is not None:
+            error = np.maximum(matched.error(name == "continuum"), 1e-17)
+            axes.plot(
+                points.omega.real * to_f, error, MARKS[own], **POINT, mec=SHADES[own],
+                label=f"against the {name}",
+            )  # fmt: skip
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")
@@ -218,3 +210,68 @@ def write(results: Sequence[Recovered], folder: Path) -> list[Path]:
         if one.matched is not None:
             drawings[f"{kind}_{one.origin.label}_residuals"] = partial(compared, one)
     return style.write(drawings, folder)
+
+
+_VELOCITIES = 400
+_MOST_FREQUENCIES = 500
+_ROOM = 1.35
+
+
+def _span(one: Recovered) -> tuple[float, float, float, float]:
+    """Lowest and highest frequency (rad/s) and phase velocity (m/s) shown."""
+    points = one.points
+    own = points.take(points.valid) if points.valid.any() else points
+    if not len(own):
+        return 0.0, np.pi / one.origin.record.interval, 1.0, 10.0
+    c = np.quantile(own.phase_velocity, (0.02, 0.98))
+    return (
+        float(own.omega.min()) / _ROOM, float(own.omega.max()) * _ROOM,
+        float(c[0]) / _ROOM, float(c[1]) * _ROOM,
+    )  # fmt: skip
+
+
+def phase_velocity(one: Recovered) -> Figure:
+    """B(k = ω/c, ω), with the points that count, their 95 % bars, and where c is out of reach.
+
+    Above the dashed line a wave is longer than the line, below the dotted one shorter than two
+    distances between receivers.
+    """
+    record, points = one_side(one.origin.record.without_gaps()), one.points
+    values, x = record.values[0], record.x
+    low, high, slow, fast = _span(one)
+    omega, U = transform(values, record.interval)
+    rows = np.flatnonzero((omega >= low) & (omega <= high))
+    rows = rows[:: max(1, len(rows) // _MOST_FREQUENCIES)]
+    omega, U = omega[rows], U[rows]
+    weight = weights(U, noise_of_transform(values, record.interval, omega))
+    c = np.geomspace(slow, fast, _VELOCITIES)
+    k = omega[:, None] / c
+    height = np.maximum(*(phase_beam(U, x, weight, sign * k) for sign in (1, -1)))
+    unit, prefix = (1e-3, "k") if float(omega.max()) * HERTZ >= 1e3 else (1.0, "")
+    to_f = HERTZ * unit
+    figure = Figure(figsize=(6.0, 4.6))
+    axes = figure.subplots()
+    image = axes.pcolormesh(
+        omega * to_f, c, height.T, cmap=MAP, vmin=0, vmax=1, shading="nearest", rasterized=True
+    )
+    for branch in points.branches:
+        own = points.take(points.branch == branch)
+        error = BAR * own.phase_velocity_error
+        label = f"mode {branch + 1}, 95 %"
+        plot_branch(axes, branch, own.omega * to_f, own.phase_velocity, error, label)
+    if one.origin.theory is not None:
+        fine = np.linspace(float(k.min()), float(k.max()), 800)
+        curves = np.real(one.origin.theory[0].omega(fine))
+        lines = axes.plot(curves * to_f, curves / fine[:, None], color=THEORY, lw=0.8)
+        lines[0].set_label("theory")
+    aperture, gap = float(np.ptp(x)), np.pi / highest_wavenumber(x)
+    axes.plot(omega * to_f, omega * aperture / (2 * np.pi), "--", color="#555555", lw=0.9)
+    axes.plot(omega * to_f, omega * gap / np.pi, ":", color="#555555", lw=1.1)
+    axes.set(
+        xlabel=f"frequency ({prefix}Hz)", ylabel="phase velocity (m/s)",
+        xlim=(omega[0] * to_f, omega[-1] * to_f), ylim=(slow, fast),
+    )  # fmt: skip
+    axes.set_title(f"{one.origin.name}: phases in line, B(f, c)")
+    figure.legend(loc="outside lower center", ncols=4)
+    figure.colorbar(image, ax=axes, label="B")
+    return figure

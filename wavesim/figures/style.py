@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 
 from wavesim.material.family import Block, known_field, sector_words
 from wavesim.material.medium import Medium
-from wavesim.planewave.dispersion_relation import gaps
+from wavesim.material.shown import KHZ
+from wavesim.planewave.dispersion_relation import open_gaps
 
 Drawings = dict[str, Callable[[], Figure]]
 
@@ -43,8 +44,11 @@ THEORY = "#111111"
 RECORD, RECORD_MARK = "#8a97a3", "#5d6b78"
 GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}
 LABEL: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
-# From ω in rad/s to ω/2π in kHz.
-KHZ = 1 / (2e3 * np.pi)
+# A measured point, of any mark and colour of its edge.
+POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mew": 0.9}
+# Of branches and modes, told apart by both.
+SHADES = ("#0b3954", "#c8102e", "#2f7f4f", "#7a3e9d", "#e08e1b", "#555555")
+MARKS = ("o", "s", "^", "D", "v", "P")
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
 
@@ -74,11 +78,6 @@ def title(blocks: Sequence[Block]) -> str:
     return f"{sector_words(sector)}: {', '.join(held)}"
 
 
-def decibels(amplitude: Any, reference: float = 1.0) -> np.ndarray:
-    """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
-    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
-
-
 def second_axes(axes: Axes, x: tuple[float, str] | None, y: tuple[float, str] | None) -> None:
     """Put scaled axes opposite to the SI ones: (scaled units in one shown unit, label)."""
     if x is not None:
@@ -95,11 +94,25 @@ def _scaling(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]
 
 def gap_edges(medium: Medium, sector: str, unit: float = KHZ) -> list[tuple[str, float, float]]:
     """Name, lower and upper edge of each open gap of a sector; a frequency is ω times unit."""
-    return [
-        (gap.name, gap.lower * unit, gap.upper * unit)
-        for gap in gaps(medium, sector)
-        if gap.upper > gap.lower
-    ]
+    return [(gap.name, gap.lower * unit, gap.upper * unit) for gap in open_gaps(medium, sector)]
+
+
+def plot_branch(axes: Axes, number: int, x: Any, y: Any, error: Any, label: str) -> None:
+    """Points of one branch among several, with their bars."""
+    colour = SHADES[number % len(SHADES)]
+    axes.errorbar(
+        x, y, error, fmt=MARKS[number % len(MARKS)], **POINT, mec=colour, ecolor=colour,
+        elinewidth=0.9, label=label,
+    )  # fmt: skip
+
+
+def legend_entries(*axes: Axes) -> tuple[list[Any], list[str]]:
+    """Handles and labels of what is drawn on some axes, each label once."""
+    found: dict[str, Any] = {}
+    for one in axes:
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values()), list(found)
 
 
 def shade(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import matplotlib
@@ -10,8 +11,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, KHZ, Drawings, decibels, symbol
+from wavesim.figures.style import FOUND, Drawings, symbol
 from wavesim.material.family import known_field
+from wavesim.material.shown import KHZ, decibels
 
 _MAP = matplotlib.colormaps["viridis"]
 # Levels below this are one colour, dB.
@@ -32,14 +34,12 @@ def sweep_figures(data: Any) -> Drawings:
     Args:
         data: the dataset (xarray) of ``wavesim.studies.sweep``.
     """
-    found = {name: panels for name, panels in _quantities(data).items() if panels}
     drawings: Drawings = {
-        name: lambda panels=panels: _figure(data, panels)  # type: ignore[misc]
-        for name, panels in found.items()
+        name: partial(_figure, data, panels) for name, panels in _quantities(data).items() if panels
     }
     if "T" in data and "member" not in data["status"].dims:
         for sector in data["sector"].values:
-            drawings[f"levels_{sector}"] = lambda sector=sector: _levels(data, str(sector))  # type: ignore[misc]
+            drawings[f"levels_{sector}"] = partial(_levels, data, str(sector))
     return drawings
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, THEORY, decibels, gap_edges, shade
+from wavesim.figures.style import FOUND, THEORY, gap_edges, legend_entries, shade
+from wavesim.material.shown import decibels
 
 if TYPE_CHECKING:  # a run's pictures need none of the studies
     from wavesim.studies.transmission_study import Curve, Study
@@ -22,9 +23,6 @@ def transmission_figure(study: Study) -> Figure:
     """T and R in dB against frequency, one panel for each sector.
 
     Curves that are alike, as those of the two transverse sectors, share a panel.
-
-    Args:
-        study: what is drawn, with its bands.
     """
     masks = [band for band, *_ in study.bands]
     panels: list[tuple[list[str], Curve]] = []
@@ -53,9 +51,7 @@ def transmission_figure(study: Study) -> Figure:
         axis.set_title(" and ".join(names), loc="left")
         axis.set_ylabel("amplitude over incident (dB)")
     axes[-1].set_xlabel("frequency (kHz), real ω")
-    told = {label: handle for axis in axes for handle, label in zip(
-        *axis.get_legend_handles_labels(), strict=True)}  # fmt: skip
-    figure.legend(told.values(), told.keys(), loc="outside upper center", ncols=4)
+    figure.legend(*legend_entries(*axes), loc="outside upper center", ncols=4)
     return figure
 
 
@@ -66,14 +62,15 @@ def draw_masks(axes: Axes, masks: Sequence[Any]) -> float:
         A level below the lowest of them, 0 where there is none.
     """
     lowest = 0.0
-    for number, mask in enumerate(masks):
+    told: str | None = "where T must not be (real ω)"
+    for mask in masks:
         low, high = mask.low / 1e3, mask.high / 1e3
-        told = "where T must not be (real ω)" if number == 0 else None
         for limit, end in ((mask.at_most, 20.0), (mask.at_least, -400.0)):
             if limit is not None:
-                kept_off = axes.fill_between([low, high], limit, end, color=FOUND, alpha=0.15, lw=0)
-                kept_off.set_label(told)
-                axes.plot([low, high], [limit] * 2, "-", color=FOUND, lw=1.2)
+                ends = [low, high]
+                axes.fill_between(ends, limit, end, color=FOUND, alpha=0.15, lw=0, label=told)
+                told = None
+                axes.plot(ends, [limit] * 2, "-", color=FOUND, lw=1.2)
                 lowest = min(lowest, limit - 15)
         if mask.at_most is None and mask.at_least is None:
             axes.axvspan(low, high, color=FOUND, alpha=0.08, lw=0)

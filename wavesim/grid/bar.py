@@ -6,17 +6,20 @@ import functools
 import math
 import numbers
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.grid.stencils import difference_weights
-from wavesim.grid.summation_by_parts import chain, check_stretches
+from wavesim.grid.summation_by_parts import Differences, chain, check_stretches
 from wavesim.material.arguments import checked
 from wavesim.material.layers import ENDS, End, Layers
 from wavesim.material.shown import Shown, quantity
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 MINIMUM_CELLS = 16
 # More are taken for a slip of the pen: their differences alone take a GB, and seconds.
@@ -24,25 +27,6 @@ MOST_CELLS = 5 * 10**6
 
 Float = NDArray[Any]
 Index = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Differences:
-    """The difference D from nodes to half-nodes, by diagonals, and the norms of the points.
-
-    Row j of D takes node j + first + w, modulo their number, with factor diagonals[w, j]. With the
-    norms N (nodes) and H (half-nodes) −N⁻¹ Dᵀ H is the difference from half-nodes to nodes.
-
-    Attributes:
-        first: column of the first diagonal in row 0.
-        diagonals: shape (width, half-nodes), 1/m.
-        node_norm, half_norm: length that each point stands for, m.
-    """
-
-    first: int
-    diagonals: Float
-    node_norm: Float
-    half_norm: Float
 
 
 @checked
@@ -210,11 +194,32 @@ class Bar(Shown):
             return Differences(1 - self.order // 2, diagonals, unit, unit)
         cells, spacings = zip(*self.all_stretches, strict=True)
         made = chain(self.order, cells, spacings)
-        norm = made.node_norm.copy()
-        if self.periodic:
-            norm[0] += norm[-1]
-            norm = norm[:-1]
-        return Differences(made.first, made.diagonals, norm, made.half_norm)
+        if not self.periodic:
+            return made
+        norm = made.node_norm[:-1].copy()
+        norm[0] += made.node_norm[-1]
+        return replace(made, node_norm=norm)
+
+    @functools.cached_property
+    def stretch_norms(self) -> tuple[Float, ...]:
+        """Length that each node of a stretch stands for in it, shape (cells + 1,) of each, m."""
+        if self.uniform and self.periodic:
+            norm = np.full(self.cells + 1, self.spacing)
+            norm[[0, -1]] /= 2
+            return (norm,)
+        return tuple(chain(self.order, (n,), (h,)).node_norm for n, h in self.all_stretches)
+
+    @property
+    def difference_matrix(self) -> csr_array:
+        """D as a sparse matrix, shape (half-nodes, nodes), 1/m."""
+        from scipy.sparse import csr_array
+
+        known, nodes = self.differences, len(self.nodes)
+        rows = np.broadcast_to(np.arange(self.cells), known.diagonals.shape)
+        columns = rows + known.first + np.arange(len(known.diagonals))[:, None]
+        there = known.diagonals != 0
+        entries = known.diagonals[there], (rows[there], columns[there] % nodes)
+        return csr_array(entries, shape=(self.cells, nodes))
 
 
 def layered_bar(
@@ -236,7 +241,10 @@ def layered_bar(
         ValueError: a layer is too thin for the order, or a value is not admissible.
     """
     stretches = []
-    sizes = np.broadcast_to(np.asarray(spacing, dtype=float), len(layers.layers))
+    sizes, count = np.asarray(spacing, dtype=float), len(layers.layers)
+    if sizes.shape not in ((), (count,)):
+        raise ValueError(f"spacing: {sizes.size} given for {count} layers; give one, or one each")
+    sizes = np.broadcast_to(sizes, count)
     for layer, size in zip(layers.layers, sizes.tolist(), strict=True):
         if not (size > 0 and math.isfinite(size)):
             raise ValueError(f"spacing = {size:g} m: must be greater than 0, and finite")

@@ -12,7 +12,7 @@ from wavesim.grid.stencils import interpolation_weights
 # A Gaussian is cut at so many widths, where it is 1e-16 of its top. Sampled at a width of so many
 # cells its sum is its integral to 3e-15; where that is off by more, a closure is near, which is not
 # felt from so many cells on.
-_CUT = 8.5
+CUT = 8.5
 _SAMPLED = 1.3
 _INTEGRATED = 1e-9
 _WIDE = 32
@@ -76,6 +76,15 @@ def spread(bar: Bar, position: float, width: float, staggered: bool) -> tuple[Fl
     """
     if width == 0:
         return _point(bar, position, staggered)
+    made = sampled(bar, position, width, staggered)
+    return _mean_of_points(bar, position, width, staggered) if made is None else made
+
+
+def sampled(bar: Bar, position: float, width: float, staggered: bool) -> tuple[Float, Index] | None:
+    """The Gaussian of :func:`spread` at the grid's points; None where they do not integrate it.
+
+    Arguments and errors are those of :func:`spread`; width > 0.
+    """
     if not 0 <= position <= bar.length * (1 + 1e-12):
         sampling(bar, position, staggered)  # says what is wrong
     if 17 * width > bar.length:
@@ -88,20 +97,34 @@ def spread(bar: Bar, position: float, width: float, staggered: bool) -> tuple[Fl
         distance = (x - position + bar.length / 2) % bar.length - bar.length / 2
     else:
         distance = x - position
-        if not _CUT * width <= position <= bar.length - _CUT * width:
+        if not CUT * width <= position <= bar.length - CUT * width:
             raise ValueError(
                 f"width = {width:g} m: the Gaussian at {position:g} m stands out over an end "
                 f"of the bar; take at most "
-                f"{min(position, bar.length - position) / _CUT:.3g} m, or move it inward"
+                f"{min(position, bar.length - position) / CUT:.3g} m, or move it inward"
             )
-    indices = np.flatnonzero(np.abs(distance) <= _CUT * width)
+    indices = np.flatnonzero(np.abs(distance) <= CUT * width)
     density = np.exp(-((distance[indices] / width) ** 2) / 2) / (np.sqrt(2 * np.pi) * width)
-    if width >= _SAMPLED * bar.spacing:
-        norms = bar.differences
-        norm = norms.half_norm if staggered else norms.node_norm
-        if width >= _WIDE * bar.spacing or abs(density @ norm[indices] - 1) < _INTEGRATED:
-            return density, indices
-    return _mean_of_points(bar, position, width, staggered)
+    norms = bar.differences
+    norm = norms.half_norm if staggered else norms.node_norm
+    integrated = abs(density @ norm[indices] - 1) < _INTEGRATED
+    if width >= _WIDE * bar.spacing or (width >= _SAMPLED * bar.spacing and integrated):
+        return density, indices
+    return None
+
+
+def gaussian(bar: Bar, x: Float, position: float, width: float) -> Float:
+    """exp(−(x − position)²/2width²) at points x of a bar, on a periodic one laid round it."""
+    shifts = (-bar.length, 0.0, bar.length) if bar.periodic else (0.0,)
+    return np.sum([np.exp(-(((x - position - by) / width) ** 2) / 2) for by in shifts], axis=0)
+
+
+def gaussian_points(cells: float) -> tuple[Float, Float]:
+    """Points that stand for a Gaussian so many cells wide: where, in widths, and their shares."""
+    count = 2 * math.ceil(CUT * max(4.0, min(4 * cells, 1000.0))) + 1
+    u = np.linspace(-CUT, CUT, count)
+    weights = np.exp(-(u**2) / 2)
+    return u, weights / weights.sum()
 
 
 def _point(bar: Bar, position: float, staggered: bool) -> tuple[Float, Index]:
@@ -116,12 +139,9 @@ def _mean_of_points(
     bar: Bar, position: float, width: float, staggered: bool
 ) -> tuple[Float, Index]:
     """The same Gaussian as point sources side by side, four to a cell and to a width."""
-    finest = min(size for _, size in bar.all_stretches)
-    count = 2 * math.ceil(_CUT * max(4.0, min(4 * width / finest, 1000.0))) + 1
-    u = np.linspace(-_CUT, _CUT, count)
-    weights = np.exp(-(u**2) / 2)
+    u, weights = gaussian_points(width / min(size for _, size in bar.all_stretches))
     densities, points = [], []
-    for place, weight in zip(position + width * u, weights / weights.sum(), strict=True):
+    for place, weight in zip(position + width * u, weights, strict=True):
         at = place % bar.length if bar.periodic else min(max(place, 0.0), bar.length)
         density, indices = _point(bar, float(at), staggered)
         densities.append(weight * density)

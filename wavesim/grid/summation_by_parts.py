@@ -73,20 +73,20 @@ class Closure:
 
 
 @dataclass(frozen=True)
-class Chain:
-    """D and the norms of stretches joined end to end, n cells and n + 1 nodes in all.
+class Differences:
+    """The difference D from nodes to half-nodes, by diagonals, and the norms of the points.
 
         (Dφ)_j = Σ_w diagonals[w, j] φ_{j + first + w},
 
-    where a diagonal is 0 wherever it leaves the nodes. No row reaches across a shared node. There
-    the norm is of both stretches, in proportion to their h: the mass of densities ρ₁, ρ₂ on it is
-    H_n (ρ₁h₁ + ρ₂h₂)/(h₁ + h₂).
+    counted round a ring; else a diagonal is 0 wherever it leaves the nodes. No row reaches across a
+    node that two stretches share. There the norm is of both, in proportion to their h: the mass of
+    densities ρ₁, ρ₂ on it is H_n (ρ₁h₁ + ρ₂h₂)/(h₁ + h₂). −H_n⁻¹ Dᵀ H_h is the difference back.
 
     Args:
         first: offset of the first diagonal, ≤ 0.
-        diagonals: (width, n), 1/m.
-        node_norm: H_n, (n + 1,), m; sums to the length.
-        half_norm: H_h, (n,), m; sums to the length.
+        diagonals: (width, half-nodes), 1/m.
+        node_norm: H_n, length that each node stands for, m.
+        half_norm: H_h, that of each half-node, m.
     """
 
     first: int
@@ -146,8 +146,8 @@ def check_stretches(order: int, stretches: Sequence[tuple[int, float]]) -> None:
             )
 
 
-def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
-    """Stretches joined end to end: D, H_n, H_h.
+def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Differences:
+    """Stretches joined end to end, n cells and n + 1 nodes in all.
 
     Args:
         order: 2m, one of stencils.ORDERS.
@@ -194,7 +194,7 @@ def chain(order: int, cells: Sequence[int], spacings: Sequence[float]) -> Chain:
         start += count
     for array in (diagonals, node_norm, half_norm):
         array.setflags(write=False)
-    return Chain(first, diagonals, node_norm, half_norm)
+    return Differences(first, diagonals, node_norm, half_norm)
 
 
 def _solve(

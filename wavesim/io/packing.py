@@ -6,7 +6,6 @@ chunks are compressed beside each other and handed over finished; a reader can't
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +14,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+
+from wavesim.worker import cores
 
 # As HDF5's filters have it: bytes of a kind together, deflated, and a checksum over that.
 PACKED: dict[str, Any] = {
@@ -28,7 +29,7 @@ _LONG = 65536
 _CHUNK_POINTS = 16384
 _WIDEST, _HIGHEST = 1024, 64
 # So many threads compress, each so many points of the bar at a time.
-_THREADS = min(4, os.cpu_count() or 1)
+_THREADS = min(4, cores())
 _AT_ONCE = 65536
 # Of Fletcher's two sums, for as many pairs of bytes as a packed chunk may have.
 _LONGEST = 2 * 4 * _CHUNK_POINTS

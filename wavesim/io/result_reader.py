@@ -23,6 +23,8 @@ class StorageError(RuntimeError, ValueError):
 class WriteError(StorageError):
     """A file can't be written; the message says why, what is stored, and how to go on."""
 
+    code = 3  # that a command ends with
+
 
 @contextmanager
 def reading(path: Path, what: str = "") -> Iterator[h5py.File]:

@@ -72,8 +72,9 @@ class Results:
         self._gathering: Gathering | None = None
 
     def create(self) -> None:
-        """Begin anew, replacing what an earlier run left."""
+        """Begin anew: what an earlier run left must not pass for this one's."""
         with self._writing():
+            self.path.unlink(missing_ok=True)
             shutil.rmtree(self._parts, ignore_errors=True)
             self._parts.mkdir(parents=True)
 

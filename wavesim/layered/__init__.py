@@ -28,3 +28,7 @@ __all__ = [
     "transmission",
 ]
 globals().update({name: _checked(globals()[name]) for name in __all__ if name[0].islower()})
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

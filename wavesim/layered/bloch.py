@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wavesim.layered.eigenfrequencies import eigenfrequencies, windows
 from wavesim.layered.stack import Stack
-from wavesim.layered.transmission import block_of
+from wavesim.material.family import travelling_block
 from wavesim.material.layers import Layers
 from wavesim.planewave.band_edges import keeps_gradient
 
@@ -38,7 +38,9 @@ def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = N
         ValueError: the sector has no macro-field, ω is 0, or Γ is singular where it is kept.
     """
     kept = keeps_gradient(cell, gradient)
-    stack = Stack(cell, block_of(cell.first.family, sector), np.atleast_1d(np.asarray(omega)), kept)
+    stack = Stack(
+        cell, travelling_block(cell.first.family, sector), np.atleast_1d(np.asarray(omega)), kept
+    )
     S = stack.whole()
     if len(stack.impedance) > 1:
         return _many(S) / cell.length
@@ -96,7 +98,7 @@ def stop_bands(
     low, high = band
     edges = [
         eigenfrequencies(
-            cell, block_of(cell.first.family, sector), sign, sign, band, False, spacing
+            cell, travelling_block(cell.first.family, sector), sign, sign, band, False, spacing
         )
         for sign in ("periodic", "antiperiodic")
     ]

@@ -18,16 +18,14 @@ medium, and v and f are multiplied by √z and 1/√z, z a reference impedance n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from wavesim.material.damping import Damping
-from wavesim.material.family import Block
-from wavesim.material.medium import Medium
-from wavesim.material.scaling import BlockCoefficients, Scales, block_coefficients
+from wavesim.material.scaling import BlockCoefficients
 
 
 @dataclass(frozen=True)
@@ -70,17 +68,6 @@ class Section:
         return self.damping.modulus(omega * self.frequency), self.damping.inertia(
             omega * self.frequency
         )
-
-
-def section(medium: Medium, block: Block, units: Scales, kept: bool) -> Section:
-    """A block in a medium, in given units; z is left to the caller."""
-    own = block_coefficients(medium, block, units)
-    return Section(own, medium.damping, frequency=1 / units.time, kept=kept)
-
-
-def with_impedance(one: Section, impedance: Any) -> Section:
-    """The same with a reference impedance z, shape (n,)."""
-    return replace(one, impedance=impedance)
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,18 @@ import numpy as np
 from wavesim.layered.ends import check_ends, returned
 from wavesim.layered.mode_count import count, elements
 from wavesim.layered.stack import Stack
-from wavesim.layered.transmission import block_of
 from wavesim.layered.uniform_layer import waves
-from wavesim.material.damping import UNDAMPED
-from wavesim.material.family import Block
+from wavesim.material.family import Block, travelling_block
 from wavesim.material.layers import Layers, as_layers
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs, keeps_gradient
 from wavesim.planewave.eigenproblem import spectral_form
 
 # Default smallest spacing, of the band's upper end.
 _SPACING = 1e-4
+# Steps in which loss is brought up.
+_STEPS = 8
+# The last change of a complex eigenfrequency that is known, relative to it.
+_FOLLOWED = 1e-9
 # Places at which a graded layer is looked at for the range that its band edges sweep.
 _FINE = 65
 
@@ -45,7 +47,7 @@ def windows(layers: Layers, sector: str, band: tuple[float, float]) -> Any:
     low, high = band
     stops = [
         (float(column.min()), float(column.max()))
-        for values in _edges(layers, block_of(layers.first.family, sector), form_asymptotes)
+        for values in _edges(layers, travelling_block(layers.first.family, sector), form_asymptotes)
         for column in values.T
     ]
     found = []
@@ -168,8 +170,9 @@ def resonances(
         spacing: smallest mean spacing, rad/s; 1e-4 of the band's upper end by default.
 
     Returns:
-        ω, ascending, rad/s: real without loss, to rounding; complex with Im ω < 0 with loss, each
-        followed from its lossless one as the loss is brought up.
+        ω, ascending, rad/s: real without loss, to rounding; complex with Im ω < 0 with loss. With
+        laws that differ each is followed from its lossless one as the loss is brought up; NaN
+        where that fails, as it does where a wave is overdamped.
 
     Raises:
         ValueError: an end is not fixed, free or periodic; the sector is at rest; the closure
@@ -177,19 +180,18 @@ def resonances(
     """
     check_ends(left, right, ("fixed", "free", "periodic"))
     kept = keeps_gradient(layers, gradient)
-    block = block_of(layers.first.family, sector)
+    block = travelling_block(layers.first.family, sector)
     real = eigenfrequencies(layers, block, left, right, band, kept, spacing)
-    if all(layer.medium.damping == UNDAMPED for layer in layers.layers):
-        return real
-    return damped(layers, left, right, block, real, kept)
+    law, *others = {layer.medium.damping for layer in layers.layers}
+    # One law for all moduli and one for all inertias: Ω(ω) = ω₀ whatever the bar is made of.
+    return damped(layers, left, right, block, real, kept) if others else law.lossy(real)
 
 
-def damped(
-    layers: Layers, left: str, right: str, block: Block, real: Any, kept: bool, steps: int = 8
-) -> Any:
+def damped(layers: Layers, left: str, right: str, block: Block, real: Any, kept: bool) -> Any:
     """Complex eigenfrequencies, from det(1 − S R) = 0 by secants, loss brought up in steps."""
-    omega, found = real.astype(complex), [real.astype(complex)]
-    for part in np.linspace(0, 1, steps + 1)[1:]:
+    earlier, omega = None, real.astype(complex)
+    known = np.ones(len(real), bool)
+    for part in np.linspace(0, 1, _STEPS + 1)[1:]:
         lossy = with_loss(layers, float(part))
 
         def residue(at: Any, lossy: Layers = lossy) -> Any:
@@ -198,16 +200,17 @@ def damped(
             unit = np.eye(whole.shape[-1])
             return np.linalg.det(unit - whole @ returned(stack, left, right))
 
-        guess = 2 * omega - found[-2] if len(found) > 1 else omega * (1 - 1e-6j)
-        before, now = guess * (1 + 1e-7), guess
-        value = residue(before)
-        for _ in range(30):
-            fresh = residue(now)
-            slope = fresh - value
-            step = np.where(slope == 0, 0, fresh * (now - before) / np.where(slope == 0, 1, slope))
-            before, value, now = now, fresh, now - step
-            if (np.abs(step) <= 1e-14 * np.abs(now)).all():
-                break
+        now = omega * (1 - 1e-6j) if earlier is None else 2 * omega - earlier
+        before, earlier = now * (1 + 1e-7), omega
+        with np.errstate(all="ignore"):  # where one is lost
+            value = residue(before)
+            for _ in range(30):
+                fresh = residue(now)
+                rise = fresh - value
+                step = np.where(rise == 0, 0, fresh * (now - before) / np.where(rise == 0, 1, rise))
+                before, value, now = now, fresh, now - step
+                if (np.abs(step) <= 1e-14 * np.abs(now)).all():
+                    break
+        known &= np.abs(step) <= _FOLLOWED * np.abs(now)
         omega = now
-        found.append(omega)
-    return omega
+    return np.where(known, omega, np.nan)

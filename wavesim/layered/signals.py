@@ -15,6 +15,7 @@ from wavesim.layered.inverse_transform import Contour, contour
 from wavesim.layered.source_loads import acts_of, body_loads, end_drives
 from wavesim.layered.stack import Load, Stack
 from wavesim.layered.star_product import inner, nothing, star, times
+from wavesim.material.arguments import shown
 from wavesim.material.family import Block, weights
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import Scales
@@ -51,8 +52,12 @@ def signals(
         ValueError: an end, a receiver, a source or a layer is not admissible; the message names it.
     """
     times_ = np.atleast_1d(np.asarray(t, dtype=float))
+    sources = list(sources)
     if not sources:
         raise ValueError("sources = []: at least one source is needed")
+    for one in sources:
+        if not hasattr(one, "spectrum"):
+            raise ValueError(f"sources: {shown(one)} is no source; give such as Ricker(…)")
     if times_.min() < 0 or not times_.max() > 0:
         raise ValueError("t: must be ≥ 0, and reach beyond 0")
     kept = keeps_gradient(layers, gradient)

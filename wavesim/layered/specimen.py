@@ -78,17 +78,13 @@ class Specimen:
             edges = np.stack([asymptotes(medium, sector) for medium in layer.sampled()])
             for low, high in zip(edges.min(axis=0), edges.max(axis=0), strict=True):
                 open_ &= (omega < low * (1 - MARGIN)) | (omega > high * (1 + MARGIN))
-        found = self.amplitudes(sector, omega[open_]) if open_.any() else None
+        found = self.amplitudes(sector, omega[open_])
 
         def spread(value: Any) -> Any:
             whole = np.full(len(omega), np.nan, dtype=np.asarray(value).dtype)
             whole[open_] = value
             return whole
 
-        if found is None:
-            none = np.full(len(omega), np.nan)
-            names = [f.name for f in dataclasses.fields(Transmission) if f.name != "omega"]
-            return Transmission(omega, **dict.fromkeys(names, none)), open_
         parts = {name: spread(value) for name, value in vars(found).items() if name != "omega"}
         return Transmission(omega, **parts), open_
 

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from wavesim.layered import gaussian_load as gaussian
-from wavesim.layered.cross_section import (
-    Section,
-    generator,
-    limit,
-    section,
-    with_impedance,
-)
+from wavesim.layered.cross_section import Section, generator, limit
 from wavesim.layered.graded_layer import graded
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
 from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
-from wavesim.material.scaling import Scales, scales
+from wavesim.material.scaling import Scales, block_coefficients, scales
 
 
 @dataclass(frozen=True)
@@ -103,7 +97,9 @@ class Stack:
 
     def bare(self, layer: Layer, position: float) -> Section:
         """The section at a position (m) of a layer, without impedance."""
-        return section(layer.at(position), self.block, self.units, self.kept)
+        medium = layer.at(position)
+        own = block_coefficients(medium, self.block, self.units)
+        return Section(own, medium.damping, 1 / self.units.time, self.kept)
 
     @cached_property
     def impedance(self) -> Any:
@@ -116,7 +112,7 @@ class Stack:
 
     def section(self, layer: Layer, position: float) -> Section:
         """The section at a position (m) of a layer."""
-        return with_impedance(self.bare(layer, position), self.impedance)
+        return replace(self.bare(layer, position), impedance=self.impedance)
 
     @cached_property
     def _waves(self) -> dict[int, Waves]:
@@ -151,13 +147,7 @@ class Stack:
 
     def _made(self, layer: Layer, own: Waves, x0: float, x1: float, loads: Sequence[Load]) -> Any:
         here = self.section(layer, layer.start)
-        basis = np.concatenate(
-            [
-                np.concatenate([own.v, own.mirror_v], axis=2),
-                np.concatenate([own.f, own.mirror_f], axis=2),
-            ],
-            axis=1,
-        )
+        basis = np.block([[own.v, own.mirror_v], [own.f, own.mirror_f]])
         right, left = np.zeros_like(own.k), np.zeros_like(own.k)
         n = here.size
         for load in loads:
@@ -200,9 +190,12 @@ class Stack:
             piece on its right, or at the right end to the last one.
         """
         length = self.layers.length
-        points = [load for load in loads if load.width == 0]
-        marks = {0.0, length, *self.layers.interfaces, *cuts}
-        marks |= {min(max(load.position * self.units.length, 0.0), length) for load in points}
+        points = [
+            (load, min(max(load.position * self.units.length, 0.0), length))
+            for load in loads
+            if load.width == 0
+        ]
+        marks = {0.0, length, *self.layers.interfaces, *cuts, *(x for _, x in points)}
         for load in loads:
             for u in (-8.5, -4.0, -2.0, 0.0, 2.0, 4.0, 8.5) if load.width > 0 else ():
                 x = (load.position + u * load.width) * self.units.length
@@ -213,8 +206,7 @@ class Stack:
         for start, end in itertools.pairwise(nodes):
             layer = self.layers.layer_at((start + end) / 2)
             one = self.piece(layer, start, end, loads)
-            for load in points:
-                x = min(max(load.position * self.units.length, 0.0), length)
+            for load, x in points:
                 if x == start or (x == end == length):
                     here = self.section(layer, x)
                     s = driven(here, self.scaled, load.component)

@@ -14,7 +14,7 @@ Redheffer, J. Math. Phys. 41, 1 (1962).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,13 +39,7 @@ class Piece:
     @property
     def whole(self) -> Any:
         """S, shape (N, 2n, 2n)."""
-        return np.concatenate(
-            [
-                np.concatenate([self.s11, self.s12], axis=2),
-                np.concatenate([self.s21, self.s22], axis=2),
-            ],
-            axis=1,
-        )
+        return np.block([[self.s11, self.s12], [self.s21, self.s22]])
 
     @property
     def sent(self) -> Any:
@@ -81,10 +75,8 @@ def nothing(count: int, n: int) -> Piece:
 
 def jump(velocity: Any, force: Any) -> Piece:
     """A point source: by how much √z v and f/√z jump, shape (N, n) each."""
-    empty = nothing(*velocity.shape)
-    return Piece(
-        empty.s11, empty.s12, empty.s21, empty.s22, -(velocity - force) / 2, (velocity + force) / 2
-    )
+    made = nothing(*velocity.shape)
+    return replace(made, left=(force - velocity) / 2, right=(velocity + force) / 2)
 
 
 def inner(one: Piece, two: Piece, entering: Any, returning: Any) -> tuple[Any, Any]:

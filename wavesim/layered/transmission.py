@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wavesim.layered.stack import Stack
 from wavesim.layered.uniform_layer import Waves
-from wavesim.material.family import Block, Family, travelling_block
+from wavesim.material.family import travelling_block
 from wavesim.material.layers import Layers
 from wavesim.material.shown import Shown
 from wavesim.planewave.band_edges import keeps_gradient
@@ -63,13 +63,10 @@ class Transmission(Shown):
         return xarray.Dataset(ratios, {"omega": ("omega", self.omega, {"units": "rad/s"})})
 
 
-def block_of(family: Family, sector: str) -> Block:
-    """The block of a sector with a macro-field.
-
-    Raises:
-        ValueError: the sector has none, or is unknown.
-    """
-    return travelling_block(family, sector, kept=False)
+def _apart(left: Any, right: Any) -> Any:
+    """Matrices of the left and of the right end as one that couples neither to the other."""
+    none = np.zeros_like(left)
+    return np.block([[left, none], [none, right]])
 
 
 def _primary(of: Waves) -> Any:
@@ -109,19 +106,13 @@ def transmission(
     whole = stack.whole().whole
     left, right = stack.end_waves(False), stack.end_waves(True)
     n, rows = len(stack.impedance), np.arange(len(stack.scaled))
-    # Waves of the half-spaces that come in and that go out, as (a at 0, b at L), (b at 0, a at L).
-    incoming = np.zeros_like(whole)
-    outgoing = np.zeros_like(whole)
-    incoming[:, :n, :n], outgoing[:, :n, :n] = left.v + left.f, left.v - left.f
-    incoming[:, n:, n:] = right.mirror_v - right.mirror_f
-    outgoing[:, n:, n:] = right.mirror_v + right.mirror_f
-    back_in, back_out = np.zeros_like(whole), np.zeros_like(whole)
-    back_in[:, :n, :n], back_out[:, :n, :n] = (
-        left.mirror_v + left.mirror_f,
-        left.mirror_v - left.mirror_f,
-    )
-    back_in[:, n:, n:], back_out[:, n:, n:] = right.v - right.f, right.v + right.f
-    amplitudes = np.linalg.solve(back_out - whole @ back_in, whole @ incoming - outgoing)
+    # Waves that come in from the half-spaces and that go out into them: what they are of
+    # (a at 0, b at L), which the stretch takes in, and of (b at 0, a at L), which it sends.
+    come_in = _apart(left.v + left.f, right.mirror_v - right.mirror_f)
+    come_back = _apart(left.v - left.f, right.mirror_v + right.mirror_f)
+    go_in = _apart(left.mirror_v + left.mirror_f, right.v - right.f)
+    go_out = _apart(left.mirror_v - left.mirror_f, right.v + right.f)
+    amplitudes = np.linalg.solve(go_out - whole @ go_in, whole @ come_in - come_back)
     first, last = _primary(left), n + _primary(right)
     # Of the block's first field: as they come in, and as they go out.
     come = np.concatenate([left.v[:, 0], right.mirror_v[:, 0]], axis=1)

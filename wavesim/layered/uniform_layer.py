@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.layered.cross_section import Section, halves, to_vf
-from wavesim.layered.star_product import Piece
+from wavesim.layered.star_product import Piece, times
 
 
 @dataclass(frozen=True)
@@ -87,28 +87,19 @@ def assemble(
         made: amplitudes that sources add at the far end of each, (N, n) each.
     """
     n = decay[0].shape[1]
-    into, out = [], []
-    for sign in (1, -1):  # at the left end a comes in; at the right end b does
-        waves_in = [(v + sign * f) / 2 for v, f in (right, left)]
-        waves_out = [(v - sign * f) / 2 for v, f in (right, left)]
-        into.append(waves_in)
-        out.append(waves_out)
-    thin = [d[:, None, :] for d in decay]
-    start = np.concatenate([into[0][0], into[0][1] * thin[1]], axis=2)
-    end = np.concatenate([into[1][0] * thin[0], into[1][1]], axis=2)
-    M = np.concatenate([start, end], axis=1)
-    N = np.concatenate(
-        [
-            np.concatenate([out[0][0], out[0][1] * thin[1]], axis=2),
-            np.concatenate([out[1][0] * thin[0], out[1][1]], axis=2),
-        ],
-        axis=1,
+    # At the left end a comes in and b goes out, at the right end b comes in and a goes out.
+    a, b = ([(v + sign * f) / 2 for v, f in (right, left)] for sign in (1, -1))
+    thin_right, thin_left = (d[:, None, :] for d in decay)
+    M, N = (
+        np.block([[one[0], one[1] * thin_left], [two[0] * thin_right, two[1]]])
+        for one, two in ((a, b), (b, a))
     )
     S = np.swapaxes(np.linalg.solve(np.swapaxes(M, 1, 2), np.swapaxes(N, 1, 2)), 1, 2)
-    made_right, made_left = made[0][..., None], made[1][..., None]
-    arriving = np.concatenate([into[0][1] @ made_left, into[1][0] @ made_right], axis=1)
-    leaving = np.concatenate([out[0][1] @ made_left, out[1][0] @ made_right], axis=1)
-    sent = (leaving - S @ arriving)[..., 0]
+    arriving, leaving = (
+        np.concatenate([times(one[1], made[1]), times(two[0], made[0])], axis=1)
+        for one, two in ((a, b), (b, a))
+    )
+    sent = leaving - times(S, arriving)
     return Piece(S[:, :n, :n], S[:, :n, n:], S[:, n:, :n], S[:, n:, n:], sent[:, :n], sent[:, n:])
 
 

@@ -6,6 +6,7 @@ ValueError for all, as for a value out of its range. What jax holds is let throu
 
 from __future__ import annotations
 
+import builtins
 import collections.abc
 import difflib
 import functools
@@ -28,6 +29,11 @@ FREQUENCIES, WINDOW = (8, 4096), (4.0, 30.0)
 
 Made = TypeVar("Made", bound=Callable[..., Any])
 _LONGEST = 60
+# Whole numbers beyond are none that numpy holds.
+_LARGEST = 2**63
+# What waves are asked for at, whose squares are taken; and what is real.
+_WAVE, _LARGEST_WAVE = ("k", "omega"), 1e100
+_REAL = ("k", "t", "x", "sent", "received", "source", "input")
 _PASS = ""
 
 
@@ -65,7 +71,7 @@ def _checked(function: Callable[..., Any], name: str, told: Any) -> Callable[...
                 value = bound.arguments[key]
                 wanted = _missed(value, hint) or _odd(key, value)
                 if wanted and value is not signature.parameters[key].default:
-                    raise ValueError(f"{key} = {_shown(value)}: must be {wanted}")
+                    raise ValueError(f"{key} = {shown(value)}: must be {wanted}")
         return function(*args, **given)
 
     return call
@@ -109,10 +115,17 @@ def _hints(told: Any) -> dict[str, Any]:
         found = {}
         for key, hint in getattr(told, "__annotations__", {}).items():
             try:
-                found[key] = eval(hint, space) if isinstance(hint, str) else hint
-            except (NameError, TypeError):
+                found[key] = eval(hint, {}, _Known(space)) if isinstance(hint, str) else hint
+            except (NameError, TypeError, AttributeError):
                 continue
         return found
+
+
+class _Known(dict[str, Any]):
+    """Names of a module; what it does not have may be anything."""
+
+    def __missing__(self, name: str) -> Any:
+        return getattr(builtins, name, Any)
 
 
 def _missed(value: Any, hint: Any) -> str:
@@ -130,12 +143,16 @@ def _missed(value: Any, hint: Any) -> str:
         return _PASS if fits else f"one of {', '.join(map(str, inner))}"
     if hint is float:
         return _no_number(value)
+    if hint is bool:
+        return _PASS if isinstance(value, bool | np.bool_) else "True or False"
     if hint is int:
         whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-        return _PASS if whole or _held_by_jax(value) else "a whole number"
+        return _PASS if whole and abs(value) < _LARGEST else "a whole number"
     if hint is None or hint is type(None):
         return _PASS if value is None else "None"
     if origin is np.ndarray or hint is np.ndarray:
+        if "bool" in repr(inner):
+            return _PASS
         return _no_numbers(value)
     kind = origin or hint
     if not isinstance(kind, type):
@@ -150,8 +167,11 @@ def _missed(value: Any, hint: Any) -> str:
     if issubclass(kind, collections.abc.Mapping):
         if not isinstance(value, collections.abc.Mapping):
             return "a dictionary"
-        own = inner[1] if len(inner) == 2 else Any
-        return next((f"{m} at {_shown(k)}" for k, v in value.items() if (m := _missed(v, own))), "")
+        key, own = inner if len(inner) == 2 else (Any, Any)
+        odd = next((k for k in value if _missed(k, key)), None)
+        if odd is not None:
+            return f"a dictionary whose keys are {_word(key)}, not {shown(odd)}"
+        return next((f"{m} at {shown(k)}" for k, v in value.items() if (m := _missed(v, own))), "")
     if issubclass(kind, list | tuple) or kind in (
         collections.abc.Sequence,
         collections.abc.Iterable,
@@ -163,15 +183,21 @@ def _missed(value: Any, hint: Any) -> str:
     return _PASS if isinstance(value, kind) else f"of type {kind.__name__}"
 
 
-def _held_by_jax(value: Any) -> bool:
-    """Whether it is a number that jax, or numpy, holds."""
-    return getattr(value, "shape", None) == () and getattr(value, "dtype", None) is not None
+def real(value: Any) -> bool:
+    """Whether it is a finite real number, or an array of them, which jax may hold; no bool."""
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        try:
+            return math.isfinite(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            return False
+    kind = getattr(getattr(value, "dtype", None), "kind", "O")
+    if isinstance(value, np.ndarray):
+        return kind in "fiu" and bool(np.isfinite(value).all())
+    return hasattr(value, "shape") and kind not in "bcOSUMm"
 
 
 def _no_number(value: Any) -> str:
-    if isinstance(value, numbers.Real) and not isinstance(value, bool):
-        return _PASS if math.isfinite(value) else "a finite number"
-    return _PASS if _held_by_jax(value) else "a finite number"
+    return _PASS if real(value) and getattr(value, "shape", ()) == () else "a finite number"
 
 
 def _no_numbers(value: Any) -> str:
@@ -181,37 +207,58 @@ def _no_numbers(value: Any) -> str:
         kind = getattr(value, "dtype", None) or np.asarray(value).dtype
     except (ValueError, TypeError):
         return "an array of numbers"
-    return "an array of numbers" if getattr(kind, "kind", "f") in "OSUMm" else _PASS
+    return "an array of numbers" if getattr(kind, "kind", "f") in "bOSUMm" else _PASS
 
 
 def _no_list(value: Any, kind: type, inner: tuple[Any, ...]) -> str:
-    if isinstance(value, str | bytes) or not isinstance(value, collections.abc.Iterable):
-        return "a list" if not inner else f"a list, each {_word(inner[0])}"
-    if not isinstance(value, list | tuple) or (kind is tuple and inner[1:] != (...,)):
-        if kind is tuple and inner and ... not in inner:
-            some = list(value)
-            if len(some) != len(inner):
-                return f"{len(inner)} values"
-            return next((m for v, h in zip(some, inner, strict=True) if (m := _missed(v, h))), "")
-        return _PASS
+    wanted = f"a list, each {_word(inner[0])}" if inner else "a list"
+    if isinstance(value, str | bytes | collections.abc.Mapping):
+        return wanted
+    if kind is collections.abc.Iterable and isinstance(value, kind):
+        return _PASS if hasattr(value, "__next__") else _no_elements(value, inner)
+    if not hasattr(value, "__len__") or not hasattr(value, "__getitem__"):
+        return wanted
+    if getattr(value, "ndim", 1) != 1:
+        return wanted
+    if kind is tuple and inner and ... not in inner:
+        if getattr(getattr(value, "dtype", None), "kind", "f") not in "iuf":
+            return wanted
+        if len(value) != len(inner):
+            return f"{len(inner)} values"
+        return next((m for v, h in zip(value, inner, strict=True) if (m := _missed(v, h))), "")
+    return _no_elements(value, inner)
+
+
+def _no_elements(value: Any, inner: tuple[Any, ...]) -> str:
     own = inner[0] if inner else Any
+    if hasattr(value, "dtype") and own in (float, int):  # at once
+        return _PASS if real(value) else f"a list, each {_word(own)}"
+    if hasattr(value, "dtype") and own is not Any and value.dtype.kind not in "OU":
+        return f"a list, each {_word(own)}"
     return next((f"a list, each {m}" for v in value if (m := _missed(v, own))), "")
 
 
 def _odd(key: str, value: Any) -> str:
-    """What k, ω, t and x should be and are not; ω may be complex, records may have holes."""
-    if key not in ("k", "t", "x", "omega") or value is None:
+    """What k, ω, t, x and signals should be and are not; ω may be complex, records have holes."""
+    if value is None or key not in (*_WAVE, *_REAL):
         return _PASS
-    some = np.asarray(value)
-    if key != "omega" and np.iscomplexobj(some):
+    if key in _REAL and np.iscomplexobj(value):
         return "real"
-    return _PASS if key in ("t", "x") or np.isfinite(some).all() else "finite"
+    if key not in _WAVE or hasattr(value, "aval"):  # one that jax traces
+        return _PASS
+    wanted = _no_numbers(value)
+    if wanted or np.ndim(value) > 1:
+        return wanted or "a number, or a list of them"
+    return _PASS if (np.abs(value) < _LARGEST_WAVE).all() else f"finite, below {_LARGEST_WAVE:g}"
 
 
 def _word(hint: Any) -> str:
-    return getattr(hint, "__name__", str(hint))
+    return {float: "a number", int: "a whole number", str: "text"}.get(
+        hint, getattr(hint, "__name__", str(hint))
+    )
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """A value in a line of a message."""
     text = repr(value)
     return printable(" ".join(text.split()), _LONGEST)

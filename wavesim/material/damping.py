@@ -160,8 +160,8 @@ def constant_quality(
     Args:
         quality: Q, –, > 1.
         band: lowest and highest frequency, Hz.
-        reference: where phase velocity is the lossless one, Hz; the band's geometric mean by
-            default.
+        reference: where phase velocity is the lossless one, Hz, ≥ 0; the band's geometric mean
+            by default.
 
     Returns:
         The law; :func:`quality` tells what it makes of Q.
@@ -183,6 +183,8 @@ def constant_quality(
             f"quality_band = [{low:g}, {high:g}]: must span at most a factor of {_WIDEST_BAND:g}; "
             "take the band that the sources excite"
         )
+    if reference is not None and not 0 <= reference < math.inf:
+        raise ValueError(f"reference = {reference:g}: must be a frequency, 0 or greater")
     first, last = 2 * math.pi * low, 2 * math.pi * high
     count = max(2, math.ceil(3 * math.log10(last / first))) + 1
     rates = np.geomspace(first / 1.3, last * 1.3, count)
@@ -190,14 +192,14 @@ def constant_quality(
     x = omega[:, None] / rates
     # Q Im part = real part: Σ Y (Q x + 1)/(1 + x²) = 1, from m = 1 − Σ Y (1 + ix)/(1 + x²).
     strengths, _ = nnls((quality * x + 1) / (1 + x**2), np.ones(len(omega)))
-    at = 2 * math.pi * (reference or math.sqrt(low * high))
+    at = 2 * math.pi * (math.sqrt(low * high) if reference is None else reference)
     used = strengths > 0
     plain = Damping(rates=tuple(rates[used].tolist()), strengths=tuple(strengths[used].tolist()))
     return Damping(
         unrelaxed=float(1 / plain.modulus(at).real),
         rates=plain.rates,
         strengths=plain.strengths,
-        made=None if reference else (float(quality), (float(low), float(high))),
+        made=(float(quality), (float(low), float(high))) if reference is None else None,
     )
 
 

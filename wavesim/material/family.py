@@ -20,6 +20,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from wavesim.material.arguments import checked
+
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 Part = dict[str, float]
 """A component: {field: weight}, an orthonormal combination of fields."""
@@ -27,6 +29,7 @@ Acts = Literal["body", "surface", "prescribed", "initial"]
 """What a source does: it acts inside, loads a free end, moves a fixed one, or is there at t = 0."""
 
 
+@checked
 @dataclass(frozen=True)
 class Block:
     """Fields that are coupled with each other and with no others.
@@ -89,6 +92,7 @@ class Quantity:
     family: Family
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Family:
     """A family of waves.
@@ -218,7 +222,7 @@ class Family:
         return {"body": "body", **self.drives, "initial": "initial"}
 
 
-def travelling_block(family: Family, sector: str, kept: bool) -> Block:
+def travelling_block(family: Family, sector: str, kept: bool = False) -> Block:
     """The block in which a sector's waves travel.
 
     Args:

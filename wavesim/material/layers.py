@@ -204,7 +204,7 @@ class Layers(Shown):
         Raises:
             ValueError: a loss law has no keys in a case file.
         """
-        ends = [[medium_table(medium) for medium in layer.ends] for layer in self.layers]
+        ends = [_end_tables(layer) for layer in self.layers]
         every = [table for pair in ends for table in pair]
         # What some medium goes without can't be inherited.
         common = {k: v for k, v in every[0].items() if all(k in table for table in every)}
@@ -252,6 +252,16 @@ class Layers(Shown):
     def at(self, position: float) -> Medium:
         """The medium at a position, m."""
         return self.layer_at(position).at(position)
+
+
+def _end_tables(layer: Layer) -> list[dict[str, Any]]:
+    """What a case file says of a layer's medium, or of both of a graded one, by the same keys."""
+    tables = [medium_table(medium) for medium in layer.ends]
+    keys = dict.fromkeys(key for table in tables for key in table)
+    return [
+        {key: table[key] if key in table else rounded(medium.parameters[key]) for key in keys}
+        for table, medium in zip(tables, layer.ends, strict=True)
+    ]
 
 
 def as_layers(medium: Medium | Layers | Sequence[Layer], length: float) -> Layers:

@@ -15,13 +15,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin, get_type
 
 import numpy as np
 
-from wavesim.material.arguments import unknown
+from wavesim.material.arguments import real, shown, unknown
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block, Family, register
 from wavesim.material.parameter import PARAMETERS, Parameter
 from wavesim.material.shown import Shown
-
-_NO_NUMBERS = (bool, str, bytes, list, tuple, dict, complex)
 
 _MEDIA: dict[str, type[Medium]] = {}
 _USED: list[type[Medium]] = []
@@ -118,20 +116,25 @@ class Medium(Shown, metaclass=_ByFamily):
 
     def __post_init__(self) -> None:
         self._used()
-        if self.closure not in self.closures:
+        if not isinstance(self.closure, str) or self.closure not in self.closures:
             raise ValueError(self.closure_missing(self.closure))
+        if not isinstance(self.damping, Damping):
+            raise ValueError(
+                f"damping = {shown(self.damping)}: must be of type Damping, such as "
+                "constant_quality(30.0, (1e4, 1e6))"
+            )
         for name, known in self.declared().items():
             value = getattr(self, name)
-            if isinstance(value, numbers.Real) and not isinstance(value, bool):
+            if value is None and getattr(type(self), name, 0.0) is None:
+                continue
+            if not real(value) or not np.size(value):
+                unit = f" in {known.unit}" if known.unit else ""
+                raise ValueError(f"{name} = {shown(value)}: must be a finite number{unit}")
+            if isinstance(value, numbers.Real):
                 known.check(name, float(value))
-            elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size:
+            elif isinstance(value, np.ndarray):
                 known.check(name, float(value.min()))
                 known.check(name, float(value.max()))
-            elif isinstance(value, _NO_NUMBERS) or (
-                value is None and getattr(type(self), name, None) is not None
-            ):
-                unit = f" in {known.unit}" if known.unit else ""
-                raise ValueError(f"{name} = {value!r}: must be a number{unit}")
 
     def _used(self) -> None:
         if type(self) not in _USED:
@@ -161,7 +164,7 @@ class Medium(Shown, metaclass=_ByFamily):
     @classmethod
     def closure_missing(cls, closure: str) -> str:
         """What is said of a closure that its equations do not have."""
-        return f"closure = {closure!r}: must be one of {', '.join(cls.closures)}"
+        return f"closure = {shown(closure)}: must be one of {', '.join(cls.closures)}"
 
     @classmethod
     @functools.cache
@@ -192,7 +195,7 @@ class Medium(Shown, metaclass=_ByFamily):
 
     @functools.cached_property
     def fastest(self) -> float:
-        """See :func:`fastest_speed`."""
+        """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
         forms = [part.form for part in self.parts]
         squares = [np.linalg.eigvalsh(form.C_phi_phi).max() / form.m_phi for form in forms]
         return float(np.sqrt(self.damping.unrelaxed * max(squares)))
@@ -302,8 +305,3 @@ def families() -> tuple[str, ...]:
 def _same(value: Any, default: Any) -> bool:
     """Whether a parameter is a plain number or word that equals its default."""
     return isinstance(value, str | numbers.Real) and value == default
-
-
-def fastest_speed(medium: Medium) -> float:
-    """Speed of the fastest wave at short wavelengths, c_∞ = √(m_U max C_φφ/m_φ), m/s."""
-    return medium.fastest

@@ -19,7 +19,6 @@ from wavesim.material.medium import FluxForm, Medium
 from wavesim.material.parameter import Parameter
 
 Closure = Literal["printed", "consistent"]
-SpectralClosure = Literal["printed", "consistent", "appendix_c"]
 CLOSURES: tuple[str, ...] = ("printed", "consistent")  # those with wave equations
 SPECTRAL_CLOSURES: tuple[str, ...] = (*CLOSURES, "appendix_c")
 

@@ -11,6 +11,7 @@ Both routes, in time and in frequency, take their coefficients from here.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,12 @@ from wavesim.material.medium import Medium
 
 # Branches are judged between these k̄ where nobody says otherwise.
 JUDGED = (0.02, 0.5)
+
+
+def judged_range(medium: Medium) -> tuple[float, float]:
+    """The same in a medium, rad/m."""
+    low, high = (2 * math.pi * k / float(medium.length_scale) for k in JUDGED)
+    return low, high
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from wavesim.material.arguments import shown
 from wavesim.material.damping import Damping
 from wavesim.material.family import Block, Family
 from wavesim.material.medium import FluxForm, Medium
@@ -75,7 +76,7 @@ class Together(Medium):
         law = parts[0].damping if damping is None else damping
         odd = [name for name in given if not any(name in part.declared() for part in parts)]
         if odd:
-            raise TypeError(f"{odd[0]}: is no parameter of {', '.join(map(repr, parts))}")
+            raise ValueError(f"{odd[0]}: is no parameter of {', '.join(map(repr, parts))}")
         kept = []
         for part in parts:
             own = {name: value for name, value in given.items() if name in part.declared()}
@@ -213,8 +214,13 @@ def together(*media: Medium) -> Medium:
         A medium with the blocks of all; of one medium, itself.
 
     Raises:
-        ValueError: two are of one family, or their loss laws differ.
+        ValueError: one is no medium, two are of one family, or their loss laws differ.
     """
+    if not media:
+        raise ValueError("media: none given; give one medium of each family")
+    odd = [one for one in media if not isinstance(one, Medium)]
+    if odd:
+        raise ValueError(f"media = {shown(odd[0])}: must be of type Medium, each")
     names = [medium.family.name for medium in media]
     if len(set(names)) < len(names):
         raise ValueError(f"family = {', '.join(names)}: must differ; give one medium of each")

@@ -1,4 +1,4 @@
-"""What a notebook shows of a thing: a line, a small table, a picture. Leans on nothing.
+"""What a reader is shown: numbers with units and errors; of a thing a line, a table, a picture.
 
 A class that is :class:`Shown` says what there is to say of it; how it is drawn is known to
 ``wavesim.figures.notebook``, which is loaded when the first picture is asked for.
@@ -12,6 +12,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+# What one rad/s is in Hz and in kHz, and one neper in dB.
+HERTZ = 1 / (2 * math.pi)
+KHZ = 1e-3 * HERTZ
+DECIBELS = 20 / math.log(10)
 _DRAWN_BY = "wavesim.figures.notebook"
 
 
@@ -41,7 +47,7 @@ class Shown:
             The figure; ``figure.savefig("name.pdf")`` writes it.
 
         Raises:
-            TypeError: there is no such option.
+            ValueError: there is no such option.
         """
         return importlib.import_module(_DRAWN_BY).picture(self, **options)
 
@@ -71,6 +77,26 @@ _PREFIXES: dict[str, Sequence[tuple[float, str]]] = {
     "s": ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")),
     "Hz": ((1e6, "M"), (1e3, "k"), (1.0, "")),
 }
+
+
+def with_error(value: float, error: float = math.nan, unit: str = "") -> str:
+    """A value to two digits of its error, "3000.8 ± 1.3 m/s"; "–" where there is none."""
+    if not math.isfinite(value):
+        return "–"
+    end = f" {unit}" if unit else ""
+    if not (math.isfinite(error) and error > 0):
+        return f"{value:.6g}{end}"
+    last = math.floor(math.log10(error)) - 1
+    if abs(value) < 1e6 and (value == 0 or abs(value) >= 1e-3) and last >= -7:
+        digits = max(0, -last)
+        return f"{value:.{digits}f} ± {error:.{digits}f}{end}"
+    first = math.floor(math.log10(abs(value))) if value else last
+    return f"{value:.{min(max(1, first - last), 12)}e} ± {error:.1e}{end}"
+
+
+def decibels(amplitude: Any, reference: float = 1.0) -> Any:
+    """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
+    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
 
 
 def plain(value: Any) -> Any:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION, SpectralClosure
+from wavesim.material.rotation import ROTATION
 from wavesim.planewave.branches import follow
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.gap_map import family_gaps
@@ -23,11 +23,11 @@ K_BAR = np.linspace(0.0, 1.0, 201)
 class Study:
     """What the claims are judged on: branches over k̄ and a, gap edges over a and over η."""
 
-    closure: SpectralClosure
+    closure: str
 
-    def medium(self, a: float, eta: float = 0.5) -> Medium:
-        """Table 1 with this a, η and closure."""
-        return Medium(anisotropy=a, stiffness_ratio=eta, closure=self.closure)
+    def medium(self, a: float) -> Medium:
+        """Table 1 with this a and closure."""
+        return Medium(anisotropy=a, closure=self.closure)
 
     @cached_property
     def branch(self) -> dict[str, Float]:
@@ -38,7 +38,7 @@ class Study:
             k = K_BAR * 2 * math.pi / medium.length_scale
             for block in ROTATION.blocks:
                 if block.sector != "transverse3":
-                    omega = follow(medium, block, k).omega * medium.time_scale
+                    omega = follow(medium, block, k) * medium.time_scale
                     for name, values in zip(block.branches, omega.T, strict=True):
                         found.setdefault(name, []).append(values)
         return {name: np.array(values) for name, values in found.items()}

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wavesim.material.rotation import SpectralClosure
+from wavesim.material.rotation import SPECTRAL_CLOSURES
 from wavesim.paper import statements
 from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.statements import Statement
 
-CLOSURES: tuple[SpectralClosure, ...] = ("printed", "consistent", "appendix_c")
+CLOSURES = SPECTRAL_CLOSURES
 
 _CLAIMS: tuple[tuple[str, Callable[[Study], list[Statement]]], ...] = (
     (

@@ -26,12 +26,7 @@ from wavesim.paper.claims import CLOSURES
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
 
-SECTORS = ("longitudinal", "transverse2", "inplane")
-SECTOR_GAPS = {
-    "longitudinal": ("RLB1", "RLB2"),
-    "transverse2": ("RTB1", "RTB2"),
-    "inplane": ("RSB",),
-}
+SECTORS = ROTATION.unlike
 # Rows of the three parts of Figure 3, from the highest branch down.
 BRANCHES = {
     "longitudinal": ("LO2", "LO1", "LA"),
@@ -110,19 +105,18 @@ def dispersion_figure(studies: dict[str, Study], sector: str) -> Figure:
     return figure
 
 
-def _cases(closures: tuple[str, ...] = CLOSURES) -> list[tuple[str, Any, float]]:
-    """Rows of the figures that compare a = 0, where closures coincide, with each at a = 0.5."""
-    return [("all closures, a = 0", "printed", 0.0)] + [
-        (f"{closure}, a = 0.5", closure, 0.5) for closure in closures
-    ]
+# Rows of the figures that compare a = 0, where closures coincide, with each at a = 0.5.
+_CASES = [
+    ("all closures, a = 0", "printed", 0.0),
+    *((f"{closure}, a = 0.5", closure, 0.5) for closure in CLOSURES),
+]
 
 
 def gap_figure() -> Figure:
     """Figure 4: the bands and their gaps, for a = 0 and for each closure at a = 0.5."""
-    cases = _cases()
     figure = Figure(figsize=(10.0, 12.0), layout="constrained")
-    panels = figure.subplots(len(cases), 3, sharex=True, sharey=True)
-    for row, (_, closure, a) in zip(panels, cases, strict=True):
+    panels = figure.subplots(len(_CASES), 3, sharex=True, sharey=True)
+    for row, (_, closure, a) in zip(panels, _CASES, strict=True):
         medium = Medium(anisotropy=a, closure=closure)
         k = K_BAR * 2 * math.pi / medium.length_scale
         for axes, sector in zip(row, SECTORS, strict=True):
@@ -140,12 +134,23 @@ def gap_figure() -> Figure:
             hatch_full_gaps(axes, medium)
             axes.set_xlim(0.0, 0.5)
             axes.set_ylim(0.0, 2.0)
+    labels = [label for label, _, _ in _CASES]
+    return _by_sector(
+        figure, panels, "$\\bar k = kl/2\\pi$", labels,
+        "grey: gap of the sector; hatched: no wave of any kind", wavenumbers=True,
+    )  # fmt: skip
+
+
+def _by_sector(
+    figure: Figure, panels: Any, x_label: str, labels: list[str], note: str, wavenumbers: bool
+) -> Figure:
+    """The figure with titles of its columns, axes and a note below."""
     for axes, sector in zip(panels[0], SECTORS, strict=True):
         axes.set_title(heading(ROTATION, sector), fontsize=10)
     for axes in panels[-1]:
-        axes.set_xlabel("$\\bar k = kl/2\\pi$")
-    _outer_axes(panels, wavenumbers=True, labels=[label for label, _, _ in cases])
-    figure.supxlabel("grey: gap of the sector; hatched: no wave of any kind", fontsize=9)
+        axes.set_xlabel(x_label)
+    _outer_axes(panels, wavenumbers, labels)
+    figure.supxlabel(note, fontsize=9)
     return figure
 
 
@@ -155,7 +160,7 @@ def _edges_panel(
     """Gap edges of one sector over a parameter: lower dashed, upper solid, between them shaded."""
     colour = colour_of(ROTATION, sector)
     inside = slice(len(x) // 8, -(len(x) // 8))
-    for name, alpha in zip(SECTOR_GAPS[sector], (0.45, 0.2), strict=False):
+    for name, alpha in zip(ROTATION.gap_names(sector), (0.45, 0.2), strict=False):
         low, high = lower[name], upper[name]
         axes.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
         axes.plot(x, low, color=colour, ls="--", lw=1.4)
@@ -179,18 +184,14 @@ def _edges_figure(rows: list[tuple[str, Float, Any]], x_label: str, limits: Any)
         for axes, sector in zip(row, SECTORS, strict=True):
             _edges_panel(axes, x, lower, upper, sector)
             axes.set_ylim(*limits)
-    for axes, sector in zip(panels[0], SECTORS, strict=True):
-        axes.set_title(heading(ROTATION, sector), fontsize=10)
-    for axes in panels[-1]:
-        axes.set_xlabel(x_label)
-    _outer_axes(panels, wavenumbers=False, labels=[label for label, _, _ in rows])
-    figure.supxlabel("solid: upper edge (cutoff); dashed: lower edge (asymptote)", fontsize=9)
-    return figure
+    labels = [label for label, _, _ in rows]
+    note = "solid: upper edge (cutoff); dashed: lower edge (asymptote)"
+    return _by_sector(figure, panels, x_label, labels, note, wavenumbers=False)
 
 
 def stiffness_ratio_figure(studies: dict[str, Study]) -> Figure:
     """Figure 5: gap edges against η, for a = 0 and for each closure at a = 0.5."""
-    rows = [(label, ETA_VALUES, studies[closure].over_eta(a)) for label, closure, a in _cases()]
+    rows = [(label, ETA_VALUES, studies[closure].over_eta(a)) for label, closure, a in _CASES]
     return _edges_figure(rows, "stiffness ratio η", (0.0, 1.8))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from wavesim.material.rotation import ROTATION
 from wavesim.paper.claims import CLOSURES, Claim
 from wavesim.paper.findings import Finding, appendix_c_findings, equation_findings
 from wavesim.planewave.appendix_c import PRINTED
@@ -14,7 +15,7 @@ SOURCE = (
     "Transversely Isotropic Granular Media Considering Microstructure Effect.* Appl. Sci. 2022, "
     "12(12), 6129, [doi:10.3390/app12126129](https://doi.org/10.3390/app12126129)"
 )
-GAPS = ("RLB1", "RLB2", "RTB1", "RTB2", "RSB")
+GAPS = ROTATION.all_gaps
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import gap_map as surveyfigures
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import SpectralClosure
 from wavesim.paper import figures as paperfigures
 from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.claims import CLOSURES, judge
@@ -24,7 +23,7 @@ from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
 
 # Media that are tried for waves that grow: the default closure outside the range that the paper
 # studies, and the printed dispersion coefficients inside it.
-_TRIED: tuple[tuple[SpectralClosure, float, float], ...] = (
+_TRIED: tuple[tuple[str, float, float], ...] = (
     ("printed", 1.0, 0.5),
     ("printed", 1.0, 1.0),
     ("printed", 2.0, 1.3),

@@ -34,12 +34,12 @@ class Statement:
     holds: bool
 
 
-def _rises(values: Float, axis: int = 0) -> bool:
-    return bool((np.diff(values, axis=axis) > -1e-12).all())
+def _rises(values: Float) -> bool:
+    return bool((np.diff(values, axis=0) > -1e-12).all())
 
 
-def _falls(values: Float, axis: int = 0) -> bool:
-    return _rises(-values, axis)
+def _falls(values: Float) -> bool:
+    return _rises(-values)
 
 
 def _at(k_bar: float) -> int:
@@ -68,7 +68,7 @@ def twelve_waves(study: Study) -> list[Statement]:
     """Claim 1."""
     medium = study.medium(0.5)
     k = K_BAR[1:] * 2 * math.pi / medium.length_scale
-    waves = [w for block in ROTATION.blocks for w in follow(medium, block, k).omega.T]
+    waves = [w for block in ROTATION.blocks for w in follow(medium, block, k).T]
     distinct: list[Float] = []
     for wave in waves:
         if not any(np.allclose(wave, other, rtol=1e-9, atol=0) for other in distinct):

@@ -99,6 +99,11 @@ def gaps(medium: Medium, sector: str) -> list[Gap]:
     ]
 
 
+def open_gaps(medium: Medium, sector: str) -> list[Gap]:
+    """Those of :func:`gaps` that are not closed."""
+    return [gap for gap in gaps(medium, sector) if gap.upper > gap.lower]
+
+
 def full_gaps(medium: Medium) -> list[tuple[float, float]]:
     """Frequency intervals in which no wave of any sector propagates, rad/s, ascending.
 
@@ -128,8 +133,10 @@ def gradient_share(medium: Medium) -> float:
     share = 0.0
     for block in medium.family.blocks:
         form = spectral_form(medium, block)
-        gradient = np.abs(np.linalg.eigvals(form.gamma)).max() * (2 * math.pi) ** 2
-        share = max(share, float(gradient / np.abs(np.linalg.eigvals(form.c_bb)).min()))
+        gradient = float(np.abs(np.linalg.eigvals(form.gamma)).max()) * (2 * math.pi) ** 2
+        if gradient:
+            least = float(np.abs(np.linalg.eigvals(form.c_bb)).min())
+            share = max(share, gradient / least if least else math.inf)
     return share
 
 

@@ -18,37 +18,27 @@ from wavesim.planewave.dispersion_relation import (
     gaps,
 )
 
-
-def default_k_max(medium: Medium) -> float:
-    """Largest wavenumber that is shown unless another is asked for: k̄ = 1, 2π/l, rad/m."""
-    return 2 * math.pi / float(medium.length_scale)
+# Wavenumbers at which branches are told, evenly from 0 to k̄ = 1.
+_POINTS = 401
 
 
-def summary(medium: Medium, k_max: float | None = None, points: int = 401) -> dict[str, Any]:
+def summary(medium: Medium) -> dict[str, Any]:
     """Everything the plane-wave solver says about a medium, as an object that JSON can hold.
 
     Args:
         medium: the medium.
-        k_max: largest wavenumber, rad/m; k̄ = 1 by default.
-        points: number of wavenumbers, evenly from 0 to k_max.
 
     Returns:
         {"medium": parameters and closure, SI; "units": how ω̄ and k̄ are made of ω and k;
-        "sectors": {sector: {"k": (points,) rad/m, "omega": (points, 3) rad/s, ascending at
+        "sectors": {sector: {"k": (401,) rad/m, "omega": (401, 3) rad/s, ascending at
         each k, "branches", "cutoffs", "asymptotes" (rad/s, ascending), "gaps": [{"name",
         "lower", "upper"}] rad/s, upper = lower where closed}}; "full_gaps": [[lower, upper]];
         of several families "full_gaps_of": {family: those of its waves alone}}.
 
     Raises:
         NotHyperbolicError: an ω(k) of the medium is not real.
-        ValueError: k_max is not positive or points is less than 2.
     """
-    k_max = default_k_max(medium) if k_max is None else k_max
-    if not (math.isfinite(k_max) and k_max > 0):
-        raise ValueError(f"k_max = {k_max}: must be greater than 0 and finite (rad/m)")
-    if points < 2:
-        raise ValueError(f"points = {points}: must be 2 or more")
-    k = np.linspace(0.0, k_max, points)
+    k = np.linspace(0.0, 2 * math.pi / float(medium.length_scale), _POINTS)
     sectors = {
         sector: {
             "k": k.tolist(),

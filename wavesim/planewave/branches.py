@@ -10,7 +10,6 @@ are seen to turn back or the crossing is pinned down.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -95,30 +94,17 @@ def track(solver: Solver, points: Float) -> Any:
     return order
 
 
-@dataclass(frozen=True)
-class Branches:
-    """The branches of one block, each followed from its long-wave end.
-
-    Attributes:
-        block: the block.
-        names: of the branches, in the order in which they start at the first k.
-        k: shape (n,), rad/m.
-        omega: shape (n, m), rad/s; a column is one branch.
-    """
-
-    block: Block
-    names: tuple[str, ...]
-    k: Float
-    omega: Float
-
-
-def follow(medium: Medium, block: Block, k: ArrayLike) -> Branches:
-    """Branches of one block, followed through crossings and near misses.
+def follow(medium: Medium, block: Block, k: ArrayLike) -> Float:
+    """ω(k) of the branches of one block, followed through crossings and near misses.
 
     Args:
         medium: the medium.
         block: one of its family's blocks.
         k: wavenumbers to follow them over, shape (n,), monotonic, rad/m.
+
+    Returns:
+        Shape (n, branches), rad/s; a column is one branch, in the order of ``block.branches``, in
+        which they start at the first k.
 
     Raises:
         NotHyperbolicError: an ω(k) is not real.
@@ -127,4 +113,4 @@ def follow(medium: Medium, block: Block, k: ArrayLike) -> Branches:
     scaled, form = given * medium.length_scale, spectral_form(medium, block)
     omega = real_frequencies(solve(form, scaled), scaled, block, medium) / medium.time_scale
     order = track(lambda points: solve(form, points), scaled)
-    return Branches(block, block.branches, given, np.take_along_axis(omega, order, axis=1))
+    return np.take_along_axis(omega, order, axis=1)

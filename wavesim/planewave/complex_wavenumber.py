@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 
 from wavesim.material.damping import UNDAMPED
@@ -57,14 +58,14 @@ class ComplexWaves:
         return (self.k.imag == 0) & (self.k.real != 0)
 
 
-def _outward(square: Any, rises: Any) -> Complex:
+def _outward(square: Any, rises: Any, omega: Any) -> Complex:
     """The root of k² that decays towards +x or, if k is real, carries energy there.
 
-    For real k the group velocity ∂ω/∂k has the sign of k dk²/dω²; ω + i0 then gives Im k > 0.
+    For real k the group velocity ∂ω/∂k has the sign of k/ω · dk²/dω²; ω + i0 then gives Im k > 0.
     """
     k = np.sqrt(np.asarray(square, dtype=complex))
     k = np.where(k.imag < 0, -k, k)
-    return np.where((k.imag == 0) & (np.real(rises) < 0), -k, k)
+    return np.where((k.imag == 0) & (np.real(rises) * np.real(omega) < 0), -k, k)
 
 
 def wavenumber(medium: Medium, sector: str, omega: ArrayLike) -> Complex:
@@ -106,7 +107,7 @@ def _closed_form(form: BlockCoefficients, omega: Any) -> Complex:
     values, rates = _polynomial(without, omega**2)
     with np.errstate(divide="ignore", invalid="ignore"):
         square = -values[:, 0] / values[:, 1]
-        return _outward(square, -(rates[:, 0] + rates[:, 1] * square) / values[:, 1])
+        return _outward(square, -(rates[:, 0] + rates[:, 1] * square) / values[:, 1], omega)
 
 
 def _polynomial(form: BlockCoefficients, square: Any) -> tuple[Any, Any]:
@@ -141,14 +142,7 @@ def _degree(form: BlockCoefficients) -> int:
 
 def _evaluate(coefficients: Any, at: Any) -> Any:
     """Polynomials with coefficients (n, m + 1), ascending, at points (n, r): shape (n, r)."""
-    value = np.zeros_like(at)
-    for coefficient in coefficients.T[::-1]:
-        value = value * at + coefficient[:, None]
-    return value
-
-
-def _derivative(coefficients: Any) -> Any:
-    return coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
+    return polyval(at.T, coefficients.T, tensor=False).T
 
 
 def _polynomial_roots(coefficients: Any) -> Any:
@@ -164,7 +158,7 @@ def _polynomial_roots(coefficients: Any) -> Any:
     companion[:, 0] = -coefficients[:, -2::-1] / coefficients[:, -1:]
     roots = np.linalg.eigvals(companion)
     for _ in range(4):
-        rate = _evaluate(_derivative(coefficients), roots)
+        rate = _evaluate(polyder(coefficients, axis=1), roots)
         step = _evaluate(coefficients, roots) / np.where(rate == 0, 1, rate)
         roots = roots - np.where(np.abs(step) < 0.5 * np.abs(roots), step, 0)
     return roots
@@ -194,13 +188,15 @@ def complex_waves(medium: Medium, block: Block, omega: ArrayLike) -> ComplexWave
     scaled = felt.astype(complex if np.iscomplexobj(felt) else float) * medium.time_scale
     values, rates = (x[:, : _degree(form) + 1] for x in _polynomial(form, scaled**2))
     roots = _polynomial_roots(values)
-    rises = -_evaluate(rates, roots) / _evaluate(_derivative(values), roots)
-    k = _outward(roots, rises)
+    rises = -_evaluate(rates, roots) / _evaluate(polyder(values, axis=1), roots)
+    k = _outward(roots, rises, scaled[:, None])
     order = np.argsort(np.abs(k), axis=1)
     if block.macro:
         nearest = np.abs(k**2 - _closed_form(form, scaled)[:, None] ** 2)
         first = np.argmin(np.where(np.isfinite(nearest), nearest, np.inf), axis=1)
         others = np.array([row[row != one] for row, one in zip(order, first, strict=True)])
-        order = np.concatenate([first[:, None], others.reshape(len(first), -1)], axis=1)
+        order = np.concatenate(
+            [first[:, None], others.reshape(len(first), order.shape[1] - 1)], axis=1
+        )
     k = np.take_along_axis(k, order.astype(int), axis=1)
     return ComplexWaves(block.sector, block.name, given.astype(complex), k / medium.length_scale)

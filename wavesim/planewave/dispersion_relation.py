@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients
-from wavesim.planewave.band_edges import Gap, asymptotes, cutoffs, full_gaps, gaps, gradient_share
+from wavesim.planewave.band_edges import (
+    Gap,
+    asymptotes,
+    cutoffs,
+    full_gaps,
+    gaps,
+    gradient_share,
+    open_gaps,
+)
 from wavesim.planewave.complex_wavenumber import ComplexWaves, complex_waves, wavenumber
 from wavesim.planewave.eigenproblem import (
     Complex,
@@ -44,6 +52,7 @@ __all__ = [
     "gradient_share",
     "group_velocity",
     "long_wave_speed",
+    "open_gaps",
     "wavenumber",
 ]
 

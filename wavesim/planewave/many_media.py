@@ -20,7 +20,6 @@ import numpy as np
 from wavesim.material.family import Block
 from wavesim.material.granular import GranularMedium
 from wavesim.material.medium import Medium
-from wavesim.material.parameter import PARAMETERS
 from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import spectral_form, stiffness
 from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
@@ -37,14 +36,6 @@ _ROUNDING = 1e-13
 _TOGETHER = 2000
 
 _NAMES = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
-
-
-def _check(medium: Medium) -> None:
-    for name in medium.known():
-        value = getattr(medium, name)
-        if value is not None:
-            PARAMETERS[name].check(name, float(np.min(value)))
-            PARAMETERS[name].check(name, float(np.max(value)))
 
 
 def _factors(medium: GranularMedium) -> BlockCoefficients:
@@ -70,13 +61,9 @@ def block_forms(medium: Medium, block: Block) -> BlockCoefficients:
 
     Returns:
         Coefficients of shape S + (·, ·).
-
-    Raises:
-        ValueError: a parameter is outside its admissible range.
     """
     shape = _shape(medium)
     medium = medium.part(block)
-    _check(medium)
     if not isinstance(medium, GranularMedium):
         return _one_by_one(medium, block, shape)
     a, eta = np.asarray(medium.anisotropy, float), np.asarray(medium.stiffness_ratio, float)

@@ -243,6 +243,8 @@ def record(
     values, t = one_clock(values, t, found)
     check_ascending(t, storage[0])
     placed = placed or bool(np.isfinite(x).all())
+    if len(labels) not in (0, len(x)):
+        raise RecordError(f"labels: {len(labels)} for {len(x)} receivers; give one each")
     names_of = tuple(labels) or tuple(f"receiver {j}" for j in range(1, len(x) + 1))
     if placed:
         order = np.argsort(x, kind="stable")
@@ -250,7 +252,7 @@ def record(
         names_of = tuple(names_of[j] for j in order)
         _check_places(x)
     x, spacing_error = _snapped(x, storage[1], found) if placed else (x, 0.0)
-    signal = None if input is None else np.array(input, float)
+    signal = None if input is None else np.atleast_1d(np.array(input, float))
     if signal is not None and len(signal) != len(t):
         raise RecordError(f"input: {len(signal)} samples for {len(t)} frames; give one each")
     if not trusted:

@@ -1,7 +1,7 @@
-"""Windows over a record, sums of cosines, and the density of noise under one.
+"""Windows over a record, sums of cosines, the density of noise under one, means, lengths of FFTs.
 
-They are as scipy.signal has them; of that package this is all that a run needs, and loading it
-takes as long as loading jax.
+They are as scipy.signal, scipy.ndimage and scipy.fft have them; of those this is all that a run
+needs, and loading them takes longer than loading jax.
 """
 
 from __future__ import annotations
@@ -51,6 +51,25 @@ def noise_density(noise: ArrayLike, interval: float, frequency: ArrayLike) -> Fl
     power = np.mean(np.abs(hat) ** 2, axis=0) * interval / np.sum(window**2)
     known = np.fft.rfftfreq(size, interval)
     return np.asarray(np.interp(np.abs(frequency), known[1:-1], power[1:-1]))
+
+
+def moving_mean(values: ArrayLike, size: int) -> Float:
+    """Means over that many samples about each, the record mirrored at its ends, shape (n,)."""
+    padded = np.pad(np.asarray(values, float), (size // 2, size - 1 - size // 2), "symmetric")
+    total = np.cumsum(np.concatenate([[0.0], padded]))
+    return np.asarray((total[size:] - total[:-size]) / size)
+
+
+def fast_length(least: int) -> int:
+    """The next number of samples whose FFT is quick: a product of 2, 3, 5, 7 and 11 alone."""
+    length = least - 1
+    rest = 0
+    while rest != 1:
+        length = rest = length + 1
+        for factor in (2, 3, 5, 7, 11):
+            while rest % factor == 0:
+                rest //= factor
+    return length
 
 
 def _cosines(terms: Sequence[float], count: int) -> Float:

@@ -43,6 +43,11 @@ class Column:
     below: str = ""
     above: str = ""
 
+    @property
+    def unit(self) -> str:
+        """Of the number as it is shown; "" of words."""
+        return KINDS[self.kind][1] if self.kind else ""
+
     def bound(self, row: Row) -> str:
         """What stands before the number."""
         return "≤ " if row.get(self.below) else "≥ " if row.get(self.above) else ""
@@ -85,6 +90,15 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
         "Steady wave: what it loses at that frequency, exact. A record that ends tells it at "
         "ω + iσ: simulated, beside what is exact there; the longer the record, the nearer. "
         "Edges are the medium's, exact.",
+    ),
+    "stopped": (
+        "Where no wave at all travels",
+        (
+            Column("waves", "stopped"),
+            Column("from", "lower", "frequency"),
+            Column("to", "upper", "frequency"),
+        ),
+        "",
     ),
     "wave": (
         "Phase velocity of long waves",
@@ -196,6 +210,14 @@ def number(value: float | None) -> str:
     if value == int(value) and abs(value) < 1e5:
         return f"{value:.0f}"
     return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
+
+
+def measured_and_allowed(check: Row) -> tuple[str, str]:
+    """What was measured where a check fell short, and what was allowed, each with its unit."""
+    unit = "" if check["unit"] == "–" else f" {check['unit']}"
+    reference = f"{number(check['reference'])} ± " if check["reference"] else ""
+    measured, tolerance = number(check["measured"]), number(check["tolerance"])
+    return f"{measured}{unit}", f"{reference}{tolerance}{unit}"
 
 
 def verdict(summary: Summary) -> str:

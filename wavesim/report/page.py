@@ -14,7 +14,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesim.report.answers import KINDS, Answer, Column, answers, explained, number, shown, verdict
+from wavesim.report.answers import (
+    Answer,
+    Column,
+    answers,
+    explained,
+    measured_and_allowed,
+    number,
+    shown,
+    verdict,
+)
 
 _ASSETS = Path(__file__).parent / "assets"
 _KIBI = 1024.0
@@ -104,7 +113,7 @@ def _table(answer: Answer) -> dict[str, Any]:
         {
             "name": c.name.replace("\n", " "),
             "kind": c.kind,
-            "unit": KINDS[c.kind][1] if c.kind else "",
+            "unit": c.unit,
         }
         for c in answer.columns
     ]
@@ -126,8 +135,7 @@ def _table(answer: Answer) -> dict[str, Any]:
 
 def _heading(column: Column) -> str:
     """Of a column with its unit, in one line."""
-    unit = KINDS[column.kind][1] if column.kind else ""
-    return f"{column.name} {unit}".replace("\n", " ").strip()
+    return f"{column.name} {column.unit}".replace("\n", " ").strip()
 
 
 def _digits(value: Any) -> str | None:
@@ -144,14 +152,12 @@ def _check(check: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _fell_short(check: Mapping[str, Any]) -> dict[str, str]:
-    unit = "" if check["unit"] == "–" else f" {check['unit']}"
     remedy = check.get("remedy", "")
-    off = check["reference"]
-    allowed = f"{number(off)} ± " if off else ""
+    measured, allowed = measured_and_allowed(check)
     return {
         "name": check["name"],
-        "measured": f"{number(check['measured'])}{unit}",
-        "tolerance": f"{allowed}{number(check['tolerance'])}{unit}",
+        "measured": measured,
+        "tolerance": allowed,
         "remedy": f"{remedy[:1].upper()}{remedy[1:]}." if remedy else "",
     }
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.family import is_macro, known_field
-from wavesim.material.shown import plain
-from wavesim.planewave.dispersion_relation import block_oscillations, gaps, wavenumber
+from wavesim.material.shown import DECIBELS, HERTZ, decibels, plain
+from wavesim.planewave.dispersion_relation import block_oscillations, open_gaps, wavenumber
 from wavesim.readings.amplitude_map import amplitude_map, gone_round
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.record_section import record_section
@@ -28,8 +28,6 @@ from wavesim.verdict.branches import Held
 
 Data = dict[str, Any]
 
-_HERTZ = 1 / (2 * math.pi)
-_DECIBELS = 20 / math.log(10)
 # Tiles of the space-time picture; frames and places of the field in the bar; of a signal.
 _TILES = (220, 400)
 _FRAMES, _PLACES, _SAMPLES = 80, 1200, 1500
@@ -41,11 +39,7 @@ _FINE = 800
 
 
 def of_field(field: Field) -> Data:
-    """The field: amplitude over time and place, snapshots, signals at receivers.
-
-    Args:
-        field: read where it is looked at.
-    """
+    """The field: amplitude over time and place, snapshots, signals at receivers."""
     bar, medium = field.bar, field.medium
     sectors = list(dict.fromkeys(block.sector for block in field.blocks))
     return {
@@ -96,17 +90,15 @@ def _gaps(field: Field, sector: str) -> list[Data]:
     if len(media) > 1:
         return []
     return [
-        {"name": gap.name, "lower": gap.lower * _HERTZ, "upper": gap.upper * _HERTZ}
-        for gap in gaps(media[0], sector)
-        if gap.upper > gap.lower
+        {"name": gap.name, "lower": gap.lower * HERTZ, "upper": gap.upper * HERTZ}
+        for gap in open_gaps(media[0], sector)
     ]
 
 
 def _spacetime(field: Field, sector: str) -> Data:
     amplitude = amplitude_map(field, sector, _TILES)
     peak = float(amplitude.max()) or 1.0
-    level = 20 * np.log10(np.maximum(amplitude / peak, 1e-15))
-    return _packed(level, _FAINTEST, 0.25, np.uint8)
+    return _packed(decibels(amplitude, peak), _FAINTEST, 0.25, np.uint8)
 
 
 def _snapshots(field: Field) -> Data:
@@ -131,9 +123,14 @@ def _some(count: int, most: int) -> NDArray[np.int_]:
     return np.arange(0, count, max(1, -(-count // most)))
 
 
-def _signals(field: Field) -> Data:
+def _shown_samples(field: Field) -> NDArray[np.int_]:
+    """Samples of signals at receivers that the page shows."""
     many = max(1, len(field.receivers) * len(field.names))
-    samples = _some(len(field.t), max(50, min(_SAMPLES, _ALL_SAMPLES // many)))
+    return _some(len(field.t), max(50, min(_SAMPLES, _ALL_SAMPLES // many)))
+
+
+def _signals(field: Field) -> Data:
+    samples = _shown_samples(field)
     order = sorted(field.receivers.items(), key=lambda item: item[1])
     receivers: list[Data] = [
         {"name": name, "position": float(x), "fields": {}} for name, x in order
@@ -190,9 +187,9 @@ def _spectrum(field: Field, own: Sequence[Held]) -> Data:
                 {
                     "name": branch.name,
                     "k": branch.k[points].tolist(),
-                    "frequency": (branch.omega[points] * _HERTZ).tolist(),
-                    "exact": (branch.omega_exact[points] * _HERTZ).tolist(),
-                    "line": (exact[:, number] * _HERTZ).tolist(),
+                    "frequency": (branch.omega[points] * HERTZ).tolist(),
+                    "exact": (branch.omega_exact[points] * HERTZ).tolist(),
+                    "line": (exact[:, number] * HERTZ).tolist(),
                 }
             )
     top = min(size, int(np.searchsorted(first.omega[:size], 1.08 * highest)) + 1)
@@ -204,7 +201,7 @@ def _spectrum(field: Field, own: Sequence[Held]) -> Data:
     return {
         "power": _packed(level.T, _FAINTEST_POWER, 80 / 250, np.uint8),
         "k": first.k[columns].tolist(),
-        "frequency": ((first.omega[rows] + half) * _HERTZ).tolist(),
+        "frequency": ((first.omega[rows] + half) * HERTZ).tolist(),
         "line_k": k.tolist(),
         "branches": branches,
     }
@@ -220,12 +217,12 @@ def _attenuation(field: Field, held: Held) -> Data:
     damped = wavenumber(field.medium, sector, omega + 1j * curve.sigma)
     return {
         "sigma": float(curve.sigma),
-        "frequency": (curve.omega * _HERTZ).tolist(),
-        "measured": plain(curve.k.imag * _DECIBELS),
-        "exact": plain(held.k_exact.imag * _DECIBELS),
-        "line_frequency": (omega * _HERTZ).tolist(),
-        "line_exact": plain(damped.imag * _DECIBELS),
-        "line_real": plain(real.imag * _DECIBELS),
+        "frequency": (curve.omega * HERTZ).tolist(),
+        "measured": plain(curve.k.imag * DECIBELS),
+        "exact": plain(held.k_exact.imag * DECIBELS),
+        "line_frequency": (omega * HERTZ).tolist(),
+        "line_exact": plain(damped.imag * DECIBELS),
+        "line_real": plain(real.imag * DECIBELS),
     }
 
 
@@ -236,8 +233,8 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         some = _some(len(line[0]), _FINE)
         found["transmission"][one.sector] = {
             "sigma": float(one.sigma),
-            "frequency": (one.omega[one.judged] * _HERTZ).tolist(),
-            "line_frequency": (line[0][some] * _HERTZ).tolist(),
+            "frequency": (one.omega[one.judged] * HERTZ).tolist(),
+            "line_frequency": (line[0][some] * HERTZ).tolist(),
         } | {
             name: {
                 "measured": _levels(getattr(one, name)[one.judged]),
@@ -261,15 +258,15 @@ def _of_reading(field: Field, reading: Reading) -> Data:
                 if name == "T" and len(line) > 3:
                     omega, first = np.unique([*omega, *line[0][some]], return_index=True)
                     curve = np.array([*real, *line[3][some]])[first]
-                own[name] |= {"real_frequency": (omega * _HERTZ).tolist(), "real": _levels(curve)}
+                own[name] |= {"real_frequency": (omega * HERTZ).tolist(), "real": _levels(curve)}
     for two in reading.cells:
         fine, q = two.line or (two.omega, two.q_exact)
         some = _some(len(fine), _FINE)
         found["bloch"][two.sector] = {
-            "frequency": (two.omega[two.judged] * _HERTZ).tolist(),
+            "frequency": (two.omega[two.judged] * HERTZ).tolist(),
             "phase": plain(two.q[two.judged].real * two.period / math.pi),
             "decay": plain(two.q[two.judged].imag * two.period),
-            "line_frequency": (fine[some] * _HERTZ).tolist(),
+            "line_frequency": (fine[some] * HERTZ).tolist(),
             "line_phase": plain(q[some].real * two.period / math.pi),
             "line_decay": plain(q[some].imag * two.period),
         }
@@ -278,10 +275,10 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         some = _some(len(shown), 3000)
         level = np.maximum.reduceat(three.level[shown], some)
         found["eigenfrequencies"][three.sector] = {
-            "frequency": (three.omega[shown][some] * _HERTZ).tolist(),
+            "frequency": (three.omega[shown][some] * HERTZ).tolist(),
             "level": _levels(level, 2),
-            "exact": (three.exact * _HERTZ).tolist(),
-            "measured": plain(three.found * _HERTZ),
+            "exact": (three.exact * HERTZ).tolist(),
+            "measured": plain(three.found * HERTZ),
             "height": _levels(np.interp(three.found, three.omega, three.level), 2),
         }
     for test in reading.pulses:
@@ -291,7 +288,7 @@ def _of_reading(field: Field, reading: Reading) -> Data:
         columns = ("phase_velocity", "group_velocity", "attenuation", "quality")
         found["pulse"][test.name] = {
             "sector": test.sector,
-            "frequency": (ours.omega * _HERTZ).tolist(),
+            "frequency": (ours.omega * HERTZ).tolist(),
             "measured": {name: plain(getattr(ours, name)) for name in columns},
             "exact": {name: plain(getattr(known, name)) for name in columns},
         }
@@ -300,8 +297,7 @@ def _of_reading(field: Field, reading: Reading) -> Data:
 
 
 def _exact_signals(field: Field, reading: Reading) -> Data:
-    many = max(1, len(field.receivers) * len(field.names))
-    samples = _some(len(field.t), max(50, min(_SAMPLES, _ALL_SAMPLES // many)))
+    samples = _shown_samples(field)
     return {
         receiver: {name: _whole(signal[samples]) for name, signal in own.items()}
         for receiver, own in reading.exact.items()
@@ -332,5 +328,4 @@ def _whole(values: Any) -> Data:
 
 
 def _levels(values: Any, decimals: int = 6) -> Any:
-    level = 20 * np.log10(np.maximum(np.abs(values), 1e-15))
-    return plain(np.round(level, decimals))
+    return plain(np.round(decibels(values), decimals))

@@ -129,54 +129,34 @@ def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
         yield lambda part: bar.update(task, completed=part)
 
 
-def _counted(text: str) -> Progress:
-    return Progress(
+@contextmanager
+def counted(what: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
+    """Show how many of some things are done while it lasts, and how long the rest takes; nothing
+    when quiet or not on a terminal.
+
+    Args:
+        what: they are, such as "figures".
+        quiet: show nothing.
+
+    Yields:
+        What to call with how many are done, all there are, and how many failed, if any.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, of, failed=0: None
+        return
+    text = f"{{task.completed:.0f}} of {{task.total:.0f}} {what}{{task.fields[failed]}}"
+    with Progress(
         TextColumn(text),
         BarColumn(bar_width=24),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,
-    )
+    ) as bar:
+        task = bar.add_task(what, total=1, failed="")
 
-
-@contextmanager
-def members(count: int, quiet: bool) -> Iterator[Callable[[int, int, int], None]]:
-    """Show the progress of a sweep while it lasts; nothing when quiet or not on a terminal.
-
-    Args:
-        count: of its members.
-        quiet: show nothing.
-
-    Yields:
-        What to call with the members done, failed, and all there are.
-    """
-    if quiet or not sys.stderr.isatty():
-        yield lambda done, failed, of: None
-        return
-    text = "{task.completed:.0f} of {task.total:.0f} members{task.fields[failed]}"
-    with _counted(text) as bar:
-        task = bar.add_task("members", total=count, failed="")
-
-        def tell(done: int, failed: int, of: int) -> None:
-            bar.update(task, completed=done, failed=f", {failed} failed" if failed else "")
+        def tell(done: int, of: int, failed: int = 0) -> None:
+            told = f", {failed} failed" if failed else ""
+            bar.update(task, completed=done, total=of, failed=told)
 
         yield tell
-
-
-@contextmanager
-def parts(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Show how many of some parts are done while it lasts, and how long the rest takes.
-
-    Args:
-        what: they are, such as "figures"; nothing is shown where there is no terminal.
-
-    Yields:
-        What to call with the parts done and all there are.
-    """
-    if not sys.stderr.isatty():
-        yield lambda done, of: None
-        return
-    with _counted(f"{what} {{task.completed:.0f}} of {{task.total:.0f}}") as bar:
-        task = bar.add_task(what, total=1)
-        yield lambda done, of: bar.update(task, completed=done, total=of)

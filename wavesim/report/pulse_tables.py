@@ -7,28 +7,19 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
+from wavesim.material.shown import KHZ, with_error
 from wavesim.readings.pulse.reading import Reading
 from wavesim.readings.pulse.series_reading import Series
+from wavesim.report.terminal import new_table
 
 _CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")
 _WIDE = 110
 # More notes than this are told by their number alone.
 _MOST_NOTES = 12
-
-
-def number(value: float, error: float = math.nan, unit: str = "") -> str:
-    """A value to two digits of its error: "3000.8 ± 1.3 m/s"; "–" where there is none."""
-    if not math.isfinite(value):
-        return "–"
-    end = f" {unit}" if unit else ""
-    if not (math.isfinite(error) and error > 0):
-        return f"{value:.5g}{end}"
-    digits = min(max(0, 1 - math.floor(math.log10(error))), 6)
-    return f"{value:.{digits}f} ± {error:.{digits}f}{end}"
+# Receivers whose arrivals are shown.
+_MOST_RECEIVERS = 8
 
 
 def in_time(value: float) -> tuple[float, str]:
@@ -57,16 +48,10 @@ def _single(
 ) -> None:
     times = [one.best.time for one in alone if math.isfinite(one.best.time)]
     scale, unit = in_time(min(times) if times else math.nan)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("record", overflow="fold")
-    if series is not None:
-        table.add_column(series.parameter, justify="right")
-    table.add_column(f"travel time ({unit})", justify="right", no_wrap=True)
-    table.add_column("velocity (m/s)", justify="right", no_wrap=True)
     # A narrow terminal has room for the answer alone.
     shown = _CONVENTIONS[:4] if console.width >= _WIDE else ()
-    for name in shown:
-        table.add_column(name, justify="right")
+    varied = [series.parameter.replace(" (", "\n(")] if series is not None else []
+    table = new_table("record", *varied, f"travel time ({unit})", "velocity (m/s)", *shown)
     for place, one in enumerate(readings):
         if one.result is not None:
             continue
@@ -75,8 +60,8 @@ def _single(
             row.append(f"{series.values[place]:g}")
         best = one.best
         if best.valid:
-            row += [number(best.time * scale, best.error * scale),
-                    number(best.velocity, best.velocity_error)]  # fmt: skip
+            row += [with_error(best.time * scale, best.error * scale),
+                    with_error(best.velocity, best.velocity_error)]  # fmt: skip
         else:
             row += ["–", "refused"]
         found = one.receivers[0].arrivals
@@ -99,14 +84,14 @@ def _several(console: Console, one: Reading) -> None:
     result, best = one.result, one.best
     console.print(f"{one.file}: {len(one.receivers)} receivers", markup=False)
     if best.valid:
-        speed = number(best.velocity, best.velocity_error, "m/s")
+        speed = with_error(best.velocity, best.velocity_error, "m/s")
         console.print(f"  velocity {speed} (by {best.convention}; ± is one standard error)")
     else:
         console.print(f"  velocity refused: {best.reason}.", markup=False)
     quality, ratio = result.quality, result.constant_quality
     low, high = (f / 1e3 for f in quality.band)
     if not quality.reason:
-        told = f"  Q {number(quality.quality, quality.error)} from α and v_g over {low:.4g} to "
+        told = f"  Q {with_error(quality.quality, quality.error)} from α and v_g over {low:.4g} to "
         told += f"{high:.4g} kHz"
         if quality.excess > 3:
             told += f"; it changes with frequency (χ²/ν = {quality.excess:.2g})"
@@ -114,21 +99,21 @@ def _several(console: Console, one: Reading) -> None:
     else:
         console.print(f"  Q refused: {quality.reason}.", markup=False)
     if not ratio.reason:
-        console.print(f"  Q {number(ratio.quality, ratio.error)} by the spectral ratio")
-    else:
+        console.print(f"  Q {with_error(ratio.quality, ratio.error)} by the spectral ratio")
+    elif ratio.reason != quality.reason:
         console.print(f"  Q by the spectral ratio refused: {ratio.reason}.", markup=False)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     times = [abs(float(t)) for own in result.arrivals.values() for t in own.time]
     scale, unit = in_time(max((t for t in times if math.isfinite(t)), default=math.nan))
-    table.add_column("convention")
-    table.add_column("velocity (m/s)", justify="right")
-    for receiver in one.receivers:
-        table.add_column(f"{receiver.name}\n{receiver.position * 1e3:.5g} mm", justify="right")
+    shown = one.receivers[:_MOST_RECEIVERS]
+    places = [f"{receiver.name}\n{receiver.position * 1e3:.5g} mm" for receiver in shown]
+    table = new_table("convention", "velocity (m/s)", *places)
     for name, own in result.arrivals.items():
-        one_speed = result.velocities[name]
         each = [f"{t * scale:.5g}" if math.isfinite(t) else "–" for t in own.time.tolist()]
-        table.add_row(f"{name} ({unit})", number(one_speed.velocity, one_speed.error), *each[:8])
+        speed = with_error(result.velocities[name].velocity, result.velocities[name].error)
+        table.add_row(f"{name} ({unit})", speed, *each[:_MOST_RECEIVERS])
     console.print(table)
+    if len(one.receivers) > _MOST_RECEIVERS:
+        console.print(f"The first {_MOST_RECEIVERS} of {len(one.receivers)} receivers.")
     _spectra(console, one)
 
 
@@ -140,15 +125,13 @@ def _spectra(console: Console, one: Reading) -> None:
     if not own:
         return
     rows = own[:: max(1, len(own) // 8)]
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading in ("f (kHz)", "c (m/s)", "v_g (m/s)", "α (Np/m)", "Q"):
-        table.add_column(heading, justify="right")
+    table = new_table("f (kHz)", "c (m/s)", "v_g (m/s)", "α (Np/m)", "Q", words=0)
     for i in rows:
         table.add_row(
-            f"{found.omega[i] / 6283.185307179586:.5g}",
-            number(found.phase_velocity[i], found.phase_error[i]),
-            number(found.group_velocity[i], found.group_error[i]),
-            number(found.attenuation[i], found.attenuation_error[i]),
+            f"{found.omega[i] * KHZ:.5g}",
+            with_error(found.phase_velocity[i], found.phase_error[i]),
+            with_error(found.group_velocity[i], found.group_error[i]),
+            with_error(found.attenuation[i], found.attenuation_error[i]),
             _quality(found, i),
         )
     console.print(table)
@@ -157,7 +140,7 @@ def _spectra(console: Console, one: Reading) -> None:
 def _quality(found: Any, i: int) -> str:
     """Q, or what it is above where no loss is seen."""
     if math.isfinite(found.quality[i]):
-        return number(found.quality[i], found.quality_error[i])
+        return with_error(found.quality[i], found.quality_error[i])
     least = found.quality_at_least[i]
     return f"> {least:.3g}" if math.isfinite(least) else "–"
 
@@ -174,17 +157,14 @@ def _by_convention(one: Reading, scale: float, unit: str) -> str:
 
 
 def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:
-    law, name = series.law, series.parameter
+    law, name = series.law, series.parameter.partition(" (")[0]
     if law is None:
         console.print(
             f"No law V = a {name}^b: it needs three velocities at two values above 0 or more."
         )
         return
-    console.print(
-        f"V = a {name}^b: a = {number(law.a, law.a_error)} m/s, b = {number(law.b, law.b_error)}; "
-        f"scatter {law.scatter:.1%}",
-        markup=False,
-    )
+    a, b = with_error(law.a, law.a_error), with_error(law.b, law.b_error)
+    console.print(f"V = a {name}^b: a = {a} m/s, b = {b}; scatter {law.scatter:.1%}", markup=False)
     for i in law.outliers:
         console.print(f"  set aside: {readings[i].file}, {readings[i].best.velocity:.5g} m/s")
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -17,9 +16,17 @@ from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
-from wavesim.report.answers import KINDS, answers, explained, number, short_name
+from wavesim.material.shown import KHZ
+from wavesim.report.answers import (
+    answers,
+    explained,
+    measured_and_allowed,
+    number,
+    short_name,
+)
 from wavesim.report.answers import verdict as sentence
-from wavesim.simulation.resolution import highest_frequency, largest_phase
+from wavesim.report.terminal import new_table
+from wavesim.simulation.resolution import highest_carried, largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
@@ -33,17 +40,9 @@ _MOST_SHORT = 12
 _MANY = 8
 
 
-def _table(*headings: str, title: str = "") -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
-    for heading in headings:
-        words = heading == headings[0]
-        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
-    return table
-
-
 def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
     """Print checks as a table, pass or FAIL, and below it what to change for each that fails."""
-    table = _table("check", "measured", "reference", "tolerance", "unit", "")
+    table = new_table("check", "measured", "reference", "tolerance", "unit", "")
     for check in checks:
         mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
         numbers = [number(check[key]) for key in ("measured", "reference", "tolerance")]
@@ -57,19 +56,15 @@ def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
 
 
 def found(console: Console, summary: dict[str, Any]) -> None:
-    """Print what a run found: gaps, velocities, T, Q, each beside the exact value.
-
-    Args:
-        console: where to.
-        summary: contents of summary.json.
-    """
+    """Print what a run found, of its summary.json: gaps, velocities, T, Q, beside exact values."""
     for answer in answers(summary):
         columns = answer.columns
-        table = _table(*(column.name for column in columns), title=answer.title)
-        table.padding = (0, 1 if len(columns) < _MANY else 0, 0, 0)
+        table = new_table(*(column.name for column in columns), title=answer.title)
+        if len(columns) >= _MANY:
+            table.padding = (0, 0)
         for one, column in zip(table.columns, columns, strict=True):
             one.no_wrap = bool(column.kind)  # words may be broken, digits never cut off
-        units = [KINDS[column.kind][1] if column.kind else "" for column in columns]
+        units = [column.unit for column in columns]
         if any(units):
             table.add_row(*units, style="dim")
         for row in answer.rows:
@@ -81,12 +76,7 @@ def found(console: Console, summary: dict[str, Any]) -> None:
 
 
 def verdict(console: Console, summary: dict[str, Any]) -> None:
-    """Print the verdict of a run in a line, then what fell short, and once what to change.
-
-    Args:
-        console: where to.
-        summary: contents of summary.json.
-    """
+    """Print the verdict of a run in a line, then what fell short, and once what to change."""
     short = [check for check in summary["checks"] if not check["passed"]]
     console.print(sentence(summary), soft_wrap=True)
     for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
@@ -95,19 +85,12 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
         told = ", ".join(dict.fromkeys(names)) + (f": {remedy}." if remedy else "")
         console.print(Text("FAIL", "bold red"), told, soft_wrap=True)
         for check, name in zip(alike, names, strict=False):
-            console.print(f"     {name} is {_off(check)}", soft_wrap=True)
+            measured, allowed = measured_and_allowed(check)
+            console.print(f"     {name} is {measured}, allowed {allowed}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
     if explained(short):
         console.print(explained(short), style="dim")
-
-
-def _off(check: dict[str, Any]) -> str:
-    """What was measured where a check fell short, and what was allowed."""
-    reference = f"{number(check['reference'])} ± " if check["reference"] else ""
-    unit = "" if check["unit"] == "–" else f" {check['unit']}"
-    measured, allowed = number(check["measured"]), number(check["tolerance"])
-    return f"{measured}{unit}, allowed {reference}{allowed}{unit}"
 
 
 def survey(
@@ -117,32 +100,25 @@ def survey(
     taken: Cost,
     errors: Sequence[Foretold] | None,
 ) -> None:
-    """Print what can be said of a case before integrating.
-
-    Args:
-        console: where to.
-        case: the case.
-        steps: how it would be stepped.
-        taken: what that takes.
-        errors: what the grid will do to what is judged; None where that is too much to work out.
-    """
+    """Print what can be said of a case before integrating; errors of the grid are None where they
+    are too much to work out."""
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
+    carried = highest_carried(simulated.layers, bar) / 1e3
     seconds = steps.step * float(scales(medium).time)
-    kHz = 1e-3 / (2 * math.pi)
     rows = [
         ("title", case.title or "–"),
         ("medium", f"{medium.in_words}; ω̄ = 1 is "
-                   f"{kHz / medium.time_scale:.5g} kHz"),
+                   f"{KHZ / medium.time_scale:.5g} kHz"),
         *([("layers", _layers(layers))] if len(layers.layers) > 1 else []),
         ("losses", _losses(layers)),
         ("bar", f"{bar.length:.6g} m, {bar.cells} cells of {bar.spacing:.4g} m "
                 f"({medium.length_scale / bar.spacing:.3g} to a branch length), order {bar.order}"),
         ("ends", _ends(bar)),
         ("grid carries", f"to 1 % of their phase, waves of {_shortest(bar):.2g} cells and longer: "
-                         f"the fastest to {_carried(simulated) / 1e3:.0f} kHz, slower ones less"),
-        ("grid's errors", _errors(errors)),
+                         f"the fastest to {carried:.0f} kHz, slower ones less"),
+        ("grid's errors", _errors(simulated, errors)),
         ("sources", ", ".join(map(_source, simulated.sources))),
         ("integrated", ", ".join(simulated.fields)),
         ("time", f"{simulated.duration:.6g} s, {frames} frames of {frame:.4g} s (Nyquist "
@@ -180,7 +156,7 @@ def _losses(layers: Layers) -> str:
         if law.rates:
             middle = math.sqrt(law.rates[0] * law.rates[-1])
             parts.append(
-                f"Q = {float(quality(law, middle)):.4g} at {middle / 2e3 / math.pi:.4g} kHz, "
+                f"Q = {float(quality(law, middle)):.4g} at {middle * KHZ:.4g} kHz, "
                 f"{len(law.rates)} relaxations"
             )
         told.append(", ".join(parts))
@@ -197,10 +173,13 @@ def _ends(bar: Bar) -> str:
     )
 
 
-def _errors(errors: Sequence[Foretold] | None) -> str:
+def _errors(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
     """Of each kind of what is judged the worst, beside what is allowed."""
     if errors is None:
-        return "not known beforehand: too much to work out"
+        from wavesim.verdict.foreseen_errors import limit_of
+
+        why = limit_of(simulated) or "too many cells and frequencies to work out"
+        return f"not known beforehand, as {why}; the run's checks tell"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:
@@ -214,11 +193,6 @@ def _errors(errors: Sequence[Foretold] | None) -> str:
 def _shortest(bar: Bar) -> float:
     """Cells to the shortest wave that the grid carries."""
     return 2 * math.pi / largest_phase(bar.order)
-
-
-def _carried(simulated: Simulation) -> float:
-    """Highest peak frequency that the grid carries in every layer, Hz."""
-    return min(highest_frequency(medium, simulated.bar) for medium in simulated.layers.media)
 
 
 def _source(source: Source) -> str:
@@ -239,9 +213,8 @@ def bands(
         full_gaps: [(lower, upper)] in Hz and ω̄: (low, high, low_bar, high_bar).
         bar_hz: frequency of ω̄ = 1, Hz.
     """
-    table = _table("sector", "branch", "cutoff", "asymptote", "gap", "", "")
+    table = new_table("sector", "branch", "cutoff", "asymptote", "gap", "", "", words=2)
     table.padding, table.show_edge = (0, 0), False
-    table.columns[1].justify = "left"
     for column in table.columns:
         column.no_wrap = True
     # Two digits of a kHz are enough for the fast waves of grains, and none of slow ones.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -41,8 +42,7 @@ def failed(error: BaseException) -> int:
         traceback.print_exception(error)
     if type(error).__module__.startswith("wavesim."):  # one of ours says what to do
         told(str(error))
-        unwritten = isinstance(error, RuntimeError) and "can't be written" in str(error)
-        return FAILED if unwritten else BAD_INPUT
+        return getattr(error, "code", BAD_INPUT)
     name, why = type(error).__name__, str(error).partition("\n")[0]
     if isinstance(error, MemoryError):
         told(f"it does not fit into memory ({why or name}); take fewer cells, or fewer frames")
@@ -57,6 +57,18 @@ def failed(error: BaseException) -> int:
     return FAILED
 
 
+def unwritable(
+    error: OSError, where: object, remedy: str = "name another folder"
+) -> tuple[str, int]:
+    """What is said where something can't be written, and the exit code: of bad input, but where the
+    disk is full, of a failure."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        remedy = f"make room on the disk, or {remedy}"
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+    said = f"{where}: can't be written: {error.strerror or error}; {remedy}"
+    return said, FAILED if full else BAD_INPUT
+
+
 def console(quiet: bool = False) -> Any:
     """A console as wide as the terminal; where there is none, as $COLUMNS, or else 80 columns."""
     from rich.console import Console
@@ -67,3 +79,20 @@ def console(quiet: bool = False) -> Any:
     return Console(
         quiet=quiet, highlight=False, markup=False, width=None if sys.stdout.isatty() else width
     )
+
+
+def new_table(*headings: str, words: int = 1, title: str = "") -> Any:
+    """A table to print: words in its first columns, which may be broken, and numbers in the others,
+    whose digits never are."""
+    from rich import box
+    from rich.table import Table
+
+    made = Table(
+        box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
+    )
+    for number, heading in enumerate(headings):
+        word = number < words
+        made.add_column(
+            heading, justify="left" if word else "right", no_wrap=not word, overflow="fold"
+        )
+    return made

@@ -63,6 +63,7 @@ class Energy:
         return self.work - (self.total - self.total[0])
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Field(Shown):
     """A space-time field on a bar.
@@ -195,25 +196,23 @@ class Field(Shown):
         """Grid positions of one field, shape (nx,), m."""
         return self.bar.nodes if is_macro(name) else self.bar.half_nodes
 
-    def components(
-        self, block: Block, frames: slice = WHOLE, points: slice = WHOLE
-    ) -> list[tuple[Float, bool]]:
+    def components(self, block: Block, frames: slice = WHOLE) -> list[tuple[Float, bool]]:
         """A block's components, scaled so that ½Σ q̇² is the kinetic energy.
 
         Args:
             block: one of ``field.blocks``.
-            frames, points: which are wanted; no others are read.
+            frames: which are wanted; no others are read.
 
         Returns:
-            For each component its values (frames, points) and whether it lives on the half-nodes.
+            For each component its values (frames, nx) and whether it lives on the half-nodes.
         """
         units = scales(self.medium)
         found = []
         for component in block.macro + block.micro:
             (first, weight), *others = component.items()
-            total = weight / units.unit(first) * self.part(first, frames, points)
+            total = weight / units.unit(first) * self.part(first, frames)
             for name, weight in others:
-                total += weight / units.unit(name) * self.part(name, frames, points)
+                total += weight / units.unit(name) * self.part(name, frames)
             found.append((total, not is_macro(first)))
         return found
 

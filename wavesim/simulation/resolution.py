@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.medium import Medium, fastest_speed
+from wavesim.material.layers import Layers
 from wavesim.sources import Chirp, InitialField, Recorded, Source, ToneBurst
 
 _PHASE_ERROR = 0.01
 
 
-def check_carried(source: Source, media: Sequence[Medium], bar: Bar) -> None:
-    """Hold a source's frequency to what the grid can carry in every medium of the bar.
+def check_carried(source: Source, layers: Layers, bar: Bar) -> None:
+    """Hold a source's frequency to what the grid can carry in every layer of the bar.
 
     Raises:
-        ValueError: the frequency is above :func:`highest_frequency`; of an initial field, it is
+        ValueError: the frequency is above :func:`highest_carried`; of an initial field, it is
             too narrow.
     """
     if isinstance(source, InitialField):
@@ -34,7 +33,7 @@ def check_carried(source: Source, media: Sequence[Medium], bar: Bar) -> None:
             )
         return
     key, frequency = _pitch(source)
-    highest = min(highest_frequency(medium, bar) for medium in media)
+    highest = highest_carried(layers, bar)
     if frequency > highest:
         spacing = bar.spacing * highest / frequency
         raise ValueError(
@@ -55,12 +54,17 @@ def _pitch(source: Source) -> tuple[str, float]:
     return "peak_frequency", source.peak_frequency
 
 
-def highest_frequency(medium: Medium, bar: Bar) -> float:
-    """Frequency at which the grid's phase error on the fastest wave reaches 1 %, Hz.
+def highest_carried(layers: Layers, bar: Bar) -> float:
+    """Frequency at which the grid's phase error on the fastest wave of some layer reaches 1 %, Hz.
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.
     """
-    return fastest_speed(medium) * largest_phase(bar.order) / bar.spacing / (2 * math.pi)
+    cells = min(
+        medium.fastest / size
+        for layer, (_, size) in zip(layers.layers, bar.all_stretches, strict=True)
+        for medium in layer.sampled()
+    )
+    return cells * largest_phase(bar.order) / (2 * math.pi)
 
 
 @functools.cache

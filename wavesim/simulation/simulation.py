@@ -19,7 +19,7 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.points import sampling
 from wavesim.material.arguments import checked
 from wavesim.material.family import Block
-from wavesim.material.layers import Layers, as_layers
+from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
 from wavesim.material.shown import Shown, quantity
 from wavesim.planewave import block_frequencies, check_hyperbolic
@@ -135,6 +135,12 @@ class Simulation(Shown):
         return self.layers.first
 
     @property
+    def stretches(self) -> tuple[tuple[Layer, int, float], ...]:
+        """Each layer with its number of cells and their size, m."""
+        pairs = zip(self.layers.layers, self.bar.all_stretches, strict=True)
+        return tuple((layer, cells, size) for layer, (cells, size) in pairs)
+
+    @property
     def endless(self) -> bool:
         """Whether it stands for an endless bar of one medium: joined ends, one uniform layer."""
         return self.bar.periodic and self.layers.uniform
@@ -167,7 +173,7 @@ class Simulation(Shown):
     @functools.cached_property
     def frames(self) -> int:
         """Number of frames, the start among them."""
-        return self.samples or default_samples(self.sources, self.medium, self.duration)
+        return self.samples or default_samples(self.sources, self.layers, self.duration)
 
     @property
     def interval(self) -> float:
@@ -182,7 +188,7 @@ class Simulation(Shown):
     @functools.cached_property
     def band(self) -> float:
         """End of the sources' band, rad/s."""
-        return highest_band(self.sources, self.medium)
+        return highest_band(self.sources, self.layers)
 
 
 def simulation(
@@ -212,15 +218,16 @@ def at_double_moment(simulated: Simulation, position: float) -> bool:
     )
 
 
-def highest_band(sources: Sequence[Source], medium: Medium) -> float:
+def highest_band(sources: Sequence[Source], layers: Layers) -> float:
     """End of the sources' band, rad/s.
 
-    An initial field has none; in a medium it is the highest frequency of its waves at the end of
-    its band of wavenumbers.
+    An initial field has none; on a bar it is the highest frequency, in any of its media, of waves
+    at the end of its band of wavenumbers.
     """
     return max(
         max(
             float(block_frequencies(medium, block, [source.highest_wavenumber]).max())
+            for medium in layers.media
             for block in medium.family.excited([source.field])
         )
         if isinstance(source, InitialField)
@@ -229,13 +236,13 @@ def highest_band(sources: Sequence[Source], medium: Medium) -> float:
     )
 
 
-def default_samples(sources: Sequence[Source], medium: Medium, duration: float) -> int:
+def default_samples(sources: Sequence[Source], layers: Layers, duration: float) -> int:
     """Frames that hold twice the band of the highest source.
 
     A signal whose spectrum falls as a power of ω gets three times what it excites: with twice its
     band, frames were measured to be too few for the verdict on a Hann burst.
     """
-    highest = 2 * highest_band(sources, medium)
+    highest = 2 * highest_band(sources, layers)
     for source in sources:
         if math.isinf(source.spectral_end) and math.isfinite(source.band):
             highest = max(highest, 3 * source.excited[1])

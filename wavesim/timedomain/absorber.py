@@ -18,13 +18,19 @@ import numpy as np
 
 from wavesim.grid.bar import Bar
 from wavesim.material.layers import Layers
-from wavesim.material.medium import fastest_speed
 
 # Of the fastest wave. Slower waves, and those near a cutoff, whose phase velocity c is high, are
 # reflected more or less: R to the power c_∞/c.
 REFLECTION = 1e-28
 _POWER = 3
 _CALM = 2.5e-3
+# One of fewer branch lengths reflects more than 1e-4.
+_LEAST_LENGTHS = 4
+
+
+def least_absorber(layers: Layers) -> float:
+    """Length (m) below which an absorbing layer reflects too much."""
+    return _LEAST_LENGTHS * max(float(medium.length_scale) for medium in layers.media)
 
 
 def strongest_absorption(layers: Layers, bar: Bar, end: str) -> float:
@@ -38,7 +44,7 @@ def strongest_absorption(layers: Layers, bar: Bar, end: str) -> float:
     if getattr(bar, end) != "absorbing":
         return 0.0
     medium = layers.at(0.0 if end == "left" else layers.length)
-    return -4 * fastest_speed(medium) * math.log(REFLECTION) / (2 * bar.absorber)
+    return -4 * medium.fastest * math.log(REFLECTION) / (2 * bar.absorber)
 
 
 def absorption(layers: Layers, bar: Bar, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
-from wavesim.grid.summation_by_parts import chain
 from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium, with_each_class
@@ -34,10 +33,25 @@ jax.config.update("jax_enable_x64", True)
 
 
 def _as_pytree(kind: type[Medium]) -> None:
-    """A medium is a pytree: jax.grad and jax.vmap go through its parameters."""
+    """A medium is a pytree: jax.grad and jax.vmap go through its parameters.
+
+    jax makes some that hold no numbers: what a caller is held to is not asked of them.
+    """
     known = (*kind.declared(), *kind.nested)
     others = tuple(f.name for f in dataclasses.fields(kind) if f.name not in known)
-    jax.tree_util.register_dataclass(kind, data_fields=known, meta_fields=others)
+    keys = tuple(jax.tree_util.GetAttrKey(name) for name in known)
+
+    def apart(medium: Medium) -> tuple[list[tuple[Any, Any]], tuple[Any, ...]]:
+        values = [(key, getattr(medium, name)) for key, name in zip(keys, known, strict=True)]
+        return values, tuple(getattr(medium, name) for name in others)
+
+    def made(said: tuple[Any, ...], values: Iterable[Any]) -> Medium:
+        medium = object.__new__(kind)
+        for name, value in zip((*known, *others), (*values, *said), strict=True):
+            object.__setattr__(medium, name, value)
+        return medium
+
+    jax.tree_util.register_pytree_with_keys(kind, apart, made)
 
 
 with_each_class(_as_pytree)
@@ -289,14 +303,9 @@ def _stretches(
 ) -> list[tuple[Layer, slice, Any, np.ndarray]]:
     """Each layer with its cells, the norm of its nodes, and their positions on the bar, m."""
     found, first = [], 0
-    for number, (layer, (cells, spacing)) in enumerate(
-        zip(layers.layers, bar.all_stretches, strict=True)
+    for number, (layer, (cells, spacing), norm) in enumerate(
+        zip(layers.layers, bar.all_stretches, bar.stretch_norms, strict=True)
     ):
-        if bar.uniform and bar.periodic:
-            norm = np.full(cells + 1, spacing)
-            norm[[0, -1]] /= 2
-        else:
-            norm = chain(bar.order, (cells,), (spacing,)).node_norm
         x = layer.start + np.arange(cells + 1) * spacing
         if sizes is not None:
             norm = norm * (sizes[number] / spacing)

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesim.material.medium import fastest_speed
 from wavesim.material.scaling import JUDGED
 from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
@@ -193,7 +192,7 @@ def _memory() -> float:
 def _reached(simulated: Simulation) -> float:
     """Part of the bar that anything reaches, mean over the run: at rest it takes no room."""
     bar, layers = simulated.bar, simulated.layers
-    speed = _FRONT * max(fastest_speed(medium) for medium in layers.media)
+    speed = _FRONT * max(medium.fastest for medium in layers.media)
     further = _PACKED_ALONG * bar.spacing if bar.cells > 4 * _PACKED_ALONG else 0.0
     found = []
     for t in np.linspace(0.0, simulated.duration, _LOOKED_AT):

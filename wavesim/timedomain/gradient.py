@@ -21,7 +21,7 @@ from wavesim.grid.stencils import difference_norm
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.scaling import scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
@@ -30,7 +30,13 @@ from wavesim.timedomain.moments_in_time import signals
 from wavesim.timedomain.operator import Operator, operator
 from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
-from wavesim.timedomain.time_step import TimeStep, highest_frequency, time_step
+from wavesim.timedomain.time_step import (
+    TimeStep,
+    bound_matrix,
+    closure_factor,
+    highest_frequency,
+    time_step,
+)
 from wavesim.timedomain.traced_grid import TracedGrid
 
 
@@ -110,8 +116,8 @@ def traced_fields(
     if sizes is not None:
         layers = _placed(layers, planned)
     given = as_layers(layers, planned.bar.length)
-    quickest = planned if fastest is None else dataclasses.replace(planned, layers=fastest)
-    step = _in_units_of(planned, quickest, time_step(_by_series(quickest)))
+    quickest = dataclasses.replace(planned, layers=fastest or planned.layers, solver="chebyshev")
+    step = _in_units_of(planned, quickest, time_step(quickest))
     _check(given, planned, quickest)
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
     by_moments = receivers is not None and not planned.lossy and not forward
@@ -139,7 +145,8 @@ def traced_fields(
     fields = to_fields(pairs, blocks, medium)
     if receivers is None:
         fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
-    fits = _fits(given, quickest, sizes)
+    stiffer = None if law is None else law[0] / medium.damping.unrelaxed
+    fits = _fits(given, quickest, sizes, stiffer)
     return {name: jnp.where(fits, values, jnp.nan) for name, values in fields.items()}
 
 
@@ -158,10 +165,6 @@ def _integrated(equation: _Recorded, start: Any, step: TimeStep, forward: bool) 
     )
     first = equation.observe(begun)
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
-
-
-def _by_series(planned: Simulation) -> Simulation:
-    return dataclasses.replace(planned, solver="chebyshev")
 
 
 def _in_units_of(planned: Simulation, other: Simulation, step: TimeStep) -> TimeStep:
@@ -220,11 +223,15 @@ def _placed(layers: Medium | Layers | Sequence[Layer], planned: Simulation) -> A
     ]
 
 
-def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
+def _fits(given: Layers, planned: Simulation, sizes: Any, stiffer: Any) -> Any:
     """Whether no frequency is above the highest of the plan; True where that is known before."""
-    if sizes is None and all(_plain(layer) is not None for layer in given.layers):
+    if (
+        sizes is None
+        and stiffer is None
+        and all(_plain(layer) is not None for layer in given.layers)
+    ):
         return True
-    most = highest_frequency(planned) / (1.05 if not planned.bar.uniform else 1.0)
+    most = highest_frequency(planned) / closure_factor(planned.bar)
     units, bar = scales(planned.medium), planned.bar
     squares = []
     for number, (layer, (_, spacing)) in enumerate(
@@ -234,16 +241,10 @@ def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
         norm = difference_norm(1.0, bar.order) * float(units.length) / size
         for medium in layer.ends:
             for block in planned.blocks:
-                c = block_coefficients(medium, block, units)
-                upper = [norm**2 * c.c_pp, -norm * c.c_pb]
-                lower = [-norm * c.c_bp, c.c_bb + norm**2 * c.gamma]
-                above, below = (
-                    jnp.concatenate([jnp.asarray(part) for part in row], 1) / inertia
-                    for row, inertia in ((upper, c.i_phi), (lower, c.i_B))
-                )
-                matrix = jnp.concatenate([above, below]) * medium.damping.unrelaxed
+                matrix = bound_matrix(medium, block, units, norm, jnp)
                 squares.append(_largest(jax.lax.stop_gradient(matrix)))
-    return jnp.max(jnp.stack(squares)) <= most**2 * 1.0001
+    largest = jnp.max(jnp.stack(squares)) * (1.0 if stiffer is None else stiffer)
+    return largest <= most**2 * 1.0001
 
 
 def _largest(matrix: Any) -> Any:

@@ -174,10 +174,6 @@ def advance(
     return seen, (jax.tree.map(lambda a: a[-1], last), solution.solver_state)
 
 
-def _first(equation: Equation, motion: Motion) -> Any:
-    return equation.observe(motion)
-
-
 def stream(
     simulated: Simulation,
     carry_on: tuple[int, Sequence[np.ndarray]] | None = None,
@@ -242,11 +238,9 @@ def stream(
 
 def _memory(stepper: Any, equation: Equation, motion: Motion, h: Any) -> Any:
     """What a stepper keeps beside the motion, at t = 0."""
-    if isinstance(stepper, Propagator):
-        return stepper.begun
-    if isinstance(stepper, ExactStepper):
-        return None
     run = Run(equation, np.asarray(0.0), h)
+    if isinstance(stepper, ExactStepper):
+        return stepper.init(_NO_TERM, 0.0, 1.0, motion, run)
     made = jax.eval_shape(functools.partial(stepper.init, _TERM), 0.0, 1.0, motion, run)
     return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), made)
 
@@ -254,9 +248,9 @@ def _memory(stepper: Any, equation: Equation, motion: Motion, h: Any) -> Any:
 def _seen_at_start(equation: Equation, motion: Motion) -> Any:
     """What is seen of the first frame, with a first axis of one."""
     if any(np.any(array) for array in jax.tree.leaves(motion)):
-        seen = compiled(_first, (equation, motion))(equation, motion)
+        seen = compiled(Equation.observe, (equation, motion))(equation, motion)
     else:
-        seen = jax.eval_shape(_first, equation, motion)
+        seen = jax.eval_shape(Equation.observe, equation, motion)
         seen = jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), seen)
     return jax.tree.map(lambda a: np.asarray(a)[None], seen)
 
@@ -352,7 +346,7 @@ def simulate(
     simulated = simulation(*known)
     for number, source in enumerate(simulated.sources):
         try:
-            check_carried(source, simulated.layers.media, bar)
+            check_carried(source, simulated.layers, bar)
         except ValueError as error:
             raise ValueError(f"sources[{number}]: {error}") from None
     return integrate(simulated, progress, timing, at_most)

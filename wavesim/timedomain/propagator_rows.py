@@ -11,7 +11,9 @@ nothing holds it back, are set so: rounding of it would grow with the number of 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import equinox as eqx
@@ -23,7 +25,7 @@ from scipy.special import jv
 
 from wavesim.grid.bar import Bar
 from wavesim.timedomain.operator import Group
-from wavesim.timedomain.sparse_matrix import sparse_matrix
+from wavesim.timedomain.sparse_matrix import second_order
 from wavesim.timedomain.time_step import RUN, TimeStep
 from wavesim.timedomain.within_step import picked, window
 
@@ -96,10 +98,10 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
     starts, order = _runs(bar, n)
     kinds: dict[bytes, int] = {}
     members: list[list[int]] = []
-    windows, made = [], []
+    windows, jobs = [], []
     uniform = ring and width < n and all(_even(a, n) for a in jax.tree.leaves(group))
     alike = np.zeros(n, int) if uniform else _alike(group)
-    whole = None if uniform else _halves(group)
+    whole = None if uniform else second_order(group)
     for number, start in enumerate(starts):
         first = start - reach if width < n else 0
         first = first % n if ring else int(np.clip(first, 0, n - width))
@@ -110,10 +112,11 @@ def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> 
         kind = kinds.setdefault(key, len(kinds))
         if kind == len(members):
             members.append([])
-            halves = whole or _halves(window(group, points))
-            cut = halves if uniform else _cut(halves, points, n)
-            made.append(_run_rows(cut, (fields, macro, inside), step, uniform))
+            cut = second_order(window(group, points)) if whole is None else _cut(whole, points, n)
+            jobs.append((cut, (fields, macro, inside), step, uniform))
         members[kind].append(number)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        made = list(pool.map(_run_rows, *zip(*jobs, strict=True)))
     many = [kind for kind, own in enumerate(members) if len(own) >= _FEW]
     few = [(number, kind) for kind, own in enumerate(members) for number in own if len(own) < _FEW]
     matrices = [made[kind] for kind in many]
@@ -153,19 +156,13 @@ def _alike(group: Group) -> np.ndarray:
     return np.array([known.setdefault(one.tobytes(), len(known)) for one in columns])
 
 
-def _halves(group: Group) -> tuple[Any, Any]:
-    """A of a block without losses: from rates (φ̇, Ḃ) to those of strains (κ, B), and back."""
-    rest, A = group.rest, sparse_matrix(group)
-    first, unknowns = rest.phi.size, rest.phi.size + rest.B.size
-    rates = slice(unknowns, 2 * unknowns)
-    strains = np.r_[2 * unknowns : 2 * unknowns + first, first:unknowns]
-    return A[rates][:, strains], A[strains][:, rates]
+def _cut(factors: Sequence[Any], points: np.ndarray, n: int) -> list[Any]:
+    """The part of F, K and G at some of n points."""
 
+    def at(size: int) -> np.ndarray:
+        return (np.arange(size // n)[:, None] * n + points).ravel()
 
-def _cut(halves: tuple[Any, Any], points: np.ndarray, n: int) -> tuple[Any, Any]:
-    """The part of both at some of n points."""
-    own = (np.arange(halves[0].shape[0] // n)[:, None] * n + points).ravel()
-    return halves[0][own][:, own], halves[1][own][:, own]
+    return [one[at(one.shape[0])][:, at(one.shape[1])] for one in factors]
 
 
 def _even(values: Any, points: int) -> bool:
@@ -197,19 +194,18 @@ def _runs(bar: Bar, n: int) -> tuple[list[int], np.ndarray]:
 
 
 def _run_rows(
-    halves: tuple[Any, Any], shape: tuple[int, int, int], step: TimeStep, uniform: bool
+    factors: Sequence[Any], shape: tuple[int, int, int], step: TimeStep, uniform: bool
 ) -> np.ndarray:
     """Rows of 2(C − 1) of a run on its window, shape (fields · RUN, fields · window).
 
     Args:
-        halves: of the window, of :func:`_halves`.
+        factors: F, K and G of L on the window, of :func:`second_order`.
         shape: numbers of fields, of macro-fields, and the place of the run's first point in it.
         step: for h and R.
         uniform: whether all points are alike: those of the first then serve for all.
     """
     fields, macro, inside = shape
-    L = sp.csr_array(halves[0] @ halves[1])
-    unknowns = L.shape[0]
+    unknowns = factors[0].shape[0]
     width = unknowns // fields
     points = (inside + np.arange(1 if uniform else RUN)) % width
     chosen = (np.arange(fields)[:, None] * width + points).ravel()
@@ -219,12 +215,16 @@ def _run_rows(
     phase = step.step * step.radius
     count = int(phase / 2 + 6 * (1 + phase) ** (1 / 3)) + 12
     a = _cosine_series(phase, count)
-    # Rows of C are columns of Cᵀ.
-    X = sp.csr_array(sp.eye_array(unknowns) + L.T * (2 / step.radius**2))
-    before, now = start, X @ start
+    # Rows of C are columns of Cᵀ: T_k+1 = 2 X T_k − T_k−1 of X = 1 + 2Lᵀ/R², Lᵀ = Gᵀ Kᵀ Fᵀ.
+    F, K, G = (sp.csr_array(factor.T) for factor in factors)
+    K = K * (4 / step.radius**2)
+    before, now = start, start + 0.5 * (G @ (K @ (F @ start)))
     total = a[0] * before + a[1] * now
     for factor in a[2:]:
-        before, now = now, 2 * (X @ now) - before
+        after = G @ (K @ (F @ now))
+        after += 2 * now
+        after -= before
+        before, now = now, after
         total += factor * now
     rows = 2 * (total - start).T
     rows = rows.reshape(fields, -1, fields, width)

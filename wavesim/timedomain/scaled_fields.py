@@ -28,18 +28,13 @@ def to_scaled(fields: Mapping[str, Any], blocks: Sequence[Block], medium: Medium
     found: list[Any] = []
     for stacked in grouped(blocks):
         pair = []
-        for kind in ("macro", "micro"):
-            rows = [
-                [
-                    sum(
-                        (w / units.unit(f) * fields[f] for f, w in part.items() if f in fields),
-                        start=np.zeros(shape),
-                    )
-                    for part in getattr(block, kind)
-                ]
-                for block in stacked
-            ]
-            pair.append(np.array(rows).reshape(len(stacked), -1, *shape).swapaxes(0, 1))
+        for kinds in zip(*((block.macro, block.micro) for block in stacked), strict=True):
+            values = np.zeros((len(kinds[0]), len(stacked), *shape))
+            for s, parts in enumerate(kinds):
+                for i, part in enumerate(parts):
+                    for name in set(part) & set(fields):
+                        values[i, s] += part[name] / units.unit(name) * fields[name]
+            pair.append(values)
         found.append(tuple(pair))
     return found
 

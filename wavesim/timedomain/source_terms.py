@@ -17,15 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
-from wavesim.grid.points import spread
+from wavesim.grid.points import gaussian, spread
 from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.sources import InitialField, Source
-from wavesim.timedomain.coefficients_on_grid import module
+from wavesim.timedomain.coefficients_on_grid import at_half, module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
 from wavesim.timedomain.scaled_fields import to_scaled
-from wavesim.timedomain.sparse_matrix import difference_matrix
 from wavesim.timedomain.traced_grid import TracedGrid
 
 # What a signal does not depend on, set alike for all, and its amplitude.
@@ -263,19 +262,15 @@ def initial_state(
         if not isinstance(source, InitialField):
             continue
         x = bar.half_nodes if source.staggered else bar.nodes
-        distance = x - source.position
-        if bar.periodic:
-            distance = (distance + bar.length / 2) % bar.length - bar.length / 2
         line = np.zeros(len(bar.nodes))
-        line[: len(x)] = source.amplitude * np.exp(-((distance / source.width) ** 2) / 2)
+        line[: len(x)] = source.amplitude * gaussian(bar, x, source.position, source.width)
         if not source.staggered:
             line[held_nodes(bar)] = 0.0
         fields[source.field] = fields.get(source.field, 0.0) + line
     if not fields:
         return A.rest
-    made = []
+    made, D = [], bar.difference_matrix * float(scales(medium).length)
     for group, (phi, B) in zip(A.groups, to_scaled(fields, blocks, medium), strict=True):
-        n = phi.shape[-1]
-        kappa = (difference_matrix(group.D, n) @ phi.reshape(-1, n).T).T.reshape(phi.shape)
-        made.append(group.rest._replace(phi=phi, B=B, kappa=kappa))
+        kappa = at_half(bar, (D @ phi.reshape(-1, phi.shape[-1]).T).T)
+        made.append(group.rest._replace(phi=phi, B=B, kappa=kappa.reshape(phi.shape)))
     return tuple(made)

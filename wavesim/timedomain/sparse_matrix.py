@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -54,20 +55,9 @@ def _of_group(group: Group) -> Any:
         size = rest[number].size
         return sp.eye_array(size, total, k=int(starts[number]), format="csr")
 
-    def along(values: Any, components: int) -> Any:
-        """Multiplies each component by values, shape (points,) or (blocks, points)."""
-        spread = np.broadcast_to(np.asarray(values), (components, blocks, n))
-        return sp.diags_array(spread.ravel(), format="csr")
-
-    def difference(matrix: Difference, components: int) -> Any:
-        return sp.kron(
-            sp.eye_array(components * blocks), difference_matrix(matrix, n), format="csr"
-        )
-
-    def pointwise(matrix: Any) -> Any:
-        """Σ_j matrix[i, j] u_j at each point, matrix of shape (i, j, blocks, points)."""
-        rows = [[sp.diags_array(np.ravel(one)) for one in row] for row in np.asarray(matrix)]
-        return sp.csr_array(sp.block_array(rows, format="csr"))
+    along = functools.partial(_along, (blocks, n))
+    difference = functools.partial(_difference, (blocks, n))
+    pointwise = _pointwise
 
     phi, B, phi_rate, B_rate, kappa = (part(number) for number in range(5))
     f, b = p + rest.B.shape[0], rest.B.shape[0]
@@ -100,6 +90,52 @@ def _of_group(group: Group) -> Any:
     of_B = [one[p * blocks * n :] for one in relaxing]
     rows = [phi_rate, B_rate, on_phi, on_B, kappa_rate, *of_kappa, *of_B]
     return sp.vstack([row for row in rows if row.shape[0]], format="csr")
+
+
+def second_order(group: Group) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+    """F, K and G of q̈ = F K G q of a group without losses, q = (φ, B) flat.
+
+    G takes strains: κ = Dφ, B, and slopes −N⁻¹QᵀB where Γ counts; K, at each point, stresses of
+    them; F what these do: φ̈ = −Qᵀσ/m_φ, B̈ = (−τ + D Γ∂B)/i_B. The three have half as many entries
+    as their product.
+    """
+    c, p, (blocks, n) = group.c, group.c.macro, group.free.shape
+    b = c.stiffness.shape[0] - p
+    shape = blocks, n
+    G = [[_difference(shape, group.D, p), None], [None, _along(shape, 1.0, b)]]
+    K = [[_pointwise(c.stiffness), None]]
+    per_inertia = _along(shape, 1 / c.inertia, b)
+    F = [
+        [-_along(shape, group.free, p) @ _difference(shape, group.QT, p), None],
+        [None, -per_inertia],
+    ]
+    if c.gradient is not None:
+        slope = _along(shape, -1 / group.node_norm, b) @ _difference(shape, group.QT, b)
+        G.append([None, slope])
+        K = [[K[0][0], None], [None, _pointwise(c.gradient)]]
+        F[0].append(None)
+        F[1].append(per_inertia @ _difference(shape, group.D, b))
+    if not p:
+        G, F = [row[1:] for row in G[1:]], [row[1:] for row in F[1:]]
+    return tuple(sp.block_array(one, format="csr") for one in (F, K, G))
+
+
+def _along(shape: tuple[int, int], values: Any, components: int) -> Any:
+    """Multiplies each component by values, shape (points,) or (blocks, points)."""
+    spread = np.broadcast_to(np.asarray(values), (components, *shape))
+    return sp.diags_array(spread.ravel(), format="csr")
+
+
+def _difference(shape: tuple[int, int], difference: Difference, components: int) -> Any:
+    """Takes a difference of each component."""
+    blocks, n = shape
+    return sp.kron(sp.eye_array(components * blocks), difference_matrix(difference, n), "csr")
+
+
+def _pointwise(matrix: Any) -> Any:
+    """Σ_j matrix[i, j] u_j at each point, matrix of shape (i, j, blocks, points)."""
+    rows = [[sp.diags_array(np.ravel(one)) for one in row] for row in np.asarray(matrix)]
+    return sp.csr_array(sp.block_array(rows, format="csr"))
 
 
 def difference_matrix(difference: Difference, n: int) -> sp.csr_array:

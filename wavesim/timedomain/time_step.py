@@ -9,14 +9,17 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.grid.bar import Bar
 from wavesim.grid.stencils import difference_norm
+from wavesim.material.family import Block
 from wavesim.material.layers import Layers
-from wavesim.material.medium import fastest_speed
-from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.medium import Medium
+from wavesim.material.scaling import Scales, block_coefficients, scales
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import strongest_absorption
 
@@ -122,7 +125,8 @@ def time_step(simulation: Simulation) -> TimeStep:
         longest = _LONGEST_STEP / radius
         if loss > 0:
             grows = radius * math.log(_growth(radius, loss / 2)) - loss / 2
-            longest = min(longest, 2 * _MOST_DECAY / loss, _MOST_GROWTH / grows)
+            longest = min(longest, 2 * _MOST_DECAY / loss)
+            longest = min(longest, _MOST_GROWTH / grows) if grows > 0 else longest
     else:
         longest = EXPLICIT[solver][1] / (radius + loss)
     if simulation.step is not None:
@@ -167,8 +171,30 @@ def _check_size(simulation: Simulation, step: TimeStep) -> None:
         seconds = step.step * float(scales(simulation.medium).time)
         raise ValueError(
             f"duration = {simulation.duration:g} takes {step.steps:.3g} steps of {seconds:.3g} s, "
-            f"more than {_MOST_STEPS:.0e}; shorten it, or lengthen step"
+            f"more than {_MOST_STEPS:.0e}; shorten it, or {slower(simulation, step)}"
         )
+
+
+def slower(simulation: Simulation, step: TimeStep) -> str:
+    """What to change where a run takes too many steps, or products."""
+    if simulation.solver != "auto":
+        return f'leave [time] solver (now "{simulation.solver}") at "auto"'
+    if simulation.step is not None:
+        return f'leave [time] step (now {simulation.step:g} s) at "auto"'
+    if step.shift > step.radius:  # losses set the pace
+        laws = [layer.medium.damping for layer in simulation.layers.layers]
+        mass, stiffness = max(law.mass for law in laws), max(law.stiffness for law in laws)
+        squared = (step.radius / float(scales(simulation.medium).time)) ** 2
+        if mass + stiffness * squared > 0:
+            key = "mass" if mass > stiffness * squared else "stiffness"
+            return (
+                f"lower {key}_damping (now {mass if key == 'mass' else stiffness:g}), by which "
+                "waves on the grid die far faster than they swing"
+            )
+    return (
+        "lower [time] samples, or look for a medium far stiffer, or far lighter, than the others, "
+        "which sets the pace for all"
+    )
 
 
 def _rounded(size: int) -> int:
@@ -187,10 +213,8 @@ def _reach(step: float, speed: float) -> int:
 def _cells_per_time(simulation: Simulation) -> float:
     """Largest c_∞ over the cell size, 1/s."""
     return max(
-        fastest_speed(medium) / size
-        for layer, (_, size) in zip(
-            simulation.layers.layers, simulation.bar.all_stretches, strict=True
-        )
+        medium.fastest / size
+        for layer, _, size in simulation.stretches
         for medium in layer.sampled()
     )
 
@@ -198,19 +222,9 @@ def _cells_per_time(simulation: Simulation) -> float:
 def _rows_held(simulation: Simulation) -> float:
     """Bytes that the rows of a propagator take where those of graded layers are all different."""
     window = RUN + 2 * _LONGEST_REACH
-    graded = sum(
-        cells
-        for layer, (cells, _) in zip(
-            simulation.layers.layers, simulation.bar.all_stretches, strict=True
-        )
-        if layer.last is not None
-    )
-    return (
-        8.0
-        * graded
-        * window
-        * sum(len(block.macro + block.micro) ** 2 for block in simulation.blocks)
-    )
+    graded = sum(cells for layer, cells, _ in simulation.stretches if layer.last is not None)
+    entries = sum(len(block.macro + block.micro) ** 2 for block in simulation.blocks)
+    return 8.0 * graded * window * entries
 
 
 def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> float:
@@ -233,18 +247,30 @@ def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> f
         for medium in layer.sampled()
     ]
     for block in simulation.blocks:
-        p, size = len(block.macro), len(block.macro + block.micro)
-        matrices = np.empty((len(looked_at), size, size))
-        for matrix, (medium, norm) in zip(matrices, looked_at, strict=True):
-            c = block_coefficients(medium, block, units)
-            scale = medium.damping.unrelaxed
-            matrix[:p, :p] = norm**2 * c.c_pp * (scale / c.i_phi)
-            matrix[:p, p:] = -norm * c.c_pb * (scale / c.i_phi)
-            matrix[p:, :p] = -norm * c.c_bp * (scale / c.i_B)
-            matrix[p:, p:] = (c.c_bb + norm**2 * c.gamma) * (scale / c.i_B)
-        largest = max(largest, float(np.abs(np.linalg.eigvals(matrices)).max()))
-    closures = 1.0 if bar.uniform and bar.periodic else _ENDS
-    return math.sqrt(1.01 * largest) * closures
+        matrices = [bound_matrix(medium, block, units, norm) for medium, norm in looked_at]
+        largest = max(largest, float(np.abs(np.linalg.eigvals(np.stack(matrices))).max()))
+    return math.sqrt(1.01 * largest) * closure_factor(bar)
+
+
+def bound_matrix(medium: Medium, block: Block, units: Scales, norm: Any, xp: Any = np) -> Any:
+    """A matrix whose largest eigenvalue no ω² of a block exceeds where ‖D‖ is norm, all scaled.
+
+    Args:
+        medium: the medium; its parameters may be traced by jax, with ``xp`` its numpy.
+        block: one of its family's.
+        units: to scale by.
+        norm: ‖D‖.
+        xp: numpy or jax.numpy.
+    """
+    c = block_coefficients(medium, block, units)
+    on_phi = xp.concatenate([norm**2 * c.c_pp, -norm * c.c_pb], 1) / c.i_phi
+    on_B = xp.concatenate([-norm * c.c_bp, c.c_bb + norm**2 * c.gamma], 1) / c.i_B
+    return xp.concatenate([on_phi, on_B]) * medium.damping.unrelaxed
+
+
+def closure_factor(bar: Bar) -> float:
+    """By how much closures at ends and interfaces raise the highest frequency, at most."""
+    return 1.0 if bar.uniform and bar.periodic else _ENDS
 
 
 def fastest_loss(simulation: Simulation, radius: float) -> float:

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.grid.bar import Bar
+from wavesim.grid.points import CUT, gaussian_points, sampled
 
 
 @dataclass(frozen=True)
@@ -87,9 +88,16 @@ class TracedGrid:
         if width == 0:
             return self.sampling(position, staggered)
         x, length = self.points(staggered), self.edges[-1]
+        if sampled(self.bar, position, width, staggered) is None:
+            u, shares = gaussian_points(width / min(size for _, size in self.bar.all_stretches))
+            places: Any = position + width * u
+            places = places % length if self.bar.periodic else jnp.clip(places, 0.0, length)
+            weights, indices = jax.vmap(lambda place: self.sampling(place, staggered))(places)
+            laid = jnp.zeros(len(x)).at[indices].add(shares[:, None] * weights)
+            return laid, jnp.arange(len(x))
         distance = x - position
         if self.bar.periodic:
             distance = (distance + length / 2) % length - length / 2
         density = jnp.exp(-((distance / width) ** 2) / 2) / (np.sqrt(2 * np.pi) * width)
-        density = jnp.where(jnp.abs(distance) <= 8.5 * width, density, 0.0)
+        density = jnp.where(jnp.abs(distance) <= CUT * width, density, 0.0)
         return density * norm[: len(x)], jnp.arange(len(x))

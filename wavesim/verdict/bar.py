@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
-from wavesim.material.medium import fastest_speed
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
@@ -31,7 +31,6 @@ from wavesim.verdict.foreseen_errors import (
 
 Float = NDArray[Any]
 
-_KHZ = 1 / (2e3 * np.pi)
 DECIBEL_TOLERANCE = 1.0
 RESONANCE_TOLERANCE = 1e-6
 BLOCH_TOLERANCE = 1e-3
@@ -128,14 +127,20 @@ def _band_checks(field: Field, found: Scattered) -> list[Check]:
             (asked.at_most, band.highest, 1, "at most"),
             (asked.at_least, band.lowest, -1, "at least"),
         ):
-            if limit is not None:
-                name = (
-                    f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω "
-                    f"(worst {level:.2f} dB, at {at / 1e3:.5g} kHz)"
-                )
-                short = max(sign * (level - limit), 0.0) if math.isfinite(level) else math.nan
+            if limit is None:
+                continue
+            there = f"{at / 1e3:.5g} kHz"
+            if math.isfinite(level):
+                worst, short = f"worst {level:.2f} dB, at {there}", max(sign * (level - limit), 0.0)
                 change = "change the layers: wavesim design finds some that keep a band"
-                checks.append(Check(name, short, 0.0, 0.0, "dB", change))
+            else:
+                worst, short = f"no answer at {there}", math.nan
+                change = (
+                    "give its graded layer a quality_factor: without losses waves pile up where "
+                    "it has its asymptote, and there is no T at real ω"
+                )
+            name = f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω ({worst})"
+            checks.append(Check(name, short, 0.0, 0.0, "dB", change))
     return checks
 
 
@@ -344,8 +349,8 @@ def _sent_back(field: Field) -> str:
                 omega = cutoff * (1 + np.geomspace(1e-6, 0.1, 200))
                 loud = float(excitation(driven, cutoff)) if driven else 0.0
                 slowness = wavenumber(medium, block.sector, omega).real / omega
-                back = REFLECTION ** (slowness * fastest_speed(medium))
+                back = REFLECTION ** (slowness * medium.fastest)
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
                     until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
-                    told.append(f"{block.sector} {cutoff * _KHZ:.5g} to {until * _KHZ:.5g} kHz")
+                    told.append(f"{block.sector} {cutoff * KHZ:.5g} to {until * KHZ:.5g} kHz")
     return ", ".join(dict.fromkeys(told))

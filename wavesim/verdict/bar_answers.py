@@ -6,20 +6,21 @@ Each measured number stands beside the exact one. The rows go into summary.json 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
-from wavesim.material.shown import plain
-from wavesim.planewave.dispersion_relation import Gap
+from wavesim.material.shown import HERTZ, decibels, plain
+from wavesim.planewave.dispersion_relation import Gap, open_gaps
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
-from wavesim.verdict.closer import HERTZ, Answers, Row, closer, open_gaps
+from wavesim.verdict.closer import Answers, Row, closer
 
 _MOST_MODES = 5
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
@@ -28,10 +29,6 @@ _STOPPED, _FLOOR = -20.0, -120.0
 
 def of_bar(field: Field, reading: Reading) -> Answers:
     """What a bar with layers or ends lets through, how it rings, how fast pulses pass.
-
-    Args:
-        field: the field.
-        reading: what was measured of it, beside the exact solver.
 
     Returns:
         "transmission": each band where T of a steady wave, exact at real ω, is below −20 dB (Hz;
@@ -58,52 +55,34 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     judged = found.judged
     if not judged.any():
         return []
-    level, exact, real = _level(found.T), _level(found.T_exact), _steady(found)
+    level, exact = decibels(found.T), decibels(found.T_exact)
     ends = found.omega[np.flatnonzero(judged)[[0, -1]]]
-    omega, steady = found.omega, real
+    # At real ω; at ω + iσ where that is not known.
+    omega, steady = found.omega, exact if found.T_real is None else decibels(found.T_real)
     if len(found.line):
-        omega, steady = found.line[0], _level(found.line[3])
+        omega, steady = found.line[0], decibels(found.line[3])
     within = (omega >= ends[0]) & (omega <= ends[1])
     inner = field.layers.layers[1:-1] or field.layers.layers
     media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
     names = open_gaps(media[0], found.sector) if len(media) == 1 else []
-    rows: list[Row] = []
+    rows = []
     stopped = _stopped(omega[within], steady[within])
-    for number, (low, high, open_below, open_above) in enumerate(stopped, start=1):
+    for number, (low, high, *opened) in enumerate(stopped, start=1):
         own = [gap.name for gap in names if gap.lower < high and low < gap.upper]
+        where = f"about {', '.join(own)}" if own else f"stop band {number}"
         middle = (low + high) / 2
-        rows.append(
-            {
-                "where": f"about {', '.join(own)}" if own else f"stop band {number}",
-                "lower": low * HERTZ,
-                "upper": high * HERTZ,
-                "lower_open": open_below,
-                "upper_open": open_above,
-                "frequency": middle * HERTZ,
-                "level_at_real_frequency": plain(np.interp(middle, omega, steady)),
-                "closer": closer(field, found.sector, Gap("", found.sector, low, high)),
-            }
-        )
-    top = int(np.nanargmax(np.where(within, steady, -np.inf)))
-    ends_of = [
-        ("worst of a band", b.asked, b.highest if b.asked.at_least is None else b.lowest)
-        for b in found.bands
-        if (b.holds(found.omega) & judged).any()
-    ]
-    best = float(steady[top]), float(omega[top]) * HERTZ
-    for where, band, (worst, at) in [("most passes", None, best), *ends_of]:
-        rows.append(
-            {
-                "where": where,
-                "lower": None if band is None else band.low,
-                "upper": None if band is None else band.high,
-                "lower_open": False,
-                "upper_open": False,
-                "frequency": at,
-                "level_at_real_frequency": plain(worst),
-                "closer": "",
-            }
-        )
+        level_there = plain(np.interp(middle, omega, steady))
+        more = closer(field, found.sector, Gap("", found.sector, low, high))
+        edges = low * HERTZ, high * HERTZ, middle * HERTZ
+        rows.append(_level_row(where, *edges, level_there, opened, more))
+    top = int(np.argmax(np.where(within & np.isfinite(steady), steady, -np.inf)))
+    best = float(omega[top]) * HERTZ
+    rows.append(_level_row("most passes", None, None, best, float(steady[top])))
+    for band in found.bands:
+        if (band.holds(found.omega) & judged).any():
+            asked = band.asked
+            worst, at = band.highest if asked.at_least is None else band.lowest
+            rows.append(_level_row("worst of a band", asked.low, asked.high, at, plain(worst)))
     for row in rows:
         near = np.abs(found.omega * HERTZ - row["frequency"])
         at = int(np.argmin(np.where(judged, near, np.inf)))
@@ -115,9 +94,25 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     return rows
 
 
-def _steady(found: Scattered) -> NDArray[Any]:
-    """Level of T at real ω; at ω + iσ where it is not known."""
-    return _level(found.T_exact if found.T_real is None else found.T_real)
+def _level_row(
+    where: str,
+    lower: float | None,
+    upper: float | None,
+    frequency: float,
+    steady: float | None,
+    opened: Sequence[bool] = (False, False),
+    closer: str = "",
+) -> Row:
+    return {
+        "where": where,
+        "lower": lower,
+        "upper": upper,
+        "lower_open": opened[0],
+        "upper_open": opened[1],
+        "frequency": frequency,
+        "level_at_real_frequency": steady,
+        "closer": closer,
+    }
 
 
 def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float, bool, bool]]:
@@ -137,10 +132,6 @@ def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, floa
             beyond.append(not there)
         found.append((ends[0], ends[1], beyond[0], beyond[1]))
     return found
-
-
-def _level(amplitude: NDArray[Any]) -> NDArray[Any]:
-    return np.asarray(20 * np.log10(np.maximum(np.abs(amplitude), 1e-15)))
 
 
 def _modes(found: Ringing) -> list[Row]:

@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from wavesim.material.family import Block
-from wavesim.material.scaling import JUDGED
+from wavesim.material.scaling import judged_range
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.planewave.driven_waves import driven_waves
 from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
@@ -96,9 +96,6 @@ def tables(held: Sequence[Held]) -> dict[str, tuple[Any, str]]:
     """All arrays with their units, by their path in result.h5.
 
     Blocks of one sector share their axes: their powers add.
-
-    Args:
-        held: every block that was measured.
     """
     found: dict[str, tuple[Any, str]] = {}
     for h in held:
@@ -150,9 +147,7 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
         measured: of one block.
         k_range: judged wavenumbers, rad/m; k̄ = 0.02 to 0.5 where None.
     """
-    if k_range is None:
-        unit = 2 * math.pi / float(field.medium.length_scale)
-        k_range = JUDGED[0] * unit, JUDGED[1] * unit
+    k_range = k_range or judged_range(field.medium)
     block, found = measured.block, measured.spectrum
     exact = block_oscillations(field.medium, block, found.k)
     clear = _clear(exact, LOBE_BINS * found.bin)

@@ -87,13 +87,13 @@ def energy_checks(field: Field) -> list[Check]:
         fall = float((np.maximum.accumulate(lost) - lost).max())
         name = "energy dissipated: its largest fall over its largest value"
         part = fall / max(float(lost.max()), 1e-300)
-        return [judged(name, part, LOSSY_TOLERANCE, remedies.of_energy, field)]
+        return [judged(name, part, LOSSY_TOLERANCE, remedies.shorter_step, field)]
     balance = float(np.abs(energy.dissipated).max()) / scale
     name = "energy − work over energy"
-    checks = [judged(name, balance, ENERGY_TOLERANCE, remedies.of_energy, field)]
+    checks = [judged(name, balance, ENERGY_TOLERANCE, remedies.shorter_step, field)]
     after = energy.total[field.t >= field.quiet_from]
     if len(after) > 1:
         change = float(np.ptp(after)) / scale
         name = "energy after the pulse"
-        checks.append(judged(name, change, ENERGY_AFTER_TOLERANCE, remedies.of_energy, field))
+        checks.append(judged(name, change, ENERGY_AFTER_TOLERANCE, remedies.shorter_step, field))
     return checks

@@ -7,26 +7,20 @@ from collections.abc import Sequence
 from typing import Any
 
 from wavesim.material.arguments import FREQUENCIES
-from wavesim.material.medium import Medium
-from wavesim.planewave.dispersion_relation import Gap, gaps
+from wavesim.material.shown import HERTZ
+from wavesim.planewave.dispersion_relation import Gap
 from wavesim.simulation.field import Field
 
 # A row of an answer: names, SI numbers and, where there is no number, None.
 Row = dict[str, Any]
 Answers = dict[str, list[Row]]
 
-HERTZ = 1 / (2 * math.pi)
 # The key that says how high a source goes, by its kind.
 _PITCH = {
     "ricker": "peak_frequency",
     "gaussian-derivative": "peak_frequency",
     "tone-burst": "frequency",
 }
-
-
-def open_gaps(medium: Medium, sector: str) -> list[Gap]:
-    """Gaps of a sector that are no points."""
-    return [gap for gap in gaps(medium, sector) if gap.upper > gap.lower]
 
 
 def closer(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.material.family import sector_words
+from wavesim.material.shown import HERTZ, KHZ
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.simulation.field import Field
 from wavesim.verdict import remedies
-from wavesim.verdict.branches import Held
-from wavesim.verdict.check import Check, energy_checks
+from wavesim.verdict.branches import Held, faint
+from wavesim.verdict.check import Check, energy_checks, judged
 from wavesim.verdict.foreseen_errors import (
     MAXIMUM_TOLERANCE,
     MEDIAN_TOLERANCE,
@@ -42,11 +44,12 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
             for b in h.branches
             if b.expected and not b.present
         )
-        remedy = remedies.longer_run(field, f"{bins} (missing: {missing})")
-        checks.append(Check("waves present", present, len(expected), 0.0, "waves", remedy))
+        remedy = remedies.longer_run, field, f"{bins} (missing: {missing})"
+        whole = len(expected)
+        checks.append(judged("waves present", present, 0.0, *remedy, reference=whole, unit="waves"))
         strays = sum(len(h.strays) for h in held)
-        remedy = remedies.longer_run(field, bins)
-        checks.append(Check("ridges of no wave", strays, 0, 0.0, "ridges", remedy))
+        remedy = remedies.longer_run, field, bins
+        checks.append(judged("ridges of no wave", strays, 0.0, *remedy, unit="ridges"))
     for h in held:
         checks += _branch_checks(field, h)
     checks += _gap_edge_checks(field, held)
@@ -62,15 +65,12 @@ def _branch_checks(field: Field, h: Held) -> list[Check]:
             continue
         found = branch.error if branch.judged.any() else np.array([np.nan])
         label = f"{h.measured.block.sector} {branch.name}: |Δω|/ω"
-        for name, value, tolerance in (
+        remedy = remedies.of_frequencies, field, h.measured.block, branch.k[branch.judged], number
+        for name, value, allowed in (
             ("median", float(np.median(found)), MEDIAN_TOLERANCE),
             ("maximum", float(np.max(found)), MAXIMUM_TOLERANCE),
         ):
-            remedy = ""
-            if not value <= tolerance:
-                k = branch.k[branch.judged]
-                remedy = remedies.of_frequencies(field, h.measured.block, k, number, value)
-            checks.append(Check(f"{label}, {name}", value, 0.0, tolerance, remedy=remedy))
+            checks.append(judged(f"{label}, {name}", value, allowed, *remedy, value))
     return checks
 
 
@@ -82,35 +82,31 @@ def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
     checks = []
     for sector in dict.fromkeys(h.measured.block.sector for h in held):
         blocks = [h for h in held if h.measured.block.sector == sector]
-        branches = [b for h in blocks for b in h.branches if b.judged.any()]
+        branches = [
+            (b, (h.measured.block, b.k[b.judged], number))
+            for h in blocks
+            for number, b in enumerate(h.branches)
+            if b.judged.any()
+        ]
         if sector not in field.medium.family.travelling:
             # The two relations of the in-plane sector, the lower first.
-            branches = sorted(
-                {round(float(b.omega_exact[0]), 0): b for b in branches}.values(),
-                key=lambda b: float(b.omega_exact[0]),
+            branches.sort(key=lambda one: float(one[0].omega_exact[0]))
+            branches = list(
+                {round(float(b.omega_exact[0])): (b, of) for b, of in branches}.values()
             )
         elif len(branches) < len(blocks[0].branches):
             continue
-        step = blocks[0].measured.spectrum.bin / (2 * np.pi)
+        step = blocks[0].measured.spectrum.bin * HERTZ
         for gap, lower, upper in zip(
             gaps(field.medium, sector), branches, branches[1:], strict=False
         ):
-            for side, branch, edge in (("lower", lower, np.max), ("upper", upper, np.min)):
+            for side, (branch, of), edge in (("lower", lower, np.max), ("upper", upper, np.min)):
                 j = branch.judged
                 found, exact = edge(branch.omega[j]), edge(branch.omega_exact[j])
                 name = f"{sector} {gap.name} {side} edge, at judged k"
-                remedy = ""
-                if not abs(found - exact) <= 2 * np.pi * step:
-                    block, number = next(
-                        (h.measured.block, i)
-                        for h in blocks
-                        for i, own in enumerate(h.branches)
-                        if own is branch
-                    )
-                    off = float(abs(found / exact - 1))
-                    remedy = remedies.of_frequencies(field, block, branch.k[j], number, off)
-                values = (float(found / 2 / np.pi), float(exact / 2 / np.pi), step)
-                checks.append(Check(name, *values, "Hz", remedy))
+                remedy = remedies.of_frequencies, field, *of, float(abs(found / exact - 1))
+                edges = float(found * HERTZ), float(exact * HERTZ)
+                checks.append(judged(name, edges[0], step, *remedy, reference=edges[1], unit="Hz"))
     return checks
 
 
@@ -125,12 +121,29 @@ def told(h: Held) -> NDArray[np.bool_]:
     return np.asarray(curve.error <= _UNCERTAIN * np.abs(curve.k))
 
 
-def not_judged(field: Field, held: Sequence[Held]) -> list[str]:
-    """Notes of the gaps whose attenuation was looked for and could not be told, and what to change.
+def endless_notes(field: Field, held: Sequence[Held]) -> list[str]:
+    """What a reader should know beside the checks; arguments as of :func:`judge`."""
+    found = []
+    if not any(branch.expected for h in held for branch in h.branches):
+        duration, frames = field.simulation.duration, field.simulation.frames
+        nyquist = (frames - 1) / (2 * duration)
+        found.append(
+            f"no branch was judged: frequency bins of {1e-3 / duration:.3g} kHz up to "
+            f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
+            "duration for finer bins, raise [time] samples for a higher end"
+        )
+    curves = [h.measured.attenuation for h in held if h.measured.block.macro]
+    if curves and all(curve is None or not len(curve.distance) for curve in curves):
+        found.append(
+            "no wavenumber could be measured along the bar: lengthen the bar, or leave more room "
+            "between the sources"
+        )
+    weak = faint(held)
+    return found + _not_judged(field, held) + ([weak] if weak else [])
 
-    Args:
-        field, held: as of :func:`judge`.
-    """
+
+def _not_judged(field: Field, held: Sequence[Held]) -> list[str]:
+    """Notes of the gaps whose attenuation was looked for and can't be told, and what to change."""
     by_remedy: dict[str, list[str]] = {}
     for h in held:
         curve, sector = h.measured.attenuation, h.measured.block.sector
@@ -145,9 +158,9 @@ def not_judged(field: Field, held: Sequence[Held]) -> list[str]:
             if any(low <= middle <= high for low, high in (s.excited for s in own)):
                 remedy = remedies.to_tell(field, curve, inside, _UNCERTAIN)
             else:
-                remedy = f"drive it with a source of {middle / (2e3 * np.pi):.4g} kHz or so"
+                remedy = f"drive it with a source of {middle * KHZ:.4g} kHz or so"
             names = by_remedy.setdefault(remedy, [])
-            name = f"{sector} {gap.name}"
+            name = f"{sector_words(sector)} {gap.name}"
             if name not in names:
                 names.append(name)
     return [
@@ -176,11 +189,7 @@ def _wavenumber_checks(field: Field, h: Held) -> list[Check]:
         known = error[where & np.isfinite(error)]
         if len(known):
             name = f"{sector} k {label}: |Δk|/|k|, {len(known)} of {where.sum()} frequencies"
-            worst = float(known.max())
-            remedy = ""
-            if not worst <= WAVENUMBER_TOLERANCE:
-                there = np.where(where, error, np.nan)
-                omega = curve.omega + 1j * curve.sigma
-                remedy = remedies.of_wavenumbers(field, h.measured.block, omega, there)
-            checks.append(Check(name, worst, 0.0, WAVENUMBER_TOLERANCE, remedy=remedy))
+            there, omega = np.where(where, error, np.nan), curve.omega + 1j * curve.sigma
+            remedy = remedies.of_wavenumbers, field, h.measured.block, omega, there
+            checks.append(judged(name, float(known.max()), WAVENUMBER_TOLERANCE, *remedy))
     return checks

@@ -5,7 +5,6 @@ Each measured number stands beside the exact one. The rows go into summary.json 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,27 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.family import sector_words
-from wavesim.planewave.dispersion_relation import Gap, wavenumber
+from wavesim.material.shown import DECIBELS, HERTZ, KHZ
+from wavesim.planewave.dispersion_relation import Gap, full_gaps, open_gaps, wavenumber
 from wavesim.simulation.field import Field
 from wavesim.verdict.branches import Held
-from wavesim.verdict.closer import HERTZ, Answers, Row, closer, open_gaps
+from wavesim.verdict.closer import Answers, Row, closer
 from wavesim.verdict.endless import told
-
-_DECIBELS = 20 / math.log(10)
 
 
 def of_endless(field: Field, held: Sequence[Held]) -> Answers:
     """Gaps with the attenuation in their middle, and velocities of long waves, of an endless bar.
 
-    Args:
-        field: the field.
-        held: every block that was measured, beside the theory.
-
     Returns:
         "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) in the
         middle, measured and exact at ω + iσ, exact at real ω, and what to set to look closer;
-        "velocities": phase velocity (m/s) of each acoustic branch at the smallest wavenumber
-        judged.
+        "full_gaps": where no wave at all travels, edges in Hz, if there are any; "velocities":
+        phase velocity (m/s) of each acoustic branch at the smallest wavenumber judged.
     """
     rows: list[Row] = []
     family = field.medium.family
@@ -41,7 +35,16 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
         own = [h for h in held if h.measured.block.sector == sector]
         if own or sector in family.unlike:
             rows += [_gap(field, gap, own, sector) for gap in open_gaps(field.medium, sector)]
-    return {"gaps": rows, "velocities": [row for h in held for row in _velocity(h)]}
+    none_travels: list[Row] = [
+        {"stopped": "all", "lower": low * HERTZ, "upper": high * HERTZ}
+        for low, high in full_gaps(field.medium)
+    ]
+    found = {
+        "gaps": rows,
+        "full_gaps": none_travels,
+        "velocities": [row for h in held for row in _velocity(h)],
+    }
+    return {name: rows for name, rows in found.items() if rows or name != "full_gaps"}
 
 
 def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
@@ -74,8 +77,8 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         at = float(np.clip(middle, *curve.omega[known[[0, -1]]]))
         row |= {
             "frequency": at * HERTZ,
-            "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * _DECIBELS,
-            "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * _DECIBELS,
+            "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * DECIBELS,
+            "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * DECIBELS,
             **_steady_loss(field, sector, at),
             "frequencies": len(known),
         }
@@ -86,18 +89,11 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
 
 def _steady_loss(field: Field, sector: str, omega: float) -> Row:
     real = wavenumber(field.medium, sector, np.array([omega]))[0]
-    return {"attenuation_at_real_frequency": float(real.imag) * _DECIBELS}
+    return {"attenuation_at_real_frequency": float(real.imag) * DECIBELS}
 
 
 def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:
-    """Why nothing was measured of a gap.
-
-    Args:
-        field: the field.
-        gap: the gap.
-        sector: of its waves.
-        measured: frequencies at which its attenuation was, rad/s.
-    """
+    """Why nothing was measured of a gap, with the frequencies (rad/s) at which waves were."""
     family = field.medium.family
     if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
         return f"no source drives {sector_words(sector, sector)} waves"
@@ -105,10 +101,10 @@ def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]
         return "these waves do not travel"
     if not measured:
         return "the ring is too short to measure a decay along it"
-    low, high = (end * HERTZ / 1e3 for end in (measured[0][0], measured[0][-1]))
-    if not gap.lower * HERTZ / 1e3 < high:
+    low, high = (end * KHZ for end in (measured[0][0], measured[0][-1]))
+    if not gap.lower * KHZ < high:
         return f"what the sources drive, and frames show, ends at {high:.4g} kHz"
-    if not gap.upper * HERTZ / 1e3 > low:
+    if not gap.upper * KHZ > low:
         return f"what the sources drive begins at {low:.4g} kHz"
     inside = (measured[0] > gap.lower) & (measured[0] < gap.upper)
     if not inside.any():
@@ -117,9 +113,12 @@ def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]
 
 
 def _between(omega: NDArray[Any], values: NDArray[Any], at: float) -> float:
-    """Values at some frequencies at one among them, by the parabola through the three nearest."""
+    """Values at some frequencies at one among them, by a parabola through the three nearest.
+
+    Where there are but two, or one, by the line through them, or that one.
+    """
     near = np.argsort(np.abs(omega - at))[:3]
-    return float(np.polyfit((omega[near] - at) / at, values[near], 2)[-1])
+    return float(np.polyfit((omega[near] - at) / at, values[near], len(near) - 1)[-1])
 
 
 def _velocity(h: Held) -> list[Row]:

@@ -12,12 +12,13 @@ import numpy as np
 from wavesim.case.load import Case
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
-from wavesim.material.medium import fastest_speed
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.simulation.resolution import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
-from wavesim.timedomain.time_step import TimeStep
+from wavesim.timedomain.absorber import least_absorber
+from wavesim.timedomain.time_step import TimeStep, slower
 
 if TYPE_CHECKING:  # slow to import, and only where it is asked for
     from wavesim.verdict.foreseen_errors import Foretold
@@ -40,18 +41,12 @@ _RANGE = 65
 
 
 def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = None) -> list[str]:
-    """What will make a run less than it could be.
-
-    Args:
-        case: what is to be run.
-        steps: how it would be stepped.
-        errors: what its grid will do to what is judged, where that was found
-            (``foreseen_errors.foretold``).
-    """
+    """What will make a run less than it could be; errors are those of its grid, where
+    ``foreseen_errors.foretold`` found them."""
     simulated = case.simulation
-    found = [*_in_time(simulated), *_at_rest(simulated), *_at_ends(simulated)]
-    found += _receivers(simulated)
-    found += _absorbed(simulated)
+    found: list[str] = []
+    for looked in (_in_time, _at_rest, _at_ends, _receivers, _absorbed):
+        found += looked(simulated)
     if errors:
         from wavesim.verdict.pitch import too_coarse
 
@@ -59,7 +54,8 @@ def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = No
     else:
         found += _on_the_grid(simulated)
     found += _losses(simulated)
-    return [*found, *_judged(case), *_products(simulated, steps)]
+    # Blocks of one sector say the same.
+    return list(dict.fromkeys([*found, *_judged(case), *_products(simulated, steps)]))
 
 
 def _in_time(simulated: Simulation) -> Iterator[str]:
@@ -69,7 +65,7 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
         needed = math.ceil(duration * band / math.pi) + 1
         yield (
             f"[time] samples = {simulated.frames}: the frames alias the sources' band "
-            f"(to {band / 2e3 / math.pi:.4g} kHz); take at least {needed}"
+            f"(to {band * KHZ:.4g} kHz); take at least {needed}"
         )
     after = [s for s in simulated.sources if s.acts != "initial" and s.onset >= duration]
     if after:
@@ -91,7 +87,7 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
 def _at_rest(simulated: Simulation) -> Iterator[str]:
     """A bar of which next to all stays at rest."""
     bar, duration = simulated.bar, simulated.duration
-    speed = max(fastest_speed(medium) for medium in simulated.layers.media)
+    speed = max(medium.fastest for medium in simulated.layers.media)
     gone = speed * duration
     reached = [(one.position, gone + _REACH * one.width) for one in simulated.sources]
     moved = max(x + r for x, r in reached) - min(x - r for x, r in reached)
@@ -171,7 +167,7 @@ def _travel(simulated: Simulation, low: float, high: float) -> float:
     """Time that the fastest wave takes from one place to another, s."""
     return sum(
         max(0.0, min(high, layer.end) - max(low, layer.start))
-        / max(fastest_speed(medium) for medium in layer.sampled(3))
+        / max(medium.fastest for medium in layer.sampled(3))
         for layer in simulated.layers.layers
     )
 
@@ -236,7 +232,7 @@ def _judged(case: Case) -> Iterator[str]:
         if not (loud & seen).any():
             yield (
                 f"[analysis] k_min = {low:.4g}, k_max = {high:.4g}: the {block.sector} branches "
-                f"lie at {omega.min() / 2e3 / math.pi:.4g} to {omega.max() / 2e3 / math.pi:.4g} "
+                f"lie at {omega.min() * KHZ:.4g} to {omega.max() * KHZ:.4g} "
                 "kHz there, which no source excites or no frame shows; take others, or another "
                 "peak_frequency"
             )
@@ -245,42 +241,31 @@ def _judged(case: Case) -> Iterator[str]:
 def _products(simulated: Simulation, steps: TimeStep) -> Iterator[str]:
     """More work than the waves on the grid ask for."""
     crossing = max(
-        fastest_speed(medium) / size
-        for layer, (_, size) in zip(
-            simulated.layers.layers, simulated.bar.all_stretches, strict=True
-        )
+        medium.fastest / size
+        for layer, _, size in simulated.stretches
         for medium in layer.sampled(3)
     )
     needed = max(simulated.duration * crossing, simulated.frames)
     if steps.operator_products <= max(_PROPORTION * needed, _FEW_PRODUCTS):
         return
-    if simulated.solver != "auto":
-        remedy = f'leave [time] solver (now "{simulated.solver}") at "auto"'
-    elif simulated.step is not None:
-        remedy = f'leave [time] step (now {simulated.step:g} s) at "auto"'
-    else:
-        remedy = (
-            "lower [time] samples, or look for a medium far stiffer, or far lighter, than the "
-            "others, which sets the pace for all"
-        )
     yield (
         f"[time] {steps.operator_products:.3g} products for {simulated.bar.cells} cells, "
-        f"{steps.operator_products / needed:.0f} times what waves that cross them ask for; {remedy}"
+        f"{steps.operator_products / needed:.0f} times what waves that cross them ask for; "
+        f"{slower(simulated, steps)}"
     )
 
 
-def _absorbed(simulated: Simulation) -> list[str]:
+def _absorbed(simulated: Simulation) -> Iterator[str]:
     """What stands in an absorbing layer, and absorbers that are too short."""
     bar, layers = simulated.bar, simulated.layers
     low, high = bar.clear
-    found = []
     for key, places in (
         ("[[sources]] position", [s.position for s in simulated.sources]),
         ("[[receivers]] position", list(simulated.receivers.values())),
     ):
         inside = [x for x in places if not low <= x <= high]
         if inside:
-            found.append(
+            yield (
                 f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
                 f"the medium; move it into {low:g} to {high:g} m"
             )
@@ -291,34 +276,32 @@ def _absorbed(simulated: Simulation) -> list[str]:
     )
     near = [x for x in layers.interfaces if not free[0] <= x <= free[1]]
     if near:
-        found.append(
+        yield (
             f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
             "absorbing layer can feed waves caught beside it; move it away, or lengthen the bar"
         )
-    least = 4 * max(float(medium.length_scale) for medium in layers.media)
+    least = least_absorber(layers)
     if 0 < bar.absorber < least:
-        found.append(
+        yield (
             f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "
             f"1e-4; take at least {least:g}"
         )
-    return found
 
 
-def _begins_with_a_jump(source: Source) -> list[str]:
+def _begins_with_a_jump(source: Source) -> Iterator[str]:
     if isinstance(source, Ricker | GaussianDerivative):
         # From three quarters of the way to its onset on, a pulse is below 1e-8 of its peak.
         least = 0.75 * (source.peak_time - source.onset)
         if source.peak_time < least * (1 - 1e-9):
-            return [
+            yield (
                 f"[[sources]] delay = {source.peak_time:g}: the pulse begins with a jump; take at "
                 f"least {least:.3g} s"
-            ]
+            )
     if isinstance(source, Recorded) and source.onset < 0:
         jump = abs(source.signal(0.0)) / abs(source.signal(source.peak_time))
         if jump > 1e-8:
-            return [
+            yield (
                 f"[[sources]] start = {source.first:g}: the recorded signal begins with a jump of "
                 f"{jump:.1e} of its peak at t = 0; taper it, or take at least "
                 f"{2 * source.interval:.3g} s"
-            ]
-    return []
+            )

@@ -18,7 +18,7 @@ from wavesim.grid.stencils import modified_wavenumber
 from wavesim.layered.inverse_transform import Contour
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.family import Block
-from wavesim.material.scaling import JUDGED
+from wavesim.material.scaling import judged_range
 from wavesim.planewave.dispersion_relation import block_oscillations
 from wavesim.readings.bar.loudness import ARRIVED, NODE, ROUNDING, TAIL, blurred, reach
 from wavesim.readings.bar.transmission import TOLD, Specimen, amplitudes, specimen
@@ -46,8 +46,6 @@ _RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.1
 _MOST_CELLS = BUDGET / _LEAST_PART / 64
 # So long a signal (rad of the highest frequency) takes long to transform.
 _MOST_PHASE = 500.0
-# The exact solver takes half a second for a graded layer.
-_MOST_GRADED = 0
 
 
 @dataclass(frozen=True)
@@ -82,18 +80,37 @@ def foretold(
         k_range: wavenumbers of a ring that are judged, rad/m; those by default where None.
     """
     table = table or AnalysisTable()
-    unit = 2 * math.pi / float(simulated.medium.length_scale)
     try:
         with np.errstate(all="ignore"):
             if simulated.endless:
-                low, high = k_range or (JUDGED[0] * unit, JUDGED[1] * unit)
-                found: list[Foretold] | None = list(_of_ring(simulated, table, (low, high)))
+                k_range = k_range or judged_range(simulated.medium)
+                found: list[Foretold] | None = list(_of_ring(simulated, table, k_range))
             else:
                 found = _of_bar(simulated, table)
     except (ValueError, ArithmeticError, MemoryError):
         # Numbers so far out that no transform holds them, or what the exact solvers do not have.
         return None
     return found and [one for one in found if math.isfinite(one.error)]
+
+
+def limit_of(simulated: Simulation) -> str:
+    """Why :func:`foretold` does not work out what the grid of a simulation does; "" where it may.
+
+    Only what hangs on the simulation: an answer that needs too many frequencies is None besides.
+    """
+    if simulated.endless:
+        return ""
+    if simulated.bar.cells > _MOST_CELLS:
+        return f"{simulated.bar.cells} cells are more than {_MOST_CELLS:.0f}"
+    # The exact solver takes half a second for a graded layer.
+    if any(layer.last is not None for layer in simulated.layers.layers):
+        return "a layer is graded"
+    if simulated.gradient_felt:
+        return "the gradient term Γ counts here"
+    for one in simulated.sources:
+        if (one.end - one.onset) * one.excited[1] > _MOST_PHASE:
+            return f"the signal of the {one.field} source is too long, {one.end - one.onset:.3g} s"
+    return ""
 
 
 def _of_ring(
@@ -139,10 +156,7 @@ def _along_ring(
 def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
     """Signals at receivers, and T and R."""
     bar, sources = simulated.bar, simulated.sources
-    graded = sum(layer.last is not None for layer in simulated.layers.layers)
-    if simulated.gradient_felt or bar.cells > _MOST_CELLS or graded > _MOST_GRADED:
-        return None
-    if any((s.end - s.onset) * s.excited[1] > _MOST_PHASE for s in sources):
+    if limit_of(simulated):
         return None
     low, high = bar.clear
     seen = {
@@ -218,10 +232,7 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
 
 
 def _specimens(simulated: Simulation, table: AnalysisTable) -> Iterator[tuple[Block, Specimen]]:
-    """What stands between half-spaces, in each block that tells of it; nothing graded, of which the
-    exact solver takes seconds."""
-    if any(layer.last is not None for layer in simulated.layers.layers):
-        return
+    """What stands between half-spaces, in each block that tells of it."""
     field = Field(simulated, simulated.times, {})
     for block in (block for block in simulated.blocks if block.macro):
         with suppress(ValueError):  # what the exact solver does not have

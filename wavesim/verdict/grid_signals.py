@@ -19,11 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array
 
 from wavesim.grid.bar import Bar
-from wavesim.grid.points import sampling, spread
-from wavesim.grid.summation_by_parts import chain
+from wavesim.grid.points import gaussian, sampling, spread
 from wavesim.layered.cross_section import Section, limit
 from wavesim.layered.signals import named
 from wavesim.layered.source_loads import acts_of, body_loads, components
@@ -71,7 +70,7 @@ def _of_block(
     sections = _sections(stack, bar)
     limits = [(cells, limit(one, scaled)) for cells, one in sections]
     at_node, at_half = (_stretching(simulated, stack, x) for x in (bar.nodes, bar.half_nodes))
-    D, half_norm = _difference(bar, length), bar.differences.half_norm / length
+    D, half_norm = bar.difference_matrix * length, bar.differences.half_norm / length
     inertia = _inertia(stack, bar)
     stiffness, strained = (np.zeros((len(omega), bar.cells), complex) for _ in range(2))
     force, pushed = _forces(simulated, stack, sections, inertia)
@@ -185,15 +184,14 @@ def _inertia(stack: Stack, bar: Bar) -> Values:
     length, scaled = float(stack.units.length), stack.scaled
     found = np.zeros((len(scaled), bar.cells + 1), complex)
     first = 0
-    for layer, (cells, size) in zip(stack.layers.layers, bar.all_stretches, strict=True):
-        norm = chain(bar.order, (cells,), (size,)).node_norm / length
-        if bar.uniform and bar.periodic:
-            norm = np.array([size / 2, *[size] * (cells - 1), size / 2]) / length
+    for layer, (cells, size), norm in zip(
+        stack.layers.layers, bar.all_stretches, bar.stretch_norms, strict=True
+    ):
         x = layer.start + np.arange(cells + 1 if layer.last else 1) * size
         for node, position in enumerate(np.minimum(x, layer.end)):
             one = stack.bare(layer, float(position))
             own = slice(first + node, first + node + 1 if layer.last else first + cells + 1)
-            share = norm[node : node + 1] if layer.last else norm
+            share = (norm[node : node + 1] if layer.last else norm) / length
             found[:, own] += np.outer(one.own.i_phi * one.losses(scaled)[1], share)
         first += cells
     if not bar.periodic:
@@ -202,29 +200,16 @@ def _inertia(stack: Stack, bar: Bar) -> Values:
     return found[:, :-1]
 
 
-def _difference(bar: Bar, length: float) -> csr_matrix:
-    """D, scaled, shape (half-nodes, nodes)."""
-    known, nodes = bar.differences, len(bar.nodes)
-    rows = np.broadcast_to(np.arange(bar.cells), known.diagonals.shape)
-    columns = rows + known.first + np.arange(len(known.diagonals))[:, None]
-    there = known.diagonals != 0
-    entries = known.diagonals[there] * length, (rows[there], columns[there] % nodes)
-    return csr_matrix(entries, shape=(bar.cells, nodes))
-
-
 def _laid(bar: Bar, source: Any, staggered: bool) -> tuple[Values, Values]:
     """Density (1/m) of a source and the points it stands at; an initial field is sampled."""
     if acts_of(source) != "initial":
         return spread(bar, source.position, source.width, staggered)
     x = bar.half_nodes if staggered else bar.nodes
-    distance = x - source.position
-    if bar.periodic:
-        distance = (distance + bar.length / 2) % bar.length - bar.length / 2
-    density = np.exp(-((distance / source.width) ** 2) / 2)
+    density = gaussian(bar, x, source.position, source.width)
     return density / (np.sqrt(2 * np.pi) * source.width), np.arange(len(x))
 
 
-def _solve(D: csr_matrix, stiffness: Values, diagonal: Values, force: Values, ring: bool) -> Values:
+def _solve(D: csr_array, stiffness: Values, diagonal: Values, force: Values, ring: bool) -> Values:
     """φ of (Dᵀ c D + m) φ = F at each ω, by elimination in a band.
 
     Args:
@@ -248,7 +233,7 @@ def _solve(D: csr_matrix, stiffness: Values, diagonal: Values, force: Values, ri
     deep = 3 * wide + 1
     at = j * deep + 2 * wide + i - j
     row = np.repeat(np.arange(D.shape[0]), count**2)
-    spread_out = csr_matrix(
+    spread_out = csr_array(
         ((D.data[first] * D.data[second]).astype(complex), (at, row)),
         shape=(nodes * deep, D.shape[0]),
     )

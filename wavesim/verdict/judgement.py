@@ -36,9 +36,10 @@ class Found:
 
 def needed(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
+    pulse = "wavesim.records.of_pulse_test", "wavesim.readings.pulse.answers"
     if simulated.endless:
-        return ("wavesim.verdict.endless",)
-    return "wavesim.verdict.bar", "scipy.signal"
+        return "wavesim.verdict.endless", *pulse
+    return "wavesim.verdict.bar", *pulse, "scipy.signal"
 
 
 def measure(case: Case, field: Any, known: Any = None) -> Found:
@@ -55,8 +56,8 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     table = case.analysis
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
-        from wavesim.verdict.branches import faint, hold, tables
-        from wavesim.verdict.endless import judge, not_judged
+        from wavesim.verdict.branches import hold, tables
+        from wavesim.verdict.endless import endless_notes, judge
         from wavesim.verdict.endless_answers import of_endless
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
@@ -64,9 +65,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         checks = judge(field, held)
         found = tables(held)
         passing, said = pulse_tests(field)
-        weak = faint(held)
-        told = notes(case.simulation, checks, held) + not_judged(field, held)
-        told += ([weak] if weak else []) + said
+        told = endless_notes(field, held) + said
         return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
@@ -100,6 +99,7 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
         ({"pulse": as ``wavesim pulse --json`` has it, but for the frequencies}, a note of the
         velocities); nothing where there are no such receivers.
     """
+    from wavesim.material.shown import with_error
     from wavesim.readings.pulse.answers import answer
     from wavesim.readings.pulse.array_reading import read_array
     from wavesim.readings.pulse.signals import PulseError
@@ -125,7 +125,7 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     read: dict[str, list[str]] = {}
     for one in readings:
         if one.best.valid:
-            speed = f"{one.best.velocity:.4g} ± {one.best.velocity_error:.2g} m/s"
+            speed = with_error(one.best.velocity, one.best.velocity_error, "m/s")
             name = one.file.rpartition(" ")[2]
             read.setdefault(one.best.convention, []).append(f"{name} {speed}")
     said = [
@@ -134,23 +134,3 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
         for by, speeds in read.items()
     ]
     return {"pulse": told}, said
-
-
-def notes(simulated: Simulation, checks: list[Any], held: list[Any]) -> list[str]:
-    """What a reader should know beside the checks."""
-    found = []
-    if not any("waves present" in check.name for check in checks):
-        duration, frames = simulated.duration, simulated.frames
-        nyquist = (frames - 1) / (2 * duration)
-        found.append(
-            f"no branch was judged: frequency bins of {1e-3 / duration:.3g} kHz up to "
-            f"{nyquist / 1e3:.4g} kHz do not tell the excited branches apart; lengthen [time] "
-            "duration for finer bins, raise [time] samples for a higher end"
-        )
-    curves = [h.measured.attenuation for h in held if h.measured.block.macro]
-    if curves and all(curve is None or not len(curve.distance) for curve in curves):
-        found.append(
-            "no wavenumber could be measured along the bar: lengthen the bar, or leave more room "
-            "between the sources"
-        )
-    return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.arguments import WINDOW
 from wavesim.material.family import Block
+from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.transmission import Band, Scattered
@@ -18,6 +19,7 @@ from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
+from wavesim.timedomain.absorber import least_absorber
 from wavesim.verdict.foreseen_errors import foretold
 from wavesim.verdict.pitch import WELL, gentler, lower, pitch
 
@@ -33,8 +35,6 @@ _SERVES = 18.0
 ONE_SIDED = 8
 # Steppers that leave no error of their own, rounding apart, whatever the step.
 _EXACT_IN_TIME = ("propagator", "chebyshev")
-# An absorber of fewer branch lengths reflects more than 1e-4.
-_ABSORBER = 4
 # Part of an asymptote's frequency that a wave stays below it to be longer than a few cells.
 _BELOW = 0.95
 
@@ -117,13 +117,7 @@ def of_wavenumbers(field: Field, block: Block, omega: NDArray[Any], error: Any) 
     if wavenumber_grid_error(field, block, omega, error) >= _EXPLAINS:
         return finer(field)
     damping = float(np.imag(omega[0]) * field.t[-1])
-    more = min(damping + _MORE_DAMPING, WINDOW[1])
-    if more > damping * (1 + 1e-9):
-        return (
-            f"raise [analysis] damping to {more:.4g} (now {damping:.4g}), which leaves less of the "
-            "record's end"
-        )
-    return longer_run(field, "of what still rings too much lies past the record's end")
+    return _more_damping(field, damping, min(damping + _MORE_DAMPING, WINDOW[1]))
 
 
 def to_tell(field: Field, curve: Attenuation, where: Any, part: float) -> str:
@@ -141,10 +135,14 @@ def to_tell(field: Field, curve: Attenuation, where: Any, part: float) -> str:
     hidden = (curve.error / (part * np.abs(curve.k)))[where]
     hidden = hidden[np.isfinite(hidden)]
     more = damping + (math.log(float(hidden.min())) + 1 if len(hidden) else _MORE_DAMPING)
-    enough = math.ceil(max(more, _SERVES))
-    if damping < enough <= WINDOW[1]:
+    return _more_damping(field, damping, math.ceil(max(more, _SERVES)))
+
+
+def _more_damping(field: Field, damping: float, more: float) -> str:
+    """A larger σT of the exponential window, where it may be so large, or else a longer record."""
+    if damping * (1 + 1e-9) < more <= WINDOW[1]:
         return (
-            f"raise [analysis] damping to {enough} (now {damping:.4g}), which leaves less of the "
+            f"raise [analysis] damping to {more:.4g} (now {damping:.4g}), which leaves less of the "
             "record's end"
         )
     return longer_run(field, "of what still rings too much lies past the record's end")
@@ -162,17 +160,12 @@ def wavenumber_grid_error(
     return float(np.abs(on_grid / exact - 1)[0] / error[worst])
 
 
-def of_energy(field: Field) -> str:
-    """Where the balance of energy does not close."""
-    return shorter_step(field)
-
-
 def absorber(field: Field) -> str | None:
     """A longer absorber, where it is short."""
-    bar, layers = field.bar, field.layers
+    bar = field.bar
     if not bar.absorber:
         return None
-    least = _ABSORBER * max(float(medium.length_scale) for medium in layers.media)
+    least = least_absorber(field.layers)
     if bar.absorber >= least * (1 - 1e-9):
         return None
     return (
@@ -231,13 +224,13 @@ def of_scattering(field: Field, found: Scattered, error: Any) -> str:
     """
     worst = int(np.argmax(np.where(found.judged & np.isfinite(error), error, -1.0)))
     omega = float(found.omega[worst])
-    at = f"furthest off at {omega / 2e3 / math.pi:.4g} kHz"
+    at = f"furthest off at {omega * KHZ:.4g} kHz"
     ends = {field.layers.layers[0].medium, field.layers.layers[-1].medium}
     for medium in ends:
         for edge in asymptotes(medium, found.sector):
             if _BELOW * edge <= omega <= edge:
                 return (
-                    f"{at}, close below an asymptote of a buffer ({edge / 2e3 / math.pi:.4g} "
+                    f"{at}, close below an asymptote of a buffer ({edge * KHZ:.4g} "
                     f"kHz), where waves are short: take {lower(field)}, or stiffer buffers "
                     "([[layers]])"
                 )
@@ -250,7 +243,7 @@ def of_band(field: Field, found: Scattered, band: Band) -> str:
     dark = band.holds(found.omega) & ~found.judged
     if not band.holds(found.omega).any():
         return f"take [time] samples = {math.ceil(2.2 * high * float(field.t[-1])) + 1} or more"
-    at = found.omega[dark] / 2e3 / math.pi
+    at = found.omega[dark] * KHZ
     span = f"{at[0]:.4g} to {at[-1]:.4g} kHz" if len(at) else ""
     return (
         f"no word on {span}: there the sources drive too little, or a buffer carries nothing; take "

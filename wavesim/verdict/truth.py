@@ -1,7 +1,7 @@
 """The truth that a synthetic record carries, as a relation: ω at any k, complex k at any ω.
 
-Between the wavenumbers at which it is given, ω² is interpolated by polynomials: it is an even,
-smooth function of k, while ω itself has a corner at k = 0.
+Between the wavenumbers at which it is given, ω² is interpolated: it is an even, smooth function of
+k, while ω itself has a corner at k = 0.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
-_NODES = 8
+# Of the spline through ω² at real k.
+_DEGREE_AT_REAL_K = 7
 # A polynomial that is continued to complex k is fitted over so many times its imaginary part.
 _REACH = 2.5
 _DEGREE = 10
@@ -51,16 +53,8 @@ class Truth:
     def omega(self, k: Float) -> Any:
         """ω of each branch at k of shape (m,), rad/m; NaN beyond what is given; (m, branches)."""
         nodes, squares = self._mirrored()
-        step = nodes[1] - nodes[0]
-        first = np.clip(np.round((k - nodes[0]) / step).astype(int) - _NODES // 2, 0,
-                        max(len(nodes) - _NODES, 0))  # fmt: skip
-        at = first[:, None] + np.arange(min(_NODES, len(nodes)))
-        count = at.shape[1]
-        weight = np.array([(-1.0) ** j * _binomial(count - 1, j) for j in range(count)])
-        away = k[:, None] - nodes[at]
-        hit = np.abs(away) < 1e-9 * step
-        part = np.where(hit.any(axis=1, keepdims=True), hit, weight / np.where(hit, 1, away))
-        found = np.einsum("mj,mjb->mb", part, squares[at]) / part.sum(axis=1)[:, None]
+        degree = min(_DEGREE_AT_REAL_K, (len(nodes) - 2) | 1)
+        found = make_interp_spline(nodes, squares, degree)(np.clip(k, nodes[0], nodes[-1]))
         root = np.sqrt(found.astype(complex))
         root = np.where(root.real < 0, -root, root)
         outside = (np.abs(k) > self.k[-1] * (1 + 1e-9))[:, None]
@@ -111,12 +105,6 @@ def _newton(nodes: Float, values: Any, target: complex, start: complex, degree: 
         if abs(step) < 1e-14 * (1 + abs(z)):
             break
     return complex(middle + scale * z) if abs(z) < 2 else complex(np.nan, np.nan)
-
-
-def _binomial(n: int, j: int) -> float:
-    from math import comb
-
-    return float(comb(n, j))
 
 
 def truth_of(record: Record) -> Truth:

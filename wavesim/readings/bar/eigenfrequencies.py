@@ -13,7 +13,7 @@ from wavesim.layered.eigenfrequencies import resonances
 from wavesim.material.family import Block
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Spectrum, analysed_from, peaks
-from wavesim.records.windows import blackman_harris
+from wavesim.records.windows import blackman_harris, fast_length
 from wavesim.simulation.field import Field
 
 Float = NDArray[Any]
@@ -110,10 +110,8 @@ def ringing(
 
 def _together(field: Field, signals: Sequence[Float], width: float) -> Spectrum:
     """Spectrum of some signals together, relative to its peak."""
-    from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
-
     frames = len(signals[0])
-    padded = next_fast_len(_PADDING * frames)
+    padded = fast_length(_PADDING * frames)
     window = blackman_harris(frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     power = np.zeros(len(omega))
@@ -149,4 +147,4 @@ def _highest(field: Field, block: Block) -> float:
         for medium in layer.ends:
             k = wavenumber(medium, block.sector, omega)
             fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS
-    return float(omega[np.argmin(fine) - 1]) if not fine.all() and fine[0] else float(omega[-1])
+    return float(omega[-1] if fine.all() else np.append(0.0, omega)[np.argmin(fine)])

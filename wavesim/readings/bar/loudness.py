@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.medium import fastest_speed
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 
@@ -99,7 +98,7 @@ def reach(simulated: Simulation, position: float) -> float:
     """Half the longest wavelength at a source's peak about a place, m; the bar without one."""
     bar = simulated.bar
     pitches = [s.peak_frequency for s in simulated.sources if np.isfinite(s.peak_frequency)]
-    speed = fastest_speed(simulated.layers.at(position))
+    speed = simulated.layers.at(position).fastest
     return max(speed / 2 / min(pitches) if pitches else bar.length, 2 * bar.order * bar.spacing)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from wavesim.material.assignment import assigned
 from wavesim.material.family import Block
 from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
-from wavesim.records.windows import blackman_harris
+from wavesim.records.windows import blackman_harris, fast_length
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
 
 Float = NDArray[Any]
@@ -108,10 +108,8 @@ def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None =
         )
     first = analysed_from(field)
     frames = len(field.t) - first
-    from scipy.fft import next_fast_len  # slow to import, and only a reading needs it
-
     window = blackman_harris(frames)
-    padded = next_fast_len(_PADDING * frames)
+    padded = fast_length(_PADDING * frames)
     omega = 2 * np.pi * np.arange(padded // 2 + 1) / (padded * field.interval)
     kept = len(omega)
     if omega_max is not None:

@@ -21,6 +21,7 @@ from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.readings.pulse.travel_time import TravelTime
+from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
 
@@ -49,13 +50,11 @@ def echo_gate(record: PulseRecord) -> tuple[Gate | None, str]:
         (gate, ""); (None, "") where no echo is seen; (None, why) where none can be told from the
         direct wave.
     """
-    from scipy.ndimage import uniform_filter1d  # slow to import, and only a reading needs it
-
     t, ends, echoes = record.t, [], []
     for u, noise, unusable in zip(record.values.T, record.noise, record.unusable, strict=True):
         if unusable or not np.abs(u).max() > 0:
             continue
-        size = uniform_filter1d(envelope(u), max(3, _period(u) // 2))
+        size = moving_mean(envelope(u), max(3, _period(u) // 2))
         # Where nothing before the arrival tells the noise, the quietest tenth of the record does.
         least = noise if np.isfinite(noise) else float(np.percentile(size, 10)) / 1.25
         peak, s = float(size.max()), float(least)
@@ -168,14 +167,16 @@ def _without_crosstalk(
         each = {key: transmission_record(t, u, sent, key) for key, u in signals.items()}
     except PulseError:
         return signals
-    if not all(one.crosstalk for one in each.values()):
+    if not each or not all(one.crosstalk for one in each.values()):
         return signals
     until = max(one.blank for one in each.values())
     notes.append(f"crosstalk up to {until:.4g} s was left out of every receiver")
-    return {
-        key: np.where((one.t >= one.start) & (one.t < until), u - one.raw, u)
-        for (key, u), one in zip(signals.items(), each.values(), strict=True)
-    }
+    result = {}
+    for (key, u), one in zip(signals.items(), each.values(), strict=True):
+        own = u - one.crosstalk_taken
+        hidden = (one.t >= one.start) & (one.t < until)
+        result[key] = np.where(hidden, own - one.raw, own)
+    return result
 
 
 def _ended(u: Float, weight: Float) -> Float:

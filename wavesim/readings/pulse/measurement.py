@@ -179,7 +179,7 @@ def measure(
     known = None if source is None else np.asarray(source, float)
     picks = {name: arrivals(record, name, fraction, known) for name in CONVENTIONS}
     speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}
-    grid = _band(record, window, known) if omega is None else np.asarray(omega, float)
+    grid = _band(record, window, known) if omega is None else np.atleast_1d(omega).astype(float)
     seen = spectra(record, window, grid, known)
     alpha, alpha_error = attenuation_of_amplitudes(seen)
     speed = next(

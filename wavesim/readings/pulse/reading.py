@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.measurement import PulseResult
+from wavesim.readings.pulse.signals import check_distance
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
+    is_step,
 )
 from wavesim.readings.pulse.travel_time import (
     TravelTime,
@@ -24,6 +26,7 @@ from wavesim.readings.pulse.travel_time import (
     second_cycle,
     slow_rise,
     travel_times,
+    unknown_delay,
 )
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
@@ -49,7 +52,7 @@ _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
 _APART = 0.6
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
-HIDDEN = 0.1
+_HIDDEN = 0.1
 # Of two waves' distance this part is a standard error whose 95 % bar reaches over both; up to so
 # much of it the answer counts.
 _SPANS = 0.55
@@ -58,6 +61,10 @@ _LARGEST_OPEN = 0.3
 SLOW = (
     "what was sent rises over more than half a period, so that its first cycle does not stand out; "
     "the error holds one cycle either way: a pulse that begins at once would tell it"
+)
+STEP = (
+    "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
+    "sine would tell them apart"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
@@ -160,7 +167,11 @@ def read_one(
 
     Returns:
         The reading.
+
+    Raises:
+        PulseError: the distance is none.
     """
+    check_distance(distance)
     heard = packets(record)
     if not heard:
         nothing = refused(record.name, "receiver", distance, NOTHING)
@@ -217,9 +228,15 @@ def settled(
     notes = list(record.notes)
     if record.crosstalk:
         until = record.blank - record.start
-        notes.append(f"crosstalk up to {until:.3g} s after what was sent begins was left out")
+        known = bool(np.any(record.crosstalk_taken))
+        notes.append(
+            f"crosstalk up to {until:.3g} s after what was sent begins was left out"
+            + (", and what follows from what was sent taken out of the rest" if known else "")
+        )
     notes += _other_readings(told, begins, delay, distance, rivals, wanted)
-    share = open_between(found, best.time, record.period)
+    share = float(
+        np.hypot(open_between(found, best.time, record.period), unknown_delay(record, delays))
+    )
     second = second_cycle(record, begins)
     if np.isfinite(second):
         share = float(np.hypot(share, second))
@@ -230,11 +247,11 @@ def settled(
     slow = slow_rise(record)
     if slow:
         share = float(np.hypot(share, slow))
-        notes.append(SLOW)
+        notes.append(STEP if record.sent is not None and is_step(record.sent) else SLOW)
     error = float(np.hypot(best.error, share))
     others = [time - delay for time in rivals]
     answer = judged(OF_ONE, best.time, error, distance, best.reason, others, wanted)
-    if answer.valid and begins + record.start - record.blank < HIDDEN * record.period:
+    if answer.valid and in_crosstalk(record, begins):
         answer = replace(answer, valid=False, reason=hidden(record))
     return Reading(
         record.name,
@@ -262,6 +279,11 @@ def noisy(below: float) -> str:
         f"noise hides packets of up to {below:.0%} of the largest, and one of them may be the "
         "direct wave: average more, or read the record in a series (--against)"
     )
+
+
+def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
+    """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
+    return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
 
 
 def hidden(record: TransmissionRecord) -> str:

@@ -16,6 +16,7 @@ VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,8 @@ _PACKET = (-0.5, 1.5)
 _NEARLY = 0.97
 # Neighbours up to so far apart vote.
 _REACH = 3
+# A record that correlates better by so much the other way round was connected so.
+_TURNED = 0.15
 # Correlations from here on count.
 LEAST_CORRELATION = 0.4
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
@@ -143,9 +146,13 @@ def follow(
             total += C / len(near)
         expected = foreseen[index] - foreseen[near[0]]
         prior = _PRIOR_ON_LINE if sure else _PRIOR
-        score = total - _TRUST * (lags - expected) ** 2 / (2 * prior**2)
+        other = -_TRUST * (lags - expected) ** 2 / (2 * prior**2)
         off = np.exp(log_time[near[0]] + lags) - alone[index]
-        score += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
+        other += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
+        score = total + other
+        if float(np.max(other - total)) > float(np.max(score)) + _TURNED:
+            signals[index] = signals[index].turned()
+            score = other - total
         log_time[index] = log_time[near[0]] + lags[int(np.argmax(score))]
     return _voted(signals, order, reference, np.exp(log_time))
 
@@ -160,6 +167,13 @@ class _Signal:
         # A burst's cycles keep their length, and only its envelope moves as a stretch does.
         self.burst = one.length > _BURST * one.period
         self.outline = envelope(self.u) if self.burst else self.u
+
+    def turned(self) -> _Signal:
+        """The same with the other sign; a burst's envelope has none."""
+        other = copy(self)
+        other.u = -self.u
+        other.outline = self.outline if self.burst else other.u
+        return other
 
     def at(self, tau: Float) -> Float:
         return np.interp(tau, self.tau, self.u, left=0.0, right=0.0)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import (
-    HIDDEN,
     NOTHING,
     OF_ONE,
     UNKNOWN,
     Reading,
     Wanted,
     hidden,
+    in_crosstalk,
     judged,
     refused,
     settled,
@@ -29,8 +29,9 @@ from wavesim.readings.pulse.series import (
     clearest,
     follow,
 )
+from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
-from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_rise
+from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_rise, unknown_delay
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
@@ -90,11 +91,20 @@ def read_series(
 
     Returns:
         (readings in the order given, the series).
+
+    Raises:
+        PulseError: there are no records, or not a value and a distance for each.
     """
-    p = np.asarray(values, float)
+    p, count = np.asarray(values, float), len(records)
+    if not count or len(p) != count or np.size(distance) not in (1, count):
+        raise PulseError(
+            f"records: {count}, with {len(p)} values and {np.size(distance)} distances; give at "
+            "least one record, a value for each, and one distance or one each"
+        )
+    check_distance(distance)
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
     records = _without_what_is_static(records)
-    heard = [packets(one) for one in records]
+    heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
     grows = bool((p > 0).all()) and any(word in parameter.lower() for word in _STRESSES)
     foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
@@ -120,7 +130,7 @@ def read_series(
         )
         for one, packet, time, d, others in zip(records, heard, found.time, L, rivals, strict=True)
     ]
-    readings = _with_own(_on_one_line(alone, found, L, rivals, wanted), begun)
+    readings = _with_own(_on_one_line(alone, found, L, rivals, delays, wanted), begun)
     law = law_of(readings, p)
     return readings, Series(parameter, p, law)
 
@@ -236,6 +246,7 @@ def _on_one_line(
     found: Followed,
     distance: Float,
     rivals: Sequence[Sequence[float]],
+    delays: Mapping[str, float],
     wanted: Wanted,
 ) -> list[Reading]:
     """Followed arrivals, put where the records' own first breaks lie.
@@ -268,9 +279,10 @@ def _on_one_line(
         record = one.record
         assert record is not None
         share = float(np.hypot(share, slow_rise(record)))
+        share = float(np.hypot(share, unknown_delay(record, delays)))
         if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
             reason = UNLIKE
-        elif time + record.start - record.blank < HIDDEN * record.period:
+        elif in_crosstalk(record, time):
             reason = hidden(record)
         error = float(np.hypot(noise, share))
         best = judged(FOLLOWED, time, error, float(distance[i]), reason, rivals[i], wanted)

@@ -243,6 +243,16 @@ def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
     return found.values(len(time)), [said]
 
 
+def check_distance(distance: ArrayLike) -> None:
+    """Hold distances from tip to tip (m) to what they can be.
+
+    Raises:
+        PulseError: one is 0 or less.
+    """
+    if not (np.asarray(distance) > 0).all():
+        raise PulseError(f"distance = {np.asarray(distance)} m: must be greater than 0")
+
+
 def checked(name: str, signal: ArrayLike, time: Float) -> Float:
     """A signal as an array of its own.
 

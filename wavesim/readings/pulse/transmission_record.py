@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavesim.readings.pulse import faults
+from wavesim.readings.pulse import crosstalk, faults
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import CLIPPED, PulseError, checked, even_time_axis
 
@@ -29,6 +29,14 @@ _HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
 # Crosstalk is over where it has fallen to this part of its peak, and after 1.5 lengths of what was
 # sent at the latest.
 _OVER = 0.1
+# A wave that ends what crosstalk explains has broken this part of a period before.
+_ALREADY = 0.5
+# What is left of known crosstalk may reach this part of its peak; no wave comes within this part of
+# a period.
+_DOUBTFUL, _SOONEST = 0.15, 0.25
+# A wave of this part of the largest that stands when crosstalk ends, and for this part of a period,
+# began within it.
+_COVERED, _AT_END = 0.45, 0.25
 _LENGTHS = 1.5
 # The band about the central frequency, over and in multiples of it.
 _LOW, _HIGH = 5.0, 8.0
@@ -46,11 +54,13 @@ class TransmissionRecord:
         start, length: when it begins and how long it lasts, s.
         got: what was received, without offset and creep, 0 up to ``blank``, shape (nt,).
         got_before: the same before the start.
-        raw: the same as it was recorded, without its offset.
+        raw: the same as it was recorded, without its offset and the crosstalk that is known.
+        crosstalk_taken: the crosstalk that is known, shape (nt,), unit of u; 0 where none is.
         noise: standard deviation of ``raw`` before the start, unit of u; NaN where unknown.
         blank: time up to which crosstalk hides the signal, s.
         crosstalk: its peak over that of ``got``, –; 0 where there is none.
         period: of the central frequency of what came through, s.
+        covered: whether a large wave is there already as crosstalk ends.
         clipped: whether it has flat tops.
         notes: what was put right.
     """
@@ -63,10 +73,12 @@ class TransmissionRecord:
     got: Float
     got_before: Float
     raw: Float
+    crosstalk_taken: Float
     noise: float
     blank: float
     crosstalk: float
     period: float
+    covered: bool
     clipped: bool
     notes: tuple[str, ...]
 
@@ -149,10 +161,12 @@ def transmission_record(
         raw,
         raw[:0],
         raw,
+        np.zeros(len(raw)),
         noise,
         start,
         0.0,
         0.0,
+        False,
         clipped,
         tuple(notes),
     )
@@ -188,7 +202,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     """Without crosstalk and creep."""
     t, raw, dt = found.t, found.raw, found.interval
     _check_length(found, found.start + _LENGTHS * found.length)
-    rough = _central_period(found, found.start + _LENGTHS * found.length)
+    rough = _sent_period(found) or _central_period(found, found.start + _LENGTHS * found.length)
     band = _band(raw, dt, rough)
     size = envelope(band)
     quiet = band[: int(np.searchsorted(t, found.start - 0.25 * rough))]
@@ -198,11 +212,52 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part = found.start, 0.0
     if found.start > t[0] and peak > max(_HEARD * noise, _LEAST * float(size.max())):
-        latest = found.start + max(_LENGTHS * found.length, rough)
-        ends = np.flatnonzero((t > found.start + found.length) & (size < _OVER * peak))
-        blank = min(float(t[ends[0]]) if len(ends) else latest, latest)
         part = peak
+        own = None
+        if found.sent is not None:
+            own = crosstalk.modelled(
+                t, found.sent, raw, found.start, found.length, rough, noise,
+                lambda row: _band(row, dt, rough),
+            )  # fmt: skip
+        until = None
+        if own is not None:
+            until = found.start + own[1]
+            found = replace(found, raw=raw - own[0], crosstalk_taken=own[0])
+            size = envelope(_band(found.raw, dt, rough))
+        blank = _over(found, size, peak, rough, noise, until)
     return blanked(replace(found, crosstalk=part, period=rough), blank)
+
+
+def _over(
+    found: TransmissionRecord,
+    size: Float,
+    peak: float,
+    rough: float,
+    noise: float,
+    until: float | None,
+) -> float:
+    """When crosstalk is over, s.
+
+    Args:
+        found: the record, what is known of its crosstalk taken out.
+        size: its envelope, shape (nt,).
+        peak: of the crosstalk.
+        rough: period, s.
+        noise: of the envelope.
+        until: time up to which the crosstalk is known and nothing else is there, s; None where it
+            is not known.
+    """
+    t = found.t
+    latest = found.start + max(_LENGTHS * found.length, rough)
+    least = max(_OVER * peak, 3 * noise)
+    ends = np.flatnonzero((t > found.start + found.length) & (size < least))
+    over = min(float(t[ends[0]]) if len(ends) else latest, latest)
+    if until is None:
+        return over
+    # What is left of it beyond may not be what is known of it, but for a larger wave.
+    waves = np.flatnonzero((t >= until) & (size > max(_DOUBTFUL * peak, 3 * noise)))
+    first = float(t[waves[0]]) if len(waves) else over
+    return min(max(first - _ALREADY * rough, found.start + _SOONEST * rough), over)
 
 
 def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
@@ -224,8 +279,17 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     got = _band(u, dt, period)
     quiet = got[: max(0, early - int(0.25 * period / dt))].copy()
     got[:first] = 0.0
-    part = found.crosstalk / float(np.abs(got).max() or 1.0) if found.crosstalk else 0.0
-    return replace(found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period)
+    largest = float(np.abs(got).max() or 1.0)
+    part = found.crosstalk / largest if found.crosstalk else 0.0
+    covered = False
+    if part:
+        size = envelope(_band(found.raw, dt, period))[first:]
+        at_end = size[: max(1, int(_AT_END * period / dt))]
+        covered = float(at_end.min()) > _COVERED * float(size.max())
+    return replace(
+        found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period,
+        covered=covered,
+    )  # fmt: skip
 
 
 def _check_length(found: TransmissionRecord, after: float) -> None:
@@ -275,8 +339,22 @@ def _central_period(found: TransmissionRecord, after: float) -> float:
     return float(np.clip(1 / centre, 4 * dt, 0.2 * len(t) * dt))
 
 
+def _sent_period(found: TransmissionRecord) -> float:
+    """1/f of the mean of the power sent; 0 where none was recorded, or it does not end."""
+    if found.sent is None or is_step(found.sent):
+        return 0.0
+    power = np.abs(np.fft.rfft(found.sent)) ** 2
+    f = np.fft.rfftfreq(len(found.sent), found.interval)
+    return max(float(power.sum() / np.sum(f * power)), 4 * found.interval)
+
+
+def is_step(sent: Float) -> bool:
+    """Whether what is sent stays."""
+    return abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())
+
+
 def static_until(records: Sequence[TransmissionRecord]) -> float:
-    """Time after the start up to which all records hold the same: crosstalk, for waves move, s.
+    """Time after the start up to which all records hold the same crosstalk, s.
 
     Args:
         records: of one set-up and several states, three or more.
@@ -284,13 +362,7 @@ def static_until(records: Sequence[TransmissionRecord]) -> float:
     least = min(len(r.t[r.t >= r.start]) for r in records)
     dt = max(r.interval for r in records)
     after = np.arange(least - 1) * dt
-    rows = np.array([np.interp(r.start + after, r.t, r.raw) for r in records])
-    rows -= np.median(rows, axis=1, keepdims=True)
-    width = max(3, int(0.5 * float(np.median([r.period for r in records])) / dt))
-    over = np.ones(width) / width
-    together = np.convolve(np.mean(rows, axis=0) ** 2, over, "same")
-    each = np.convolve(np.mean(rows**2, axis=0), over, "same")
-    noise = float(np.nan_to_num(np.median([r.noise for r in records]))) ** 2
-    same = (together > 0.8 * each) & (each > _HEARD**2 * noise)
-    moving = np.flatnonzero(~same)
-    return float(after[moving[0]]) if len(moving) else 0.0
+    rows = [np.interp(r.start + after, r.t, r.raw) for r in records]
+    period = float(np.median([r.period for r in records]))
+    noise = float(np.nan_to_num(np.median([r.noise for r in records])))
+    return crosstalk.static_until(rows, dt, period, noise, _HEARD)

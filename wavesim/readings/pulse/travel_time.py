@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, is_step
 from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
 from wavesim.simulation.bandlimited import cross_correlation
 
@@ -39,6 +39,10 @@ _FURTHEST = 0.7
 _SECOND = 0.9
 # What takes longer than this to rise, in periods, has no first cycle that stands out.
 _SLOW = 0.6
+# A step's near field begins this far ahead of its wave, in periods, as one standard error.
+_OF_A_STEP = 0.6
+# Transducers that ring delay what they pass on, in periods.
+_DELAY = 0.1
 NOTHING_ALIKE = "nothing in common with what was sent near the break"
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
@@ -80,7 +84,7 @@ def travel_times(
             one = _first_break(record, begins)
         elif record.sent is None:
             one = TravelTime(np.nan, np.nan, NOT_SENT)
-        elif _is_step(record):
+        elif is_step(record.sent):
             one = TravelTime(np.nan, np.nan, STEP)
         elif record.unusable and name != "correlation":
             one = TravelTime(np.nan, np.nan, record.unusable)
@@ -128,14 +132,23 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     return _FURTHEST * float(np.abs(np.array(known) - time).max())
 
 
+def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> float:
+    """What transducers that ring, and cables, may delay all conventions by, where nothing is known
+    of it, as one standard error, s."""
+    return 0.0 if delays else _DELAY * record.period
+
+
 def slow_rise(record: TransmissionRecord) -> float:
-    """What a burst that rises slowly leaves open of its first cycle, s; 0 of one that does not."""
+    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
+    field runs into its wave; 0 of what does neither."""
+    if record.sent is not None and is_step(record.sent):
+        return _OF_A_STEP * record.period
     return record.period if record.rise > _SLOW * record.period else 0.0
 
 
 def second_cycle(record: TransmissionRecord, begins: float) -> float:
     """How far from the best lag another lies that correlates as well, s; NaN where none does."""
-    if record.sent is None or _is_step(record):
+    if record.sent is None or is_step(record.sent):
         return float("nan")
     lags, c = _correlations(record, record.sent, begins)
     size = np.abs(c)
@@ -145,11 +158,6 @@ def second_cycle(record: TransmissionRecord, begins: float) -> float:
     if not other:
         return float("nan")
     return float(min(abs(lags[i] - lags[best]) for i in other))
-
-
-def _is_step(record: TransmissionRecord) -> bool:
-    sent = record.sent
-    return sent is not None and abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())
 
 
 def _window(record: TransmissionRecord, begins: float, before: float, after: float) -> slice:

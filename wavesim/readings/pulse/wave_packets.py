@@ -99,12 +99,14 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     apart = max(1, int(_APART * period / dt))
     tops, _ = find_peaks(size, height=least, distance=apart, prominence=0.25 * least)
     found = []
+    # A burst's envelope may be highest at its end.
+    before_top = _BEFORE * period + max(0.0, record.length - period)
     first = int(np.searchsorted(record.t, record.blank))
     tops = tops[tops > first]
     for at, before in zip(tops.tolist(), [first, *tops.tolist()], strict=False):
         # It breaks after the envelope's least since the packet before, or little earlier.
         least_at = before + int(np.argmin(size[before : at + 1]))
-        low = max(first, at - int(_BEFORE * period / dt), least_at - int(LULL * period / dt))
+        low = max(first, at - int(before_top / dt), least_at - int(LULL * period / dt))
         begins = break_between(record, low, at + 1)
         if begins is not None:
             place = float(record.t[0] + at * dt - record.start)
@@ -251,7 +253,8 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
 
 def hides_two(one: Packet, record: TransmissionRecord) -> bool:
     """Whether a packet breaks so long before its top that another wave may run into it."""
-    return one.top - one.begins > _RISES * record.period + record.rise
+    burst = max(record.rise, record.length - _BURST * record.period)
+    return one.top - one.begins > _RISES * record.period + burst
 
 
 def direct(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> int | None:

@@ -1,0 +1,121 @@
+"""Crosstalk: what comes with the sent pulse, at once and whatever the distance.
+
+It is the pulse v(t) through coupling that forgets soon, so that before any wave has come
+
+    u(t) = Σ_j a_j φ_j(t),   φ = dv/dt, v, and dv/dt followed by exp(−t/τ) at some τ,
+
+and a few a_j, fitted to the longest beginning that they explain, take it out of the rest, on which
+a wave may lie. Records of one set-up in several states hold the same of it, as only waves move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Filter = Callable[[Float], Float]
+
+# Decays that are tried, in periods, and the beginnings, in periods too.
+_DECAYS = (0.12, 0.4, 1.3)
+_SHORTEST, _STEP, _BEYOND = 0.7, 0.125, 1.5
+# A beginning is explained where each quarter of a period of it leaves no more than so many
+# deviations of the noise, or this part of the crosstalk; the rest must be foretold as well.
+_LEFT, _PART, _FORETOLD = 2.0, 0.05, 0.15
+# What is sent is smoothed over this part of a period, as a digitiser's steps have a rate,
+# and as it was recorded, as it may begin at once.
+_SMOOTH = 0.03
+
+
+def modelled(
+    t: Float,
+    sent: Float,
+    received: Float,
+    start: float,
+    length: float,
+    period: float,
+    noise: float,
+    band: Filter,
+) -> tuple[Float, float] | None:
+    """Crosstalk by what was sent: it at all times, and until when it explains what was received.
+
+    Args:
+        t: even times, shape (nt,), s.
+        sent: v, without its base, shape (nt,).
+        received: u, without its offset, shape (nt,).
+        start, length: when v begins and how long it lasts, s.
+        period: of the central frequency, s.
+        noise: standard deviation of ``band(received)`` before the start.
+        band: filter that leaves what counts as signal; linear, shifts no phase.
+
+    Returns:
+        (crosstalk, shape (nt,), time after the start up to which nothing else is there, s); None
+        where the beginning is no such crosstalk.
+    """
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    basis = _basis(t, sent, start, length, period)
+    seen, u = np.stack([band(row) for row in basis]), band(received)
+    first = int(np.searchsorted(t, start - 0.25 * period))
+    begin = int(np.searchsorted(t, start))
+    quarter = max(4, int(period / 4 / dt))
+    found = None
+    for span in np.arange(_SHORTEST * period, length + _BEYOND * period, _STEP * period):
+        stop = int(np.searchsorted(t, start + span))
+        if stop >= len(t) or stop - begin < 4 * len(basis):
+            continue
+        own = seen[:, first:stop]
+        a = np.linalg.lstsq(own.T, u[first:stop], rcond=1e-6)[0]
+        left = u[first:stop] - a @ own
+        peak = float(np.abs(a @ own).max())
+        over = np.convolve(left**2, np.ones(quarter) / quarter, "valid")
+        if float(over.max()) > max(_LEFT * noise, _PART * peak) ** 2:
+            break
+        found = a, span, own, left
+    if found is None:
+        return None
+    a, span, own, left = found
+    # Neighbouring samples hang together over an eighth of a period or so.
+    variance = max(float(np.var(left)), noise**2) * max(1.0, period / 8 / dt)
+    normal = np.linalg.pinv(own @ own.T, rcond=1e-12)
+    foretold = np.sqrt(variance * np.einsum("in,ij,jn->n", seen, normal, seen))
+    if float(foretold.max()) > max(2 * noise, _FORETOLD * float(np.abs(a @ own).max())):
+        return None
+    return a @ basis, float(span)
+
+
+def _basis(t: Float, sent: Float, start: float, length: float, period: float) -> Float:
+    """φ, each of peak 1, shape (6, nt)."""
+    from scipy.ndimage import gaussian_filter1d  # slow to import, and only a reading needs it
+    from scipy.signal import lfilter
+
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    lasts = (t >= start - dt) & (t <= start + length + dt)
+    plain = np.where(lasts, sent, 0.0)
+    v = gaussian_filter1d(plain, max(_SMOOTH * period / dt, 0.5))
+    rate = np.gradient(v)
+    rows = [np.gradient(plain), rate, v]
+    rows += [lfilter([1.0], [1.0, -np.exp(-dt / (tau * period))], rate) for tau in _DECAYS]
+    return np.stack([row / (float(np.abs(row).max()) or 1.0) for row in rows])
+
+
+def static_until(
+    rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
+) -> float:
+    """Time up to which records of several states hold the same: crosstalk, for waves move, s.
+
+    Args:
+        rows: signals from the start on, in steps of dt, three or more.
+        dt, period: of the samples, and of the central frequency, s.
+        noise: standard deviation of one.
+        heard: of these deviations it stands out.
+    """
+    each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
+    width = max(3, int(0.5 * period / dt))
+    over = np.ones(width) / width
+    together = np.convolve(np.mean(each, axis=0) ** 2, over, "same")
+    alone = np.convolve(np.mean(each**2, axis=0), over, "same")
+    same = (together > 0.8 * alone) & (alone > heard**2 * noise**2)
+    moving = np.flatnonzero(~same)
+    return float(moving[0]) * dt if len(moving) else 0.0
