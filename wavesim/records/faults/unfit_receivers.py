@@ -93,17 +93,17 @@ def unfit(U: Any, known: Mask) -> Unfit:
     if off.sum() > most:
         return Unfit(known, factor, False, float(start[1].mean()), power)
     V, left = last
-    for j in np.flatnonzero(off & ~known) if off.sum() > 1 else ():
+    for j in map(int, np.flatnonzero(off & ~known)) if off.sum() > 1 else ():
         # One that was taken for the worst while another was.
         again = off.copy()
         again[j] = False
         with_it = _waves(U, ~again)
         if _fall(with_it, (V, left)) < min(np.sqrt(falls), _SOME):
             off, (V, left) = again, with_it
-    for j in np.flatnonzero(off & ~known):
+    for j in map(int, np.flatnonzero(off & ~known)):
         told, seen = V[:, j] / np.sqrt(left), U[:, j] / np.sqrt(left)
-        power = float(np.sum(np.abs(told) ** 2))
-        part = float(np.sum(np.real(np.conj(told) * seen))) / max(power, 1e-300)
+        size = float(np.sum(np.abs(told) ** 2))
+        part = float(np.sum(np.real(np.conj(told) * seen))) / max(size, 1e-300)
         rest = float(np.sum(np.abs(seen - part * told) ** 2))
         if rest < _ALONE * float(np.sum(np.abs(seen) ** 2)):
             # What stands by itself at one place, as under a source, looks so, but for its factor.
