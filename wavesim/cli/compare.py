@@ -12,8 +12,18 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BESIDE, JSON, NOT_NEGATIVE, SET, WRITTEN, record_options
-from wavesim.cli.shared import print_json, read_case, write_json, writing
+from wavesim.cli.arguments import (
+    BESIDE,
+    JSON,
+    NOT_NEGATIVE,
+    SET,
+    WRITTEN,
+    print_json,
+    read_case,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 

@@ -8,8 +8,17 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET, NumberIn
-from wavesim.cli.shared import folder_for, read_case, write_json, writing
+from wavesim.cli.arguments import (
+    CASE,
+    OUT,
+    QUIET,
+    SET,
+    NumberIn,
+    folder_for,
+    read_case,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import FELL_SHORT, console, new_table
 
 # What T of the time domain may differ by from the exact one.

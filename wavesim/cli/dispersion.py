@@ -27,9 +27,12 @@ from wavesim.cli.arguments import (
     WRITTEN,
     NumberIn,
     options,
+    print_json,
+    read_case,
     record_options,
+    write_json,
+    writing,
 )
-from wavesim.cli.shared import print_json, read_case, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
 
 # So many frequencies are shown; the files have all.

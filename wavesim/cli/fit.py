@@ -13,9 +13,21 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BESIDE, JSON, NOT_NEGATIVE, POSITIVE, SET, WRITTEN, record_options
+from wavesim.cli.arguments import (
+    BESIDE,
+    JSON,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SET,
+    WRITTEN,
+    print_json,
+    read_case,
+    read_layers,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.cli.compare import laid_beside
-from wavesim.cli.shared import print_json, read_case, read_layers, write_json, writing
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET
+from wavesim.cli.arguments import CASE, OUT, QUIET, SET, folder_for, read_case
 from wavesim.cli.begin import cases, completion, init, schema
 from wavesim.cli.compare import compare
 from wavesim.cli.design import design
@@ -29,7 +29,6 @@ from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
-from wavesim.cli.shared import folder_for, read_case
 from wavesim.cli.sweep import sweep
 from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission

@@ -11,8 +11,13 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, JSON, NUMBER, OUT, SET
-from wavesim.cli.shared import (
+from wavesim.cli.arguments import (
+    BAND,
+    CASE,
+    JSON,
+    NUMBER,
+    OUT,
+    SET,
     folder_for,
     print_json,
     read_layers,

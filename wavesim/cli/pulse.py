@@ -15,8 +15,18 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import INPUT, JSON, NUMBER, POSITIVE, WRITTEN, record_options
-from wavesim.cli.shared import print_json, read_layers, write_json, writing
+from wavesim.cli.arguments import (
+    INPUT,
+    JSON,
+    NUMBER,
+    POSITIVE,
+    WRITTEN,
+    print_json,
+    read_layers,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 # Waves in solids, from loose dust to diamond, m/s; others are of a wrong unit.

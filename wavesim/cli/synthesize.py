@@ -8,9 +8,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import JSON, NOT_NEGATIVE, NUMBER, POSITIVE
+from wavesim.cli.arguments import JSON, NOT_NEGATIVE, NUMBER, POSITIVE, print_json
 from wavesim.cli.dispersion import medium_of
-from wavesim.cli.shared import print_json
 from wavesim.report.terminal import BAD_INPUT, console, stop
 
 
