@@ -150,6 +150,7 @@ BAD = {
     "design.length_at_most=1e-3": "the thinnest stack there is has 0.0015 m",
     "design.thickness_at_least=7e-3": "leaves nothing above [design] thickness_at_least",
     "design.tolerance=-1.0": "must be 0 or greater",
+    "bar.left='fixed'": 'the first layer stands for a half-space where [bar] left = "fixed"',
     "layers=[]": "[[layers]]",
     "layers.0.thickness=[]": "thickness",
 }  # fmt: skip

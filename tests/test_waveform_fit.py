@@ -16,6 +16,7 @@ from wavesim.case.load import load
 from wavesim.cli.main import main
 from wavesim.layered.signals import signals
 from wavesim.readings.matched_record import MatchError, matched, resampling
+from wavesim.readings.misfit import misfit
 from wavesim.records.of_pulse_test import PulseTestRecord
 from wavesim.studies.comparison import compare
 from wavesim.studies.fit_answer import of_waveforms
@@ -187,6 +188,19 @@ def test_what_is_hardly_in_a_direction_that_is_not_told_has_its_part_in_the_erro
     assert np.isnan(found.errors["a"])
     assert found.errors["b"] > 0.1
     assert found.errors["c"] < 0.01
+
+
+@pytest.mark.parametrize("late", [0.25, 0.5])
+def test_lateness_and_size_are_those_between_samples(late):
+    """Of a burst of four samples to a period, which is late by part of one: both to 1e-3."""
+    t = np.arange(200.0)
+
+    def burst(t):
+        return np.exp(-(((t - 100) / 12) ** 2)) * np.sin(np.pi * (t - 100) / 2)
+
+    found = misfit("a", 0.0, 1.2 * burst(t - late), burst(t), burst(t), 1e-6)
+    assert found.arrival == pytest.approx(late * 1e-6, abs=1e-9)
+    assert found.amplitude == pytest.approx(1.2, rel=1e-3)
 
 
 def laid_out(more, positions, folder):

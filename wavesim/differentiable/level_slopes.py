@@ -21,11 +21,11 @@ from wavesim.differentiable.graded_slices import uniform_slices
 from wavesim.differentiable.stack_transmission import (
     before,
     behind,
-    block_of,
     level_of,
     through_layer,
 )
 from wavesim.differentiable.traced_layers import TracedLayers
+from wavesim.material.family import travelling_block
 
 
 def level(stack: TracedLayers, sector: str, omega: Any, slices: int) -> Any:
@@ -43,7 +43,8 @@ def level(stack: TracedLayers, sector: str, omega: Any, slices: int) -> Any:
     own, units = uniform_slices(stack, slices), units_of(stack)
     with jax.numpy_dtype_promotion("standard"):
         scaled = jnp.asarray(omega) * units.time
-        wave = waves(own.kinds, own.first, block_of(own, sector), units)
+        block = travelling_block(own.kinds[0].family, sector, own.kept)
+        wave = waves(own.kinds, own.first, block, units)
         return _level(wave, own.thickness / units.length, own.losses, scaled, units.time)
 
 
@@ -78,7 +79,8 @@ def level_and_slopes(
         ValueError: as :func:`~wavesim.differentiable.stack_transmission.transmission`.
     """
     stack = uniform_slices(make(jax.lax.stop_gradient(values)), slices)
-    blocks = [block_of(stack, sector) for sector, _ in parts]
+    family = stack.kinds[0].family
+    blocks = [travelling_block(family, sector, stack.kept) for sector, _ in parts]
     units, losses = units_of(stack), stack.losses
     counts = [len(omega) for _, omega in parts]
     ends = list(itertools.accumulate(counts))[:-1]

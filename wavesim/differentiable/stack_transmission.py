@@ -83,7 +83,7 @@ def transmission(
         ValueError: the sector is unknown, or nothing travels in it: as Γ → 0 micro-fields alone
             swing on the spot, each at one frequency.
     """
-    block = block_of(stack, sector)
+    block = travelling_block(stack.kinds[0].family, sector, stack.kept)
     if omega is None or jnp.iscomplexobj(omega) or jnp.ndim(omega) == 0:
         raise ValueError("omega: must be a list of real frequencies, rad/s")
     solve = with_gradient if stack.kept else _transmission
@@ -213,8 +213,3 @@ def _graded(
         return found[0][:, None], found[1][:, None]
 
     return System(halves, rate, zeros)
-
-
-def block_of(stack: TracedLayers, sector: str) -> Block:
-    """The block in which a sector's waves travel, by the name of either."""
-    return travelling_block(stack.kinds[0].family, sector, stack.kept)
