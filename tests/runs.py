@@ -7,10 +7,12 @@ import os
 import pickle
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner, Result
@@ -19,13 +21,19 @@ from filelock import FileLock
 from wavesim.case.load import load
 from wavesim.cli.main import main
 from wavesim.io import result_reader
+from wavesim.worker import Here
 
 SHIPPED = {path.stem: path for path in sorted((Path(__file__).parents[1] / "cases").glob("*.toml"))}
 
 
-def call(*arguments: object) -> Result:
-    """A command in this process; an exception that is not an exit fails the test."""
-    return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
+def call(*arguments: object, alone: bool = True) -> Result:
+    """A command in this process; an exception that is not an exit fails the test.
+
+    Alone, what a process beside a run would do is done here, where it is loaded already.
+    """
+    beside = patch("wavesim.runner.begun_beside", lambda: nullcontext(Here()))
+    with beside if alone else nullcontext():
+        return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def refused(make: Callable[[], Any], given: str, remedy: str) -> None:
@@ -83,7 +91,7 @@ def run(case: Path, shared: Path) -> Run:
     folder = shared / case.stem
 
     def made() -> tuple[int, str, str]:
-        told = call("run", case, "--out", folder)
+        told = call("run", case, "--out", folder, alone=case.stem != "small")
         return told.exit_code, told.stdout, told.stderr
 
     return Run(case, folder, *once(shared / f"{case.stem}.pickle", made))

@@ -15,6 +15,7 @@ from runs import call
 
 from wavesim import planewave, runner
 from wavesim.cli import main as cli
+from wavesim.cli.arguments import Frequency
 from wavesim.cli.main import main
 from wavesim.io.result_reader import describe
 from wavesim.material.medium import Medium
@@ -195,6 +196,23 @@ def test_interrupt_before_anything_is_stored_offers_nothing(tiny, tmp_path, monk
     result = call("run", tiny, "--out", tmp_path / "out")
     assert result.exit_code == 130
     assert result.stderr.splitlines()[-1] == "wavesim: interrupted"
+
+
+def test_no_option_takes_a_number_that_is_none():
+    """Whatever the command: nan, inf and a word are refused in a line that names the option."""
+    options = [
+        (option, kind)
+        for command in main.commands.values()
+        for option in command.params
+        for kind in getattr(option.type, "types", [option.type])
+        if isinstance(kind, click.types.FloatParamType | Frequency)
+    ]
+    assert len(options) > 20
+    for option, kind in options:
+        for word in ("nan", "inf", "-inf", "fast"):
+            with pytest.raises(click.BadParameter) as refused:
+                kind.convert(word, option, None)
+            assert option.opts[0] in refused.value.format_message()
 
 
 def test_wrong_usage_gives_2():

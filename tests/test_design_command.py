@@ -13,8 +13,8 @@ from test_transmission_command import transfer
 from wavesim.case.layered_case import load_layers
 from wavesim.case.load import load
 from wavesim.case.schema import read
+from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import problem
-from wavesim.studies.design_search import Search
 from wavesim.studies.design_tolerance import allowed_offsets
 
 CASE = """\
@@ -150,6 +150,7 @@ BAD = {
     "design.length_at_most=1e-3": "the thinnest stack there is has 0.0015 m",
     "design.thickness_at_least=7e-3": "leaves nothing above [design] thickness_at_least",
     "design.tolerance=-1.0": "must be 0 or greater",
+    "bar.left='fixed'": 'the first layer stands for a half-space where [bar] left = "fixed"',
     "layers=[]": "[[layers]]",
     "layers.0.thickness=[]": "thickness",
 }  # fmt: skip

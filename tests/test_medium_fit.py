@@ -125,6 +125,13 @@ def test_a_fit_that_cannot_be_made_says_why():
     few = Observed(ROTATION.blocks[0], observed[0].points.take(slice(0, 2)))
     with pytest.raises(FitError, match="2 valid points for 2 parameters"):
         fit([few], MEDIUM, ("anisotropy", "stiffness_ratio"))
+    for error in (0.0, -1.0, np.nan):
+        bad = observed[0].points
+        bad = replace(bad, error=np.where(np.arange(len(bad)) == 3, error, bad.error))
+        with pytest.raises(FitError, match="with a standard error above 0"):
+            fit([replace(observed[0], points=bad)], MEDIUM, ("anisotropy",))
+        left_out = replace(bad, valid=np.arange(len(bad)) != 3)
+        fit([replace(observed[0], points=left_out)], MEDIUM, ("anisotropy",))
     # Density and all stiffnesses scale ω together: no point tells them apart.
     with pytest.raises(FitError, match="do not tell density, G_n_a, G_n_r apart"):
         fit(observed, MEDIUM, ("density", "G_n_a", "G_n_r"))

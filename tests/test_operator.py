@@ -19,7 +19,7 @@ from wavesim.material.rotation import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
 from wavesim.simulation.simulation import simulation
-from wavesim.sources.ricker import Ricker
+from wavesim.sources import Ricker
 from wavesim.timedomain.energy import energy
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.sparse_matrix import flat, second_order, sparse_matrix, unflat

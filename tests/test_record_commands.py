@@ -130,7 +130,7 @@ def test_a_stretch_by_the_plain_route(csv_file, tmp_path):
         (("synthesize", "OUT.wav", "--medium", CASE, "--spacing", 1e-3, "--duration", 1e-5,
           "--samples", 16, "--peak-frequency", 1e6), "must end in .npz"),
         (("synthesize", "OUT.npz", "--medium", CASE, "--spacing", -1.0, "--duration", 1e-5,
-          "--samples", 16, "--peak-frequency", 1e6), "--spacing -1: must be greater than 0"),
+          "--samples", 16, "--peak-frequency", 1e6), "'--spacing': -1.0 is not in the range x>0"),
         (("synthesize", "OUT.npz", "--relation", "none.py:f", "--spacing", 1e-3, "--duration", 1,
           "--samples", 16, "--peak-frequency", 1.0), "must be FILE.py:NAME"),
     ],

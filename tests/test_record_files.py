@@ -191,6 +191,11 @@ def test_matlab_both_ways(tmp_path):
     same(read(tmp_path / "a.mat"))
     scipy.io.savemat(tmp_path / "b.mat", {"scan": {"time": T, "pos": X, "u": U.T}})
     same(read(tmp_path / "b.mat"))
+    scipy.io.savemat(tmp_path / "d.mat", {"Tstart": -1e-5, "Tinterval": 5e-7, "A": U[:, 0],
+                                          "rx": U[:, 1]})  # fmt: skip
+    one = read(tmp_path / "d.mat", Layout(placed=False))
+    assert one.t == pytest.approx(T - 1e-5, abs=1e-15)
+    assert np.array_equal(one.values[0], U[:, :2])
     # Version 7.3 is HDF5, with axes the other way round and a block before it.
     with h5py.File(tmp_path / "c.mat", "w", userblock_size=512) as file:
         for name, array in {"t": T[None], "x": X[:, None], "u": U.T}.items():
@@ -281,6 +286,21 @@ SCOPES = {
         LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\n",
         [f"\t{a}\t{b}" for a, b in zip(SENT, GOT, strict=True)],
         "A",
+    ),
+    "no times, and a heading for remarks": (
+        LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\tComment\n",
+        [f"\t{a}\t{b}" for a, b in zip(SENT, GOT, strict=True)],
+        "A",
+    ),
+    "times, and settings in the headings": (
+        "Time(S),CH1V,CH2V,t0 = -2.0e-04, tInc = 2.5e-06\n",
+        [f"{t:.7f},{a},{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
+        "CH1V",
+    ),
+    "the time of day above the numbers": (
+        '"HResolution",2.5E-06,2.5E-06\n"HOffset",-2.0E-04,-2.0E-04\n"Time","10:00:00","10:00:00"\n',
+        [f"{a},{b}" for a, b in zip(SENT, GOT, strict=True)],
+        "1",
     ),
     "numbers for headings": (
         "x-axis,1,2\nsecond,Volt,Volt\n",

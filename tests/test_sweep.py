@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ from wavesim import planewave
 from wavesim.case.layered_case import load_layers
 from wavesim.material.medium import Medium
 from wavesim.planewave.many_media import growing
+from wavesim.studies.sweep_store import Layout, Store, Variable
 from wavesim.studies.sweep_workers import pool
 from wavesim.studies.transmission_study import transmission_study
 from wavesim.studies.variation import SweepError, variation
+from wavesim.verdict.check import Check
 
 MAIN = SHIPPED["bandgap_pulse"]
 SHORT = """\
@@ -41,6 +44,22 @@ position = 0.011
 [time]
 duration = 6.0e-6
 """
+
+
+def test_what_is_not_there_is_nan_of_every_kind_of_number(tmp_path):
+    """Of a member that failed and of one to come, a T of 0 would be a perfect filter's, and 0
+    checks that fell short a perfect run's."""
+    kinds = {"T": "c16", "lower": "f8", "fell_short": "i4"}
+    layout = Layout({name: Variable((), "1", name, kind) for name, kind in kinds.items()})
+    store = Store(tmp_path / "a.zarr", variation(["medium.anisotropy=0:1:3"]), layout, {})
+    store.create()
+    store.write(store.blocks[0], {name: [0] for name in kinds}, [""], 1.0, 1.0)
+    store.write(store.blocks[1], {}, ["waves grow"], 1.0, 1.0)
+    data = store.open()
+    assert np.array_equal(data["status"], [1, 2, 0])
+    for name in kinds:
+        assert np.array_equal(np.isnan(data[name].values), [False, True, True])
+        assert data[name].values[0] == 0
 
 
 @pytest.fixture
@@ -194,10 +213,20 @@ def test_a_sample_fills_its_box_evenly(sampler):
 
 def test_runs_of_a_sweep_are_runs(short, tmp_path):
     """Signals of each member are those of its case alone, to the bit; one that can't be run says
-    why, with another duration the frames are as many as it has."""
+    why, with another duration the frames are as many as it has. A check of a number that is none
+    falls short, wherever it stands, and so the worst is above 1; of a member without a run there
+    are no checks."""
+    made_up = [Check("a", 0.5, 0.0, 1.0), Check("b", np.nan, 0.0, 1.0), Check("c", 0.0, 0.0, 0.0)]
+
+    def judge(case, field):
+        return SimpleNamespace(checks=made_up if field.t[-1] < 4e-6 else made_up[::2])
+
     vary = ["time.duration=3e-6:6e-6:2", "receivers.0.position=0.011:0.017:3"]
-    data = ws.sweep(short, vary, "run", folder=tmp_path).go()
+    data = ws.sweep(short, vary, "run", folder=tmp_path, judge=judge).go()
     assert np.array_equal(data["status"].values, [[1, 1, 2], [1, 1, 2]])
+    for name, values in ("worst", (np.inf, 0.5)), ("fell_short", (1, 0)):
+        told = np.array([[value, value, np.nan] for value in values])
+        assert np.array_equal(data[name].values, told, equal_nan=True)
     assert "position = 0.017" in str(data["message"].values[0, 2])
     for duration in data["time.duration"].values:
         for x in data["receivers.0.position"].values[:2]:

@@ -5,15 +5,18 @@ domain.
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.signal import lfilter
 
 from wavesim.case.load import load
 from wavesim.cli.main import main
 from wavesim.layered.signals import signals
 from wavesim.readings.matched_record import MatchError, matched, resampling
+from wavesim.readings.misfit import misfit
 from wavesim.records.of_pulse_test import PulseTestRecord
 from wavesim.studies.comparison import compare
 from wavesim.studies.fit_answer import of_waveforms
@@ -141,27 +144,135 @@ def test_a_comparison_finds_lag_scale_and_what_is_left(record, tmp_path):
     assert all(abs(one.arrival) < 5e-9 and one.residual < 0.06 for one in exact.receivers)
 
 
-def test_least_squares_errors_are_those_of_repeated_experiments():
-    """The spread over 300 made-up experiments, in which all receivers share a jitter, is what the
-    errors say, to 20 %; without groups they would say half of it."""
+@pytest.mark.parametrize("held", [0.0, 0.9], ids=["jitter", "jitter of a narrow band"])
+def test_least_squares_errors_are_those_of_repeated_experiments(held):
+    """The spread over 200 made-up experiments, in which all receivers share a jitter, is what the
+    errors say, to 20 %; without groups they would say half of it. So too where the jitter at a time
+    is nine tenths of the one before, which has it four times as large in a slow pulse. Times after
+    the experiment, at which nothing is compared, change nothing."""
+    times, members = np.arange(600), 4
+    pulse = np.exp(-(((times - 250) / 80) ** 2)) * np.sin(0.05 * times)
 
-    class Line:
-        parameters = (Parameter("slope", 0.0, -np.inf, np.inf, 1.0),)
+    class Pulse:
+        parameters = (Parameter("height", 1.0, -np.inf, np.inf, 1.0),)
 
         def __init__(self, rng):
-            self.x = np.repeat(np.linspace(0, 1, 60), 8)
-            shared = np.repeat(rng.standard_normal(60), 8)
-            self.y = 2 * self.x + shared + 0.3 * rng.standard_normal(480)
+            shared = lfilter([1], [1, -held], rng.standard_normal(900))[300:, None]
+            noise = (shared + 0.3 * rng.standard_normal((600, members))) * (times < 500)[:, None]
+            self.x = np.repeat(pulse * (times < 500), members)
+            self.y = 2 * self.x + 0.3 * noise.ravel()
 
         def residuals(self, values):
-            groups = np.repeat(np.arange(60), 8)
-            return values["slope"] * self.x - self.y, self.x[:, None], groups
+            left = values["height"] * self.x - self.y
+            return left, self.x[:, None], np.repeat(times, members)
 
     rng = np.random.default_rng(0)
-    found = [solve(Line(rng)) for _ in range(300)]
-    spread = np.std([one.values["slope"] for one in found])
-    said = np.median([one.errors["slope"] for one in found])
+    found = [solve(Pulse(rng)) for _ in range(200)]
+    spread = np.std([one.values["height"] for one in found])
+    said = np.median([one.errors["height"] for one in found])
     assert said == pytest.approx(spread, rel=0.2)
+
+
+def test_what_is_hardly_in_a_direction_that_is_not_told_has_its_part_in_the_error():
+    """Of a + 10 b alone the data tell, and of c: b may be off by a tenth of what a may be."""
+
+    class Three:
+        parameters = tuple(Parameter(key, 1.0, -np.inf, np.inf, 1.0) for key in "abc")
+
+        def residuals(self, values):
+            J = np.array([[1, 10, 0], [1, 10, 0], [0, 0, 1], [0, 0, 1], [1, 10, 1]], float)
+            noise = 1e-3 * np.array([1, -1, 1, -1, 0])
+            return J @ (np.array(list(values.values())) - 1) + noise, J, np.arange(5)
+
+    found = solve(Three())
+    assert np.isnan(found.errors["a"])
+    assert found.errors["b"] > 0.1
+    assert found.errors["c"] < 0.01
+
+
+@pytest.mark.parametrize("late", [0.25, 0.5])
+def test_lateness_and_size_are_those_between_samples(late):
+    """Of a burst of four samples to a period, which is late by part of one: both to 1e-3."""
+    t = np.arange(200.0)
+
+    def burst(t):
+        return np.exp(-(((t - 100) / 12) ** 2)) * np.sin(np.pi * (t - 100) / 2)
+
+    found = misfit("a", 0.0, 1.2 * burst(t - late), burst(t), burst(t), 1e-6)
+    assert found.arrival == pytest.approx(late * 1e-6, abs=1e-9)
+    assert found.amplitude == pytest.approx(1.2, rel=1e-3)
+
+
+def laid_out(more, positions, folder):
+    """The case with more in it, and a record of columns at positions."""
+    path = case(folder)
+    path.write_text(path.read_text() + more)
+    loaded = load(path)
+    t = np.linspace(0, 1e-5, 200)
+    columns = {f"ch{n}": np.sin(1e6 * t + n) for n in range(len(positions))}
+    places = dict(zip(columns, positions, strict=True))
+    return loaded, PulseTestRecord("made", t, columns, places, None)
+
+
+def test_columns_are_those_of_the_places_that_are_meant(tmp_path):
+    """Distances from the source, of which one is by chance the place of another receiver; columns
+    closer than a millimetre to one receiver; two at one place, of which neither is meant."""
+    loaded, _ = laid_out("", [], tmp_path)
+    planned = loaded.simulation
+    (start,) = (source.position for source in planned.sources)
+    near, far = planned.receivers.values()
+    planned = replace(planned, receivers={"a": near, "b": near + start, "c": far + start})
+    _, record = laid_out("", [near - start, near, far], tmp_path)
+    found = matched(record, planned, None)
+    assert found.names == ("a", "b", "c")
+    assert np.array_equal(found.values[:, 1], record.signals["ch1"])
+    planned = replace(planned, receivers={"a": near})
+    with pytest.raises(MatchError, match="no receiver of the case"):
+        matched(laid_out("", [near - 4e-4, near + 5e-4], tmp_path)[1], planned, None)
+    with pytest.raises(MatchError, match="no receiver of the case"):
+        matched(laid_out("", [near, near], tmp_path)[1], planned, None)
+    _, record = laid_out("", [near, far], tmp_path)
+    twice = replace(
+        record, signals=dict(zip(["a (mV)", "a (V)"], [*record.signals.values()], strict=True))
+    )
+    with pytest.raises(MatchError, match="rename all but the one"):
+        matched(replace(twice, positions=dict.fromkeys(twice.signals, np.nan)), planned, None)
+
+
+TWO = """
+[[layers]]
+thickness = 0.012
+{first}
+[[layers]]
+thickness = {last}
+{second}
+"""
+
+
+def test_layers_keep_what_is_their_own(tmp_path):
+    """Of two layers with quality factors of their own, signals are those of the exact solver; one
+    quality factor for both, or one value of what is graded, is refused."""
+    length = load(case(tmp_path)).simulation.bar.length
+    own = TWO.format(first="quality_factor = 200.0", second="quality_factor = 8.0",
+                     last=length - 0.012)  # fmt: skip
+    loaded, record = laid_out(own, [np.nan], tmp_path)
+    made = loaded.simulation
+    named = replace(record, signals=dict.fromkeys(made.receivers, record.signals["ch0"]))
+    named = replace(named, positions=dict.fromkeys(made.receivers, np.nan))
+    measured = matched(named, made, None)
+    varied = targets(loaded, ["medium.anisotropy"])
+    there = Waveforms(loaded, varied, measured).simulated({"medium.anisotropy": START["a"]})
+    exact = signals(made.layers, "free", "absorbing", made.sources, made.receivers, made.times)
+    for j, name in enumerate(measured.names):
+        size = np.abs(exact[name][measured.field]).max()
+        assert np.abs(there[:, j] - exact[name][measured.field]).max() <= 1e-3 * size
+    with pytest.raises(FitError, match="losses of their own"):
+        targets(loaded, ["medium.quality_factor"])
+    graded = TWO.format(first="", second="anisotropy = [0.2, 0.4]", last=length - 0.012)
+    for key in ("medium.anisotropy", "layers.1.anisotropy"):
+        with pytest.raises(FitError, match=r"layers\.1 is graded in anisotropy"):
+            targets(laid_out(graded, [np.nan], tmp_path)[0], [key])
+    assert targets(laid_out(graded, [np.nan], tmp_path)[0], ["medium.density"])
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,30 @@ def test_few_receivers_even_or_not(x, both):
     assert np.abs(found / k - 1).max() < 1e-9
 
 
+@pytest.mark.parametrize("receivers", [3, 12])
+@pytest.mark.parametrize("loss", [0.0, 400.0])
+def test_a_line_to_the_left_of_its_source_tells_what_its_mirror_image_does(receivers, loss):
+    """k, its error and what two modes would have to be apart; of a wave without losses of its own,
+    and of one that falls by 14 dB from each receiver to the next. k is ω/c + i(α + σ/c)."""
+    c, interval, count = 300.0, 1e-6, 600
+    x = 0.01 + 4e-3 * np.arange(receivers)
+    t = interval * np.arange(count)
+    arg = (np.pi * 2e4 * (t - 75e-6)) ** 2
+    f = np.fft.rfftfreq(4 * count, interval)
+    spectrum = np.fft.rfft((1 - 2 * arg) * np.exp(-arg), 4 * count)
+    waves = spectrum[:, None] * np.exp(-(2j * np.pi * f[:, None] / c + loss) * x)
+    u = np.fft.irfft(waves, axis=0)[:count]
+    omega = 2 * np.pi * np.linspace(8e3, 3e4, 9)
+    right = in_space(record(u[None], t, x, sources=[0.0]), omega)
+    left = in_space(record(u[None, :, ::-1], t, 0.2 - x[::-1], sources=[0.2]), omega)
+    sigma = right.omega.imag / c
+    for found in (right, left):
+        assert found.valid.all()
+        assert np.abs(found.k - (omega / c + 1j * (loss + sigma))).max() <= 1e-3
+        assert found.error.max() <= 1e-2
+    assert left.error == pytest.approx(right.error, rel=1e-2, abs=1e-5)
+
+
 def test_two_pairs_at_once():
     # Measured 2e-12: travelling and near-field wave of a beam, both ways, on nine receivers.
     x = np.linspace(0, 0.4, 9)

@@ -1,17 +1,20 @@
-"""What several commands take: a case and values laid over it, a record and what its file leaves
-unsaid; and how a shell completes them."""
+"""What several commands take and do: options, a case read, results written, printed as JSON."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from wavesim.report.terminal import BAD_INPUT, stop
+from wavesim.report.terminal import BAD_INPUT, stop, unwritable
 
 
 def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -32,6 +35,26 @@ def keys(context: click.Context, parameter: click.Parameter, begun: str) -> list
         found += [f"{name}.{key}=" for key in getattr(table, "model_fields", ())]
     found += [f"sources.0.{key}=" for key in ("field", "position", "peak_frequency", "width")]
     return [CompletionItem(key) for key in found if key.startswith(begun)]
+
+
+class Number(click.types.FloatParamType):
+    """A finite number."""
+
+    name = "float"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """The number, else a line that says what it must be."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is no finite number.", param, ctx)
+        return number
+
+
+class NumberIn(Number, click.FloatRange):
+    """A finite number within a range."""
+
+
+NUMBER, POSITIVE, NOT_NEGATIVE = Number(), NumberIn(min=0, min_open=True), NumberIn(min=0)
 
 
 class Frequency(click.ParamType):
@@ -86,7 +109,7 @@ INPUT = click.option(
     help="The transmitter's column: its heading, or its number from 1 (times are 1); 'column 2' "
     "or 'heading 2' where either may be meant.",
 )
-SOURCES = click.option("--source", "places", type=float, multiple=True, help="Position in m.")
+SOURCES = click.option("--source", "places", type=NUMBER, multiple=True, help="Position in m.")
 RING = click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")
 
 
@@ -108,10 +131,10 @@ BESIDE = options(
         metavar="NAME",
         help="What the record is of, such as phi1 or u1; what is driven where not given.",
     ),
-    click.option("--lag", type=float, help="Of the record's clock, s; fitted where not given."),
+    click.option("--lag", type=NUMBER, help="Of the record's clock, s; fitted where not given."),
     click.option(
         "--scale",
-        type=float,
+        type=NUMBER,
         help="Unit of the record over that of the field; fitted where not given.",
     ),
 )
@@ -121,8 +144,8 @@ _OPTIONS = (
     click.option("--time", metavar="NAME", help="Array of its times."),
     click.option("--positions", metavar="NAME|X1,X2,…",
                  help="Array of its receivers' positions, or the positions themselves, in m."),
-    click.option("--interval", type=float, help="Δt in s; stands before the file's times."),
-    click.option("--spacing", type=float,
+    click.option("--interval", type=POSITIVE, help="Δt in s; stands before the file's times."),
+    click.option("--spacing", type=POSITIVE,
                  help="Receiver spacing in m; stands before the file's positions."),
     click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
     click.option("--position-unit", metavar="UNIT", help="Of the file's positions: m, mm, in …"),
@@ -155,3 +178,50 @@ def layout(said: dict[str, Any]) -> Any:
         with contextlib.suppress(ValueError):  # else it is the name of an array
             said = said | {"positions": tuple(float(part) for part in parts)}
     return Layout(**said)
+
+
+def read_case(case: str, overrides: Sequence[str] = ()) -> Any:
+    """The case of a file or a name."""
+    from wavesim.case.load import load
+
+    return load(case, overrides)
+
+
+def read_layers(case: str, overrides: Sequence[str] = ()) -> Any:
+    """The material alone of a case that need not be one of a simulation."""
+    from wavesim.case.layered_case import load_layers
+
+    return load_layers(case, overrides)
+
+
+def folder_for(out: str | None, case: str) -> Path:
+    """Where results go."""
+    return Path(out) if out else Path("outputs") / Path(case).stem
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """A folder that is there; what can't be written into it ends the command with a line."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        stop(*unwritable(error, f"--out {error.filename or folder}"))
+
+
+def print_json(answer: Any) -> None:
+    """One line."""
+    click.echo(json.dumps(answer, ensure_ascii=False))
+
+
+def write_json(path: Path, answer: Any, indent: int | None = 1) -> None:
+    """The same as a file."""
+    text = json.dumps(answer, ensure_ascii=False, indent=indent)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def write_table(path: Path, heads: Sequence[str], rows: Any, fmt: str = "%.18e") -> None:
+    """Numbers as CSV under a line of headings."""
+    import numpy as np
+
+    np.savetxt(path, rows, fmt=fmt, delimiter=",", header=",".join(heads), comments="")

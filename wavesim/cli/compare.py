@@ -5,7 +5,6 @@ Exit codes: 0 all well; 1 more is left than --tolerance allows; 2 bad input.
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,18 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BESIDE, JSON, SET, WRITTEN, record_options
-from wavesim.cli.shared import print_json, read_case, write_json, writing
+from wavesim.cli.arguments import (
+    BESIDE,
+    JSON,
+    NOT_NEGATIVE,
+    SET,
+    WRITTEN,
+    print_json,
+    read_case,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -37,18 +46,11 @@ def laid_beside(record: str, case: str, field: str | None, overrides: Any, layou
         stop(f"{record}: {error}", BAD_INPUT)
 
 
-def stated(option: str, value: float | None) -> float | None:
-    """A number that an option states, if it can be used."""
-    if value is not None and not math.isfinite(value):
-        stop(f"{option} {value}: must be a finite number", BAD_INPUT)
-    return value
-
-
 @click.command(short_help="A record beside a case's signals: lag, scale, misfit.")
 @click.argument("record", type=click.Path())
 @click.argument("case", type=click.Path())
 @BESIDE
-@click.option("--tolerance", type=float, help="Exit with 1 where the residual is more, –.")
+@click.option("--tolerance", type=NOT_NEGATIVE, help="Exit with 1 where the residual is more, –.")
 @WRITTEN
 @JSON
 @SET
@@ -67,7 +69,6 @@ def compare(
 ) -> None:
     """Lay the signals of CASE over those of RECORD, receiver by receiver, and tell them apart."""
     loaded, measured = laid_beside(record, case, field, overrides, layout)
-    lag, scale = stated("--lag", lag), stated("--scale", scale)
     from wavesim.material.shown import plain
     from wavesim.studies import comparison
 

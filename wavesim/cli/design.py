@@ -8,8 +8,17 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET
-from wavesim.cli.shared import folder_for, read_case, write_json, writing
+from wavesim.cli.arguments import (
+    CASE,
+    OUT,
+    QUIET,
+    SET,
+    NumberIn,
+    folder_for,
+    read_case,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import FELL_SHORT, console, new_table
 
 # What T of the time domain may differ by from the exact one.
@@ -22,7 +31,7 @@ _AGREES = 1e-3
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(1),
+    type=NumberIn(1),
     default=40.0,
     show_default=True,
     help="Of work after which no further round is begun; twice that where less than 1 dB lacks.",

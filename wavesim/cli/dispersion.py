@@ -16,8 +16,23 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, JSON, RING, SOURCES, WRITTEN, options, record_options
-from wavesim.cli.shared import print_json, read_case, write_json, writing
+from wavesim.cli.arguments import (
+    BAND,
+    JSON,
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    RING,
+    SOURCES,
+    WRITTEN,
+    NumberIn,
+    options,
+    print_json,
+    read_case,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
 
 # So many frequencies are shown; the files have all.
@@ -38,7 +53,7 @@ _OPTIONS = options(
     WRITTEN,
     JSON,
     click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
-    click.option("--quiet-from", type=float, help="Time in s from which no source acts."),
+    click.option("--quiet-from", type=NUMBER, help="Time in s from which no source acts."),
     SOURCES,
     RING,
     click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
@@ -285,7 +300,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 @click.option(
     "--method", type=click.Choice(("auto", "harmonic", "fft")), default="auto", show_default=True
 )
-@click.option("--k-max", type=float, help="Highest wavenumber, rad/m.")
+@click.option("--k-max", type=POSITIVE, help="Highest wavenumber, rad/m.")
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
@@ -303,10 +318,10 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 @_OPTIONS
 @BAND
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)
-@click.option("--damping", type=click.FloatRange(4, 30),
+@click.option("--damping", type=NumberIn(4, 30),
               help="σT of the exponential window; by the noise where not given.")  # fmt: skip
 @click.option("--pairs", type=click.IntRange(1, 2), default=1, help="Most pairs ±k sought.")
-@click.option("--clear", type=float, help="Distance to keep from sources, m.")
+@click.option("--clear", type=NOT_NEGATIVE, help="Distance to keep from sources, m.")
 @click.option("--spreading", type=click.Choice(("plane", "cylindrical", "spherical")),
               default="plane", help="How waves spread from --source; plane: not.")  # fmt: skip
 def attenuation(

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.shared import writing
+from wavesim.cli.arguments import writing
 from wavesim.report.terminal import BAD_INPUT, stop, told
 
 _FOLDER = click.argument("folder", type=click.Path(file_okay=True))

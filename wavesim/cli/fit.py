@@ -13,9 +13,21 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BESIDE, JSON, SET, WRITTEN, record_options
-from wavesim.cli.compare import laid_beside, stated
-from wavesim.cli.shared import print_json, read_case, read_layers, write_json, writing
+from wavesim.cli.arguments import (
+    BESIDE,
+    JSON,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SET,
+    WRITTEN,
+    print_json,
+    read_case,
+    read_layers,
+    record_options,
+    write_json,
+    writing,
+)
+from wavesim.cli.compare import laid_beside
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
@@ -38,10 +50,18 @@ from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
     "longitudinal, where not given.",
 )
 @click.option(
-    "--speeds", nargs=2, type=float, metavar="V_P V_S", help="Of long waves, m/s: fit CASE to them."
+    "--speeds",
+    nargs=2,
+    type=POSITIVE,
+    metavar="V_P V_S",
+    help="Of long waves, m/s: fit CASE to them.",
 )
 @click.option(
-    "--speed-errors", nargs=2, type=float, metavar="E_P E_S", help="One standard error of each."
+    "--speed-errors",
+    nargs=2,
+    type=NOT_NEGATIVE,
+    metavar="E_P E_S",
+    help="One standard error of each.",
 )
 @click.option(
     "--shear", metavar="FILE", help="pulse.json of S waves; RECORD is that of P waves then."
@@ -82,7 +102,6 @@ def fit(
     if not keys:
         stop("--vary: required, but not given; name what to fit, as medium.anisotropy", BAD_INPUT)
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
-    lag, scale = stated("--lag", lag), stated("--scale", scale)
     from wavesim.material.shown import plain
     from wavesim.studies.fit_answer import is_points, of_points, of_waveforms
     from wavesim.studies.least_squares import FitError

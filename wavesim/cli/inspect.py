@@ -9,8 +9,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import INPUT, JSON, RING, SOURCES, record_options
-from wavesim.cli.shared import print_json
+from wavesim.cli.arguments import INPUT, JSON, RING, SOURCES, print_json, record_options
 from wavesim.report.terminal import FELL_SHORT, console, new_table
 
 _WIDTH = 80

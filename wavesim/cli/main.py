@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET
+from wavesim.cli.arguments import CASE, OUT, QUIET, SET, folder_for, read_case
 from wavesim.cli.begin import cases, completion, init, schema
 from wavesim.cli.compare import compare
 from wavesim.cli.design import design
@@ -29,7 +29,6 @@ from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
-from wavesim.cli.shared import folder_for, read_case
 from wavesim.cli.sweep import sweep
 from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
@@ -51,18 +50,15 @@ _WORTH_IT = 20.0
 
 def _planned(case: str, loaded: Any) -> Any:
     """How the simulation of a case is stepped."""
+    from wavesim.case.layered_case import builder
     from wavesim.timedomain.time_step import time_step
 
-    try:
-        return time_step(loaded.simulation)
-    except ValueError as error:
-        stop(f"{case}: [time] {error}", BAD_INPUT)
-    except ArithmeticError:
-        stop(f"{case}: its numbers are too large, or too small, to reckon with", BAD_INPUT)
+    return builder(case)(("time",), time_step, loaded.simulation)
 
 
 def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
     """What a run takes, which is refused where it is more than there is, or was allowed."""
+    from wavesim.case.layered_case import builder
     from wavesim.timedomain.cost import check_cost, cost, seconds_of
 
     try:
@@ -70,10 +66,7 @@ def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) 
     except ValueError as error:
         stop(f"--at-most {at_most}: {error}", BAD_INPUT)
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
-    try:
-        check_cost(loaded.simulation, taken, longest, folder)
-    except ValueError as error:
-        stop(f"{case}: [time] {error}", BAD_INPUT)
+    builder(case)(("time",), check_cost, loaded.simulation, taken, longest, folder)
     return taken
 
 

@@ -11,8 +11,13 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, JSON, OUT, SET
-from wavesim.cli.shared import (
+from wavesim.cli.arguments import (
+    BAND,
+    CASE,
+    JSON,
+    NUMBER,
+    OUT,
+    SET,
     folder_for,
     print_json,
     read_layers,
@@ -156,7 +161,7 @@ def _tell_covering(found: Any, band: tuple[float, float]) -> None:
         click.echo(f"no gap holds all of {ends} anywhere on the map: take other keys or ranges")
 
 
-_AXIS = (str, float, float)
+_AXIS = (str, NUMBER, NUMBER)
 
 
 @click.command(short_help="Map the gaps of a medium over two parameters.")

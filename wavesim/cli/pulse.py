@@ -15,8 +15,18 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import INPUT, JSON, WRITTEN, record_options
-from wavesim.cli.shared import print_json, read_layers, write_json, writing
+from wavesim.cli.arguments import (
+    INPUT,
+    JSON,
+    NUMBER,
+    POSITIVE,
+    WRITTEN,
+    print_json,
+    read_layers,
+    record_options,
+    write_json,
+    writing,
+)
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 # Waves in solids, from loose dust to diamond, m/s; others are of a wrong unit.
@@ -39,7 +49,7 @@ class _Set:
 @click.option(
     "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
 )
-@click.option("--delay", type=float, help="Of cables and transducers, s.")
+@click.option("--delay", type=NUMBER, help="Of cables and transducers, s.")
 @click.option(
     "--face-to-face",
     metavar="FILE",
@@ -52,7 +62,7 @@ class _Set:
 )
 @click.option(
     "--expected",
-    type=float,
+    type=POSITIVE,
     nargs=2,
     metavar="F C",
     help="About how fast the wave is, C m/s at F Hz, where phases or packets are ambiguous.",
@@ -164,8 +174,6 @@ def _setup(
             stop(f"--distance {distance}: must be greater than 0, in m", BAD_INPUT)
     if delay is not None and face_to_face is not None:
         stop("give either --delay or --face-to-face, one of the two", BAD_INPUT)
-    if delay is not None and not math.isfinite(delay):
-        stop(f"--delay {delay}: must be a time in s", BAD_INPUT)
     delays = {} if delay is None else dict.fromkeys(CONVENTIONS, delay)
     if face_to_face is not None:
         delays = _delays(face_to_face, layout)

@@ -8,9 +8,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET
+from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET, folder_for
 from wavesim.cli.interrupts import farewell
-from wavesim.cli.shared import folder_for
 from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop, unwritable
 from wavesim.worker import cores
 

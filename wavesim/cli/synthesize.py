@@ -8,9 +8,8 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import JSON
+from wavesim.cli.arguments import JSON, NOT_NEGATIVE, NUMBER, POSITIVE, print_json
 from wavesim.cli.dispersion import medium_of
-from wavesim.cli.shared import print_json
 from wavesim.report.terminal import BAD_INPUT, console, stop
 
 
@@ -46,22 +45,24 @@ def _relation(medium: str | None, sector: str, function: str | None) -> Any:
 @click.option("--sector", default="longitudinal", show_default=True)
 @click.option("--relation", metavar="FILE.py:NAME", help="… or of a function ω(k) of your own.")
 @click.option("--receivers", type=click.IntRange(2, 65536), default=48, show_default=True)
-@click.option("--spacing", type=float, required=True, help="Between receivers, m.")
-@click.option("--first", type=float, default=0.0, help="Position of the first, m.")
-@click.option("--duration", type=float, required=True, help="s")
+@click.option("--spacing", type=POSITIVE, required=True, help="Between receivers, m.")
+@click.option("--first", type=NUMBER, default=0.0, help="Position of the first, m.")
+@click.option("--duration", type=POSITIVE, required=True, help="s")
 @click.option("--samples", type=click.IntRange(16, 1_000_000), required=True)
-@click.option("--peak-frequency", type=float, required=True, help="Of the Ricker pulse, Hz.")
-@click.option("--source", type=float, default=0.0, help="Its position, m.")
-@click.option("--width", type=float, default=0.0, help="Standard deviation in x, m; 0 a point.")
-@click.option("--length", type=float, help="Of the ring, m; far longer than the record else.")
+@click.option("--peak-frequency", type=POSITIVE, required=True, help="Of the Ricker pulse, Hz.")
+@click.option("--source", type=NUMBER, default=0.0, help="Its position, m.")
+@click.option(
+    "--width", type=NOT_NEGATIVE, default=0.0, help="Standard deviation in x, m; 0 a point."
+)
+@click.option("--length", type=POSITIVE, help="Of the ring, m; far longer than the record else.")
 @click.option("--ring", is_flag=True, help="Receivers go round the whole ring.")
-@click.option("--k-max", type=float, help="Highest wavenumber in it, rad/m.")
-@click.option("--noise", type=float, default=0.0, help="Over the peak, –.")
-@click.option("--jitter", type=float, default=0.0, help="Of the times, s.")
-@click.option("--misplacement", type=float, default=0.0, help="Of the receivers, m.")
-@click.option("--dead", type=int, default=0, help="Receivers that give nothing.")
-@click.option("--bits", type=int, default=0, help="Of the digitiser.")
-@click.option("--seed", type=int, default=0)
+@click.option("--k-max", type=POSITIVE, help="Highest wavenumber in it, rad/m.")
+@click.option("--noise", type=NOT_NEGATIVE, default=0.0, help="Over the peak, –.")
+@click.option("--jitter", type=NOT_NEGATIVE, default=0.0, help="Of the times, s.")
+@click.option("--misplacement", type=NOT_NEGATIVE, default=0.0, help="Of the receivers, m.")
+@click.option("--dead", type=click.IntRange(0), default=0, help="Receivers that give nothing.")
+@click.option("--bits", type=click.IntRange(0), default=0, help="Of the digitiser.")
+@click.option("--seed", type=click.IntRange(0), default=0)
 def synthesize(file: str, medium: str | None, sector: str, relation: str | None, **o: Any) -> None:
     """Write a record of known truth to FILE (.npz with the truth, or .csv)."""
     waves = _relation(medium, sector, relation)
@@ -70,9 +71,6 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
     from wavesim.records import synthetic
     from wavesim.records.files import write
 
-    for name in ("spacing", "duration", "peak_frequency"):
-        if not o[name] > 0:
-            stop(f"--{name.replace('_', '-')} {o[name]:g}: must be greater than 0", BAD_INPUT)
     x = synthetic.positions(o["receivers"], o["spacing"], o["first"])
     t = np.linspace(0, o["duration"], o["samples"])
     spoil = synthetic.Spoil(
@@ -90,7 +88,7 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
 @click.command(short_help="Points of any program against a record's truth.")
 @click.argument("truth", type=click.Path())
 @click.argument("points", type=click.Path())
-@click.option("--k-max", type=click.FloatRange(0, min_open=True),
+@click.option("--k-max", type=POSITIVE,
               help="Highest wavenumber at which waves can be missed, rad/m.")  # fmt: skip
 @JSON
 def score(truth: str, points: str, k_max: float | None, as_json: bool) -> None:

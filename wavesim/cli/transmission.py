@@ -7,8 +7,12 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, JSON, OUT, SET
-from wavesim.cli.shared import (
+from wavesim.cli.arguments import (
+    BAND,
+    CASE,
+    JSON,
+    OUT,
+    SET,
     folder_for,
     print_json,
     read_layers,

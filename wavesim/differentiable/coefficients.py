@@ -71,12 +71,17 @@ def loss_law(losses: dict[str, Any] | None, index: Any) -> dict[str, Any] | None
     return None if losses is None else {name: value[index] for name, value in losses.items()}
 
 
+def is_real(losses: dict[str, Any] | None, omega: Any) -> bool:
+    """Whether 𝒟 is real, as where nothing is lost and ω is real."""
+    return losses is None and not jnp.iscomplexobj(omega)
+
+
 def moduli(losses: dict[str, Any] | None, omega: Any, time: Any) -> tuple[Any, Any]:
     """m(ω) and ι(ω) of one layer (``material.damping``), complex; 1 and 1 without losses.
 
     Args:
         losses: of one layer.
-        omega: scaled, (N,); time: its unit, s.
+        omega: scaled, (N,), real or complex; time: its unit, s.
     """
     if losses is None:
         return 1.0, 1.0
@@ -87,7 +92,7 @@ def moduli(losses: dict[str, Any] | None, omega: Any, time: Any) -> tuple[Any, A
     return modulus, 1 + 1j * losses["mass"] / at
 
 
-def _outward(wave: Wave, losses: dict[str, Any], omega: Any, time: Any) -> tuple[Any, Any]:
+def _outward(wave: Wave, losses: dict[str, Any] | None, omega: Any, time: Any) -> tuple[Any, Any]:
     """Complex k, with Im k ≥ 0 or, where k is real, energy to the right; and Z."""
     m, iota = moduli(losses, omega, time)
     D = wave.stiffness(omega, m, iota)
@@ -99,7 +104,7 @@ def _outward(wave: Wave, losses: dict[str, Any], omega: Any, time: Any) -> tuple
 
 def half_space(wave: Wave, losses: dict[str, Any] | None, omega: Any, time: Any) -> HalfSpace:
     """The wave that goes out into a half-space; arguments of one layer, as :func:`across`."""
-    if losses is None:
+    if is_real(losses, omega):
         D = wave.stiffness(omega, 1.0, 1.0)
         Z = jnp.sqrt(wave.i_phi * jnp.abs(D))
         passes = D > 0
@@ -117,11 +122,11 @@ def across(
 
     Args:
         wave: of the layer.
-        losses: its loss law; None where no layer has one: the three are then real.
+        losses: its loss law; None where no layer has one: at real ω the three are then real.
         omega: scaled, (N,); time: its unit, s.
         h: its thickness, scaled.
     """
-    if losses is None:
+    if is_real(losses, omega):
         D = wave.stiffness(omega, 1.0, 1.0)
         Z, passes = jnp.sqrt(wave.i_phi * jnp.abs(D)), D > 0
         phase = omega * wave.i_phi / Z * h

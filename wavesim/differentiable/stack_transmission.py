@@ -27,6 +27,7 @@ from wavesim.differentiable.coefficients import (
     Wave,
     across,
     half_space,
+    is_real,
     loss_law,
     moduli,
     units_of,
@@ -82,7 +83,7 @@ def transmission(
         ValueError: the sector is unknown, or nothing travels in it: as Γ → 0 micro-fields alone
             swing on the spot, each at one frequency.
     """
-    block = block_of(stack, sector)
+    block = travelling_block(stack.kinds[0].family, sector, stack.kept)
     if omega is None or jnp.iscomplexobj(omega) or jnp.ndim(omega) == 0:
         raise ValueError("omega: must be a list of real frequencies, rad/s")
     solve = with_gradient if stack.kept else _transmission
@@ -98,7 +99,8 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
     last = first if stack.last is None else waves(stack.kinds, stack.last, block, units)
     left = half_space(first.of(0), loss_law(stack.losses, 0), scaled, units.time)
     right = half_space(last.of(-1), loss_law(stack.losses, -1), scaled, units.time)
-    state = behind(right, stack.losses)
+    real = is_real(stack.losses, scaled)
+    state = behind(right, real)
     thickness = stack.thickness / units.length
     clear = jnp.ones(scaled.shape, bool)
     for grading, at in stack.stretches():
@@ -113,7 +115,7 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
             pieces = first.of(at), thickness[at], loss_law(stack.losses, at)
             step = jax.checkpoint(partial(through_layer, scaled, units.time), prevent_cse=False)
             state, _ = jax.lax.scan(step, state, pieces)
-    a, b, lost = before(state, left, stack.losses)
+    a, b, lost = before(state, left, real)
     T, R = jnp.exp(-lost) / a, b / a
     incident = jnp.where(left.carries, left.Z.real, jnp.nan)
     through = jnp.where(right.carries, right.Z.real, 0.0) / incident
@@ -121,21 +123,21 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
     return T, R, level_of(a, lost), power_T, power_R, clear
 
 
-def behind(right: HalfSpace, losses: dict[str, Any] | None) -> tuple[Any, Any, Any]:
+def behind(right: HalfSpace, real: bool) -> tuple[Any, Any, Any]:
     """(v, g) at the right end, and what was set apart of them as decay, none; (N,) each.
 
-    Without losses v and g are real and imaginary part apart, as all that acts on them is real.
+    Where all that acts on them is real v and g are real and imaginary part apart.
     """
     v, g = jnp.ones_like(right.Z), -1j * right.Z
-    if losses is None:
+    if real:
         v, g = (jnp.stack([z.real, z.imag]) for z in (v, g))
     return v, g, jnp.zeros(right.Z.shape)
 
 
-def before(state: Any, left: HalfSpace, losses: dict[str, Any] | None) -> tuple[Any, Any, Any]:
+def before(state: Any, left: HalfSpace, real: bool) -> tuple[Any, Any, Any]:
     """a, b and the decay, of (v, g) at the left end."""
     v, g, lost = state
-    if losses is None:
+    if real:
         v, g = (jax.lax.complex(z[0], z[1]) for z in (v, g))
     f = 1j * g
     return (v + f / left.Z) / 2, (v - f / left.Z) / 2, lost
@@ -211,8 +213,3 @@ def _graded(
         return found[0][:, None], found[1][:, None]
 
     return System(halves, rate, zeros)
-
-
-def block_of(stack: TracedLayers, sector: str) -> Block:
-    """The block in which a sector's waves travel, by the name of either."""
-    return travelling_block(stack.kinds[0].family, sector, stack.kept)

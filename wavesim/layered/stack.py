@@ -190,9 +190,12 @@ class Stack:
             piece on its right, or at the right end to the last one.
         """
         length = self.layers.length
-        points = [load for load in loads if load.width == 0]
-        marks = {0.0, length, *self.layers.interfaces, *cuts}
-        marks |= {min(max(load.position * self.units.length, 0.0), length) for load in points}
+        points = [
+            (load, min(max(load.position * self.units.length, 0.0), length))
+            for load in loads
+            if load.width == 0
+        ]
+        marks = {0.0, length, *self.layers.interfaces, *cuts, *(x for _, x in points)}
         for load in loads:
             for u in (-8.5, -4.0, -2.0, 0.0, 2.0, 4.0, 8.5) if load.width > 0 else ():
                 x = (load.position + u * load.width) * self.units.length
@@ -203,8 +206,7 @@ class Stack:
         for start, end in itertools.pairwise(nodes):
             layer = self.layers.layer_at((start + end) / 2)
             one = self.piece(layer, start, end, loads)
-            for load in points:
-                x = min(max(load.position * self.units.length, 0.0), length)
+            for load, x in points:
                 if x == start or (x == end == length):
                     here = self.section(layer, x)
                     s = driven(here, self.scaled, load.component)

@@ -19,9 +19,9 @@ from wavesim.simulation.simulation import Simulation
 
 Float = NDArray[Any]
 
-# A position is a receiver's within this part of the least distance between receivers, and of a mm
-# where there is one.
-_NEAR = 0.05
+# A position is a receiver's within this part of the least distance between receivers, or a mm where
+# there is one, and within that part of the least distance between positions.
+_NEAR, _OF_APART = 0.05, 0.1
 _ALONE = 1e-3
 _FEWEST = 32
 
@@ -121,16 +121,27 @@ def _pairs(record: PulseTestRecord, planned: Simulation) -> tuple[dict[str, str]
     def bare(text: str) -> str:
         return text.split("(")[0].split("[")[0].strip().strip('"').lower()
 
-    by_name = {bare(label): label for label in record.signals}
+    labels = [bare(label) for label in record.signals]
+    for receiver in planned.receivers:
+        if labels.count(bare(receiver)) > 1:
+            raise MatchError(
+                f"{labels.count(bare(receiver))} columns of the record are named as receiver "
+                f"{receiver!r} is: rename all but the one that is meant"
+            )
+    by_name = dict(zip(labels, record.signals, strict=True))
     found = {n: by_name[bare(n)] for n in planned.receivers if bare(n) in by_name}
     if found:
         return found, "name"
     places = {n: x for n, x in record.positions.items() if np.isfinite(x)}
     first = min(float(s.position) for s in planned.sources)
-    for shift, how in ((0.0, "position"), (first, "distance from the source")):
-        found = _by_place(planned.receivers, {n: x + shift for n, x in places.items()})
-        if found:
-            return found, how
+    ways = {
+        how: _by_place(planned.receivers, {n: x + shift for n, x in places.items()})
+        for shift, how in ((0.0, "position"), (first, "distance from the source"))
+    }
+    # A place of one receiver may be the distance of another: what finds more of them is meant.
+    how = max(ways, key=lambda one: len(ways[one]))
+    if ways[how]:
+        return ways[how], how
     if len(record.signals) == 1 == len(planned.receivers):
         return {next(iter(planned.receivers)): next(iter(record.signals))}, "being the only ones"
     return {}, ""
@@ -141,11 +152,13 @@ def _by_place(receivers: Mapping[str, float], places: Mapping[str, float]) -> di
         return {}
     x = np.sort(np.array(list(receivers.values())))
     near = _NEAR * float(np.min(np.diff(x))) if len(x) > 1 else _ALONE
+    apart = np.diff(np.unique(list(places.values())))
+    near = min(near, _OF_APART * float(apart.min())) if len(apart) else near
     found = {}
     for name, position in receivers.items():
-        label = min(places, key=lambda one: abs(places[one] - position))
-        if abs(places[label] - position) <= near:
-            found[name] = label
+        there = [label for label in places if abs(places[label] - position) <= near]
+        if len(there) == 1:  # of several at one place it is not known which is meant
+            found[name] = there[0]
     return found
 
 

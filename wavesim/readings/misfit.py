@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.matched_record import Measured
-from wavesim.simulation.bandlimited import cross_correlation
+from wavesim.simulation.bandlimited import between, cross_correlation
 
 Float = NDArray[Any]
 
 # Spectra are compared where both have this part of their peak.
 _IN_BAND = 0.1
+# A correlation is looked at so many times between its samples.
+_PARTS = 50
 
 
 @dataclass(frozen=True)
@@ -103,12 +105,15 @@ def misfit(
     """
     there = there - there.mean()
     c = cross_correlation(u, there)
-    at = int(np.argmax(c))
-    a, b, d = c[max(at - 1, 0)], c[at], c[min(at + 1, len(c) - 1)]
+    # The top between samples, of four to a period even.
+    near = int(np.argmax(c)) + np.linspace(-1, 1, 2 * _PARTS + 1)
+    shown = between(c, near)
+    at = int(np.clip(np.argmax(shown), 1, 2 * _PARTS - 1))
+    a, b, d = shown[at - 1 : at + 2]
     bend = a - 2 * b + d
-    top = at + (0.5 * float((a - d) / bend) if bend < 0 else 0.0)
+    top = near[at] + (0.5 * float((a - d) / bend) if bend < 0 else 0.0) / _PARTS
     power = float(np.sum(there**2)) or 1.0
-    amplitude = float(c[at]) / power
+    amplitude = float(b) / power
     U, T = np.abs(np.fft.rfft(u)), np.abs(np.fft.rfft(there))
     band = (_IN_BAND * U.max() < U) & (_IN_BAND * T.max() < T)
     level = 20 * np.log10(U[band] / T[band]) if band.any() else np.array([np.nan])

@@ -27,8 +27,9 @@ _POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offse
               "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
               "coordinates")  # fmt: skip
 _INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "tstep", "timestep",
-              "ts", "xincrement")  # fmt: skip
+              "ts", "xincrement", "tinterval")  # fmt: skip
 _RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
+_STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
 _TRUTH = "truth_"
 
@@ -256,13 +257,14 @@ def _side_by_side(content: Content, layout: Layout) -> tuple[Float, tuple[str, .
     own = {
         n: a for n, a in arrays.items()
         if a.ndim == 1 and a.dtype.kind in "fiubc" and len(a) > 1 and n != layout.time
-        and n != layout.positions and _bare(n) not in _TIMES + _POSITIONS
+        and n != layout.positions and _bare(n) not in _TIMES
     }  # fmt: skip
     times = [n for n, a in arrays.items() if a.ndim == 1 and (_bare(n) in _TIMES
                                                               or n == layout.time)]  # fmt: skip
     length = len(arrays[times[0]]) if times else max((len(a) for a in own.values()), default=0)
+    # Positions would be as many as signals, so that one of a signal's length is a signal too.
     own = {n: a for n, a in own.items() if len(a) == length}
-    if not own or not (times or layout.interval):
+    if not own or not (times or layout.interval or _step(content, layout)):
         raise RecordError(
             f"holds no array of two axes, times and receivers; arrays are {_listed(arrays)}"
         )
@@ -311,14 +313,33 @@ def _times(
         return first + layout.interval * np.arange(frames), "", 0.0
     if t is not None:
         return t, note, resolution
+    step = _step(content, layout)
+    if step is None:
+        return None
+    start, note = 0.0, f"times by {step[1]} of the file"
+    for key, number in _numbers(content):
+        if _bare(key) in _STARTS or re.split(r"[/.]", key)[-1].lower() == "t0":
+            unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
+            start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
+    return start + step[0] * np.arange(frames), note, 0.0
+
+
+def _numbers(content: Content) -> list[tuple[str, float]]:
+    """Single real numbers of a file, with their names."""
+    return [
+        (key, float(a.ravel()[0]))
+        for key, a in content.arrays.items()
+        if a.size == 1 and a.dtype.kind in "fiu" and np.isfinite(a).all()
+    ]
+
+
+def _step(content: Content, layout: Layout) -> tuple[float, str] | None:
+    """The interval that a file's numbers say, s, and which of them."""
     for usual, inverse in ((_INTERVALS, False), (_RATES, True)):
-        for key, number in arrays.items():
-            if number.size == 1 and number.dtype.kind in "fiu" and _bare(key) in usual:
-                step = float(number.ravel()[0])
+        for key, number in _numbers(content):
+            if _bare(key) in usual and number > 0:
                 unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
-                step = 1 / step if inverse and step else step * (factor(unit, "time") or 1.0)
-                if step > 0 and np.isfinite(step):
-                    return step * np.arange(frames), f"times by {key} of the file", 0.0
+                return 1 / number if inverse else number * (factor(unit, "time") or 1.0), key
     return None
 
 

@@ -9,13 +9,14 @@ from typing import Any
 
 from rich.console import Console
 
-from wavesim.material.shown import KHZ, with_error
+from wavesim.material.shown import DECIBELS, KHZ, with_error
 from wavesim.readings.pulse.reading import Reading
 from wavesim.readings.pulse.series_reading import Series
 from wavesim.report.terminal import new_table
 
 _CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")
 _WIDE = 110
+_PER_MM = 1e-3 * DECIBELS
 # More notes than this are told by their number alone.
 _MOST_NOTES = 12
 # Receivers whose arrivals are shown.
@@ -125,13 +126,13 @@ def _spectra(console: Console, one: Reading) -> None:
     if not own:
         return
     rows = own[:: max(1, len(own) // 8)]
-    table = new_table("f (kHz)", "c (m/s)", "v_g (m/s)", "α (Np/m)", "Q", words=0)
+    table = new_table("f (kHz)", "c (m/s)", "v_g (m/s)", "α (dB/mm)", "Q", words=0)
     for i in rows:
         table.add_row(
             f"{found.omega[i] * KHZ:.5g}",
             with_error(found.phase_velocity[i], found.phase_error[i]),
             with_error(found.group_velocity[i], found.group_error[i]),
-            with_error(found.attenuation[i], found.attenuation_error[i]),
+            with_error(_PER_MM * found.attenuation[i], _PER_MM * found.attenuation_error[i]),
             _quality(found, i),
         )
     console.print(table)

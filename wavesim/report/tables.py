@@ -26,7 +26,7 @@ from wavesim.report.answers import (
 )
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
-from wavesim.simulation.resolution import highest_frequency, largest_phase
+from wavesim.simulation.resolution import highest_carried, largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
@@ -105,7 +105,7 @@ def survey(
     simulated = case.simulation
     medium, bar, layers = simulated.medium, simulated.bar, simulated.layers
     frames, frame = simulated.frames, simulated.interval
-    carried = highest_frequency(simulated.layers, bar) / 1e3
+    carried = highest_carried(simulated.layers, bar) / 1e3
     seconds = steps.step * float(scales(medium).time)
     rows = [
         ("title", case.title or "–"),

@@ -19,7 +19,7 @@ def check_carried(source: Source, layers: Layers, bar: Bar) -> None:
     """Hold a source's frequency to what the grid can carry in every layer of the bar.
 
     Raises:
-        ValueError: the frequency is above :func:`highest_frequency`; of an initial field, it is
+        ValueError: the frequency is above :func:`highest_carried`; of an initial field, it is
             too narrow.
     """
     if isinstance(source, InitialField):
@@ -33,7 +33,7 @@ def check_carried(source: Source, layers: Layers, bar: Bar) -> None:
             )
         return
     key, frequency = _pitch(source)
-    highest = highest_frequency(layers, bar)
+    highest = highest_carried(layers, bar)
     if frequency > highest:
         spacing = bar.spacing * highest / frequency
         raise ValueError(
@@ -54,7 +54,7 @@ def _pitch(source: Source) -> tuple[str, float]:
     return "peak_frequency", source.peak_frequency
 
 
-def highest_frequency(layers: Layers, bar: Bar) -> float:
+def highest_carried(layers: Layers, bar: Bar) -> float:
     """Frequency at which the grid's phase error on the fastest wave of some layer reaches 1 %, Hz.
 
     The fastest wave has c_∞ = √(C_φφ/m_φ); at a given frequency it is the longest.

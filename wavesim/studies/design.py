@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from wavesim.case.schema import CaseError, parse, tables_of
+from wavesim.case.varied_key import VariedKey
+from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem, problem
-from wavesim.studies.design_search import SECONDS, Search, Tell, search
+from wavesim.studies.design_search import SECONDS, Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
 from wavesim.studies.designed_case import designed_tables
 
@@ -124,25 +126,34 @@ def design(
     functions = Search(own)
     _check_matter(functions, name)
     found = search(functions, seed, seconds, tell)
-    values = np.array([float(f"{value:.{_DIGITS}g}") for value in found.values])
-    values = np.clip(values, own.low, own.high)
-    reached = _exact(own, values, name)
+    values, reached = _written(own, found.values, name)
     met = bool((own.short(reached) == 0).all())
     say: Callable[[str, float], None] = tell or (lambda stage, short: None)
     say("tolerances" if met else "trade-off", float(own.short(reached).max()))
+    rows, keeps = ([], None) if met else trade_off(functions, values)
+    if keeps is not None:
+        values, reached = _written(own, keeps, name)
+        met = bool((own.short(reached) == 0).all())
     return Design(
         own,
         values,
         reached,
         allowed_offsets(functions, values) if met else None,
         yield_of(functions, values, own.tolerance, seed) if met else 0.0,
-        [] if met else trade_off(functions, values),
+        [] if met else rows,
         functions.evaluations,
         found.starts,
         found.seconds,
         seed,
         dumps(designed_tables(tables, own, values.tolist())),
     )
+
+
+def _written(own: Problem, values: Any, name: str) -> tuple[Any, Any]:
+    """Values as they are written, and what is reached with these."""
+    values = np.array([float(f"{value:.{_DIGITS}g}") for value in values])
+    values = np.clip(values, own.low, own.high)
+    return values, _exact(own, values, name)
 
 
 def _exact(own: Problem, values: Any, name: str) -> Any:
@@ -177,6 +188,20 @@ def _check_matter(functions: Search, name: str) -> None:
         if not moves > _MATTERS:
             raise CaseError(
                 f'{name}: [[design.variables]]: key = "{key.key}" ({number + 1} of '
-                f"{len(own.keys)}): changes nothing in the bands; nor does the thickness of a "
-                "half-space or of a layer of its medium, or what Γ alone has; leave it out"
+                f"{len(own.keys)}): changes nothing in the bands; {_why(own, key)}"
             )
+
+
+def _why(own: Problem, key: VariedKey) -> str:
+    """Why a variable changes nothing, and what to do."""
+    for n, side, first in ((0, "left", "first"), (len(own.known.stretches) - 1, "right", "last")):
+        if key.name == "thickness" and set(key.layers) == {n}:
+            end = own.known.ends[-1 if n else 0]
+            return (
+                f'the {first} layer stands for a half-space where [bar] {side} = "{end}"; take '
+                f'{side} = "half-space", which is beside all layers, or leave the key out'
+            )
+    return (
+        "nor does the thickness of a layer of a half-space's medium, or what Γ alone has; "
+        "leave it out"
+    )

@@ -15,9 +15,7 @@ import numpy as np
 from wavesim.case.layered_case import BarLayers, bar_layers, builder
 from wavesim.case.schema import CaseError, CaseFile, DesignTable, VariableTable
 from wavesim.case.varied_key import VariedKey, varied_key
-from wavesim.differentiable.graded_slices import uniform_slices
-from wavesim.differentiable.level_slopes import level_and_slopes
-from wavesim.differentiable.stack_transmission import transmission
+from wavesim.differentiable.level_slopes import level, level_and_slopes
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.layered.specimen import specimen
 from wavesim.material.layers import Layers
@@ -99,11 +97,12 @@ class Problem:
         return self.low + (self.high - self.low) * x
 
     def stack_at(self, values: Any) -> TracedLayers:
-        """The stack with values of the variables, shape (n,); may be traced."""
+        """What stands between half-spaces, with values of the variables, (n,); may be traced."""
         stack = self.stack
         for number, key in enumerate(self.keys):
             stack = stack.with_values(key.name, key.layers, values[number], key.end)
-        return stack
+        # Half-spaces have no length, which would cost where they lose.
+        return stack.with_values("thickness", [0, -1], 0.0)
 
     def layers_at(self, values: Any) -> Layers:
         """The same as layers of plain numbers."""
@@ -156,7 +155,8 @@ class Problem:
 
     def slopes(self) -> Callable[[Any, Any], tuple[Any, Any]]:
         """Compiled: L in dB at frequencies of each wish in turn, (members, M), and ∂L/∂x,
-        (members, M, n), of x from 0 to 1, (members, n), and each member's (wishes, count), Hz."""
+        (members, M, n), of x from 0 to 1, (members, n), and each member's frequencies, real or
+        complex, (wishes, count), Hz."""
         order = np.argsort([n for own in self._sectors.values() for n in own])
 
         def both(x: Any, frequency: Any) -> tuple[Any, Any]:
@@ -170,25 +170,21 @@ class Problem:
 
         return jax.jit(jax.vmap(both))
 
-    def compiled(self, count: int) -> Callable[[Any], tuple[Any, Any]]:
-        """Compiled: worst level of each wish and where (Hz), shape (members, wishes) each, of
-        values (members, n)."""
-        net = self.net(count)
+    def levels(self) -> Callable[[Any, Any], Any]:
+        """Compiled: L in dB, (members, wishes, count), of values (members, n), at real or complex
+        frequencies of each wish, (wishes, count), Hz."""
 
-        def worst(values: Any) -> tuple[Any, Any]:
-            stack = uniform_slices(self.stack_at(values), _FINER)
+        def all_(values: Any, frequency: Any) -> Any:
+            stack = self.stack_at(values)
             found = [jnp.zeros(())] * len(self.wishes)
-            where = [jnp.zeros((), int)] * len(self.wishes)
             for sector, own in self._sectors.items():
-                omega = 2 * np.pi * net[own].ravel()
-                level = transmission(stack, sector, omega).level
-                for n, part in zip(own, level.reshape(len(own), count), strict=True):
-                    where[n] = jnp.argmax(part) if self.wishes[n].most else jnp.argmin(part)
-                    found[n] = part[where[n]]
-            at = jnp.asarray(net)[np.arange(len(net)), jnp.stack(where)]
-            return jnp.stack(found), at
+                omega = 2 * np.pi * frequency[np.array(own)]
+                levels = level(stack, sector, omega.ravel(), _FINER).reshape(omega.shape)
+                for n, part in zip(own, levels, strict=True):
+                    found[n] = part
+            return jnp.stack(found)
 
-        return jax.jit(jax.vmap(worst))
+        return jax.jit(jax.vmap(all_, (0, None)))
 
     def short(self, reached: Any) -> Any:
         """By how much each wish is missed, dB, 0 where it is kept; reached (…, wishes)."""

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.studies.design_search import Search
+from wavesim.studies.design_descent import Search
+from wavesim.studies.design_search import moved_on
 
 # Relative offsets of one variable that are looked at, and members of a yield.
 _OFFSETS = np.geomspace(1e-4, 0.3, 25)
@@ -87,7 +88,7 @@ def yield_of(own: Search, values: Any, tolerance: float, seed: int) -> float:
     return float(np.mean(_short(own, moved) == 0))
 
 
-def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:
+def trade_off(own: Search, values: Any) -> tuple[list[dict[str, Any]], Any]:
     """What is reached where some wishes count for more than others, from the best stack there is.
 
     Args:
@@ -97,7 +98,8 @@ def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:
     Returns:
         [{"weights": …, "reached": worst levels in dB, "short": shortfalls in dB}], from the stack
         that favours what is to be stopped to that which favours what is to pass; where all
-        wishes are of one kind, each is favoured in turn.
+        wishes are of one kind, each is favoured in turn. All by the exact solver. And the values of
+        the variables of a stack among them that keeps every wish; None where none does.
     """
     problem = own.problem
     x = (values - problem.low) / (problem.high - problem.low)
@@ -107,11 +109,13 @@ def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:
     elif len(most) > 1:
         scales = [np.where(np.arange(len(most)) == n, _FACTORS[-1], 1.0) for n in range(len(most))]
     else:
-        return []
-    rows = []
+        return [], None
+    rows, keeps = [], None
     for scale in scales:
-        end = own.moved_on(np.clip(x, 0, 1), scale)
-        reached = own.reached(problem.values(end)[None])[0]
+        end = moved_on(own, np.clip(x, 0, 1), scale)
+        reached, _ = problem.exact(problem.values(end))
+        if (problem.short(reached) == 0).all():
+            keeps = problem.values(end)
         rows.append(
             {
                 "weights": [wish.weight * f for wish, f in zip(problem.wishes, scale, strict=True)],
@@ -119,4 +123,4 @@ def trade_off(own: Search, values: Any) -> list[dict[str, Any]]:
                 "short": problem.short(reached).tolist(),
             }
         )
-    return rows
+    return rows, keeps

@@ -192,9 +192,11 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
     points = _points(path)
     sector = _sector(path, case, [one.name for one in varied], sector)
     (block, *_) = case.medium.family.blocks_of(sector)
-    found = medium_fit.fit(
-        [medium_fit.Observed(block, points)], case.medium, [one.name for one in varied]
-    )
+    seen = [medium_fit.Observed(block, points)]
+    try:
+        found = medium_fit.fit(seen, case.medium, [one.name for one in varied])
+    except FitError as wrong:
+        raise FitError(f"{path}: {wrong}") from None
     keyed = {one.name: one.key for one in varied}
     notes = [
         f"{found.points} numbers of {sector} points, χ² per degree of freedom "
@@ -241,7 +243,7 @@ def _points(path: Path) -> BranchPoints:
     in_space = all(name in (rows[0] if rows else {}) for name in _IN_SPACE)
     needed = _IN_SPACE if in_space else _IN_TIME
     try:
-        table = {n: np.array([float(row[n]) for row in rows]) for n in needed}
+        table = {n: np.array([float(row[n] or "nan") for row in rows]) for n in needed}
         valid = np.array(
             [row.get("valid", "True").strip().lower() in ("true", "1") for row in rows]
         )

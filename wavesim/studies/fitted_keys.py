@@ -44,10 +44,14 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
             raise FitError(f"--vary {key}: must end in one of {', '.join(allowed)}")
         if table == ["medium"]:
             if name == QUALITY:
+                _check_one_law(key, layers)
                 own = tuple(range(len(layers)))
             else:
                 base = getattr(case.medium, name)
-                own = tuple(i for i, one in enumerate(layers) if getattr(one.medium, name) == base)
+                own = tuple(
+                    i for i, one in enumerate(layers)
+                    if base in [getattr(medium, name) for medium in one.ends]
+                )  # fmt: skip
         elif len(table) == 2 and table[0] == "layers" and table[1].isdigit():
             number = int(table[1])
             if name == QUALITY:
@@ -60,6 +64,12 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
             own = (number,)
         else:
             raise FitError(f"--vary {key}: must be medium.NAME or layers.N.NAME, N from 0")
+        graded = [i for i in own if name != QUALITY and _graded(layers[i], name)]
+        if graded:
+            raise FitError(
+                f"--vary {key}: layers.{graded[0]} is graded in {name}, and one value would make "
+                "it uniform: fit parameters that its two ends share"
+            )
         if not own:
             raise FitError(f"--vary {key}: layers have values of their own; name layers.N.{name}")
         full = ".".join([*table, name])
@@ -71,8 +81,30 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
     return found
 
 
+def _check_one_law(key: str, layers: Sequence[Layer]) -> None:
+    """Refuse a quality factor that is not all that is lost, or not that of all layers."""
+    law = layers[0].medium.damping
+    if any(medium.damping != law for layer in layers for medium in layer.ends):
+        raise FitError(
+            f"--vary {key}: layers have losses of their own, and one quality factor is fitted for "
+            "all: give all the one of [medium]"
+        )
+    if law.mass or law.stiffness:
+        raise FitError(
+            f"--vary {key}: no quality factor is fitted beside mass_damping and stiffness_damping: "
+            "leave them out"
+        )
+
+
+def _graded(layer: Layer, name: str) -> bool:
+    return len({getattr(medium, name) for medium in layer.ends}) > 1
+
+
 def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> tuple[Layers, Damping]:
-    """Layers with parameters laid over, and the law of their losses."""
+    """Layers with parameters laid over, and the law of all of them where a quality factor is one.
+
+    Without it each layer has its own, and the law is that of the first.
+    """
     made: list[Layer] = list(layers.layers)
     law = made[0].medium.damping
     for one, value in zip(varied, theta, strict=True):

@@ -8,9 +8,10 @@ disturbance (all receivers at one time share its jitter):
 
     cov = (JᵀJ)⁻¹ (Σ_g J_gᵀ r_g r_gᵀ J_g) (JᵀJ)⁻¹,
 
-or s²(JᵀJ)⁻¹ where that is more; s² is what is left over. A direction of (θ, ν), each in units of
-its own size, along which J hardly changes is one that the data do not tell: it is named, and what
-lies along it has no error bar. Liang & Zeger, Biometrika 73, 13 (1986).
+or of what noise of their spectrum, smoothed over some bins, makes of J, as noise of a narrow band
+is alike for a while; or s²(JᵀJ)⁻¹, whichever is most; s² is what is left over. A direction of
+(θ, ν), each in units of its own size, along which J hardly changes is one that the data do not
+tell: it is named, and what lies along it has no error bar. Liang & Zeger, Biometrika 73, 13 (1986).
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ Float = NDArray[Any]
 # is more than this many times the parameters themselves.
 _CONDITION = 1e-7
 _UNKNOWN = 3.0
-# Parts of a direction below this are not named.
+# Parts of a direction below this are not named, but part of the error.
 _NAMED = 0.15
+# The spectrum of noise is a mean over so many bins 2π/T to either side.
+_BINS = 8
 _MOST_EVALUATIONS = 60
 
 
@@ -141,16 +144,16 @@ def solve(
     )  # fmt: skip
     x = answer.x
     r, J, groups = at(x)
-    covariance, directions = _uncertainty(r, J * scale, groups, np.maximum(np.abs(x), 1.0))
+    size = np.maximum(np.abs(x), 1.0)
+    covariance, directions, open_by = _uncertainty(r, J * scale, groups, size)
     told = covariance * scale[:, None] * scale
     errors = np.sqrt(np.maximum(np.diag(told), 0.0))
     named = []
-    for direction in directions:
+    for direction, far in zip(directions, open_by, strict=True):
         parts = {k: float(v) for k, v in zip(keys, direction, strict=True) if abs(v) > _NAMED}
         named.append(parts)
-        for j, key in enumerate(keys):
-            if key in parts:
-                errors[j] = np.nan
+        errors = np.hypot(errors, far * np.abs(direction) * size * scale)
+        errors[[key in parts for key in keys]] = np.nan
     ends = tuple(
         key for key, v, a, b, m in zip(keys, x, low, high, margin, strict=True)
         if v - a <= 10 * m or b - v <= 10 * m
@@ -170,24 +173,51 @@ def solve(
 
 def _uncertainty(
     r: Float, J: Float, groups: NDArray[np.int_], size: Float
-) -> tuple[Float, list[Float]]:
-    """Covariance of what is told, and directions that are not, in units of the parameters' size."""
-    n, p = J.shape
+) -> tuple[Float, list[Float], list[float]]:
+    """Covariance of what is told; directions that are not, and how far along them the data leave it
+    open, in units of the parameters' size."""
+    p = J.shape[1]
+    # Data that nothing moves, as outside a run, tell nothing of the noise.
+    n = int(((r != 0) | (J != 0).any(axis=1)).sum())
     U, s, Vt = np.linalg.svd(J * size, full_matrices=False)
-    variance = float(np.sum(r**2)) / (n - p)
-    with np.errstate(divide="ignore"):
-        error = np.sqrt(variance) / s
+    variance = float(np.sum(r**2)) / max(n - p, 1)
+    error = np.sqrt(variance) / np.maximum(s, _CONDITION * s[0] or 1e-300)
     told = (s > _CONDITION * s[0]) & (error < _UNKNOWN)
     inverse = np.where(told, 1 / np.where(told, s, 1.0), 0.0)
     plain = (Vt.T * inverse**2) @ Vt * variance
     # Scores of each group, in the directions that are told.
+    slopes = U * inverse
     scores = np.zeros((int(groups.max()) + 1, p))
-    np.add.at(scores, groups, (U * r[:, None]) * inverse)
-    count = len(np.unique(groups))
-    grouped = Vt.T @ (scores.T @ scores) @ Vt * count / max(count - p, 1)
-    # Each parameter's variance is the larger of the two.
-    ratio = np.sqrt(np.maximum(np.diag(grouped) / np.maximum(np.diag(plain), 1e-300), 1.0))
+    np.add.at(scores, groups, slopes * r[:, None])
+    count = int(scores.any(axis=1).sum())
+    # Each parameter's variance is the largest of those.
+    found = np.diag(plain)
+    for part in (scores.T @ scores * count / max(count - p, 1), _coloured(r, slopes, groups)):
+        found = np.maximum(found, np.diag(Vt.T @ part @ Vt))
+    ratio = np.sqrt(found / np.maximum(np.diag(plain), 1e-300))
     covariance = plain * ratio[:, None] * ratio
-    return covariance * size[:, None] * size, [
-        row for row, ok in zip(Vt, told, strict=True) if not ok
-    ]
+    return (
+        covariance * size[:, None] * size,
+        [row for row, ok in zip(Vt, told, strict=True) if not ok],
+        np.maximum(error, _UNKNOWN)[~told].tolist(),
+    )
+
+
+def _coloured(r: Float, slopes: Float, groups: NDArray[np.int_]) -> Float:
+    """What noise of the residuals' spectrum makes of the scores, shape (p, p).
+
+    Groups are times, one after the other, of as many members each.
+    """
+    p, times = slopes.shape[1], int(groups.max()) + 1
+    if len(r) % times or (groups != np.repeat(np.arange(times), len(r) // times)).any():
+        return np.zeros((p, p))
+    members = len(r) // times
+    noise = np.fft.fft(r.reshape(times, members), 2 * times, axis=0)
+    heard = np.conj(np.fft.fft(slopes.reshape(times, members, p), 2 * times, axis=0))
+    alive = int((r.reshape(times, members) != 0).any(axis=1).sum())
+    shifts = range(-2 * _BINS, 2 * _BINS + 1)
+    total = np.zeros((p, p))
+    for shift in shifts:
+        scores = np.einsum("fm,fmp->fp", np.roll(noise, shift, axis=0), heard)
+        total += (np.conj(scores.T) @ scores).real
+    return total / (2 * times * max(alive - p, 1) * len(shifts))

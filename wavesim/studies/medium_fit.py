@@ -103,7 +103,8 @@ def fit(
         The fit.
 
     Raises:
-        FitError: a parameter is unknown, or the points can't tell the parameters apart.
+        FitError: a parameter is unknown, a valid point is no number or has no error above 0, or
+            the points can't tell the parameters apart.
     """
     unknown = [name for name in parameters if name not in start.known()]
     if unknown or not parameters:
@@ -121,6 +122,15 @@ def fit(
         raise FitError(
             f"{total} valid points for {len(parameters)} parameters: more points are needed"
         )
+    for o in kept:
+        told = np.abs(o.points.k) + np.abs(o.points.omega)
+        for bad in np.flatnonzero(~(np.isfinite(told) & (o.points.error > 0)))[:1]:
+            raise FitError(
+                f"point k = {np.abs(o.points.k[bad]):.4g} rad/m, ω = "
+                f"{np.real(o.points.omega[bad]):.4g} rad/s, error {o.points.error[bad]:g}: must be "
+                "numbers, with a standard error above 0; give it one, or mark the point valid = "
+                "False"
+            )
     scaled = np.clip(first / unit, low / unit, high / unit)
     names = _named(kept, start)
     for _ in range(_ROUNDS):

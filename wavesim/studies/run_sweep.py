@@ -121,10 +121,15 @@ class RunMeasure:
 
 
 def _worst(checks: Any) -> float:
-    return max(
-        (abs(c.measured - c.reference) / c.tolerance for c in checks if c.tolerance > 0),
-        default=float("nan"),
-    )
+    """Above 1 where a check falls short: of what is no number, or may not be off at all, ∞."""
+
+    def over(check: Any) -> float:
+        off = abs(check.measured - check.reference)
+        if check.tolerance > 0 and np.isfinite(off):
+            return float(off / check.tolerance)
+        return 0.0 if check.passed else np.inf
+
+    return max(map(over, checks), default=np.nan)
 
 
 def _checked(file: CaseFile, name: str) -> Case:

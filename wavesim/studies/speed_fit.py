@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +30,8 @@ NOT_TOLD = (
     "softer contacts have the same speeds; K_n_r, K_n_g and strain_inertia are not felt by long "
     "waves but near the gaps; K_n_r is kept in its ratio to K_n_a"
 )
+
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -118,19 +121,20 @@ def fit_speeds(
     a = float(start.anisotropy)
     A, B, C, D = 21 + 12 * a, 14 + 2 * a, 7 + a, 28 + 13 * a
     q = (v_p / v_s) ** 2
-    eta = (A - q * C) / (q * D - B)
+    # Near the least ratio, (B/D)½, rounding alone tells η.
+    below = not q * D > B * (1 + _ROUNDING)
+    eta = math.nan if below else (A - q * C) / (q * D - B)
     eta = eta if abs(eta) > 1e-12 else 0.0
-    slope = (C * B - A * D) / (q * D - B) ** 2  # dη/dq
-    unit = 105 * float(start.density) / float(start.per_contacts)
-    stiffness = unit * v_s**2 / (C + D * eta)
-    if not (q * D > B and eta >= -1e-12):
-        limit = math.sqrt(A / C if q * D > B else B / D)
-        side = "above" if q * D > B else "below"
+    if below or eta < 0:
+        limit = math.sqrt(B / D if below else A / C)
+        side = "not above" if below else "above"
         reason = (
             f"V_P/V_S = {v_p / v_s:.4g} is {side} {limit:.4g}, which no stiffness_ratio ≥ 0 has at "
             f"anisotropy = {a:g}: another fabric, or a speed misread"
         )
         return SpeedFit(math.nan, math.nan, math.nan, math.nan, math.nan, reason, parameter)
+    slope = (C * B - A * D) / (q * D - B) ** 2  # dη/dq
+    stiffness = 105 * float(start.density) / float(start.per_contacts) * v_s**2 / (C + D * eta)
     # Derivatives by ln V_P and ln V_S.
     of_eta = np.array([2 * q * slope, -2 * q * slope])
     of_stiffness = np.array([0.0, 2 * stiffness]) - stiffness * D / (C + D * eta) * of_eta
@@ -155,7 +159,7 @@ def fit_series(
 
     Returns:
         A fit for each state that both have, and K_n_a = c · parameter^b, {"c", "b", "b_error"};
-        None with fewer than three states.
+        None with fewer than three states, or at one parameter alone.
 
     Raises:
         FitError: the series have no states in common.
@@ -167,29 +171,36 @@ def fit_series(
     fits = []
     for key in both:
         (v_p, e_p), (v_s, e_s) = known[0][key], known[1][key]
-        fits.append(fit_speeds(v_p, v_s, start, (e_p, e_s), key))
+        fits.append(fit_speeds(v_p, v_s, start, (e_p, e_s), key[0]))
     good = [one for one in fits if not one.reason and one.parameter and one.parameter > 0]
-    return fits, _power_law(good) if len(good) > 2 else None
+    told = len(good) > 2 and len({one.parameter for one in good}) > 1
+    return fits, _power_law(good) if told else None
 
 
-def _speeds(series: dict[str, Any]) -> dict[float, tuple[float, float]]:
-    """{parameter: (velocity, its error)} of the records that hold."""
+def _speeds(series: dict[str, Any]) -> dict[tuple[float, int], tuple[float, float]]:
+    """{(parameter, how many records had it before): (velocity, its error)} of those that hold."""
     records = series["records"]
     told = series.get("series") or {}
     values: Sequence[float] = told.get("values") or range(1, len(records) + 1)
-    found = {}
+    found, before = {}, Counter[float]()
     for value, record in zip(values, records, strict=True):
+        key = float(value), before[float(value)]
+        before[float(value)] += 1
         best = record.get("best") or {}
         if best.get("valid") and best.get("velocity"):
             error = best.get("velocity_error")
-            found[float(value)] = (float(best["velocity"]), math.nan if error is None else error)
+            found[key] = (float(best["velocity"]), math.nan if error is None else error)
     return found
 
 
 def _power_law(fits: Sequence[SpeedFit]) -> dict[str, float]:
+    """The law by least squares; its power is as unsure as scatter, or errors of K_n_a, have it."""
     x = np.log(np.array([f.parameter for f in fits], float))
     y = np.log([f.K_n_a for f in fits])
-    (b, c), residual, *_ = np.polyfit(x, y, 1, full=True)
-    left = float(residual[0]) if len(residual) else 0.0
-    error = math.sqrt(left / max(len(x) - 2, 1) / ((x - x.mean()) ** 2).sum())
+    b, c = np.polyfit(x, y, 1)
+    away = x - x.mean()
+    lever = float(np.sum(away**2))
+    scatter = float(np.sum((y - c - b * x) ** 2)) / (len(x) - 2) / lever
+    own = np.nan_to_num([f.K_n_a_error / f.K_n_a for f in fits])
+    error = math.sqrt(max(scatter, float(np.sum((away * own) ** 2)) / lever**2))
     return {"c": float(np.exp(c)), "b": float(b), "b_error": error}

@@ -10,12 +10,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wavesim.io.folder_lock import locked
-from wavesim.studies.gap_sweep import gap_measure
+from wavesim.planewave.gap_map import all_edges, edge_families
 from wavesim.studies.run_sweep import Judge, run_measure
-from wavesim.studies.sweep_case import SweptCase, swept_case
-from wavesim.studies.sweep_store import Store
+from wavesim.studies.sweep_case import SweptCase, check_matters, swept_case
+from wavesim.studies.sweep_store import Layout, Store, Variable
 from wavesim.studies.sweep_workers import SweepStoppedError, here, pool
+from wavesim.studies.swept_media import SweptMedia, swept_media
 from wavesim.studies.variation import Axis, Region, SweepError, variation
 
 MEASURES = ("gaps", "transmission", "run")
@@ -186,3 +190,72 @@ def _why(error: Exception) -> str:
         return "every worker that it was given to was lost: it may need more memory than they have"
     told = str(error).splitlines()
     return ": ".join([type(error).__name__, *told[:1]])
+
+
+_BLOCK = 5000
+_LOOKED_AT = "the parameters of the case's media"
+
+
+@dataclass(frozen=True)
+class GapMeasure:
+    """Edges of the gaps of a case's media.
+
+    Attributes:
+        swept: the media.
+    """
+
+    swept: SweptMedia
+
+    @property
+    def layout(self) -> Layout:
+        """What is stored."""
+        names = self.swept.names
+        own = ("medium", "gap") if len(names) > 1 else ("gap",)
+        about = "edge of a gap; lower = upper where it is closed"
+        variables = {name: Variable(own, "rad/s", f"{name} {about}") for name in ("lower", "upper")}
+        whose = edge_families(self.swept.media[0])
+        coordinates: dict[str, Any] = {"gap": (list(whose), "1")}
+        if len(names) > 1:
+            coordinates["medium"] = (list(names), "1")
+        return Layout(variables, coordinates, _BLOCK, {"family": (list(whose.values()), "gap")})
+
+    def prepare(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is sent to where the work is done."""
+        return values
+
+    def work(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[str]]:
+        """Edges, and why members have none.
+
+        Args:
+            values: shape (members, keys).
+        """
+        count = len(values)
+        families, messages = self.swept.families(values)
+        sides: tuple[list[Any], list[Any]] = ([], [])
+        for number, family in enumerate(families):
+            for side, edges in zip(sides, all_edges(family), strict=True):
+                parts = [np.broadcast_to(part, (count,)) for part in edges.values()]
+                side.append(np.stack(parts, axis=1))
+            # An edge that is not real is of a wave that grows.
+            unreal = np.isnan(sides[0][-1] + sides[1][-1]).any(axis=1)
+            for member in np.flatnonzero(unreal):
+                self.swept.tell_growing(messages, number, family, int(member))
+        failed = np.array([message != "" for message in messages])
+        found = {}
+        for name, parts in zip(("lower", "upper"), sides, strict=True):
+            whole = np.stack(parts, axis=1) if len(parts) > 1 else parts[0]
+            whole[failed] = np.nan
+            found[name] = whole
+        return found, messages
+
+
+def gap_measure(swept: SweptCase) -> GapMeasure:
+    """How the gaps of a sweep are measured.
+
+    Raises:
+        SweepError: no member can be made, or a key does not matter to any medium.
+    """
+    media, matters = swept_media(swept)
+    for axis, does in zip(swept.varied.axes, matters, strict=True):
+        check_matters(axis.key, does, "gaps", _LOOKED_AT)
+    return GapMeasure(media)

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from wavesim.studies.variation import Region, SweepError, Variation
 
 PENDING, DONE, FAILED = 0, 1, 2
+# What stands for a number that is not there, by its kind; all of them are read as NaN.
+_NOT_THERE = {"f": np.nan, "c": complex(np.nan, np.nan), "i": -1}
 _STATUS = {"flag_values": [PENDING, DONE, FAILED], "flag_meanings": "pending done failed"}
 
 
@@ -202,7 +204,7 @@ class Store:
         self, group: Any, name: str, dimensions: Any, shape: Any, chunks: Any, kind: Any
     ) -> Any:
         kind = str if kind is str or np.dtype(kind).kind in "UO" else np.dtype(kind)
-        fill = np.nan if kind is not str and kind.kind == "f" else None
+        fill = None if kind is str or name == "status" else _NOT_THERE.get(kind.kind)
         made = group.create_array(
             name, shape=shape, chunks=tuple(max(1, n) for n in chunks), dtype=kind, fill_value=fill
         )

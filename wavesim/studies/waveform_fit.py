@@ -265,7 +265,9 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
     from wavesim.timedomain.gradient import traced_fields
 
     layers, law = with_values(simulated.layers, varied, theta)
-    layers = layers.mapped(lambda medium: replace(medium, damping=law)) if law else layers
+    lossy = any(one.name == QUALITY for one in varied)
+    if lossy:
+        layers = layers.mapped(lambda medium: replace(medium, damping=law))
     planned = replace(simulated, layers=layers, solver="chebyshev")
 
     def faster(medium: Medium) -> Medium:
@@ -275,13 +277,12 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
     fastest = layers.mapped(faster)
     plain = [one for one in varied if one.name != QUALITY]
     columns = [i for i, one in enumerate(varied) if one.name != QUALITY]
-    relaxes = bool(law.strengths)
 
     def field_of(values: Any, given: Any) -> Any:
         own, _ = with_values(planned.layers, plain, [values[i] for i in columns])
         fields = traced_fields(
             own, planned, measured.positions, fastest=fastest, forward=True,
-            law=(given[0], given[1:]) if relaxes else None,
+            law=(given[0], given[1:]) if lossy else None,
         )  # fmt: skip
         return fields[measured.field]
 

@@ -22,7 +22,7 @@ here.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -129,19 +129,18 @@ def _pulled(of: Differences, force: Force, q: Any) -> Any:
     phi, B = q
     p = len(phi)
     strains = [*(of.to_half(one) for one in phi), *B]
-    made = [
-        sum((c * e for c, e in zip(row[1:], strains[1:], strict=True)), start=row[0] * strains[0])
-        for row in force.stress
-    ]
+    made = [_dot(row, strains) for row in force.stress]
     on_phi, on_B = [force.free * of.to_node(one) for one in made[:p]], made[p:]
     if force.bending:
         slopes = [of.to_node(one) for one in B]
         for j, row in enumerate(force.bending):
-            moment = sum(
-                (c * g for c, g in zip(row[1:], slopes[1:], strict=True)), start=row[0] * slopes[0]
-            )
-            on_B[j] = on_B[j] + force.back * of.to_half(moment)
+            on_B[j] = on_B[j] + force.back * of.to_half(_dot(row, slopes))
     return tuple(on_phi), tuple(on_B)
+
+
+def _dot(row: Sequence[Any], values: Sequence[Any]) -> Any:
+    first, *others = (c * v for c, v in zip(row, values, strict=True))
+    return sum(others, start=first)
 
 
 def _seen(indices: Any, weights: Any, q: Any) -> Any:

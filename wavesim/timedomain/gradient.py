@@ -116,8 +116,8 @@ def traced_fields(
     if sizes is not None:
         layers = _placed(layers, planned)
     given = as_layers(layers, planned.bar.length)
-    quickest = planned if fastest is None else dataclasses.replace(planned, layers=fastest)
-    step = _in_units_of(planned, quickest, time_step(_by_series(quickest)))
+    quickest = dataclasses.replace(planned, layers=fastest or planned.layers, solver="chebyshev")
+    step = _in_units_of(planned, quickest, time_step(quickest))
     _check(given, planned, quickest)
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
     by_moments = receivers is not None and not planned.lossy and not forward
@@ -165,10 +165,6 @@ def _integrated(equation: _Recorded, start: Any, step: TimeStep, forward: bool) 
     )
     first = equation.observe(begun)
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
-
-
-def _by_series(planned: Simulation) -> Simulation:
-    return dataclasses.replace(planned, solver="chebyshev")
 
 
 def _in_units_of(planned: Simulation, other: Simulation, step: TimeStep) -> TimeStep:

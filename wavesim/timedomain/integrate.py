@@ -238,11 +238,9 @@ def stream(
 
 def _memory(stepper: Any, equation: Equation, motion: Motion, h: Any) -> Any:
     """What a stepper keeps beside the motion, at t = 0."""
-    if isinstance(stepper, Propagator):
-        return stepper.begun
-    if isinstance(stepper, ExactStepper):
-        return None
     run = Run(equation, np.asarray(0.0), h)
+    if isinstance(stepper, ExactStepper):
+        return stepper.init(_NO_TERM, 0.0, 1.0, motion, run)
     made = jax.eval_shape(functools.partial(stepper.init, _TERM), 0.0, 1.0, motion, run)
     return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), made)
 

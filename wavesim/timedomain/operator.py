@@ -167,18 +167,15 @@ class Group(eqx.Module):
         """(σ, τ) = C (κ, B), the gradient term apart."""
         C, p = self.c.stiffness, self.c.macro
         strains = [*kappa, *B]
-        total = C[:, 0] * strains[0]
-        for j in range(1, len(strains)):
-            total = total + C[:, j] * strains[j]
+        first, *others = (C[:, j] * one for j, one in enumerate(strains))
+        total = sum(others, start=first)
         return total[:p], total[p:]
 
     def bending(self, B: Any) -> tuple[Any, Any]:
         """Slope g(B) at nodes, and Γ g over the length of each."""
         slope = -self.QT(B) / self.node_norm
-        force = self.c.gradient[:, 0] * slope[0]
-        for j in range(1, len(slope)):
-            force = force + self.c.gradient[:, j] * slope[j]
-        return slope, force
+        first, *others = (self.c.gradient[:, j] * one for j, one in enumerate(slope))
+        return slope, sum(others, start=first)
 
     def rate(self, y: State) -> State:
         """A y."""

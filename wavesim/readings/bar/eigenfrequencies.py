@@ -147,4 +147,4 @@ def _highest(field: Field, block: Block) -> float:
         for medium in layer.ends:
             k = wavenumber(medium, block.sector, omega)
             fine &= np.abs(k.real) * spacing <= 2 * np.pi / _CELLS
-    return float(omega[np.argmin(fine) - 1]) if not fine.all() and fine[0] else float(omega[-1])
+    return float(omega[-1] if fine.all() else np.append(0.0, omega)[np.argmin(fine)])

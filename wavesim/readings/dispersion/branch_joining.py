@@ -146,4 +146,8 @@ def _room(live: list[list[int]], step: Any, value: Float) -> Float:
     """Distance of each branch's last value to the nearest other branch's, or to 0."""
     last = np.array([value[track[-1]] for track in live])
     apart = np.abs(last[:, None] - last) + np.where(np.eye(len(last), dtype=bool), np.inf, 0)
+    # A single point that nothing went on from bounds no other.
+    at = np.array([step[track[-1]] for track in live])
+    ended = np.array([len(track) == 1 for track in live]) & (at < at.max())
+    apart[:, ended] = np.inf
     return np.minimum(apart.min(axis=1), np.abs(last))

@@ -148,7 +148,8 @@ def free_stretch(field: Field, block: Block) -> tuple[float, float]:
     own = [s for s in field.sources if s.field in block.fields]
     ends = sorted((s.position - 6 * s.width, s.position + 6 * s.width) for s in own)
     best, stretch = ends[-1][1], 0.0
-    reach = ends[0][1]
+    # One that stands out over the ring's end reaches in from its other side.
+    reach = max(ends[0][1], max(high for _, high in ends) - field.bar.length)
     following = [*ends[1:], (ends[0][0] + field.bar.length, 0.0)]
     for low, high in following:
         if low - reach > stretch:

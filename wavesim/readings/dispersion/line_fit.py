@@ -67,8 +67,9 @@ def _evaluate(U: Complex, x: Float, used: Any, k: Complex, both: bool) -> _State
 
     Each wave is counted from the end at which it is largest, so that none overflows.
     """
-    ahead = np.exp(1j * k[:, None, :] * (x - x[0])[:, None]) * used[..., None]
-    slope_a = 1j * (x - x[0])[:, None] * ahead
+    away = np.where(k[:, None, :].imag < 0, (x - x[-1])[:, None], (x - x[0])[:, None])
+    ahead = np.exp(1j * k[:, None, :] * away) * used[..., None]
+    slope_a = 1j * away * ahead
     basis = ahead
     if both:
         back = np.exp(-1j * k[:, None, :] * (x - x[-1])[:, None]) * used[..., None]
@@ -157,7 +158,7 @@ def _refined(data: Complex, x: Float, used: Any, k: Complex, both: bool) -> Comp
         size = np.abs(step)
         most = np.maximum(0.3 / length, 0.1 * np.abs(k))
         k = k + step * np.minimum(1, most / np.maximum(size, 1e-290))
-        k = k.real + 1j * np.clip(k.imag, -2 / length if not both else 0, 600 / length)
+        k = k.real + 1j * np.clip(k.imag, 0 if both else -600 / length, 600 / length)
         if (size <= 1e-14 * np.abs(k)).all():
             break
     return np.asarray(k)

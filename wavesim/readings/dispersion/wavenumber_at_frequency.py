@@ -167,7 +167,7 @@ def in_space(
     part = np.hypot(record.spacing_error, record.interval_error)
     points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
     points = _with_branches(points, omega)
-    points = _with_hidden(points, U, x, used, level, [fits[c][:2] for c in chosen])
+    points = _with_hidden(points, U, x, used, level, [fits[c] for c in chosen])
     return points if record.lattice else _unfolded(points, x, omega)
 
 
@@ -191,14 +191,17 @@ def _with_hidden(
 ) -> BranchPoints:
     """Errors with what a second wave leaves, where one was laid through the receivers."""
     omega, sigma = np.unique(points.omega.real), float(points.omega.imag.max(initial=0.0))
-    step = np.repeat(np.arange(len(U)), [pairs for pairs, _ in models])
+    step = np.repeat(np.arange(len(U)), [pairs for pairs, _, _ in models])
     nil = np.zeros(len(points))
     bends, close = Bends(nil, nil + np.inf, nil), nil + _CLOSE
     for both in (False, True):
-        rows = np.flatnonzero([model == (1, both) for model in models])
+        rows = np.flatnonzero([model[:2] == (1, both) for model in models])
         own = np.flatnonzero(np.isin(step, rows))
         if len(rows):
-            told, unlike = of_receivers(U[rows], x, used[rows], points.k[own], both, level[rows])
+            # The bend is that of the stronger wave, whichever way it runs.
+            back = [models[i][2].backward[i, 0] > models[i][2].forward[i, 0] for i in rows]
+            k = np.where(back, -points.k[own], points.k[own])
+            told, unlike = of_receivers(U[rows], x, used[rows], k, both, level[rows])
             bends = bends.put(own, told)
             close[own[unlike]] = _CLOSE_UNLIKE
     cell = 2 * np.pi / float(np.ptp(x))

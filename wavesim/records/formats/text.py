@@ -27,7 +27,7 @@ from wavesim.records.formats.dialect import (
     readable,
     splitter,
 )
-from wavesim.records.units import is_time, is_unit
+from wavesim.records.units import is_time, is_unit, position_in
 
 _COMMENTS = ("#", "%", "!", "//", '"#', "'")
 _REMARK = re.compile(r"comment|remark|note|bemerkung", re.IGNORECASE)
@@ -112,15 +112,12 @@ def read_table(path: Path) -> Table:
     data, overload, dated = _numbers(body, cells, separator, decimal, width, headings)
     units = [unit or ("s" if c in dated else "") for c, unit in enumerate(units)]
     kept = [c for c in range(width) if np.isfinite(data[:, c]).any() or headings[c].strip()]
-    if len(kept) > 1 and not any(cells(line)[0] for _, line in body):
+    if len(kept) > 1 and kept[0] == 0 and not any(cells(line)[0] for _, line in body):
         kept = kept[1:]  # rows that begin with a separator
     spare = [c for c in kept if not np.isfinite(data[:, c]).any()]
     # A column that is empty throughout, of times or named as a remark or as what it sets, is none.
     kept = [
-        c
-        for c in kept
-        if c not in spare
-        or not (_REMARK.match(headings[c]) or is_time(headings[c]) or _SETS.match(headings[c]))
+        c for c in kept if c not in spare or not (is_time(headings[c]) or _is_aside(headings[c]))
     ]
     return Table(
         [headings[c] for c in kept],
@@ -198,11 +195,11 @@ def _headings(
     blank = [""] * width
 
     def fitted(row: list[str]) -> list[str] | None:
-        while len(row) > width and not row[-1].strip():
+        while len(row) > width and (not row[-1].strip() or _is_aside(row[-1])):
             row = row[:-1]
         if len(row) == width + 1 and row[0].endswith(":"):
             row = row[1:]  # "columns: time[us] sent[V]"
-        if len(row) == width - 1 and width > 1:
+        if len(row) == width - 1 and width > 1 and not any(is_number(c, ".") for c in row):
             row = [*row, ""]  # rows that end in a separator
         return list(row) if len(row) == width else None
 
@@ -231,13 +228,20 @@ def _check_heading(
     if not above or not is_time(above[-1][1][0]):
         return
     row = list(above[-1][1])
-    while len(row) > width and (not row[-1].strip() or _REMARK.match(row[-1])):
+    if len(row) > 1 and all(CLOCK.fullmatch(c.strip(' "')) for c in row[1:] if c.strip()):
+        return  # when each channel was recorded
+    while len(row) > width and (not row[-1].strip() or _is_aside(row[-1])):
         row.pop()
     if len(row) not in (width, width - 1):
         raise RecordError(
             f"row {line} has {width} cells; the heading has {len(row)}: give each column a "
             "heading, and each row a cell for each"
         )
+
+
+def _is_aside(cell: str) -> bool:
+    """Whether a cell is of no column: a remark, or what it sets, as "t0 = -1E-4"."""
+    return bool(_REMARK.match(cell)) or (bool(_SETS.match(cell)) and position_in(cell) is None)
 
 
 def _all_units(row: list[str]) -> bool:

@@ -1,0 +1,328 @@
+"""How stacks of a design go down: least squares, then linear programs on the worst frequency.
+
+At each of some frequencies of each wish a stack misses by
+
+    e = weight (±(L − limit)) / (1 + |limit|/10),
+
+with L = 20 log₁₀|T| in dB: kept where all e ≤ 0. L and ∂L/∂x of a batch of stacks come from jax at
+once (``differentiable.level_slopes``). Levenberg and Marquardt go down Σ max(0, e + margin)²,
+linear programs down the worst,
+
+    min over d of max_i (e_i + J_i d),   |d| ≤ radius,   within box and length,
+
+the radius growing where that foretells well. All stacks go in lock step.
+
+A resonance narrower than the frequencies are apart is seen by none or has slopes that lead nowhere.
+So T is taken at f + iσ: log|T| has no poles or zeros in the upper half-plane but far from the
+stop bands' floor, L there is its average over a Lorentzian of half-width σ, and as smooth.
+σ begins at the distance of the coarse frequencies, the blur, and goes down to 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from wavesim.studies.design_problem import Problem
+
+# Frequencies of a wish: of the search, of the finer net, and of that where a layer is graded.
+COARSE, FINE, _FINE_GRADED = 96, 801, 201
+# Of the coarse ones, where the peaks of the finer net are followed: those even over the band.
+_EVEN = 32
+# Stacks whose T is computed at once, with slopes and without.
+_TOGETHER, _MEMBERS = 4, 8
+_MARGIN = 0.4
+# Radius of the first linear program, in x; those beyond these are ended.
+_RADIUS, _WIDEST, _LEAST = 0.05, 0.3, 1e-6
+# With a new net, no first radius is less.
+_ANEW = 3e-3
+# Frequencies whose e lies so far below the worst don't bind a step.
+_FAR = 8.0
+_TOO_LONG = 100.0
+_ROOM = 1e-6
+
+
+@dataclass(frozen=True)
+class Stack:
+    """One stack on its way down.
+
+    Attributes:
+        x: from 0 to 1, (n,).
+        net: frequencies of each wish that it is asked at, Hz, (wishes, COARSE).
+        e, J: there, (M,) and (M, n).
+        worst: e, over the finer net too where its peaks are followed.
+        radius: of its steps.
+    """
+
+    x: Any
+    net: Any
+    e: Any
+    J: Any
+    worst: float
+    radius: float = _RADIUS
+
+
+class Search:
+    """One problem's compiled functions, and a count of what they were asked.
+
+    Args:
+        problem: what is sought.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        import jax
+
+        self.problem = problem
+        self._asked_of: list[int] = []
+        self._slopes, self._levels = problem.slopes(), problem.levels()
+        wishes = problem.wishes
+        self._limit = np.array([wish.limit for wish in wishes])
+        self._sign = np.array([1.0 if wish.most else -1.0 for wish in wishes])
+        self.scale = np.array([wish.weight for wish in wishes]) / (1 + np.abs(self._limit) / 10)
+        self._net = problem.net(COARSE)
+        self._apart = self._net[:, 1] - self._net[:, 0]
+        self._fine = _FINE_GRADED if problem.graded else FINE
+        # The length is linear in x.
+        n = len(problem.keys)
+        start, whole = jax.value_and_grad(problem.length)(problem.values(np.zeros(n)))
+        self._shortest, self._by_x = float(start), np.asarray(whole) * (problem.high - problem.low)
+
+    @property
+    def evaluations(self) -> int:
+        """How many stacks' T was computed."""
+        return sum(self._asked_of)
+
+    def reached(self, values: Any) -> Any:
+        """Worst level of each wish on the finer net, dB; values (members, n)."""
+        return self.worst_levels(values)[0]
+
+    def worst_levels(self, values: Any) -> tuple[Any, Any]:
+        """The same, and where, Hz; (members, wishes) each."""
+        net = self.problem.net(self._fine)
+        found, where = [], []
+        for first in range(0, len(values), _MEMBERS):  # all levels of all are too many
+            level = self._levels_of(np.asarray(values)[first : first + _MEMBERS], net)
+            at = (self._sign[:, None] * level).argmax(axis=2)
+            found.append(np.take_along_axis(level, at[..., None], axis=2)[..., 0])
+            where.append(net[np.arange(len(net)), at])
+        return np.concatenate(found), np.concatenate(where)
+
+    def _levels_of(self, values: Any, frequency: Any) -> Any:
+        """L of stacks, (members, wishes, count), dB; arguments as of ``Problem.levels``."""
+        self._asked_of.append(len(values))
+        parts = []
+        for first in range(0, len(values), _MEMBERS):
+            some = values[first : first + _MEMBERS]
+            found = self._levels(_padded(some, _MEMBERS), frequency.astype(complex))
+            parts.append(np.asarray(found)[: len(some)])
+        return np.concatenate(parts)
+
+    def too_long(self, x: Any) -> Any:
+        """By what part of the limit stacks are too long, below 0 where they fit; x (…, n)."""
+        limit = self.problem.length_at_most
+        return (self._shortest + x @ self._by_x) / limit - 1 if limit else np.full(x.shape[:-1], -1)
+
+    def errors(self, x: Any, nets: Any, scale: Any, blur: float = 0.0) -> tuple[Any, Any]:
+        """e (members, M) and ∂e/∂x (members, M, n) of stacks.
+
+        Args:
+            x: from 0 to 1, (members, n).
+            nets: where they are asked, Hz, (members, wishes, COARSE).
+            scale: of each wish's e, (wishes,).
+            blur: σ in parts of what the coarse frequencies are apart.
+        """
+        self._asked_of.append(len(x))
+        nets, parts = nets + 1j * blur * self._apart[:, None], []
+        for first in range(0, len(x), _TOGETHER):
+            some, net = (_padded(a[first : first + _TOGETHER], _TOGETHER) for a in (x, nets))
+            parts.append([np.asarray(a)[: len(x) - first] for a in self._slopes(some, net)])
+        level, J = (np.concatenate(p) for p in zip(*parts, strict=True))
+        limit, sign, scale = (np.repeat(a, COARSE) for a in (self._limit, self._sign, scale))
+        e = scale * (sign * (level - limit))
+        J = (scale * sign)[:, None] * J
+        bad = ~(np.isfinite(e).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
+        e[bad], J[bad] = 1e6, 0.0
+        return e, J
+
+    def everywhere(self, count: int) -> Any:
+        """Nets of so many stacks, even over each band."""
+        return np.broadcast_to(self._net, (count, *self._net.shape))
+
+    def least_squares(self, x: Any, steps: int) -> Any:
+        """Where stacks get by Levenberg and Marquardt, x (members, n), each its best worst e."""
+        n, nets = x.shape[1], self.everywhere(len(x))
+
+        def off(x: Any) -> tuple[Any, ...]:
+            e, J = self.errors(x, nets, self.scale, 1.0)
+            r = np.maximum(e + _MARGIN * np.repeat(self.scale, COARSE), 0.0) / np.sqrt(COARSE)
+            J = np.where(r > 0, 1 / np.sqrt(COARSE), 0.0)[..., None] * J
+            over = np.maximum(self.too_long(x) + _ROOM, 0.0)
+            limit = self.problem.length_at_most or 1.0
+            r = np.concatenate([r, _TOO_LONG * over[:, None]], axis=1)
+            slope = np.where(over > 0, _TOO_LONG / limit, 0.0)[:, None, None] * self._by_x
+            return r, np.concatenate([J, slope], axis=1), np.where(over > _ROOM, 1e6, e.max(axis=1))
+
+        damped = np.full(len(x), 0.1)
+        r, J, worst = off(x)
+        best, best_x = worst, x
+        for _ in range(steps if best.min() >= 0 else 0):
+            A, g = J.transpose(0, 2, 1) @ J, (J.transpose(0, 2, 1) @ r[..., None])[..., 0]
+            held = ((x <= 0) & (g > 0)) | ((x >= 1) & (g < 0))
+            A = np.where(held[:, :, None] | held[:, None, :], 0.0, A)
+            own = np.einsum("bii->bi", A)
+            own = own + own.mean(axis=1, keepdims=True) + 1e-12
+            A[:, np.arange(n), np.arange(n)] += damped[:, None] * own + held
+            step = np.linalg.solve(A, np.where(held, 0.0, -g)[..., None])[..., 0]
+            new = np.clip(x + step, 0.0, 1.0)
+            r_new, J_new, worst = off(new)
+            down = (r_new**2).sum(axis=1) < (r**2).sum(axis=1)
+            damped = np.where(down, np.maximum(damped / 3, 1e-6), np.minimum(damped * 4, 1e6))
+            x = np.where(down[:, None], new, x)
+            r, J = np.where(down[:, None], r_new, r), np.where(down[:, None, None], J_new, J)
+            better = worst < best
+            best, best_x = np.where(better, worst, best), np.where(better[:, None], new, best_x)
+            if best.min() < 0:
+                break
+        return best_x
+
+    def cut(self, x: Any) -> Any:
+        """x with what adds to the length scaled down until it fits."""
+        limit = self.problem.length_at_most
+        if limit is None:
+            return x
+        most = (limit * (1 - _ROOM) - self._shortest) / np.maximum(x @ self._by_x, 1e-300)
+        return np.where(self._by_x > 0, x * np.minimum(most, 1.0)[:, None], x)
+
+    def begun(
+        self, x: Any, scale: Any, blur: float = 0.0, nets: Any = None, radius: Any = _RADIUS
+    ) -> list[Stack]:
+        """Stacks at x (members, n), cut to their length, to go down from; others as of errors."""
+        over = self.too_long(x)
+        x = np.where((over > 0)[:, None], self.cut(x), x)
+        nets = self.everywhere(len(x)) if nets is None else nets
+        e, J = self.errors(x, nets, scale, blur)
+        radii = np.broadcast_to(radius, len(x)).tolist()
+        return [
+            Stack(*one) for one in zip(x, nets, e, J, e.max(axis=1).tolist(), radii, strict=True)
+        ]
+
+    def down_the_worst(
+        self, stacks: list[Stack], scale: Any, steps: int, blur: float = 0.0
+    ) -> list[Stack]:
+        """Stacks after some steps down the worst of their e, the best first."""
+        for _ in range(steps):
+            going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
+            if not going:
+                break
+            ways = [self._step(stacks[n]) for n in going]
+            x = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)
+            nets = np.array([stacks[n].net for n in going])
+            e, J = self.errors(x, nets, scale, blur)
+            new = (Stack(*one) for one in zip(x, nets, e, J, e.max(axis=1).tolist(), strict=True))
+            for n, one, (_, foretold) in zip(going, new, ways, strict=True):
+                stacks[n] = _moved(stacks[n], one, foretold)
+        return sorted(stacks, key=lambda one: one.worst)
+
+    def down_the_peaks(
+        self,
+        stacks: list[Stack],
+        scale: Any,
+        steps: int,
+        blur: float = 0.0,
+        wider: float = 0.0,
+        enough: float = -np.inf,
+        asked: Any = None,
+    ) -> list[Stack]:
+        """The same where each new stack is asked at peaks of its own e on the finer net.
+
+        Args:
+            stacks, scale, steps, blur: as of :meth:`down_the_worst`.
+            wider: by what part the bands are wider.
+            enough: they stop where one's worst e is below.
+            asked: for each stack and wish, frequencies it is asked at besides, Hz.
+        """
+        frequency = self.problem.net(self._fine, wider)
+        asked = asked or [[[]] * len(frequency)] * len(stacks)
+
+        def at(x: Any, asked: Any) -> list[Stack]:
+            raised = frequency + 1j * blur * self._apart[:, None]
+            level = self._levels_of(self.problem.values(x), raised)
+            e = (scale * self._sign)[:, None] * (level - self._limit[:, None])
+            nets = np.array(
+                [
+                    [_peaks(*wish) for wish in zip(own, frequency, more, strict=True)]
+                    for own, more in zip(e, asked, strict=True)
+                ]
+            )
+            found, J = self.errors(x, nets, scale, blur)
+            worst = np.maximum(np.nan_to_num(e, nan=1e6).max(axis=(1, 2)), found.max(axis=1))
+            return [Stack(*one) for one in zip(x, nets, found, J, worst.tolist(), strict=True)]
+
+        begun = at(np.array([one.x for one in stacks]), asked)
+        stacks = [
+            replace(new, radius=max(one.radius, _ANEW))
+            for one, new in zip(stacks, begun, strict=True)
+        ]
+        for _ in range(steps):
+            going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
+            if not going or min(one.worst for one in stacks) < enough:
+                break
+            ways = [self._step(stacks[n]) for n in going]
+            x = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)
+            for n, new, (_, foretold) in zip(
+                going, at(x, [asked[n] for n in going]), ways, strict=True
+            ):
+                stacks[n] = _moved(stacks[n], new, foretold)
+        return stacks
+
+    def _step(self, one: Stack) -> tuple[Any, float]:
+        """d of the linear program, and the worst e that it foretells."""
+        from scipy.optimize import linprog
+
+        near = one.e > one.worst - _FAR
+        A, b = np.hstack([one.J[near], -np.ones((near.sum(), 1))]), -one.e[near]
+        limit = self.problem.length_at_most
+        if limit is not None:
+            A = np.vstack([A, np.append(self._by_x / limit, 0.0)])
+            b = np.append(b, -self.too_long(one.x) - _ROOM / 2)
+        low = np.append(np.maximum(-one.radius, -one.x), -np.inf)
+        high = np.append(np.minimum(one.radius, 1 - one.x), np.inf)
+        goal = np.append(np.zeros(len(one.x)), 1.0)
+        found = linprog(goal, A, b, bounds=np.stack([low, high], axis=1), method="highs-ds",
+                        options={"presolve": False})  # fmt: skip
+        if found.x is None:
+            return np.zeros(len(one.x)), one.worst
+        return found.x[:-1], float(found.x[-1])
+
+
+def _moved(old: Stack, new: Stack, foretold: float) -> Stack:
+    """The new stack where it is better; the old one with less radius."""
+    gain = (old.worst - new.worst) / max(old.worst - foretold, 1e-12)
+    if gain <= 0:
+        return replace(old, radius=old.radius / 4)
+    grown = 2.0 if gain > 0.7 else 0.5 if gain < 0.25 else 1.0
+    return replace(new, radius=min(old.radius * grown, _WIDEST))
+
+
+def _peaks(e: Any, frequency: Any, asked: Any) -> Any:
+    """Some even frequencies of a wish, those about its highest peaks of e, and those asked, Hz."""
+    padded = np.concatenate([[-np.inf], e, [-np.inf]])
+    tops = np.flatnonzero((e >= padded[:-2]) & (e >= padded[2:]))
+    tops = tops[np.argsort(-e[tops], kind="stable")]
+    even = np.round(np.linspace(0, len(e) - 1, _EVEN)).astype(int)
+    high = np.argsort(-e, kind="stable")
+    beside = np.clip(tops[:, None] + np.array([0, -1, 1]), 0, len(e) - 1).ravel()
+    order = np.concatenate([even, beside, high])
+    _, first = np.unique(order, return_index=True)
+    found = frequency[order[np.sort(first)][:COARSE]]
+    asked = asked[-(COARSE - _EVEN) :]
+    if len(asked):
+        found[-len(asked) :] = asked
+    return found
+
+
+def _padded(members: Any, count: int) -> Any:
+    """Members up to a whole batch, so that nothing compiles twice."""
+    return np.concatenate([members, np.repeat(members[-1:], count - len(members), axis=0)])
