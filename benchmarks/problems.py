@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import wavesim as ws
 from wavesim.grid.stencils import difference_weights
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.simulation.simulation import simulation
 from wavesim.timedomain.integrate import equation_of

@@ -10,7 +10,7 @@ from wavesim.grid.bar import layered_bar
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading
 from wavesim.simulation.field import Field

@@ -17,7 +17,7 @@ from wavesim.material.contact_tensors import (
     relative_stiffness,
 )
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import BlockCoefficients
 from wavesim.planewave import angle_of_travel as direction
 from wavesim.planewave.eigenproblem import solve

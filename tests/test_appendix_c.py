@@ -7,7 +7,7 @@ import pytest
 
 from wavesim import planewave
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper import findings
 from wavesim.planewave import appendix_c
 from wavesim.planewave import eigenproblem as spectral

@@ -7,7 +7,7 @@ import pytest
 from modes_at_an_angle import KINDS, direction_form, kind_form
 
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.branches import follow, track
 from wavesim.planewave.eigenproblem import solve, spectral_form
 

@@ -19,7 +19,7 @@ from wavesim.cli.arguments import Frequency
 from wavesim.cli.main import main
 from wavesim.io.result_reader import describe
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.report import terminal
 from wavesim.timedomain import integrate, time_step
 

@@ -13,7 +13,7 @@ from media import any_media, media
 
 from wavesim import planewave
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave import eigenproblem as spectral
 from wavesim.planewave.complex_wavenumber import complex_waves, wavenumber
 

@@ -17,7 +17,7 @@ from madeup import made_field
 
 from wavesim.grid.bar import Bar
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import scales
 from wavesim.readings.dispersion import spectrum as dispersion
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, peaks, ridges, spectrum

@@ -125,7 +125,7 @@ def test_what_will_fall_short_is_said(text, overrides, told):
     ],
     ids=["ends", "ring", "half-spaces"],
 )
-def test_a_grid_that_is_too_coarse_is_told_with_the_pitch_that_would_do(text, what):
+def test_a_grid_that_is_too_coarse_is_told_with_the_cells_that_would_do(text, what):
     """Whose errors then are foreseen within what is allowed. (That a run has the errors that its
     grid is reckoned to have, to 1e-7 of a peak, is held by test_simulate_bars.)"""
     case = built(text, "bar.spacing=5e-4", "bar.order=4")
@@ -134,15 +134,15 @@ def test_a_grid_that_is_too_coarse_is_told_with_the_pitch_that_would_do(text, wh
     found = re.match(
         rf"\[bar\] spacing = 0.0005: by this grid {what} will be off by \S+ \(allowed \S+\)"
         r".*; take (\[bar\] order = 8 \(now 4\), or )?"
-        r"\[bar\] spacing = (?P<pitch>\S+) \(\d+ cells\) or finer$",
+        r"\[bar\] spacing = (?P<spacing>\S+) \(\d+ cells\) or finer$",
         told,
     )
     assert found, told
-    fine = built(text, f"bar.spacing={found['pitch']}", "bar.order=4")
+    fine = built(text, f"bar.spacing={found['spacing']}", "bar.order=4")
     finer = foretold(fine.simulation, fine.analysis, fine.k_range)
     assert finer
     assert all(one.passed for one in finer)
-    assert float(found["pitch"]) > 5e-5
+    assert float(found["spacing"]) > 5e-5
 
 
 def test_waves_shorter_than_the_grid_carries_are_said():

@@ -10,7 +10,7 @@ import pytest
 from wavesim import planewave
 from wavesim.figures import gap_map as surveyfigures
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION, SPECTRAL_CLOSURES
+from wavesim.material.rotation_equations import ROTATION, SPECTRAL_CLOSURES
 from wavesim.material.several_families import together
 from wavesim.planewave.eigenproblem import spectral_form
 from wavesim.planewave.gap_map import edge_families, gap_map, table

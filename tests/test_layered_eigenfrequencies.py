@@ -14,7 +14,7 @@ from wavesim.layered.stack import Stack
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)

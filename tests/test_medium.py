@@ -20,7 +20,7 @@ from wavesim.material.contact_tensors import (
 )
 from wavesim.material.medium import Medium
 from wavesim.material.parameter import PARAMETERS
-from wavesim.material.rotation import CLOSURES
+from wavesim.material.rotation_equations import CLOSURES
 
 POSITIVE = (
     "branch_length",

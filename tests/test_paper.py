@@ -10,7 +10,7 @@ import pytest
 from wavesim import planewave
 from wavesim.figures.bands import band_figure
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper import claims
 from wavesim.paper import reproduction as paper
 from wavesim.planewave import bands

@@ -27,7 +27,7 @@ from wavesim import planewave
 from wavesim.cli import main as cli
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.records.relations import OfMedium

@@ -23,7 +23,7 @@ from wavesim.case.load import load
 from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.packing import PACKED, deflated, fletcher32, pack, packed_dataset
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.field import Energy
 

@@ -12,7 +12,7 @@ import pytest
 
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.simulation import highest_band
 from wavesim.sources import (

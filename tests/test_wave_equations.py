@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from wavesim.material.family import known_field
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 
 a, el = sp.symbols("a l")

@@ -23,7 +23,7 @@ from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import Medium, families, medium_of
 from wavesim.material.parameter import PARAMETERS
-from wavesim.material.rotation import Closure
+from wavesim.material.rotation_equations import Closure
 from wavesim.material.several_families import together
 
 

@@ -1,6 +1,6 @@
 """One wave of a block: k and Z at each ω from a rational function of ω², in closed form.
 
-As Γ → 0 a block of one macro- and b micro-fields has one wave (``layered.section`` has the
+As Γ → 0 a block of one macro- and b micro-fields has one wave (``layered.cross_section`` has the
 equations),
 
     k² = ι I ω²/𝒟,    Z = k𝒟/ω,    s = I_B ω² ι/m,

@@ -1,6 +1,6 @@
 """A graded layer as slices, each by Gauss collocation of order 16, from the right to the left.
 
-With y = (e, o) of ``layered.section``, e = (v_φ, f_B) and o = (f_φ, v_B), and u counted leftwards,
+With y = (e, o) of ``layered/``, e = (v_φ, f_B) and o = (f_φ, v_B), and u counted leftwards,
 
     de/du = −P o,    do/du = −Q e,
 

@@ -1,6 +1,6 @@
 """T and R where the gradient term Γ counts: all waves of a block at each ω, as pure jax functions.
 
-With w = ω²ι/m and B = ik b a wave of p ≤ 1 macro- and up to two micro-fields (``layered.section``
+With w = ω²ι/m and B = ik b a wave of p ≤ 1 macro- and up to two micro-fields (``layered/``
 has the equations) obeys, with K = k²,
 
     (G₀ + K G₁)(φ, b) = 0,    G₀ = (−w I_φ   0          ),    G₁ = (C_φφ  −C_φB),
@@ -133,7 +133,7 @@ def _graded(
     omega: Any,
     z: Any,
 ) -> System:
-    """A graded layer, at scaled complex ω: P and Q of ``layered.section``, weighted by √z."""
+    """A graded layer, at scaled complex ω: P and Q of ``layered/``, weighted by √z."""
     p, size = len(block.macro), len(z)
     thickness = stack.thickness[n] / units.length
     m, iota = moduli(loss_law(stack.losses, n), omega.real, units.time)

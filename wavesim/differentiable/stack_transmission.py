@@ -1,6 +1,6 @@
 """T(ω) and R(ω) of a stack of layers as a pure jax function of media, thicknesses and losses.
 
-With v = −iωφ and f = −σ = i g (``layered.section``) a layer of thickness h takes (v, g) from its
+With v = −iωφ and f = −σ = i g (``layered/``) a layer of thickness h takes (v, g) from its
 right end to its left one,
 
     v → c v + (s/Z) g,    g → c g − Z s v,    c = cos kh,  s = sin kh,

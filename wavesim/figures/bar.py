@@ -152,8 +152,8 @@ def signals(field: Field, reading: Reading) -> Figure:
         count + 1, 1, height_ratios=[1.0] * count + [max(1.7, 0.3 * count)]
     )
     t = field.t * 1e6
-    pitch = max(s.peak_frequency if np.isfinite(s.peak_frequency) else 0 for s in field.sources)
-    end = _MOST_PERIODS / pitch * 1e6 if pitch else np.inf
+    peak = max(s.peak_frequency if np.isfinite(s.peak_frequency) else 0 for s in field.sources)
+    end = _MOST_PERIODS / peak * 1e6 if peak else np.inf
     end = end if end < _MUCH * t[-1] else t[-1]
     for axes, (name, receiver) in zip(rows, ((n, r) for n in names for r in shown), strict=True):
         exact = reading.exact[receiver][name]

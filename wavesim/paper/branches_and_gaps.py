@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.branches import follow
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.gap_map import family_gaps

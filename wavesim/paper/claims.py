@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wavesim.material.rotation import SPECTRAL_CLOSURES
+from wavesim.material.rotation_equations import SPECTRAL_CLOSURES
 from wavesim.paper import statements
 from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.statements import Statement

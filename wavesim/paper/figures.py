@@ -20,7 +20,7 @@ from wavesim.figures.bands import (
     shade_gaps,
 )
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper.branches_and_gaps import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.paper.claims import CLOSURES
 from wavesim.planewave.dispersion_relation import block_frequencies

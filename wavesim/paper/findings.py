@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesim.material.family import weights
 from wavesim.material.medium import Medium
-from wavesim.material.rotation import ROTATION, Closure
+from wavesim.material.rotation_equations import ROTATION, Closure
 from wavesim.planewave.appendix_c import DETERMINANTS, PRINTED, UNKNOWNS
 
 Factors = tuple[float, float, float, float]

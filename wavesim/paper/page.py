@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper.claims import CLOSURES, Claim
 from wavesim.paper.findings import Finding, appendix_c_findings, equation_findings
 from wavesim.planewave.appendix_c import PRINTED

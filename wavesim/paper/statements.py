@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesim.material.rotation import ROTATION
+from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper.branches_and_gaps import A_VALUES, K_BAR, Study
 from wavesim.planewave.band_edges import full_gaps
 from wavesim.planewave.branches import follow

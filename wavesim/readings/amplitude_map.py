@@ -65,10 +65,10 @@ def _means(values: Float, axis: int, step: int) -> Float:
 
 def _over_a_period(mean: Float, field: Field, high: int) -> Float:
     """Running mean in time over a period of the slowest source, where tiles are shorter."""
-    pitches = [s.peak_frequency for s in field.sources if math.isfinite(s.peak_frequency)]
-    if not pitches or min(pitches) <= 0:
+    peaked = [s.peak_frequency for s in field.sources if math.isfinite(s.peak_frequency)]
+    if not peaked or min(peaked) <= 0:
         return mean
-    reach = round(0.5 / min(pitches) / (high * field.interval))
+    reach = round(0.5 / min(peaked) / (high * field.interval))
     reach = min(reach, (len(mean) - 1) // 2)
     if reach < 1:
         return mean

@@ -100,7 +100,7 @@ def _last_shown(field: Field, signals: Float, peaks: Float, first: Any) -> float
         return float(field.t[-1])
     end = 1.05 * float(field.t[np.flatnonzero(loud)[-1]])
     f, power = spectra(field, signals)
-    pitch = float(f[np.argmax(np.sum(power**2, axis=0))])
-    if pitch > 0:
-        end = min(end, float(field.t[first.max()]) + _MOST_PERIODS / pitch)
+    peak = float(f[np.argmax(np.sum(power**2, axis=0))])
+    if peak > 0:
+        end = min(end, float(field.t[first.max()]) + _MOST_PERIODS / peak)
     return min(end, float(field.t[-1]))

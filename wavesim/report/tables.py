@@ -196,8 +196,8 @@ def _shortest(bar: Bar) -> float:
 
 
 def _source(source: Source) -> str:
-    pitch = source.peak_frequency
-    at = f", {pitch / 1e3:.5g} kHz" if math.isfinite(pitch) else ""
+    peak = source.peak_frequency
+    at = f", {peak / 1e3:.5g} kHz" if math.isfinite(peak) else ""
     kind = "" if source.kind == "ricker" else f"{source.kind} on "
     return f"{kind}{source.field} at {source.position:g} m{at}"
 

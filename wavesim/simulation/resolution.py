@@ -32,7 +32,7 @@ def check_carried(source: Source, layers: Layers, bar: Bar) -> None:
                 f"{least:.3g}, or a finer [bar] spacing"
             )
         return
-    key, frequency = _pitch(source)
+    key, frequency = _peak(source)
     highest = highest_carried(layers, bar)
     if frequency > highest:
         spacing = bar.spacing * highest / frequency
@@ -43,7 +43,7 @@ def check_carried(source: Source, layers: Layers, bar: Bar) -> None:
         )
 
 
-def _pitch(source: Source) -> tuple[str, float]:
+def _peak(source: Source) -> tuple[str, float]:
     """The key that says how high a source goes, and that frequency, Hz."""
     if isinstance(source, ToneBurst):
         return "frequency", source.frequency

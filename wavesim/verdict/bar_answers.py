@@ -20,7 +20,7 @@ from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
-from wavesim.verdict.closer import Answers, Row, closer
+from wavesim.verdict.gap_advice import Answers, Row, to_see_more
 
 _MOST_MODES = 5
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
@@ -72,7 +72,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         where = f"about {', '.join(own)}" if own else f"stop band {number}"
         middle = (low + high) / 2
         level_there = plain(np.interp(middle, omega, steady))
-        more = closer(field, found.sector, Gap("", found.sector, low, high))
+        more = to_see_more(field, found.sector, Gap("", found.sector, low, high))
         edges = low * HERTZ, high * HERTZ, middle * HERTZ
         rows.append(_level_row(where, *edges, level_there, opened, more))
     top = int(np.argmax(np.where(within & np.isfinite(steady), steady, -np.inf)))

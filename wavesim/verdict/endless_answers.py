@@ -16,8 +16,8 @@ from wavesim.material.shown import DECIBELS, HERTZ, KHZ
 from wavesim.planewave.dispersion_relation import Gap, full_gaps, open_gaps, wavenumber
 from wavesim.simulation.field import Field
 from wavesim.verdict.branches import Held
-from wavesim.verdict.closer import Answers, Row, closer
 from wavesim.verdict.endless import told
+from wavesim.verdict.gap_advice import Answers, Row, to_see_more
 
 
 def of_endless(field: Field, held: Sequence[Held]) -> Answers:
@@ -66,7 +66,9 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
         row |= {"frequency": middle * HERTZ, **_steady_loss(field, sector, middle)}
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
     if sector in field.medium.family.travelling:  # else nothing more is to be seen
-        row["closer"] = closer(field, sector, gap, max((len(c.omega) for c in curves), default=0))
+        row["closer"] = to_see_more(
+            field, sector, gap, max((len(c.omega) for c in curves), default=0)
+        )
     for h in own:
         curve, exact = h.measured.attenuation, h.k_exact
         if curve is None or exact is None:

@@ -48,7 +48,7 @@ def foreseen(case: Case, steps: TimeStep, errors: Sequence[Foretold] | None = No
     for looked in (_in_time, _at_rest, _at_ends, _receivers, _absorbed):
         found += looked(simulated)
     if errors:
-        from wavesim.verdict.pitch import too_coarse
+        from wavesim.verdict.cell_size import too_coarse
 
         found += too_coarse(simulated, errors, case.analysis, case.k_range)
     else:
@@ -200,18 +200,18 @@ def _on_the_grid(simulated: Simulation) -> Iterator[str]:
 
 def _losses(simulated: Simulation) -> Iterator[str]:
     """Constant-Q bands away from what is excited."""
-    pitches = [s.peak_frequency for s in simulated.sources if math.isfinite(s.peak_frequency)]
+    peaks = [s.peak_frequency for s in simulated.sources if math.isfinite(s.peak_frequency)]
     for law in dict.fromkeys(layer.medium.damping for layer in simulated.layers.layers):
-        if not law.rates or not pitches:
+        if not law.rates or not peaks:
             continue
         series = dataclasses.replace(law, mass=0.0, stiffness=0.0)
         low, high = min(law.rates), max(law.rates)
         meant = float(quality(series, math.sqrt(low * high)))
-        for pitch in pitches:
-            found = float(quality(series, 2 * math.pi * pitch))
+        for peak in peaks:
+            found = float(quality(series, 2 * math.pi * peak))
             if not abs(found / meant - 1) <= _OFF_QUALITY:
                 yield (
-                    f"[medium] quality_band: a source peaks at {pitch:.4g} Hz, outside of it, "
+                    f"[medium] quality_band: a source peaks at {peak:.4g} Hz, outside of it, "
                     f"where Q is {found:.3g} and not {meant:.3g}; take a band about that frequency"
                 )
                 break

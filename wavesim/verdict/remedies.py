@@ -20,8 +20,8 @@ from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import least_absorber
+from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
 from wavesim.verdict.foreseen_errors import foretold
-from wavesim.verdict.pitch import WELL, gentler, lower, pitch
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
@@ -40,7 +40,7 @@ _BELOW = 0.95
 
 
 def finer(field: Field) -> str:
-    """A finer grid: the pitch that would do, where what is foreseen tells it, or half of it."""
+    """A finer grid: the cell size that would do, where what is foreseen tells it, or half of it."""
     now = f"(now {field.bar.spacing:.6g} m)"
     tried = _tried(field.simulation)
     if tried:
@@ -53,12 +53,12 @@ _LAST: list[tuple[Simulation, str]] = []
 
 
 def _tried(simulated: Simulation) -> str:
-    """The pitch that would do, where the grid is to blame; "" where it is not. Kept, as all checks
-    of a run ask for it."""
+    """The cell size that would do, where the grid is to blame; "" where it is not. Kept, as all
+    checks of a run ask for it."""
     if not any(known is simulated for known, _ in _LAST):
         short = [one for one in foretold(simulated) or () if not one.passed]
         worst = max(short, key=lambda one: one.error / one.allowed, default=None)
-        _LAST[:] = [(simulated, pitch(simulated, worst) if worst else "")]
+        _LAST[:] = [(simulated, cell_size(simulated, worst) if worst else "")]
     return _LAST[0][1]
 
 

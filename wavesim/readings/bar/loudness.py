@@ -97,9 +97,9 @@ class Loudness:
 def reach(simulated: Simulation, position: float) -> float:
     """Half the longest wavelength at a source's peak about a place, m; the bar without one."""
     bar = simulated.bar
-    pitches = [s.peak_frequency for s in simulated.sources if np.isfinite(s.peak_frequency)]
+    peaked = [s.peak_frequency for s in simulated.sources if np.isfinite(s.peak_frequency)]
     speed = simulated.layers.at(position).fastest
-    return max(speed / 2 / min(pitches) if pitches else bar.length, 2 * bar.order * bar.spacing)
+    return max(speed / 2 / min(peaked) if peaked else bar.length, 2 * bar.order * bar.spacing)
 
 
 def blurred(field: Field | Simulation, position: float) -> str:

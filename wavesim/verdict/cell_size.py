@@ -14,7 +14,7 @@ from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.verdict.foreseen_errors import Foretold, foretold
 
-# A pitch is looked for that leaves this part of what is allowed, in so many tries.
+# A size is looked for that leaves this part of what is allowed, in so many tries.
 _ASIDE, _TRIES = 0.6, 3
 # By what power of it errors are taken to fall at first, and at least; by what factor it changes at
 # most and at least in a try.
@@ -28,7 +28,7 @@ _WIDE = 6
 def too_coarse(
     simulated: Simulation, found: Sequence[Foretold], *asked: AnalysisTable | tuple[float, float]
 ) -> list[str]:
-    """What of it will be more than is allowed, with the pitch that would do.
+    """What of it will be more than is allowed, with the cell size that would do.
 
     Args:
         simulated: what is to be run.
@@ -42,14 +42,14 @@ def too_coarse(
     return [
         f"[bar] spacing = {bar.spacing:.6g}: by this grid {worst.what} will be off by "
         f"{worst.error:.1e} (allowed {worst.allowed:g}){more}; "
-        f"{pitch(simulated, worst, *asked)}"
+        f"{cell_size(simulated, worst, *asked)}"
     ]
 
 
-def pitch(
+def cell_size(
     simulated: Simulation, worst: Foretold, *asked: AnalysisTable | tuple[float, float]
 ) -> str:
-    """The pitch at which all is allowed, tried out; or what else would do.
+    """The cell size at which all is allowed, tried out; or what else would do.
 
     Args:
         simulated, asked: as of :func:`too_coarse`.

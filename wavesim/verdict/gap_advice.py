@@ -16,14 +16,14 @@ Row = dict[str, Any]
 Answers = dict[str, list[Row]]
 
 # The key that says how high a source goes, by its kind.
-_PITCH = {
+_PEAK_KEY = {
     "ricker": "peak_frequency",
     "gaussian-derivative": "peak_frequency",
     "tone-burst": "frequency",
 }
 
 
-def closer(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:
+def to_see_more(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:
     """What to change in the case to see more of a gap.
 
     Args:
@@ -36,15 +36,15 @@ def closer(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:
     fields = [name for block in field.medium.family.blocks_of(sector) for name in block.fields]
     if frequencies and _driven(field, fields, (gap.lower + gap.upper) / 2):
         return _finer(field, frequencies)
-    pitch = float(f"{(gap.lower + gap.upper) / 2 * HERTZ:.3g}")
+    peak = float(f"{(gap.lower + gap.upper) / 2 * HERTZ:.3g}")
     sets = [
-        f"--set sources.{number}.{_PITCH[source.kind]}={pitch:.4g}"
+        f"--set sources.{number}.{_PEAK_KEY[source.kind]}={peak:.4g}"
         for number, source in enumerate(field.sources)
-        if source.field in fields and source.kind in _PITCH
+        if source.field in fields and source.kind in _PEAK_KEY
     ]
     if any(source.field in fields for source in field.sources):
         return " ".join(sets)
-    return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {pitch:.4g}'
+    return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {peak:.4g}'
 
 
 def _finer(field: Field, frequencies: int) -> str:
