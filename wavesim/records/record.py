@@ -246,7 +246,7 @@ def record(
     twice = np.r_[False, np.diff(t) == 0]
     twice[1:] &= ((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:])).all(axis=(0, 2))
     if 0 < twice.sum() <= _FRAMES_TWICE * len(t) and input is None:
-        values, t = values[:, ~twice], t[~twice]
+        values, t = np.array(values[:, ~twice]), np.array(t[~twice])
         said = f"{int(twice.sum())} frames there twice, time and samples: one of each taken"
         where = "all receivers"
         found.append(Finding("frames twice", where, f"{int(twice.sum())} frames", CURED, said))
