@@ -183,7 +183,8 @@ def test_resume_of_nothing_gives_2(tiny, tmp_path):
     result = call("run", tiny, "--out", tmp_path / "none", "--resume")
     assert result.exit_code == 2
     (line,) = result.stderr.splitlines()
-    assert "no such file; run the case first" in line
+    assert "no such file: nothing is stored" in line
+    assert "without --resume" in line
 
 
 def test_interrupt_before_anything_is_stored_offers_nothing(tiny, tmp_path, monkeypatch):

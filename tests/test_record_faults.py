@@ -211,11 +211,35 @@ def test_channels_round_a_ring_are_held_against_its_waves():
     u[:, 7] *= -1
     found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
     assert [(f.what, f.where) for f in found.findings] == [("reversed", "x = 0.007 m")]
-    u[:, 7] *= -1
-    u[:, [3, 9]] = u[:, [9, 3]]
-    found = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
-    with pytest.raises(RecordError, match=r"receivers at x = 0\.003, 0\.009 m do not fit"):
-        dispersion([RecordOfMedium("ring", found)])
+
+
+BAD = {
+    "dead": lambda u, j: 0.3,
+    "missing": lambda u, j: np.nan,
+    "half": lambda u, j: 0.5 * u[:, j],
+    "late": lambda u, j: np.roll(u[:, j], 7),
+    "exchanged": lambda u, j: u[:, -j],
+}
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_a_ring_tells_what_a_bad_receiver_lacks(bad):
+    """Frequencies are as of the whole ring to 1e-5, whatever one or two receivers show."""
+    t, x, u = ring()
+    spoilt = u.copy()
+    spoilt[:, 3] = BAD[bad](u, 3)
+    if bad == "exchanged":
+        spoilt[:, -3] = u[:, 3]
+    found = from_arrays({"t": t, "x": x, "values": spoilt}, Layout(ring=True))
+    whole = from_arrays({"t": t, "x": x, "values": u}, Layout(ring=True))
+    clean, points = (
+        dispersion([RecordOfMedium("ring", one)], "harmonic", 1700.0)[0].points
+        for one in (whole, found)
+    )
+    clean, points = clean.take(clean.valid), points.take(points.valid)
+    assert np.array_equal(points.k, clean.k)
+    assert np.abs(points.omega / clean.omega - 1).max() < 1e-5
+    assert "x = 0.003" in found.findings[-1].where
 
 
 def test_a_ring_driven_within_the_record_asks_when_it_is_free():

@@ -336,6 +336,37 @@ def test_resume_of_a_failed_run_is_refused(simulation, tmp_path):
         writer(tmp_path / "result.h5", simulation).carry_on()
 
 
+def test_what_is_read_while_a_run_goes_on_and_ends_stays_what_it_was(
+    simulation, tmp_path, monkeypatch
+):
+    """Of the frames that were there, though more are added, and though the parts that a file
+    presents are taken away between its being opened and read."""
+    path = tmp_path / "result.h5"
+    results = writer(path, simulation)
+    results.create()
+    results.append(*frames(simulation, 0, 10))
+    results.present()
+    field = resultfile.read(path, simulation)
+    results.append(*frames(simulation, 10, 30))
+    results.present()
+
+    def opened(*given):
+        file = h5py.File(*given)
+        if file.attrs["status"] == "running":
+            results.finish("complete")
+        return file
+
+    monkeypatch.setattr(resultfile, "h5py", SimpleNamespace(File=opened))
+    _, expected, _, _ = frames(simulation, 0, 10)
+    for name, values in field.values.items():
+        np.testing.assert_array_equal(values[:, 3], expected[name][:, 3])
+        np.testing.assert_array_equal(values, expected[name])
+        np.testing.assert_array_equal(values[-2:], expected[name][-2:])
+        np.testing.assert_array_equal(values[np.arange(10) > 6], expected[name][7:])
+    assert not (tmp_path / "result.h5.parts").exists()
+    assert len(field.t) == 10
+
+
 def test_resume_with_a_part_gone_is_refused(simulation, tmp_path):
     results = writer(tmp_path / "result.h5", simulation)
     results.create()

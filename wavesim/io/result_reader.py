@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 
 from wavesim.simulation.field import Energy, Field
 from wavesim.simulation.simulation import Simulation
+
+T = TypeVar("T")
+# So often may a run put a newer file in place of one that is being read.
+_TRIES = 5
 
 
 class StorageError(RuntimeError, ValueError):
@@ -92,15 +96,52 @@ def _hold(path: Path, file: h5py.File) -> None:
         )
 
 
-class _Lazy:
-    """A data set of which is read what is asked for."""
+def _looked_up(path: Path, what: str, look: Callable[[h5py.File], T]) -> T:
+    """What is found in a file; once more where a run has put a newer one in its place meanwhile.
 
-    def __init__(self, path: Path, name: str) -> None:
-        self._path, self._name = path, name
+    When a run ends the parts that an older file presents are taken away, and HDF5 gives zeros for
+    parts that are not there: so these are looked for once all has been read.
+    """
+    for _ in range(_TRIES):
+        known = _identity(path)
+        try:
+            with reading(path, what) as file:
+                found = look(file)
+                _hold_parts(path, file)
+                return found
+        except StorageError:
+            if _identity(path) == known:
+                raise
+    raise StorageError(f"{path}: is being written anew all the time; wait until the run has ended")
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0
+    return found.st_ino, found.st_mtime_ns
+
+
+class _Lazy:
+    """A data set of which is read what is asked for: of so many frames, whatever is added to it."""
+
+    def __init__(self, path: Path, name: str, frames: int) -> None:
+        self._path, self._name, self._frames = path, name, frames
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with reading(self._path, self._name) as file:
-            return np.asarray(file[self._name][key])
+        first, *rest = key if isinstance(key, tuple) and key else (key,)
+        if first is Ellipsis or (isinstance(first, tuple) and not first):
+            first = slice(None)
+        if isinstance(first, slice):
+            first = slice(*first.indices(self._frames))
+        elif isinstance(first, int | np.integer) and first < 0:
+            first += self._frames
+        elif isinstance(first, np.ndarray) and first.dtype.kind == "b":
+            first = np.flatnonzero(first)
+        return _looked_up(
+            self._path, self._name, lambda file: np.asarray(file[self._name][(first, *rest)])
+        )
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
         return np.asarray(self[()], dtype=dtype)
@@ -142,15 +183,17 @@ def read(path: Path, simulation: Simulation) -> Field:
     Raises:
         StorageError: it is not a result of wavesim, or holds fewer than two frames.
     """
-    with reading(path) as file:
+
+    def look(file: h5py.File) -> tuple[np.ndarray, Energy, str, float]:
         t = file["t"][()]
         if len(t) < 2:
             raise StorageError(f"{path}: holds {len(t)} frames; at least 2 are needed")
-        _hold_parts(path, file)
         names = [part.name for part in fields(Energy)]
         energy = Energy(**{name: file[f"energy/{name}"][: len(t)] for name in names})
-        stepper, step = str(file.attrs["stepper"]), float(file.attrs["step"])
-    values = {name: _Lazy(path, f"fields/{name}") for name in simulation.fields}
+        return t, energy, str(file.attrs["stepper"]), float(file.attrs["step"])
+
+    t, energy, stepper, step = _looked_up(path, "", look)
+    values = {name: _Lazy(path, f"fields/{name}", len(t)) for name in simulation.fields}
     return Field(simulation, t, values, energy, stepper, step)
 
 

@@ -199,6 +199,11 @@ class Results:
         Raises:
             StorageError: there is no such run, it failed, or it was another case.
         """
+        if not self.path.is_file():
+            raise StorageError(
+                f"{self.path}: no such file: nothing is stored to carry on from; run without "
+                "--resume"
+            )
         with reading(self.path) as file:
             if file.attrs["case"] != self._told["case"]:
                 raise StorageError(

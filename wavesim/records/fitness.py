@@ -10,6 +10,7 @@ from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.gains import gains
 from wavesim.records.faults.neighbours import unevenness
+from wavesim.records.faults.unfit_receivers import PART
 from wavesim.records.record import FEWEST_FRAMES, Record
 
 # A record that is at rest at its beginning, and not later, was driven within.
@@ -59,8 +60,15 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
     Raises:
         RecordError: it holds a source's time, or flat tops.
     """
-    if len(record.clipped) and record.clipped.any():
-        where = places(record.x, record.clipped, record.labels)
+    flat = record.clipped if len(record.clipped) else np.zeros(len(record.x), bool)
+    some = record.ring and len(record.misfit) and (flat | record.misfit).mean() <= PART
+    if flat.any() and some:
+        where = places(record.x, flat, record.labels)
+        said = f"flat tops, read from the others ({where})"
+        told = Finding("clipped", where, f"{int(flat.sum())} of {len(flat)}", TAKEN_OUT, said)
+        record = replace(record, misfit=record.misfit | flat).with_finding(told)
+    elif flat.any():
+        where = places(record.x, flat, record.labels)
         raise RecordError(
             f"flat tops at {where}: the samples are cut off at the digitiser's range, which makes "
             "waves that are none; turn the gain down and record again"
@@ -71,14 +79,6 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
         raise RecordError(
             "all receivers are at rest at the record's beginning and move later, so that a source "
             "acts within it: name the time from which on none does with --quiet-from (s)"
-        )
-    # While a source acts, the waves round a ring are not its own.
-    free = record.quiet_from <= record.t[0]
-    if free and len(record.misfit) and record.misfit.any():
-        where = places(record.x, record.misfit, record.labels)
-        raise RecordError(
-            f"receivers at {where} do not fit the waves round the ring that all others show: "
-            "dead, exchanged or delayed; put them right, or take the rest as a stretch"
         )
     return evened(record)
 
@@ -108,7 +108,7 @@ def evened(record: Record) -> Record:
         uneven = max(unevenness(component) for component in record.values) if asked else 0.0
         return replace(record, leak=np.full(nx, uneven / nx))
     free = live(record.since(record.quiet_from)).values
-    seen = [gains(component) for component in free]
+    seen = [gains(component, record.misfit) for component in free]
     right = np.stack(
         [
             one.put_right(own) if one.any else own

@@ -21,6 +21,7 @@ from wavesim.records.faults.examination import Raw, levels, samples, together
 from wavesim.records.faults.fill_values import within_range
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames, without_first_zeros
+from wavesim.records.faults.unfit_receivers import PART
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -33,6 +34,8 @@ _ROUNDED = 0.02
 _DEAD = 1e-12
 # A receiver with more than this part of its samples missing is left out.
 _MOST_MISSING = 0.2
+# A field is odd about a receiver where this part of its power is left of it and its mirror image.
+_ODD = 0.1
 # Spans of time (s) and place (m) within which squares and products are numbers still.
 _LEAST, _GREATEST = 1e-30, 1e30
 
@@ -260,9 +263,14 @@ def record(
         raise RecordError("frames are missing, so that the input is not whole: give all frames")
     raw = None
     first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
+    lost = np.zeros(len(x), bool)
     if not trusted:
         values = within_range(values, found)
         alive = _living(values, x, names_of, ring, still=False)
+        if ring:
+            lost = ~alive
+            values[..., lost] = 0.0
+            alive = np.ones(len(x), bool)
         first_dead = x[~alive], tuple(np.array(names_of, object)[~alive])
         values, x = values[..., alive], x[alive]
         names_of = tuple(name for name, a in zip(names_of, alive, strict=True) if a)
@@ -270,13 +278,22 @@ def record(
         if signal is not None and raw.held > 1:
             signal = signal[:: raw.held][: len(raw.t)]
         values, t = raw.values, raw.t
-    channels = _Channels.of(x, names_of, raw)
+    channels, twice = _Channels.of(x, names_of, raw), np.zeros(len(x), bool)
     if raw is not None and raw.spare.any():
-        values, x = values[..., ~raw.spare], x[~raw.spare]
-        channels = channels.take(~raw.spare)
+        if ring and not _is_even(x[~raw.spare]):
+            twice = raw.spare
+            values[..., twice] = 0.0
+        else:
+            values, x = values[..., ~raw.spare], x[~raw.spare]
+            channels, lost = channels.take(~raw.spare), lost[~raw.spare]
+            twice = twice[~raw.spare]
     alive = _living(values, x, channels.labels, ring)
-    _tell_dead(x, alive, channels.labels, first_dead, found)
-    values, x, channels = values[..., alive], x[alive], channels.take(alive)
+    _tell_dead(x, alive | twice, channels.labels, first_dead, found)
+    if ring:
+        lost = lost | ~alive
+        _check_whole(x, lost, channels.labels)
+    else:
+        values, x, channels = values[..., alive], x[alive], channels.take(alive)
     quiet = np.zeros(values.shape[1:], bool)
     if not trusted:
         values, resting = levels(values, t, x, channels.labels, channels.quantum, found)
@@ -297,7 +314,7 @@ def record(
     if not trusted:
         seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
         mended, odd, within, place = together(
-            seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring,
+            seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring, lost,
             -np.inf if quiet_from is None else quiet_from, found,
         )  # fmt: skip
         if mended.any:
@@ -431,10 +448,10 @@ def _living(
         np.where(finite, values, np.inf), axis=1
     )
     least = _DEAD * max(size.max(), 1e-300)
-    # On a ring a wave that does not travel leaves receivers rightly at rest.
     dead: Mask = np.asarray(gone)
-    if still and not ring:
-        dead = gone | (np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= least)
+    if still:
+        at_rest = np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= least
+        dead = gone | (at_rest & ~_nodes(values) if ring else at_rest)
     if not dead.any():
         return ~dead
     where = places(x, dead, labels)
@@ -444,12 +461,29 @@ def _living(
             f"{dead.sum()} of {len(x)} receivers are dead or mostly missing ({where}); at "
             f"least {least_living} must live"
         )
-    if ring:
-        raise RecordError(
-            f"receivers at {where} are dead, so that the ring is not whole: treat the record "
-            "as a stretch instead"
-        )
     return ~dead
+
+
+def _nodes(values: Float) -> Mask:
+    """Receivers round a ring that a standing field, odd about them, leaves at rest, shape (nx,)."""
+    nx = values.shape[2]
+    after, before = (
+        np.stack([np.roll(values, sign * d, axis=2) for d in range(1, max(2, nx // 2))])
+        for sign in (-1, 1)
+    )
+    after, before = np.nan_to_num(after), np.nan_to_num(before)
+    both = np.sum((after + before) ** 2, axis=(0, 1, 2))
+    return np.asarray(both < _ODD * np.sum(after**2 + before**2, axis=(0, 1, 2)))
+
+
+def _check_whole(x: Float, lost: Mask, labels: tuple[str, ...]) -> None:
+    """Refuse a ring of which too many receivers are lost for the others to tell what they lack."""
+    if lost.sum() > max(1, PART * len(x)):
+        raise RecordError(
+            f"{lost.sum()} of the ring's {len(x)} receivers can't be used "
+            f"({places(x, lost, labels)}): no more than a quarter may be read from the others; "
+            "record them again, or read what is there along a line, without --ring"
+        )
 
 
 def _tell_dead(

@@ -7,6 +7,7 @@ inversion is refused, and waves are told apart along the line instead (``waves_a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,10 +20,11 @@ from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinuso
 from wavesim.readings.dispersion.hidden_mode import CLOSE, Bends, of_lines, worth
 from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
+from wavesim.readings.dispersion.unread_receivers import put_in
 from wavesim.readings.dispersion.waves_along_line import along_line
 from wavesim.records.fitness import evened, live
 from wavesim.records.record import Record, RecordError
-from wavesim.records.windows import blackman_harris
+from wavesim.records.windows import blackman_harris, hann
 
 Float = NDArray[Any]
 
@@ -58,6 +60,10 @@ RANDOM = (
 )
 # Part of the wavenumbers at which lines are random, of which on the whole record is.
 _RANDOM = 0.2
+CROWDED = (
+    "too many waves near this frequency to tell from other receivers what bad ones lack: put those "
+    "right"
+)
 MORE = "more waves than sought at this k"
 
 
@@ -136,25 +142,26 @@ def in_time(
         method = chosen_method(quiet)
     if method == "fft" and not record.ring:
         return along_line(record if record.sources else quiet, k_max, omega_max)
+    missing = quiet.missing if len(quiet.missing) and quiet.missing.any() else None
+
+    def inverted(channels: Float, record: Record, first: int = 1) -> tuple[Sinusoids, Float, float]:
+        leaks, per_bin = np.zeros((0, 0)), 1.0
+        if missing is None and (record.leak.any() or record.quantum.any()):
+            # By the window that inversion looks through, so that no side lobe is a wave.
+            heights, per_bin = power(channels, hann)
+            leaks = _leaks(record, heights, per_bin, first)
+        above = leaks if leaks.any() else None
+        found = invert(channels, record.interval, most, dynamic_range, damped, missing, above)
+        return found, leaks, per_bin
+
+    if len(quiet.misfit) and quiet.misfit.any():
+        quiet = put_in(quiet, lambda every, now: inverted(every, now, 0)[0])
     k, channels = series(quiet, k_max)
     cell = 2 * np.pi / (len(quiet.t) * quiet.interval)
-    missing = quiet.missing if len(quiet.missing) and quiet.missing.any() else None
     if method == "harmonic":
         if not record.ring:
             _check_ends(quiet)
-        leaks = np.zeros((0, 0))
-        if missing is None and (quiet.leak.any() or quiet.quantum.any()):
-            heights, per_bin = power(channels)
-            leaks = _leaks(quiet, heights, per_bin)
-        found = invert(
-            channels,
-            quiet.interval,
-            most,
-            dynamic_range,
-            damped,
-            missing,
-            leaks if leaks.any() else None,
-        )
+        found, leaks, per_bin = inverted(channels, quiet)
         points, bends = _from_sinusoids(found, k), found.bends
         if leaks.any():
             at = np.round(points.omega * quiet.interval / per_bin).astype(int)
@@ -163,6 +170,9 @@ def in_time(
     else:
         points, bends = _from_peaks(channels, k, quiet)
     points = _judged(points, quiet, cell)
+    if quiet.ring and (bad := int(quiet.misfit.sum())):
+        crowd = np.sum(np.abs(points.omega[:, None] - points.omega) < cell, axis=1)
+        points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
     if omega_max is not None:
         low = points.omega <= omega_max
         points, bends = points.take(low), bends.take(low)
@@ -297,16 +307,17 @@ def _check_ends(record: Record) -> None:
         )
 
 
-def power(channels: Float) -> tuple[Float, float]:
+def power(channels: Float, shape: Callable[[int], Float] = blackman_harris) -> tuple[Float, float]:
     """Power Σ_c |∫ y_c w e^{iωt} dt|² over both directions, shape (n, nω), and ω per bin·Δt.
 
     Args:
         channels: of :func:`series`, shape (n, 2C, nt).
+        shape: of the window w.
     """
     count = channels.shape[-1]
     padded = next_fast_len(_PADDING * count, real=True)
-    window = blackman_harris(count)
-    window *= 2 / window.sum()
+    window = shape(count)
+    window = window * (2 / window.sum())
     total = np.zeros((len(channels), padded // 2 + 1))
     for c in range(channels.shape[1]):
         hat = rfft(channels[:, c] * window, padded, axis=-1, workers=_WORKERS)
@@ -314,7 +325,7 @@ def power(channels: Float) -> tuple[Float, float]:
     return total, 2 * np.pi / padded
 
 
-def _leaks(record: Record, heights: Float, per_bin: float) -> Float:
+def _leaks(record: Record, heights: Float, per_bin: float, first: int = 1) -> Float:
     """Power below which a peak may be none of its wavenumber's waves, shape (n, nω).
 
     It is another wavenumber's, where receivers differ, or of a digitiser: of a signal that repeats
@@ -322,7 +333,7 @@ def _leaks(record: Record, heights: Float, per_bin: float) -> Float:
     lines at all wavenumbers, of the power q²/12 together.
     """
     density = 2 * np.pi / per_bin / len(record.t)
-    leaks = leakage_of_gains(heights, record.leak, density)
+    leaks = leakage_of_gains(heights, record.leak, density, first)
     steps = record.quantum
     if steps.any() and record.noise < _HIDES * float(np.median(steps[steps > 0])):
         leaks = np.maximum(leaks, 2 * float(np.sum(steps**2)) / 12 / len(record.x) ** 2)

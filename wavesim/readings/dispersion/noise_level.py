@@ -58,14 +58,15 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 
-def leakage_of_gains(power: Float, left: Float, per_bin: float) -> Float:
+def leakage_of_gains(power: Float, left: Float, per_bin: float, first: int = 1) -> Float:
     """Power below which a peak may be what unequal gains leave of other wavenumbers' waves.
 
     Args:
-        power: at the wavenumbers 2πm/X of a ring, m = 1 … n, shape (n, nω).
+        power: at the wavenumbers 2πm/X of a ring, m from the first on, shape (n, nω).
         left: D(q), variance of what gains are off by (``wavesim/records/faults/gains.py``), shape
             (nx,), –.
         per_bin: points of the power per bin 2π/T, –.
+        first: m of the first, 0 or 1.
 
     Returns:
         Shape (n, nω); 0 where nothing leaks.
@@ -74,11 +75,11 @@ def leakage_of_gains(power: Float, left: Float, per_bin: float) -> Float:
         return np.zeros_like(power)
     nx, n = len(left), len(power)
     whole = np.zeros((nx, power.shape[1]))
-    whole[1 : n + 1] += power
-    whole[-1 : -n - 1 : -1] += power
-    if 2 * n == nx:
-        whole[n] /= 2
-    spread = ifft(fft(whole, axis=0) * fft(left)[:, None], axis=0).real[1 : n + 1]
+    m = np.arange(first, first + n)
+    whole[m] += power
+    whole[-m] += power
+    whole[m[2 * m % nx == 0]] /= 2
+    spread = ifft(fft(whole, axis=0) * fft(left)[:, None], axis=0).real[m]
     near = 2 * round(_LOBE_BINS * per_bin) + 1
     return np.asarray(FLOOR_OVER_MEAN * maximum_filter1d(np.maximum(spread, 0), near, axis=1))
 

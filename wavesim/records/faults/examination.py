@@ -109,6 +109,7 @@ def together(
     quantum: Float,
     unsure: Mask,
     ring: bool,
+    lost: Mask,
     quiet_from: float,
     found: list[Finding],
 ) -> tuple[Mended, Mask, Mask, float | None]:
@@ -121,6 +122,7 @@ def together(
         quantum: least step of each, shape (nx,).
         unsure: receivers whose size says nothing.
         ring: whether they go round a ring.
+        lost: receivers round it that are bad, shape (nx,).
         quiet_from: time from which on no source acts, s.
         found: findings, added to.
 
@@ -134,9 +136,8 @@ def together(
     own = rest(values[strongest], quantum)
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     odd = np.zeros(nx, bool)
-    if len(values) == 1 and ring:
-        free = values[0][t >= quiet_from]
-        mended, odd = ring_misfits(free, x, labels, found)
+    if ring:
+        mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
     elif len(values) == 1:
         mended = misfits(values[0], t, x, labels, own, unsure, found)
         if not mended.out.any():

@@ -23,7 +23,8 @@ from numpy.fft import fft, ifft, rfft
 from numpy.typing import NDArray
 
 from wavesim.records.faults.channels import Mended
-from wavesim.records.faults.finding import CURED, TOLD, Finding, places
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.unfit_receivers import MOST, PART, unfit
 from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
@@ -52,6 +53,10 @@ _LESS = 0.8
 _ROUNDS, _STEPS, _LEAST = 12, 60, 4
 # Before anything is known receivers may be off by so much, and no receiver by so many spacings.
 _WIDEST, _FARTHEST = 0.3, 0.3
+# What is left above so many times the noise is the receivers' own.
+_NOISY = 2.0
+# A gain that is −1 to within this is a polarity.
+_TURNED = 0.01
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,7 @@ class Gains:
         place: how far each stands off its place, over the spacing, shape (nx,), –; 0 likewise.
         late: how late its clock is, in frames, shape (nx,); 0 likewise.
         odd: receivers that none of these brings into line, shape (nx,).
+        alone: receivers that stand out by their gain alone, shape (nx,).
         left: D, variance of what of the field is still off, at each wavenumber, numpy's order,
             shape (nx,), –; 0 where nothing stands out.
     """
@@ -71,6 +77,7 @@ class Gains:
     place: Float
     late: Float
     odd: Mask
+    alone: Mask
     left: Float
 
     @property
@@ -90,26 +97,36 @@ class Gains:
         return np.asarray(_at_places(u, self.place).real)
 
 
-def gains(component: Float) -> Gains:
+def gains(component: Float, known: Mask | None = None) -> Gains:
     """What the receivers of one component are off by.
 
     Args:
         component: u, shape (nt, nx), finite, while no source acts; receivers evenly round a ring.
+        known: receivers that are known to be odd, shape (nx,).
     """
     nx = component.shape[1]
-    nil = np.zeros(nx)
-    equal = Gains(nil + 1, nil, nil, np.zeros(nx, bool), nil)
-    if nx < FEWEST or len(component) < _FRAMES:
+    nil, none = np.zeros(nx), np.zeros(nx, bool)
+    known = none if known is None else known
+    equal = Gains(nil + 1, nil, nil, known, none, nil)
+    if len(component) < _FRAMES:
         return equal
-    U, omega = _spectrum(component)
+    U, omega, noise = _spectrum(component)
     if len(U) < _LEAST:
         return equal
-    off, odd, left = np.zeros((3, nx)), np.zeros(nx, bool), np.zeros(nx)
+    unlike = unfit(U, known)
+    alone = np.isfinite(unlike.factor)
+    off, odd, left = np.zeros((3, nx)), unlike.off & ~alone, np.zeros(nx)
+    off[0, alone] = unlike.factor[alone] - 1
+    if nx < FEWEST or not unlike.all:
+        # They are too few to say in what way they differ.
+        uneven = unlike.left > _NOISY * noise
+        left[1:] = (unlike.left - noise) / unlike.power / nx if uneven else 0.0
+        return Gains(1 + off[0], off[1], off[2], odd, alone, left)
     spread = np.full(3, _WIDEST)
-    now = _cells(U, odd)
+    now = _cells(_righted(U, omega, off), odd)
     if now is None:
-        return equal
-    for _ in range(_ROUNDS):
+        return Gains(1 + off[0], off[1], off[2], odd, alone, left)
+    for _ in range(_ROUNDS if nx > MOST else 0):
         one = _without_worst(now, off, odd)
         after = _cells(_righted(U, omega, one[0]), one[1]) if one else None
         if not one or after is None or not _less_left(now, after):
@@ -137,7 +154,7 @@ def gains(component: Float) -> Gains:
         about = precision + nx / (spread**2 * _unit(now, omega))[:, None]
         left = np.sum(1 / about[kinds], axis=0)
         left[0] = 0  # common to all, it leaks nothing
-    return Gains(1 + off[0], off[1], off[2], odd, left)
+    return Gains(1 + off[0], off[1], off[2], odd, alone, left)
 
 
 def _righted(U: Any, omega: Float, off: Float) -> Any:
@@ -181,32 +198,51 @@ def _less_left(before: _Cells, after: _Cells) -> bool:
 
 
 def ring_misfits(
-    component: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
+    values: Float, known: Mask, x: Float, labels: tuple[str, ...], found: list[Finding]
 ) -> tuple[Mended, Mask]:
-    """Channels to turn, and those that no factor puts right, shape (nx,).
+    """Channels to turn or rescale, and those that no factor puts right, shape (nx,).
 
     Args:
-        component: shape (nt, nx), finite, while no source acts.
+        values: shape (C, nt, nx), finite, while no source acts.
+        known: receivers that are known to be bad, shape (nx,).
         x, labels: positions and names of the receivers.
         found: findings, added to.
     """
-    nx = component.shape[1]
+    nx = values.shape[2]
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
-    seen = gains(component)
-    turned = seen.gain < 0
+    seen = [gains(component, known) for component in values]
+    odd = np.logical_or.reduce([known, *(one.odd for one in seen)])
+    turned = np.logical_or.reduce([one.gain < 0 for one in seen]) & ~odd
+    scaled = np.logical_or.reduce([one.alone for one in seen]) & ~turned & ~odd
+    gain = seen[0].gain
+    if len(values) > 1:
+        odd, turned, scaled = odd | turned | scaled, turned & False, scaled & False
     mended.factor[turned] = -1
+    scaled |= turned & (np.abs(gain + 1) > _TURNED)
+    # Of many the others say more exactly what it shows than its factor does.
+    if nx >= FEWEST and (odd | scaled).mean() <= PART:
+        odd = odd | scaled
+    else:
+        mended.factor[scaled] = 1 / gain[scaled]
     if turned.any():
         where = places(x, turned, labels)
         said = f"of reversed polarity, as the ring's waves say: turned round ({where})"
         found.append(Finding("reversed", where, "polarity", CURED, said))
-    if seen.odd.any():
-        where = places(x, seen.odd, labels)
+    if scaled.any():
+        where = places(x, scaled, labels)
+        listed = ", ".join(f"{size:.3g}" for size in gain[scaled][:6])
+        done = "read from the others" if (odd & scaled).any() else "divided by it"
+        said = f"larger by a factor {listed} than the ring's waves say: {done} ({where})"
+        found.append(Finding("mis-scaled", where, f"by a factor {listed}", CURED, said))
+    new = odd & ~known & ~scaled
+    if new.any():
+        where = places(x, new, labels)
         said = (
             "dead, exchanged, delayed or of another field: they do not fit the waves that all "
-            f"others show ({where})"
+            f"others show, and are read from these ({where})"
         )
-        found.append(Finding("misfit", where, f"{int(seen.odd.sum())} of {nx}", TOLD, said))
-    return mended, seen.odd
+        found.append(Finding("misfit", where, f"{int(new.sum())} of {nx}", TAKEN_OUT, said))
+    return mended, odd
 
 
 @dataclass(frozen=True)
@@ -226,8 +262,8 @@ class _Cells:
     own: Float
 
 
-def _spectrum(component: Float) -> tuple[Any, Float]:
-    """U at the frequencies that tell something, and these in rad per frame."""
+def _spectrum(component: Float) -> tuple[Any, Float, float]:
+    """U at the frequencies that tell something, these in rad per frame, and the noise's power."""
     window = blackman_harris(len(component))[:, None]
     U = rfft((component - component.mean(axis=0)) * window, axis=0)
     # A field that covers a quarter of the receivers is seen; one bad receiver is not.
@@ -235,7 +271,8 @@ def _spectrum(component: Float) -> tuple[Any, Float]:
     strong = np.flatnonzero(size > _STRONG * size.max(initial=0.0))
     if len(strong) > _MOST_FREQUENCIES:
         strong = strong[np.linspace(0, len(strong) - 1, _MOST_FREQUENCIES).astype(int)]
-    return U[strong], 2 * np.pi * strong / len(component)
+    noise = float(np.median(np.abs(U[-max(4, len(U) // 10) : -1]) ** 2) / np.log(2))
+    return U[strong], 2 * np.pi * strong / len(component), noise
 
 
 def _cells(U: Any, odd: Mask) -> _Cells | None:

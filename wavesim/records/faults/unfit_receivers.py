@@ -1,0 +1,167 @@
+"""Receivers round a ring that the few waves of all others do not explain: of any fault.
+
+At each strong frequency the field round a ring is a few waves e^{ikx}, k = 2πm/X. They are sought
+one by one (orthogonal matching pursuit: Pati, Rezaiifar & Krishnaprasad, Asilomar 27, 40 (1993)) at
+the receivers that are believed, by least squares. A receiver is off where what is left falls by far
+without it, at most frequencies. What it shows is then held against what the others tell of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.fft import fft
+from numpy.typing import NDArray
+
+Float = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+FEWEST, MOST = 6, 128
+# No more than this part of the receivers may be off, and waves take no more than this of the rest.
+PART, _WAVES = 0.25, 0.25
+# A wave stands so many times above the median of all wavenumbers, or this part of the field.
+_ABOVE, _ROUNDING = 3.5, 1e-8
+# What is left must fall by this factor without one, of few and of many; so many of the worst are
+# tried, and so many are taken away in search of a fall, as where two are off alike.
+_FALLS, _TRIED, _AHEAD = (4.0, 2.0), 4, 3
+# Of many it need not fall as far where one has so many times the others' median left.
+_SOME, _STANDS = 1.3, 25.0
+# A factor that explains all but this part of a receiver is one.
+_ALONE, _SAME = 0.01, 1e-3
+_FEWEST_FREQUENCIES, _FREQUENCIES = 4, 64
+# … the loudest, of this part of the greatest power. One is off by this part of the field's.
+_LOUD, _LEAST = 0.01, 1e-6
+# Where, of many, none has so many times the median left, none is off.
+_MANY, _EVEN = 16, 3.0
+
+
+@dataclass(frozen=True)
+class Unfit:
+    """What was found.
+
+    Attributes:
+        off: receivers that do not fit, shape (nx,).
+        factor: of those what they show over what is there, where that is all, (nx,); NaN else.
+        all: whether the others fit each other then.
+        left, power: variance of what is left of them, and of the field, in the mean.
+    """
+
+    off: Mask
+    factor: Float
+    all: bool
+    left: float = 0.0
+    power: float = 1.0
+
+
+def unfit(U: Any, known: Mask) -> Unfit:
+    """Receivers that do not fit.
+
+    Args:
+        U: field at strong frequencies, receivers evenly round a ring, shape (n, nx).
+        known: receivers that are known to be off, shape (nx,).
+    """
+    nx = U.shape[1]
+    off, factor = known.copy(), np.full(nx, np.nan)
+    if not FEWEST <= nx <= MOST or len(U) < _FEWEST_FREQUENCIES:
+        return Unfit(off, factor, True)
+    size = np.sum(np.abs(U) ** 2, axis=1)
+    loud = np.argsort(-size, kind="stable")[:_FREQUENCIES]
+    fewest = loud[: 4 * _FEWEST_FREQUENCIES]
+    U = U[np.union1d(fewest, loud[size[loud] > _LOUD * size.max()])]
+    most = max(1, int(PART * nx))
+    start = before = _waves(U, ~off)
+    size = np.where(off, 0, _left_at(U, before))
+    gone, since, last = off.copy(), 0, before
+    falls = _FALLS[int(nx >= _MANY)]
+    if nx >= _MANY and size.max() < _EVEN * np.median(size[~off]):
+        since = _AHEAD
+    while gone.sum() <= most and since < _AHEAD:
+        j, after = _worst(U, gone, before)
+        left_at = _left_at(U, before)
+        out = left_at[j] / np.median(left_at[~gone])
+        gone[j] = True
+        since += 1
+        seen = np.mean(np.abs(U[:, j] - after[0][:, j]) ** 2)
+        less = seen < _LEAST * np.mean(np.abs(after[0]) ** 2)
+        fall = _fall(before, after)
+        if not less and (fall >= falls or (nx >= _MANY and fall >= _SOME and out > _STANDS)):
+            off, since, last = gone.copy(), 0, after
+        before = after
+    power = float(np.mean(np.abs(start[0][:, ~known]) ** 2))
+    if off.sum() > most:
+        return Unfit(known, factor, False, float(start[1].mean()), power)
+    V, left = last
+    for j in map(int, np.flatnonzero(off & ~known)) if off.sum() > 1 else ():
+        # One that was taken for the worst while another was.
+        again = off.copy()
+        again[j] = False
+        with_it = _waves(U, ~again)
+        if _fall(with_it, (V, left)) < min(np.sqrt(falls), _SOME):
+            off, (V, left) = again, with_it
+    for j in map(int, np.flatnonzero(off & ~known)):
+        told, seen = V[:, j] / np.sqrt(left), U[:, j] / np.sqrt(left)
+        size = float(np.sum(np.abs(told) ** 2))
+        part = float(np.sum(np.real(np.conj(told) * seen))) / max(size, 1e-300)
+        rest = float(np.sum(np.abs(seen - part * told) ** 2))
+        if rest < _ALONE * float(np.sum(np.abs(seen) ** 2)):
+            # What stands by itself at one place, as under a source, looks so, but for its factor.
+            fits = abs(part - 1) < _SAME
+            factor[j], off[j] = np.nan if fits else part, not fits
+    return Unfit(off, factor, True, float(left.mean()), power)
+
+
+def _worst(U: Any, gone: Mask, now: tuple[Any, Float]) -> tuple[int, tuple[Any, Float]]:
+    """The receiver without which least is left, and the waves of the others."""
+    size = _left_at(U, now)
+    tried = []
+    for j in np.argsort(-np.where(gone, -1, size), kind="stable")[:_TRIED]:
+        good = ~gone
+        good[j] = False
+        after = _waves(U, good)
+        tried.append((_fall(now, after), int(j), after))
+    _, j, after = max(tried, key=lambda one: one[0])
+    return j, after
+
+
+def _left_at(U: Any, now: tuple[Any, Float]) -> Float:
+    """What is left at each receiver, over what is at all, at each frequency and in all."""
+    V, left = now
+    rest = np.abs(U - V) ** 2
+    return np.asarray(np.mean(rest / left[:, None], axis=0) + rest.mean(axis=0) / left.mean())
+
+
+def _fall(before: tuple[Any, Float], after: tuple[Any, Float]) -> float:
+    """By what factor less is left, at half the frequencies or more."""
+    return float(np.median(before[1] / after[1]))
+
+
+def _waves(U: Any, good: Mask) -> tuple[Any, Float]:
+    """The field of a few waves laid through good receivers, and the variance of what is left."""
+    n, nx = U.shape
+    seen = np.where(good, U, 0)
+    V, left = np.zeros_like(U), seen
+    turn = np.exp(2j * np.pi * np.outer(np.arange(nx), np.arange(nx)) / nx)
+    floor = _ROUNDING * np.sqrt(nx * np.sum(np.abs(seen) ** 2, axis=1))
+    taken = np.zeros((n, nx), bool)
+    columns = np.zeros((n, nx, 0), complex)
+    goes = np.ones(n, bool)
+    for _ in range(max(2, int(_WAVES * good.sum()))):
+        size = np.abs(fft(left, axis=1))
+        above = np.maximum(_ABOVE * np.median(size, axis=1), floor)
+        size[taken] = 0
+        goes &= (size.max(axis=1) > above) | (columns.shape[2] == 0)
+        if not goes.any():
+            break
+        wave = size.argmax(axis=1)
+        taken[goes, wave[goes]] = True
+        columns = np.concatenate([columns, (turn[wave] * goes[:, None])[..., None]], axis=2)
+        own = columns * good[:, None]
+        turned = np.conj(np.swapaxes(own, 1, 2))
+        gram = turned @ own + 1e-13 * nx * np.eye(columns.shape[2])
+        V = (columns @ np.linalg.solve(gram, turned @ seen[..., None]))[..., 0]
+        left = np.where(good, U - V, 0)
+    spare = np.maximum(good.sum() - taken.sum(axis=1), 1)
+    rest = np.sum(np.abs(left) ** 2, axis=1) / spare
+    return V, np.maximum(rest, _ROUNDING**2 * np.mean(np.abs(seen) ** 2, axis=1))
