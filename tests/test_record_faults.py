@@ -242,6 +242,12 @@ def test_a_ring_tells_what_a_bad_receiver_lacks(bad):
     assert "x = 0.003" in found.findings[-1].where
 
 
+def test_a_frame_written_twice_counts_once():
+    found = record(np.insert(CLEAN, 200, CLEAN[200], axis=0), np.insert(T, 200, T[200]), X)
+    assert found.t == pytest.approx(T, rel=1e-12)
+    assert [f.what for f in found.findings] == ["frames twice"]
+
+
 def test_a_ring_driven_within_the_record_asks_when_it_is_free():
     t, x, u = ring()
     driven = u * np.minimum(1, np.maximum(0, t / t[-1] - 0.1) * 3)[:, None] ** 2

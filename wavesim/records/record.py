@@ -34,6 +34,8 @@ _ROUNDED = 0.02
 _DEAD = 1e-12
 # A receiver with more than this part of its samples missing is left out.
 _MOST_MISSING = 0.2
+# No more than this part of the frames may be there twice.
+_FRAMES_TWICE = 0.01
 # A field is odd about a receiver where this part of its power is left of it and its mirror image.
 _ODD = 0.1
 # Spans of time (s) and place (m) within which squares and products are numbers still.
@@ -241,6 +243,13 @@ def record(
     found: list[Finding] = []
     _check_shapes(values, t, x, placed)
     values, t = one_clock(values, t, found)
+    twice = np.r_[False, np.diff(t) == 0]
+    twice[1:] &= ((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:])).all(axis=(0, 2))
+    if 0 < twice.sum() <= _FRAMES_TWICE * len(t) and input is None:
+        values, t = np.array(values[:, ~twice]), np.array(t[~twice])
+        said = f"{int(twice.sum())} frames there twice, time and samples: one of each taken"
+        where = "all receivers"
+        found.append(Finding("frames twice", where, f"{int(twice.sum())} frames", CURED, said))
     check_ascending(t, storage[0])
     placed = placed or bool(np.isfinite(x).all())
     if len(labels) not in (0, len(x)):

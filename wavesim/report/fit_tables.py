@@ -44,7 +44,10 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
             console.print(f"  does not count: {one['reason']}.", markup=False)
     for key, one in answer["nuisances"].items():
         error = math.nan if one["error"] is None else one["error"]
-        console.print(f"{key} {with_error(one['value'], error)}", markup=False)
+        size = max(abs(one["value"]), 0.0 if math.isnan(error) else error)
+        scale, unit = in_time(size) if key == "lag" else (1.0, "")
+        told = with_error(one["value"] * scale, error * scale, unit) if unit else None
+        console.print(f"{key} {told or with_error(one['value'], error)}", markup=False)
     if any(one["error"] is not None for one in answer["parameters"].values()):
         console.print("± is one standard error.")
     for pair in answer["correlations"]:
