@@ -296,7 +296,7 @@ def record(
             values, x = values[..., ~raw.spare], x[~raw.spare]
             channels, lost = channels.take(~raw.spare), lost[~raw.spare]
             twice = twice[~raw.spare]
-    alive = _living(values, x, channels.labels, ring)
+    alive = _living(values, x, channels.labels, ring, still=not (ring and trusted))
     _tell_dead(x, alive | twice, channels.labels, first_dead, found)
     if ring:
         lost = lost | ~alive
@@ -460,7 +460,10 @@ def _living(
     dead: Mask = np.asarray(gone)
     if still:
         at_rest = np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= least
-        dead = gone | (at_rest & ~_nodes(values) if ring else at_rest)
+        if ring and at_rest.any():
+            # Where no wave has come, or none travels, many rest rightly.
+            at_rest &= ~_nodes(values) & (at_rest.sum() <= max(1, PART * len(x)))
+        dead = gone | at_rest
     if not dead.any():
         return ~dead
     where = places(x, dead, labels)
@@ -474,15 +477,22 @@ def _living(
 
 
 def _nodes(values: Float) -> Mask:
-    """Receivers round a ring that a standing field, odd about them, leaves at rest, shape (nx,)."""
+    """Receivers round a ring that a standing field, odd about them, leaves at rest, shape (nx,).
+
+    Σ_d (u_{j+d} + u_{j−d})² / 2 = Σ_d u_d² + Σ_d u_{j+d} u_{j−d}, of which the last is the circular
+    convolution of u with itself at 2j.
+    """
     nx = values.shape[2]
-    after, before = (
-        np.stack([np.roll(values, sign * d, axis=2) for d in range(1, max(2, nx // 2))])
-        for sign in (-1, 1)
-    )
-    after, before = np.nan_to_num(after), np.nan_to_num(before)
-    both = np.sum((after + before) ** 2, axis=(0, 1, 2))
-    return np.asarray(both < _ODD * np.sum(after**2 + before**2, axis=(0, 1, 2)))
+    own, hat = np.zeros(nx), np.zeros(nx // 2 + 1, complex)
+    for rows in (np.nan_to_num(row) for part in values for row in np.array_split(part, 16)):
+        own += np.sum(rows**2, axis=0)
+        hat += np.sum(np.fft.rfft(rows, axis=1) ** 2, axis=0)
+    at = np.arange(nx)
+    # What is its own mirror image tells nothing.
+    itself = own + (np.roll(own, -(nx // 2)) if nx % 2 == 0 else 0.0)
+    power = own.sum() - itself
+    mirrored = np.fft.irfft(hat, nx)[2 * at % nx] - itself
+    return np.asarray(power + mirrored < _ODD * power)
 
 
 def _check_whole(x: Float, lost: Mask, labels: tuple[str, ...]) -> None:
