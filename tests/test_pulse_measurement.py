@@ -210,8 +210,8 @@ def test_record_section(result):
 def test_transmission_figure(gapped):
     """Points are the levels that count, in kHz; the gap is shaded where it is."""
     with matplotlib.rc_context(STYLE):
-        exact = (np.linspace(1e5, 1.2e6, 50), np.linspace(0, -10, 50))
-        (axes,) = drawn(pulsefigures.transmission(gapped, [("G", 6e5, 8e5)], exact))
+        exact = (np.linspace(100, 1200, 50), np.linspace(0, -10, 50))
+        (axes,) = drawn(pulsefigures.transmission(gapped, [("G", 600.0, 800.0)], exact))
     ok = gapped.loss.valid
     points = next(one for one in axes.lines if one.get_marker() == "o")
     np.testing.assert_allclose(points.get_xdata(), gapped.loss.omega[ok] / 2e3 / np.pi)
@@ -227,8 +227,8 @@ def test_figure_of_velocities_and_losses(which, request):
     """Both velocities are drawn in one panel, none inside a gap; α and Q below; α in dB/mm and
     in Np/m; exact curves where they are given."""
     one = request.getfixturevalue(which)
-    gaps = [("G", 6e5, 8e5)] if which == "gapped" else []
-    curve = (np.array([1e5, 1e6]), np.array([1.0, 2.0]))
+    gaps = [("G", 600.0, 800.0)] if which == "gapped" else []
+    curve = (np.array([100.0, 1000.0]), np.array([1.0, 2.0]))
     names = ("phase_velocity", "group_velocity", "attenuation", "quality")
     with matplotlib.rc_context(STYLE):
         figure = pulsefigures.velocities_and_losses(one, gaps, dict.fromkeys(names, curve))
