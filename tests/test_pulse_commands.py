@@ -140,3 +140,23 @@ def test_a_heading_that_is_a_number_is_taken_for_a_column_only_where_that_is_sai
     told = pulse(path, "--input", "1", "--distance", "100").output
     assert "faster than waves in any solid" in " ".join(told.split())
     assert "Taken is the first break. By convention, ms:" in told
+
+
+def test_a_column_headed_as_the_transmitter_is_what_was_sent_and_a_series_goes_by_its_names(
+    tmp_path,
+):
+    """Speeds without --input are those with it; values in another order than the names say are
+    refused, with the order that they have."""
+    for name, c in (("50", 60 * 50**0.27), ("200", 60 * 200**0.27)):
+        table = np.column_stack(record(c, noise=0.002))
+        head = "Time (s),Transmitter (V),Receiver (V)"
+        np.savetxt(tmp_path / f"at_{name}kPa.csv", table, "%.9g", ",", header=head, comments="")
+    files, given = sorted(tmp_path.glob("at_*.csv")), ["--distance", 0.12, "--json"]
+    (one,) = json.loads(pulse(files[0], *given).output)["records"]
+    (told,) = json.loads(pulse(files[0], "--input", 2, *given).output)["records"]
+    assert one["best"] == told["best"]
+    assert abs(one["best"]["velocity"] - 60 * 200**0.27) <= 2 * one["best"]["velocity_error"]
+    answer = pulse(*files, *given, "--against", "stress=50,200")
+    assert answer.exit_code == 2
+    assert "is named 200; in the order of the files: 200,50" in answer.output
+    assert pulse(*files, *given, "--against", "stress=200,50").exit_code == 0

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.records.fitness import for_frequency_at_k
 from wavesim.records.record import RecordError, record
 
 T = np.arange(500) * 1e-6
@@ -51,6 +52,21 @@ def test_a_clean_pulse_is_one_mode_and_no_side_lobe():
         off = np.abs(own.k - dispersive(own.omega))
         assert (off / own.k).max() < 1e-4
         assert (off <= own.k_error * 1.96).mean() > 0.9
+
+
+def test_a_record_that_begins_inside_its_pulse_has_no_waves_but_the_pulse_s():
+    """Its cut edge has a spectrum of its own: what is valid is the wave, by receivers that the
+    pulse has not reached."""
+    x = 0.02 + 0.005 * np.arange(48)
+    whole = passing(x, [(dispersive, one)])
+    cut = record(whole[60:], T[60:], x)
+    points = in_time(for_frequency_at_k(cut, harmonic=False), method="auto")
+    own = points.take(points.valid)
+    assert len(own) > 10
+    assert np.abs(own.k / dispersive(own.omega) - 1).max() < 0.02
+    naive = in_time(cut, method="auto")
+    naive = naive.take(naive.valid)
+    assert np.abs(naive.k / dispersive(naive.omega) - 1).max() > 0.1
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +198,24 @@ def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
     return (parameter if "(" in parameter else f"{parameter} ({found[0]})"), numbers
 
 
+def _check_order(setup: _Set, names: Sequence[str]) -> None:
+    """Refuse values in another order than the numbers that the records' names have."""
+    said = []
+    for name in names[: len(setup.values)]:
+        own = {float(n) for n in re.findall(r"\d+(?:\.\d+)?", name.rpartition("/")[2])}
+        said.append(own & set(setup.values))
+    if any(len(one) != 1 for one in said):
+        return
+    told = [one.pop() for one in said]
+    if sorted(told) == sorted(setup.values) and told != list(setup.values):
+        n = next(n for n, value in enumerate(setup.values) if value != told[n])
+        stop(
+            f"--against {setup.parameter}: {names[n]} is given {setup.values[n]:g}, but is named "
+            f"{told[n]:g}; in the order of the files: {','.join(f'{v:g}' for v in told)}",
+            BAD_INPUT,
+        )
+
+
 def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
     from wavesim.case.units import meant_by
 
@@ -253,6 +272,8 @@ def _readings(
             "one for each, in the order of the files",
             BAD_INPUT,
         )
+    if setup.parameter is not None:
+        _check_order(setup, [f if t is None else t.name for f, t in zip_longest(files, tests)])
     if len(setup.distances) not in (0, 1, count):
         stop(
             f"--distance: {len(setup.distances)} values for {count} records; give one, or one for "

@@ -118,6 +118,11 @@ def _several(console: Console, one: Reading) -> None:
     _spectra(console, one)
 
 
+def _known(value: float, error: float) -> str:
+    """A value with its error; "–" where no error is known."""
+    return with_error(value, error) if math.isfinite(error) else "–"
+
+
 def _spectra(console: Console, one: Reading) -> None:
     """A few frequencies of c, v_g, α and Q."""
     assert one.result is not None
@@ -130,9 +135,9 @@ def _spectra(console: Console, one: Reading) -> None:
     for i in rows:
         table.add_row(
             f"{found.omega[i] * KHZ:.5g}",
-            with_error(found.phase_velocity[i], found.phase_error[i]),
-            with_error(found.group_velocity[i], found.group_error[i]),
-            with_error(_PER_MM * found.attenuation[i], _PER_MM * found.attenuation_error[i]),
+            _known(found.phase_velocity[i], found.phase_error[i]),
+            _known(found.group_velocity[i], found.group_error[i]),
+            _known(_PER_MM * found.attenuation[i], _PER_MM * found.attenuation_error[i]),
             _quality(found, i),
         )
     console.print(table)
