@@ -15,7 +15,7 @@ from runs import call
 
 from wavesim import planewave, runner
 from wavesim.cli import main as cli
-from wavesim.cli.arguments import Frequency
+from wavesim.cli.arguments import Quantity
 from wavesim.cli.main import main
 from wavesim.io.result_reader import describe
 from wavesim.material.medium import Medium
@@ -205,7 +205,7 @@ def test_no_option_takes_a_number_that_is_none():
         for command in main.commands.values()
         for option in command.params
         for kind in getattr(option.type, "types", [option.type])
-        if isinstance(kind, click.types.FloatParamType | Frequency)
+        if isinstance(kind, click.types.FloatParamType | Quantity)
     ]
     assert len(options) > 20
     for option, kind in options:

@@ -57,19 +57,30 @@ class NumberIn(Number, click.FloatRange):
 NUMBER, POSITIVE, NOT_NEGATIVE = Number(), NumberIn(min=0, min_open=True), NumberIn(min=0)
 
 
-class Frequency(click.ParamType):
-    """A frequency as 6e5 or 600kHz, in Hz."""
+class Quantity(click.ParamType):
+    """A number in SI, or with a unit of its own, as 6e5 or 600kHz.
 
-    name = "frequency"
+    Args:
+        name: what it is.
+        unit: of SI.
+        forms: how it may be given.
+    """
+
+    def __init__(self, name: str, unit: str, forms: str) -> None:
+        self.name, self._unit, self._forms = name, unit, forms
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """The number of Hz, else a line that says how it is given."""
+        """The number in SI, else a line that says how it is given."""
         from wavesim.case.units import meant_by
 
-        known = meant_by("Hz", str(value))
-        if known is None:
-            self.fail(f"{value!r} is no frequency; give it as 6e5 (Hz) or 600kHz", param, ctx)
+        known = meant_by(self._unit, str(value))
+        if known is None or not math.isfinite(float(known)):
+            self.fail(f"{value!r} is no {self.name}; give it as {self._forms}", param, ctx)
         return float(known)
+
+
+FREQUENCY = Quantity("frequency", "Hz", "6e5 (Hz) or 600kHz")
+TIME = Quantity("time", "s", "2e-5 (s) or 20us")
 
 
 def _ascending(context: Any, option: Any, band: tuple[float, float] | None) -> Any:
@@ -82,7 +93,7 @@ def _ascending(context: Any, option: Any, band: tuple[float, float] | None) -> A
 
 BAND = click.option(
     "--band",
-    type=(Frequency(), Frequency()),
+    type=(FREQUENCY, FREQUENCY),
     callback=_ascending,
     metavar="F1 F2",
     help="Lowest and highest frequency, in Hz or as 600kHz.",

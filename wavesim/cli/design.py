@@ -130,10 +130,16 @@ def _tell(shown: Any, found: Any) -> None:
             f"{100 * found.made:.3g} % keep every wish."
         )
     else:
-        shown.print("No stack was found that keeps every wish. What else can be had, in dB:")
-        for row in found.trade_off:
-            levels = ", ".join(f"{level:.2f}" for level in row["reached"])
-            shown.print(f"  {levels}")
+        wishes = ", ".join(
+            f"{w.sector} {w.low / 1e3:g}–{w.high / 1e3:g} kHz" for w in found.problem.wishes
+        )
+        shown.print(
+            "No stack was found that keeps every wish: more layers, variables or length may, or "
+            f"another --seed. What else can be had, in dB ({wishes}):"
+        )
+        levels = (", ".join(f"{v:.2f}" for v in row["reached"]) for row in found.trade_off)
+        for line in dict.fromkeys(levels):
+            shown.print(f"  {line}")
     shown.print(f"{found.evaluations} stacks from {found.starts} starts, {found.seconds:.1f} s.")
 
 

@@ -17,10 +17,11 @@ from typing import Any
 import click
 
 from wavesim.cli.arguments import (
+    FREQUENCY,
     INPUT,
     JSON,
-    NUMBER,
     POSITIVE,
+    TIME,
     WRITTEN,
     print_json,
     read_layers,
@@ -50,7 +51,7 @@ class _Set:
 @click.option(
     "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
 )
-@click.option("--delay", type=NUMBER, help="Of cables and transducers, s.")
+@click.option("--delay", type=TIME, help="Of cables and transducers, in s or as 20us.")
 @click.option(
     "--face-to-face",
     metavar="FILE",
@@ -63,8 +64,7 @@ class _Set:
 )
 @click.option(
     "--expected",
-    type=POSITIVE,
-    nargs=2,
+    type=(FREQUENCY, POSITIVE),
     metavar="F C",
     help="About how fast the wave is, C m/s at F Hz, where phases or packets are ambiguous.",
 )
