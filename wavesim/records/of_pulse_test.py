@@ -15,6 +15,7 @@ from wavesim.planewave.dispersion_relation import wave_speeds
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
+from wavesim.records.record import Record
 
 Float = NDArray[Any]
 
@@ -74,19 +75,14 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
     result = own_result(path)
     if result is not None:
         return _of_run(result)
-    record = read(path, replace(layout, placed=False))
+    record, said = read_pulse_test(path, replace(layout, placed=False))
     if len(record.values) > 1:
         raise RecordError(
             f"{path}: holds {len(record.values)} components ({', '.join(record.names)}); name one "
             "with --values"
         )
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
-    sent = [label for label in labels if _SENT.search(label)]
-    if layout.input is None and len(sent) == 1 and len(labels) > 1:
-        said = f'the column headed "{sent[0]}" is taken for what was sent: --input names another'
-        tests = of_pulse_file(path, replace(layout, input=sent[0]))
-        return [replace(test, notes=(*test.notes, said)) for test in tests]
-    values, notes = record.values[0], record.notes
+    values, notes = record.values[0], (*record.notes, *said)
     missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     if missing.any():
         if missing.sum() > _MOST_MISSING * len(missing):
@@ -108,6 +104,21 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         )
         for label, u in columns.items()
     ]
+
+
+def read_pulse_test(path: str | Path, layout: Layout) -> tuple[Record, tuple[str, ...]]:
+    """A record, the transmitter's column by its heading where no other is named, and what was so
+    assumed.
+
+    Raises:
+        RecordError: the file can't be used.
+    """
+    record = read(path, layout)
+    sent = [label for label in record.labels if _SENT.search(label)]
+    if layout.input is not None or len(sent) != 1 or len(record.labels) < 2:
+        return record, ()
+    said = f'the column headed "{sent[0]}" is taken for what was sent: --input names another'
+    return read(path, replace(layout, input=sent[0])), (said,)
 
 
 def _of_run(path: Path) -> list[PulseTestRecord]:

@@ -150,8 +150,10 @@ def _mend(
         return Finding(kind, where, f"by a factor {listed}", TAKEN_OUT if far else CURED, said)
     mended.out[which] = True
     if kind == "delayed":
-        said = f"later by {listed} s than neighbours say: left out ({where})"
-        return Finding(kind, where, f"by {listed} s", TAKEN_OUT, said)
+        word = "earlier" if max(those.values()) < 0 else "later"
+        listed = listed.replace("-", "") if word == "earlier" else listed
+        said = f"{word} by {listed} s than neighbours say: left out ({where})"
+        return Finding(kind, where, f"{word} by {listed} s", TAKEN_OUT, said)
     said = f"{len(which)} dead receivers left out ({where})"
     return Finding(kind, where, f"{len(which)} of {len(x)}", TAKEN_OUT, said)
 
