@@ -13,9 +13,8 @@ from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quiet import fine_noise
-from wavesim.records.files import own_result
+from wavesim.records.files import own_result, read
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
-from wavesim.records.of_pulse_test import read_pulse_test
 from wavesim.records.record import Record
 
 
@@ -95,8 +94,7 @@ def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspec
         layout, result = layout or Layout(), own_result(source)
         if result is not None and layout.values is None:
             return _of_run(result)
-        record, note = read_pulse_test(source, replace(layout, placed=False))
-        record = replace(record, notes=(*record.notes, *note))
+        record = read(source, replace(layout, placed=False, transmitter=True))
     said = {finding.said for finding in record.findings}
     assumed = tuple(note for note in record.notes if note not in said)
     return Inspection(record, assumed, record.findings, *_usable(record))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +14,6 @@ from wavesim.planewave.dispersion_relation import wave_speeds
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
-from wavesim.records.record import Record
 
 Float = NDArray[Any]
 
@@ -25,10 +23,6 @@ UNLIKE = (
 )
 # More missing frames than this part are no small gap.
 _MOST_MISSING = 0.01
-
-
-# A heading of the transmitter's column.
-_SENT = re.compile(r"transmit|\bsent\b|\binput\b|\bexcit|\bdrive\b|\bgenerator\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -75,14 +69,14 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
     result = own_result(path)
     if result is not None:
         return _of_run(result)
-    record, said = read_pulse_test(path, replace(layout, placed=False))
+    record = read(path, replace(layout, placed=False, transmitter=True))
     if len(record.values) > 1:
         raise RecordError(
             f"{path}: holds {len(record.values)} components ({', '.join(record.names)}); name one "
             "with --values"
         )
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
-    values, notes = record.values[0], (*record.notes, *said)
+    values, notes = record.values[0], record.notes
     missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     if missing.any():
         if missing.sum() > _MOST_MISSING * len(missing):
@@ -104,21 +98,6 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         )
         for label, u in columns.items()
     ]
-
-
-def read_pulse_test(path: str | Path, layout: Layout) -> tuple[Record, tuple[str, ...]]:
-    """A record, the transmitter's column by its heading where no other is named, and what was so
-    assumed.
-
-    Raises:
-        RecordError: the file can't be used.
-    """
-    record = read(path, layout)
-    sent = [label for label in record.labels if _SENT.search(label)]
-    if layout.input is not None or len(sent) != 1 or len(record.labels) < 2:
-        return record, ()
-    said = f'the column headed "{sent[0]}" is taken for what was sent: --input names another'
-    return read(path, replace(layout, input=sent[0])), (said,)
 
 
 def _of_run(path: Path) -> list[PulseTestRecord]:

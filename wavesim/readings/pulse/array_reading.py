@@ -41,6 +41,10 @@ _FIRST = 0.5
 # The longest flank, over the gate.
 _TAPER = 0.15
 
+VAGUE = (
+    "no convention reads a velocity to 20 %: add a receiver, place them further apart, or begin "
+    "the record earlier, so that its noise is seen"
+)
 _Speed = tuple[str, Velocity]
 
 OVERLAP = (
@@ -296,7 +300,7 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
     span = float(result.record.x[-1] - result.record.x[0])
     told = list(_read(result))
     if not told:
-        why = next((one.reason for one in speeds.values() if one.reason), "no velocity is known")
+        why = next((one.reason for one in speeds.values() if one.reason), VAGUE)
         reasons = [r for r in result.record.unusable if r]
         return Best("correlation", math.nan, math.nan, math.nan, math.nan, False,
                     reasons[0] if reasons else why)  # fmt: skip
