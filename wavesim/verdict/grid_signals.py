@@ -25,7 +25,7 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.points import gaussian, sampling, spread
 from wavesim.layered.cross_section import Section, limit
 from wavesim.layered.signals import named
-from wavesim.layered.source_loads import acts_of, body_loads, components
+from wavesim.layered.source_loads import acts_of, body_loads, components, held_back
 from wavesim.layered.stack import Stack
 from wavesim.material.family import Block
 from wavesim.simulation.simulation import Simulation
@@ -105,7 +105,8 @@ def _of_block(
         value = phi[:, points] @ weights
         weights, points = micro[name]
         strain = np.einsum("npb,p->nb", B[:, np.searchsorted(seen, points)], weights)
-        found[name] = named(block, value[:, None], strain, stack.units)
+        held = held_back(stack, simulated.sources, bar.periodic, places[name])
+        found[name] = named(block, value[:, None] + held[:, :1], strain + held[:, 1:], stack.units)
     return found
 
 
