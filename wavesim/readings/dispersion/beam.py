@@ -272,9 +272,9 @@ def beams(
         )
     columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
     step, k, error, size, left, clear = columns[:6]
-    row = np.searchsorted(rows, step)
+    at = np.searchsorted(rows, step)
     found = Beams(step.astype(int), k, error, size, left, clear > 0, Bends(*columns[6:]),
-                  unsure[row], cut[row])  # fmt: skip
+                  unsure[at], cut[at])  # fmt: skip
     return omega, found
 
 
