@@ -25,7 +25,7 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.points import gaussian, sampling, spread
 from wavesim.layered.cross_section import Section, limit
 from wavesim.layered.signals import named
-from wavesim.layered.source_loads import acts_of, body_loads, components
+from wavesim.layered.source_loads import acts_of, body_loads, components, held_back
 from wavesim.layered.stack import Stack
 from wavesim.material.family import Block
 from wavesim.simulation.simulation import Simulation
@@ -100,10 +100,12 @@ def _of_block(
             amount = total[:, seen[own]] / one.modulus[:, None]
             B[..., own] += one.X[..., component].T[:, :, None] * amount
     strains = B @ weights
-    return {
-        name: named(block, values[:, place, None], strains[:, :, place].T, stack.units)
-        for place, name in enumerate(places)
-    }
+    found = {}
+    for place, (name, x) in enumerate(places.items()):
+        held = held_back(stack, simulated.sources, bar.periodic, x)
+        there = values[:, place, None], strains[:, :, place].T
+        found[name] = named(block, there[0] + held[:, :1], there[1] + held[:, 1:], stack.units)
+    return found
 
 
 def _sampled(bar: Bar, positions: Iterable[float], staggered: bool) -> tuple[Values, Values]:
