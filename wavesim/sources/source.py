@@ -310,7 +310,8 @@ def extent_on(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
 def excitation(sources: Sequence[Source], omega: Any, k: Any = 0.0) -> Any:
     """Spectrum |s(ω)| of the strongest source at each frequency, relative to its own peak.
 
-    It is 0 beyond twice where that has fallen below EXCITED for good. An initial field excites all frequencies and, in wavenumber, exp(−k²w²/2).
+    It is 0 beyond twice where that has fallen below EXCITED for good. An initial field excites all
+    frequencies and, in wavenumber, exp(−k²w²/2).
 
     Args:
         sources: at least one.
