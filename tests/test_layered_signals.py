@@ -72,7 +72,11 @@ def modal_sum(medium, source, x):
     found = {name: [] for name in NAMES}
     for t in TIMES:
         if starting:
-            grown = np.cos(omega * t)
+            # q̈ + dq̇ + ω²q = 0 from 1 at rest.
+            drag = (medium.damping.mass + medium.damping.stiffness * omega**2) / 2
+            rate = np.sqrt(omega**2 - drag**2 + 1e-9 * drag**2 + 0j)
+            up, down = np.exp((1j * rate - drag) * t), np.exp((-1j * rate - drag) * t)
+            grown = ((up + down) / 2 + drag * (up - down) / 2j / np.where(rate == 0, 1, rate)).real
         else:
             end = min(t, source.end)
             tau = end * (nodes + 1) / 2
@@ -106,15 +110,22 @@ def test_signals_are_the_modal_sum_of_a_finite_bar(gradient, field):
         compare(found[name], modal_sum(medium, source, x), 1e-6)
 
 
-@pytest.mark.parametrize("field", ["phi1", "B11"])
-def test_an_initial_value_is_let_go_from_rest(field):
-    """cos ωt of each mode from t = 0, where the signal jumps. Tolerance 1e-6; measured 5e-9."""
-    layers = Layers((Layer(0.0, LENGTH, ONE),))
+@pytest.mark.parametrize(
+    ("field", "law"),
+    [("B11", Damping()), ("phi1", Damping(mass=2e5)), ("phi1", Damping(stiffness=2e-8))],
+    ids=["lossless", "mass", "viscous"],
+)
+def test_an_initial_value_is_let_go_from_rest(field, law):
+    """cos ωt of each mode from t = 0, where the signal jumps; with losses a damped one, whose
+    viscous stress knows no strain before. Tolerance 1e-6, measured 5e-9; 3e-5 with losses,
+    measured 1.2e-5, at t = 0 alone."""
+    medium = dataclasses.replace(ONE, damping=law)
+    layers = Layers((Layer(0.0, LENGTH, medium),))
     source = Start(field, 8.1e-3, 5e-4, amplitude=3.0)
     at = {"near": 8.3e-3, "far": 1.31e-2}
     found = layeredwave.signals(layers, "fixed", "fixed", [source], at, TIMES)
     for name, x in at.items():
-        compare(found[name], modal_sum(ONE, source, x), 1e-6)
+        compare(found[name], modal_sum(medium, source, x), 3e-5 if law else 1e-6)
 
 
 @pytest.mark.parametrize("source", [Ricker("phi1", 8.1e-3, 5e5), Start("phi1", 8.1e-3, 5e-4)])
@@ -187,3 +198,14 @@ def test_what_has_no_answer_is_refused():
         layeredwave.signals(layers, "fixed", "free", [source], {"r": 8e-3}, TIMES)
     with pytest.raises(ValueError, match="receiver 'r' at 1 m"):
         layeredwave.signals(layers, "fixed", "free", [source], {"r": 1.0}, TIMES)
+    inside = Driven("phi1", 8e-3, 5e5)
+    with pytest.raises(ValueError, match=r"acts at an end; give it position = 0 or 0\.02 m"):
+        layeredwave.signals(layers, "free", "free", [inside], {"r": 1e-3}, TIMES)
+    for ends, wide in (("absorbing", 1.4e-3), ("periodic", 1.7e-3)):
+        over = Ricker("phi1", 8e-3, 5e5, width=wide)
+        with pytest.raises(ValueError, match=r"stands out over .* take at most 0\.001"):
+            layeredwave.signals(layers, ends, ends, [over], {"r": 1e-3}, TIMES)
+    lossy = Layer(9e-3, LENGTH, dataclasses.replace(ONE, damping=Damping(stiffness=1e-9)))
+    two = Layers((Layer(0.0, 9e-3, ONE), lossy))
+    with pytest.raises(ValueError, match="place it within one layer"):
+        layeredwave.signals(two, "free", "free", [Start("phi1", 8e-3, 5e-4)], {"r": 1e-3}, TIMES)

@@ -170,6 +170,8 @@ def test_bloch_waves_against_eigenvalues_of_the_transfer_matrix():
     q = layeredwave.bloch(cell, "longitudinal", OMEGA)
     assert np.abs((np.cos(q * cell.length) - half) / (1 + np.abs(half))).max() <= 1e-10
     assert q.imag.min() >= 0
+    assert (q.real * cell.length).max() <= np.pi
+    assert (q.real * cell.length > -np.pi).all()
     stops = layeredwave.stop_bands(cell, "longitudinal", (OMEGA[0], 0.85 / BAR))
     for omega, decays in zip(OMEGA, q.imag > 0, strict=True):
         if omega < 0.85 / BAR:
@@ -179,6 +181,17 @@ def test_bloch_waves_against_eigenvalues_of_the_transfer_matrix():
             if OMEGA[0] < edge < 0.85 / BAR:
                 at = np.cos(layeredwave.bloch(cell, "longitudinal", edge)[0] * cell.length)
                 assert abs(abs(at) - 1) <= 1e-8
+
+
+def test_at_a_cutoff_itself_is_what_is_beside_it():
+    """T and q at the very number at which C_BB − ω²I is singular, as 1e-12 off it; to 1e-4."""
+    medium = Medium(anisotropy=0.3, closure="consistent")
+    cell = stacked((1.5e-3, medium), (2e-3, TWO), (0.8e-3, medium))
+    for edge in planewave.cutoffs(medium, "transverse2"):
+        at = edge * np.array([1.0, 1 + 1e-12])
+        sent = layeredwave.transmission(cell, "transverse2", at, False)
+        assert np.abs(np.diff(sent.T)) <= 1e-4
+        assert np.isfinite(layeredwave.bloch(cell, "transverse2", at, False)).all()
 
 
 def test_bloch_wave_of_a_uniform_cell_is_its_wave():

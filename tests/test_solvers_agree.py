@@ -37,17 +37,18 @@ ENDS = (ws.Ricker("phi1", 0.0, 5e5, amplitude=1e-3, drive="rotation"),
 
 # (layers, order, left, right, sources, frames): interfaces within each other's reach, one layer
 # that is all closures; a graded layer, and cells of a size of their own, as 60.4 of them are none;
-# a short bar that is driven at an end.
+# a bar that is driven at an end, short and long.
 BARS = {
     "near": (
-        stack((50, FIRST), (24, SECOND), (16, THIRD), (57, FIRST), (50, SECOND)),
+        stack((50, FIRST), (24, SECOND), (16, THIRD), (57, FIRST), (160, SECOND)),
         8, "free", "free", BODY, 801,
     ),
     "graded ring": (
-        stack((60.4, FIRST), (69.7, (FIRST, THIRD)), (61, SECOND), closure="printed"),
+        stack((60.4, FIRST), (69.7, (FIRST, THIRD)), (150, SECOND), closure="printed"),
         4, "periodic", "periodic", BODY, 81,
     ),
     "short, gradient term": (stack((40, GRADIENT)), 12, "fixed", "free", ENDS, 81),
+    "long, gradient term": (stack((140, GRADIENT)), 12, "fixed", "free", ENDS, 81),
 }  # fmt: skip
 
 

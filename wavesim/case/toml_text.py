@@ -54,6 +54,8 @@ def lay_over(tables: dict[str, Any], override: str) -> None:
         CaseError: it is no such text, or names a table that is not there.
     """
     shown = f"--set {printable(override)}"
+    if any("\ud800" <= character <= "\udfff" for character in override):
+        raise CaseError(f"{shown}: holds bytes that are not text in UTF-8; take them out")
     key, equals, value = override.partition("=")
     parts = re.sub(r"\[(\d+)\]", r".\1", key.strip()).split(".")
     if not equals or not all(part.strip() for part in parts):

@@ -32,7 +32,8 @@ def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = N
 
     Returns:
         q, rad/m, −π < Re qL ≤ π: with Im q > 0 or, where q is real, energy going to +x. Shape (N,)
-        in the limit Γ → 0; (N, n) where Γ is kept, ascending in Im q.
+        in the limit Γ → 0; (N, n) where Γ is kept, ascending in Im q. Infinite where what comes
+        through is too small for a number.
 
     Raises:
         ValueError: the sector has no macro-field, ω is 0, or Γ is singular where it is kept.
@@ -43,17 +44,27 @@ def bloch(cell: Layers, sector: str, omega: ArrayLike, gradient: bool | None = N
     )
     S = stack.whole()
     if len(stack.impedance) > 1:
-        return _many(S) / cell.length
+        q = _many(S)
+        return _placed(q.real, q.imag, cell)
     s11, s12, s21, s22 = (x[:, 0, 0] for x in (S.s11, S.s12, S.s21, S.s22))
     middle = 1 + s12 * s21 - s11 * s22
     root = np.sqrt(middle**2 - 4 * s12 * s21)
     larger = np.where((np.conj(middle) * root).real < 0, middle - root, middle + root)
-    small, large = 2 * s21 / larger, larger / (2 * s12)
-    ahead = [1 - np.abs(s11 / (1 - s12 * x)) ** 2 for x in (small, large)]
-    passes = np.abs(np.abs(small) - np.abs(large)) <= 1e-9 * np.abs(large)
-    value = np.where(passes & (ahead[1] > ahead[0]), large, small)
-    q = -1j * np.log(value)
-    return np.where(passes & (np.abs(q.imag) < 1e-8), q.real + 0j, q) / cell.length
+    with np.errstate(divide="ignore", invalid="ignore"):  # S12 may be 0: nothing comes through
+        small, large = 2 * s21 / larger, larger / (2 * s12)
+        ahead = [1 - np.abs(s11 / (1 - s12 * x)) ** 2 for x in (small, large)]
+        passes = np.abs(np.abs(small) - np.abs(large)) <= 1e-9 * np.abs(large)
+        value = np.where(passes & (ahead[1] > ahead[0]), large, small)
+        decay = -np.log(np.abs(value))
+    return _placed(np.angle(value), np.where(passes & (np.abs(decay) < 1e-8), 0, decay), cell)
+
+
+def _placed(phase: Any, decay: Any, cell: Layers) -> Any:
+    """q of qL = phase + i decay; at the edge of the zone of two that are one the one of π."""
+    q = np.empty(np.shape(phase), complex)
+    phase = np.where(phase <= -np.pi * (1 - 1e-12), np.pi, phase)
+    q.real, q.imag = phase / cell.length, decay / cell.length
+    return q
 
 
 def _many(S: Any) -> Any:

@@ -27,6 +27,8 @@ import numpy as np
 from wavesim.material.damping import Damping
 from wavesim.material.scaling import BlockCoefficients
 
+_NEXT = 1 + 2e-15
+
 
 @dataclass(frozen=True)
 class Section:
@@ -86,8 +88,10 @@ def limit(one: Section, omega: Any) -> Limit:
     """The micro-field eliminated; omega (N,), scaled, complex."""
     own = one.own
     m, iota = one.losses(omega)
-    square = omega**2 * iota / m
-    X = np.linalg.inv(own.c_bb - square[:, None, None] * own.i_B * np.eye(len(own.c_bb)))
+    square = (omega**2 * iota / m)[:, None, None] * own.i_B * np.eye(len(own.c_bb))
+    # At a cutoff itself 𝒟 is infinite, and k = 0: taken a rounding beside it.
+    square = np.where(np.linalg.det(own.c_bb - square)[:, None, None] == 0, square * _NEXT, square)
+    X = np.linalg.inv(own.c_bb - square)
     if not one.macro:
         empty = np.zeros((len(omega), len(own.c_bb)))
         return Limit(X, np.zeros(len(omega)), empty, empty, m, iota)

@@ -32,6 +32,11 @@ System = Callable[[float, Any], tuple[Any, Any]]
 """(A, s) at a scaled position for frequencies by index: shapes (N, 2n, 2n), (N, 2n)."""
 
 
+class Unresolved(ValueError):
+    """Steps as short as 2⁻²⁴ of the stretch still change S: a real ω is then in the continuum of
+    its asymptotes. It holds the frequency's number."""
+
+
 @cache
 def butcher() -> tuple[Any, Any, Any]:
     """c (8,), a (8, 8), b (8,) of Gauss collocation on [0, 1]."""
@@ -112,8 +117,7 @@ def graded(system: System, start: float, end: float, count: int, strength: Any =
         strength: by what changes of what sources send are measured, shape (N,), > 0.
 
     Raises:
-        ValueError: steps as short as 2⁻²⁴ of the stretch still change S: a real ω is then in
-            the continuum of its asymptotes.
+        Unresolved: at some frequency no step is short enough.
     """
     strength = np.ones(count) if strength is None else strength
     chosen = np.arange(count)
@@ -137,10 +141,7 @@ def _refined(
     if not open_.any():
         return fine
     if depth == DEEPEST:
-        raise ValueError(
-            f"frequency {chosen[open_][0]}: a graded layer has an asymptote at it, where waves "
-            "pile up; take a complex ω, with Im ω > 0"
-        )
+        raise Unresolved(int(chosen[open_][0]))
     rest = (strength[open_], depth + 1)
     finer = star(
         _refined(system, start, middle, chosen[open_], left.at(open_), *rest),

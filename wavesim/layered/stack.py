@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.cross_section import Section, generator, limit
-from wavesim.layered.graded_layer import graded
+from wavesim.layered.graded_layer import Unresolved, graded
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
 from wavesim.material.family import Block
@@ -82,7 +82,11 @@ class Stack:
         for layer in self.layers.layers if self.kept else ():
             gamma = self.bare(layer, layer.start).own.gamma
             if np.linalg.cond(gamma) > 1e12:
-                raise ValueError(f"{layer.medium.in_words}: Γ is singular; take gradient = False")
+                raise ValueError(
+                    f"{layer.medium.in_words}: Γ is singular, while it counts in this bar; give "
+                    "every medium a G_n_g and a stiffness_ratio above 0, or all G_n_g = 0 (or, in "
+                    "Python, gradient = False)"
+                )
 
     @cached_property
     def units(self) -> Scales:
@@ -178,7 +182,15 @@ class Stack:
                 for load in loads
             )
             strength = np.maximum(strength, 1e-12 * strength.max()) + 1e-300
-        return graded(system, x0, x1, len(full), strength)
+        try:
+            return graded(system, x0, x1, len(full), strength)
+        except Unresolved as error:
+            (number,) = error.args
+            raise ValueError(
+                f"omega = {np.atleast_1d(self.omega)[number]:g} rad/s: the graded layer from "
+                f"{layer.start:g} to {layer.end:g} m has an asymptote at it, where waves pile up; "
+                "take a complex ω, with Im ω > 0"
+            ) from None
 
     def pieces(
         self, cuts: Sequence[float] = (), loads: Sequence[Load] = ()

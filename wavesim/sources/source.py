@@ -310,7 +310,8 @@ def extent_on(omega: NDArray[np.float64], size: NDArray[np.float64]) -> Extent:
 def excitation(sources: Sequence[Source], omega: Any, k: Any = 0.0) -> Any:
     """Spectrum |s(ω)| of the strongest source at each frequency, relative to its own peak.
 
-    An initial field excites all frequencies and, in wavenumber, exp(−k²w²/2).
+    It is 0 beyond twice where that has fallen below EXCITED for good. An initial field excites all
+    frequencies and, in wavenumber, exp(−k²w²/2).
 
     Args:
         sources: at least one.
@@ -321,12 +322,14 @@ def excitation(sources: Sequence[Source], omega: Any, k: Any = 0.0) -> Any:
         Shape of omega, 0 to 1.
     """
     omega = np.asarray(omega)
-    parts = [
-        np.exp(-((np.asarray(k) * source.width) ** 2) / 2) * np.ones(omega.shape)
-        if source.acts == "initial"
-        else np.abs(source.spectrum(omega)) / source.strongest
-        for source in sources
-    ]
+    parts = []
+    for source in sources:
+        if source.acts == "initial":
+            parts.append(np.exp(-((np.asarray(k) * source.width) ** 2) / 2) * np.ones(omega.shape))
+            continue
+        near, part = omega.real <= 2 * source.excited[1], np.zeros(omega.shape)
+        part[near] = np.abs(source.spectrum(omega[near])) / source.strongest
+        parts.append(part)
     return np.max(parts, axis=0)
 
 

@@ -1,38 +1,27 @@
 """Rows of the exact propagator C = cos(h√−L) of a bar without losses, as dense matrices.
 
-Points are taken in runs of 32, begun anew at each layer. The rows of a run are one dense matrix on
-the window about it, a Chebyshev series in the sparse L of that window,
-
-    C = Σ_k a_k T_k(1 + 2L/R²),
-
-and equal windows hold one. Rows whose sum over a uniform macro-field is 1 but for rounding, as
-nothing holds it back, are set so: rounding of it would grow with the number of steps squared.
+Points are taken in runs of 32, begun anew at each layer. The rows of a run (``cosine_rows.py``) are
+one dense matrix on the window about it, and equal windows hold one.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse as sp
-from scipy.special import jv
 
 from wavesim.grid.bar import Bar
+from wavesim.timedomain.cosine_rows import Runs, cosine_rows
 from wavesim.timedomain.operator import Group
-from wavesim.timedomain.sparse_matrix import second_order
 from wavesim.timedomain.time_step import RUN, TimeStep
-from wavesim.timedomain.within_step import picked, window
+from wavesim.timedomain.within_step import picked
 
 # Rows of fewer runs than these are held for each run by itself, though they be equal.
 _FEW = 4
-# Entries below this part of the largest are nothing.
-_NOTHING = 1e-18
 
 
 class Rows(eqx.Module):
@@ -91,46 +80,25 @@ def _one(group: Group, block: int) -> Group:
 
 
 def _of_block(group: Group, blocks: Sequence[int], bar: Bar, step: TimeStep) -> Rows:
-    n, ring = group.free.shape[-1], bar.periodic
+    n = group.free.shape[-1]
     reach = step.reach if group.c.macro or group.c.gradient is not None else 0
-    width, macro = min(n, RUN + 2 * reach), group.c.macro
-    fields = macro + group.rest.B.shape[0]
-    starts, order = _runs(bar, n)
-    kinds: dict[bytes, int] = {}
-    members: list[list[int]] = []
-    windows, jobs = [], []
-    uniform = ring and width < n and all(_even(a, n) for a in jax.tree.leaves(group))
+    width = min(n, RUN + 2 * reach)
+    uniform = bar.periodic and width < n and all(_even(a, n) for a in jax.tree.leaves(group))
     alike = np.zeros(n, int) if uniform else _alike(group)
-    whole = None if uniform else second_order(group)
-    for number, start in enumerate(starts):
-        first = start - reach if width < n else 0
-        first = first % n if ring else int(np.clip(first, 0, n - width))
-        points = (first + np.arange(width)) % n
-        windows.append(points)
-        inside = (start - first) % n
-        key = alike[points].tobytes() + bytes(str(inside), "ascii")
-        kind = kinds.setdefault(key, len(kinds))
-        if kind == len(members):
-            members.append([])
-            cut = second_order(window(group, points)) if whole is None else _cut(whole, points, n)
-            jobs.append((cut, (fields, macro, inside), step, uniform))
-        members[kind].append(number)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = list(pool.map(_run_rows, *zip(*jobs, strict=True)))
-    many = [kind for kind, own in enumerate(members) if len(own) >= _FEW]
-    few = [(number, kind) for kind, own in enumerate(members) for number in own if len(own) < _FEW]
-    matrices = [made[kind] for kind in many]
-    taken = [members[kind] for kind in many]
+    runs = _runs(bar, alike, width, reach)
+    made = cosine_rows(group, step, reach, bar.periodic, alike, runs)
+    members = [np.flatnonzero(runs.kind == kind) for kind in range(len(made))]
+    taken = [own for own in members if len(own) >= _FEW]
+    matrices = [made[runs.kind[own[0]]] for own in taken]
+    few = [own for own in members if len(own) < _FEW]
     if few:
-        matrices.append(np.stack([made[kind] for _, kind in few]))
-        taken.append([number for number, _ in few])
-    place = np.empty(len(starts), int)
-    place[np.concatenate(taken)] = np.arange(len(starts))
-    order = place[order // RUN] * RUN + order % RUN
-    of_runs = tuple(
-        np.stack([windows[number] for number in own], axis=1).astype(np.int32) for own in taken
-    )
-    return Rows(tuple(blocks), tuple(matrices), of_runs, order.astype(np.int32))
+        taken.append(np.concatenate(few))
+        matrices.append(np.stack([made[kind] for kind in runs.kind[taken[-1]]]))
+    place = np.empty(len(runs.start), int)
+    place[np.concatenate(taken)] = np.arange(len(place))
+    order = place[runs.order // RUN] * RUN + runs.order % RUN
+    windows = tuple(runs.windows[own].T.astype(np.int32) for own in taken)
+    return Rows(tuple(blocks), tuple(matrices), windows, order.astype(np.int32))
 
 
 def _alike(group: Group) -> np.ndarray:
@@ -151,18 +119,9 @@ def _alike(group: Group) -> np.ndarray:
     for leaf in map(np.asarray, jax.tree.leaves(at_points)):
         if leaf.shape[-1:] == (n,):
             rows.append(leaf.reshape(-1, n))
-    known: dict[bytes, int] = {}
     columns = np.ascontiguousarray(np.concatenate(rows).T)
-    return np.array([known.setdefault(one.tobytes(), len(known)) for one in columns])
-
-
-def _cut(factors: Sequence[Any], points: np.ndarray, n: int) -> list[Any]:
-    """The part of F, K and G at some of n points."""
-
-    def at(size: int) -> np.ndarray:
-        return (np.arange(size // n)[:, None] * n + points).ravel()
-
-    return [one[at(one.shape[0])][:, at(one.shape[1])] for one in factors]
+    whole = columns.view(f"V{columns.itemsize * columns.shape[1]}")[:, 0]
+    return np.asarray(np.unique(whole, return_inverse=True)[1])
 
 
 def _even(values: Any, points: int) -> bool:
@@ -173,84 +132,29 @@ def _even(values: Any, points: int) -> bool:
     return bool((np.ptp(values, axis=-1) <= 1e-13 * size).all())
 
 
-def _runs(bar: Bar, n: int) -> tuple[list[int], np.ndarray]:
-    """First point of each run, and for each point its run · RUN + its place in the run.
+def _runs(bar: Bar, alike: np.ndarray, width: int, reach: int) -> Runs:
+    """Runs of a bar's points, begun anew at each layer.
 
-    Runs begin anew at each layer; the last one of a layer may reach into the next, where its rows
-    are not used, and begins earlier where the bar ends.
+    The last one of a layer may reach into the next, where its rows are not used, and begins earlier
+    where the bar ends.
     """
+    n = len(alike)
     starts: list[int] = []
     order = np.empty(n, int)
     first = 0
     for number, (cells, _) in enumerate(bar.all_stretches, start=1):
         end = n if number == len(bar.all_stretches) else first + cells
         for begin in range(first, end, RUN):
-            start = begin if bar.periodic else min(begin, max(0, n - RUN))
+            starts.append(begin if bar.periodic else min(begin, max(0, n - RUN)))
             points = np.arange(begin, min(begin + RUN, end))
-            order[points] = len(starts) * RUN + points - start
-            starts.append(start)
+            order[points] = (len(starts) - 1) * RUN + points - starts[-1]
         first = end
-    return starts, order
-
-
-def _run_rows(
-    factors: Sequence[Any], shape: tuple[int, int, int], step: TimeStep, uniform: bool
-) -> np.ndarray:
-    """Rows of 2(C − 1) of a run on its window, shape (fields · RUN, fields · window).
-
-    Args:
-        factors: F, K and G of L on the window, of :func:`second_order`.
-        shape: numbers of fields, of macro-fields, and the place of the run's first point in it.
-        step: for h and R.
-        uniform: whether all points are alike: those of the first then serve for all.
-    """
-    fields, macro, inside = shape
-    unknowns = factors[0].shape[0]
-    width = unknowns // fields
-    points = (inside + np.arange(1 if uniform else RUN)) % width
-    chosen = (np.arange(fields)[:, None] * width + points).ravel()
-    start = np.zeros((unknowns, len(chosen)))
-    start[chosen, np.arange(len(chosen))] = 1.0
-    # cos(hR √((1 − x)/2)) = Σ a_k T_k(x): J_0 and 2 J_2k of hR by the angle θ, x = cos 2θ.
-    phase = step.step * step.radius
-    count = int(phase / 2 + 6 * (1 + phase) ** (1 / 3)) + 12
-    a = _cosine_series(phase, count)
-    # Rows of C are columns of Cᵀ: T_k+1 = 2 X T_k − T_k−1 of X = 1 + 2Lᵀ/R², Lᵀ = Gᵀ Kᵀ Fᵀ.
-    F, K, G = (sp.csr_array(factor.T) for factor in factors)
-    K = K * (4 / step.radius**2)
-    before, now = start, start + 0.5 * (G @ (K @ (F @ start)))
-    total = a[0] * before + a[1] * now
-    for factor in a[2:]:
-        after = G @ (K @ (F @ now))
-        after += 2 * now
-        after -= before
-        before, now = now, after
-        total += factor * now
-    rows = 2 * (total - start).T
-    rows = rows.reshape(fields, -1, fields, width)
-    if uniform:
-        rows = np.concatenate([np.roll(rows, j, axis=-1) for j in range(RUN)], axis=1)
-        points = inside + np.arange(RUN)
-    _let_uniform_fields_be(rows, points, macro)
-    return rows.reshape(fields * RUN, unknowns)
-
-
-def _cosine_series(phase: float, count: int) -> np.ndarray:
-    """a_k of cos(z √((1 − x)/2)) = Σ a_k T_k(x), without the terms below rounding.
-
-    With x = cos θ it is cos(z sin(θ/2)) = J_0(z) + 2 Σ_k J_2k(z) cos kθ.
-    """
-    a = 2 * jv(2 * np.arange(count), phase)
-    a[0] /= 2
-    kept = np.nonzero(np.abs(a) > _NOTHING)[0]
-    return np.asarray(a[: max(2, int(kept[-1]) + 1)])
-
-
-def _let_uniform_fields_be(rows: np.ndarray, points: np.ndarray, macro: int) -> None:
-    """Set the sum of each row over a uniform macro-field to 0, where it is 0 but for rounding."""
-    run = np.arange(RUN)
-    for component in range(macro):
-        sums = rows[:, :, component].sum(axis=-1)
-        rounding = np.abs(sums) < 1e-11
-        for field in range(len(rows)):
-            rows[field, run, component, points] -= np.where(rounding[field], sums[field], 0.0)
+    start = np.array(starts)
+    left = start - reach if width < n else np.zeros_like(start)
+    left = left % n if bar.periodic else np.clip(left, 0, n - width)
+    windows = (left[:, None] + np.arange(width)) % n
+    inside = (start - left) % n
+    seen = np.column_stack([alike[windows], inside])
+    _, first_of, kind = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first_of))  # in order along the bar, whatever it is made of
+    return Runs(start, order, windows, inside, rank[kind.ravel()], np.sort(first_of))

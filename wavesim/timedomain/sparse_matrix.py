@@ -122,20 +122,30 @@ def second_order(group: Group) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array
 
 def _along(shape: tuple[int, int], values: Any, components: int) -> Any:
     """Multiplies each component by values, shape (points,) or (blocks, points)."""
-    spread = np.broadcast_to(np.asarray(values), (components, *shape))
-    return sp.diags_array(spread.ravel(), format="csr")
+    spread = np.broadcast_to(np.asarray(values, float), (components, *shape)).ravel()
+    at = np.arange(len(spread) + 1)
+    return sp.csr_array((spread, at[:-1], at), shape=(len(spread), len(spread)))
 
 
 def _difference(shape: tuple[int, int], difference: Difference, components: int) -> Any:
     """Takes a difference of each component."""
     blocks, n = shape
-    return sp.kron(sp.eye_array(components * blocks), difference_matrix(difference, n), "csr")
+    one, count = difference_matrix(difference, n), components * blocks
+    at = np.arange(count)[:, None]
+    ends = np.append((one.indptr[:-1] + at * one.nnz).ravel(), count * one.nnz)
+    made = np.tile(one.data, count), (one.indices + n * at).ravel(), ends
+    return sp.csr_array(made, shape=(count * n, count * n))
 
 
 def _pointwise(matrix: Any) -> Any:
     """Σ_j matrix[i, j] u_j at each point, matrix of shape (i, j, blocks, points)."""
-    rows = [[sp.diags_array(np.ravel(one)) for one in row] for row in np.asarray(matrix)]
-    return sp.csr_array(sp.block_array(rows, format="csr"))
+    values = np.asarray(matrix)
+    values = values.reshape(*values.shape[:2], -1)
+    count, width, points = values.shape
+    columns = np.arange(points)[:, None] + points * np.arange(width)
+    ends = width * np.arange(count * points + 1)
+    made = np.moveaxis(values, 1, 2).ravel(), np.tile(columns.ravel(), count), ends
+    return sp.csr_array(made, shape=(count * points, width * points))
 
 
 def difference_matrix(difference: Difference, n: int) -> sp.csr_array:

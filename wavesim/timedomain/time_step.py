@@ -7,6 +7,7 @@ a step h, R ≥ every frequency of the bar. Tal-Ezer, SIAM J. Numer. Anal. 23, 1
 from __future__ import annotations
 
 import cmath
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -332,7 +333,13 @@ def series_coefficients(
     return np.asarray(coefficients * np.exp(-shift * times)[:, None])
 
 
+@functools.cache
+def gauss_nodes(count: int) -> tuple[Float, Float]:
+    """Nodes and weights of Gauss's rule on [−1, 1], which are not to be changed."""
+    return np.polynomial.legendre.leggauss(count)
+
+
 def nodes_of(step: TimeStep) -> tuple[Float, Float]:
     """Gauss nodes τ_n of a step and their weights, shape (nodes,) each, scaled."""
-    x, weights = np.polynomial.legendre.leggauss(step.nodes)
+    x, weights = gauss_nodes(step.nodes)
     return step.step * (1 + x) / 2, step.step * weights / 2

@@ -12,6 +12,7 @@ times the force that holds it. No energy enters: the energy balance is a true ch
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -21,7 +22,7 @@ import numpy as np
 from wavesim.timedomain.energy import rates
 from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import States
-from wavesim.timedomain.time_step import TimeStep, nodes_of
+from wavesim.timedomain.time_step import TimeStep, gauss_nodes, nodes_of
 from wavesim.timedomain.within_step import Driven, picked, readings
 
 
@@ -103,12 +104,13 @@ def work(equation: Equation, near: list[Driven], step: TimeStep) -> Work | None:
     return Work(tuple(felt), step.step * risen, weights, turning)
 
 
+@functools.cache
 def _convolutions(count: int) -> tuple[np.ndarray, np.ndarray]:
     """∫₀^{x_n} ℓ_m(x_n − x) ℓ_k(x) dx and ∫₀^{x_n} ℓ_k dx over the Gauss nodes of [0, 1].
 
-    ℓ_m is the polynomial that is 1 at node m and 0 at the others.
+    ℓ_m is the polynomial that is 1 at node m and 0 at the others. Not to be changed.
     """
-    points, weights = np.polynomial.legendre.leggauss(count)
+    points, weights = gauss_nodes(count)
     legendre = np.polynomial.legendre.legvander
     orders = np.arange(count)
     to_series = (2 * orders[:, None] + 1) / 2 * legendre(points, count - 1).T * weights

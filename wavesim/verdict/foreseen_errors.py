@@ -6,6 +6,7 @@ of the exact solver (``grid_signals.py``); of a ring, ω(k) at the grid's modifi
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -18,6 +19,7 @@ from wavesim.grid.stencils import modified_wavenumber
 from wavesim.layered.inverse_transform import Contour
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.family import Block
+from wavesim.material.layers import Layers
 from wavesim.material.scaling import judged_range
 from wavesim.planewave.dispersion_relation import block_oscillations
 from wavesim.readings.bar.loudness import ARRIVED, NODE, ROUNDING, TAIL, blurred, reach
@@ -170,13 +172,14 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
     t = simulated.times
     blocks = sum(bool(block.macro) for block in simulated.blocks)
     each = bar.cells * blocks * (_FOLDED if bar.periodic else 1)
-    grid = _contour(simulated, float(t[-1]))
+    sent = simulated.layers, tuple(sources)
+    grid = _contour(*sent, float(t[-1]))
     share = min(1.0, BUDGET / (each * len(grid.omega)))
     if share < _LEAST_PART:
         return None
     if share < 1:  # what is too much is looked at for a part of the time
         t = t[: max(int(len(t) * share), 2)]
-        grid, share = _contour(simulated, float(t[-1])), float(t[-1]) / simulated.duration
+        grid, share = _contour(*sent, float(t[-1])), float(t[-1]) / simulated.duration
     about = {(name, 0): x for name, x in seen.items()}
     for name, x in [*seen.items(), *((f"source {i}", s.position) for i, s in enumerate(sources))]:
         near = reach(simulated, x)
@@ -263,12 +266,13 @@ def _of_scattering(
         yield Foretold(f"{letter} of {block.sector} waves", off, AMPLITUDE_TOLERANCE)
 
 
-def _contour(simulated: Simulation, duration: float) -> Contour:
+@functools.lru_cache(maxsize=4)  # grids that are tried out ask for the same
+def _contour(layers: Layers, sources: tuple[Source, ...], duration: float) -> Contour:
     """Frequencies of a record's transform, to where sources' spectra have fallen to a little."""
-    grid = contour_of(simulated.layers, simulated.sources, duration)
+    grid = contour_of(layers, sources, duration)
     if grid.lowpass is not None:
         return grid
-    size = [np.abs(source.spectrum(grid.omega)) for source in simulated.sources]
+    size = [np.abs(source.spectrum(grid.omega)) for source in sources]
     loud = np.any([one > _SMALL * one.max() for one in size], axis=0)
     top = float(grid.omega[np.flatnonzero(loud).max()].real)
     width = max(_TAPER * top, 20 * grid.step)

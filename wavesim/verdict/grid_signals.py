@@ -12,7 +12,7 @@ closures, absorbers and sources laid on points do to a signal, all at once.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -25,7 +25,7 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.points import gaussian, sampling, spread
 from wavesim.layered.cross_section import Section, limit
 from wavesim.layered.signals import named
-from wavesim.layered.source_loads import acts_of, body_loads, components
+from wavesim.layered.source_loads import acts_of, body_loads, components, held_back
 from wavesim.layered.stack import Stack
 from wavesim.material.family import Block
 from wavesim.simulation.simulation import Simulation
@@ -88,25 +88,37 @@ def _of_block(
         force[:, node] += drive * (stiff if node in held else 1.0)
     phi = _solve(D, stiffness, diagonal, force, bar.periodic)
 
-    macro = {name: sampling(bar, x, False) for name, x in places.items()}
-    micro = {name: sampling(bar, x, True) for name, x in places.items()}
-    seen = np.unique(np.concatenate([points for _, points in micro.values()]))
+    near, weights = _sampled(bar, places.values(), False)
+    values = phi[:, near] @ weights
+    seen, weights = _sampled(bar, places.values(), True)
     kappa = (D[seen] @ phi.T).T / np.broadcast_to(at_half, stiffness.shape)[:, seen]
-    B = np.zeros((*kappa.shape, len(block.micro)), complex)
+    B = np.zeros((len(block.micro), *kappa.shape), complex)
     for cells, one in limits:
         own = (seen >= cells.start) & (seen < cells.stop)
-        B[:, own] = one.Xp[:, None] * kappa[:, own, None]
+        B[..., own] = one.Xp.T[:, :, None] * kappa[:, own]
         for component, total in pushed.items():
-            amount = total[:, seen[own], None] / one.modulus[:, None, None]
-            B[:, own] += one.X[:, None, :, component] * amount
+            amount = total[:, seen[own]] / one.modulus[:, None]
+            B[..., own] += one.X[..., component].T[:, :, None] * amount
+    strains = B @ weights
     found = {}
-    for name in places:
-        weights, points = macro[name]
-        value = phi[:, points] @ weights
-        weights, points = micro[name]
-        strain = np.einsum("npb,p->nb", B[:, np.searchsorted(seen, points)], weights)
-        found[name] = named(block, value[:, None], strain, stack.units)
+    for place, (name, x) in enumerate(places.items()):
+        held = held_back(stack, simulated.sources, bar.periodic, x)
+        there = values[:, place, None], strains[:, :, place].T
+        found[name] = named(block, there[0] + held[:, :1], there[1] + held[:, 1:], stack.units)
     return found
+
+
+def _sampled(bar: Bar, positions: Iterable[float], staggered: bool) -> tuple[Values, Values]:
+    """The points that values at positions (m) are read from, and the weights, (points, positions).
+
+    Arguments and error as of :func:`sampling`.
+    """
+    each = [sampling(bar, x, staggered) for x in positions]
+    points = np.unique(np.concatenate([own for _, own in each]))
+    weights = np.zeros((len(points), len(each)))
+    for place, (own_weights, own) in enumerate(each):
+        np.add.at(weights[:, place], np.searchsorted(points, own), own_weights)
+    return points, weights
 
 
 def _stretching(simulated: Simulation, stack: Stack, x: Values) -> Values:
