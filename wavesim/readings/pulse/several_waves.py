@@ -92,6 +92,8 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
         if all(_another(one, other, period) for other in kept):
             kept.append(one)
     kept = sorted(kept, key=lambda one: -one.size)[:_MOST]
+    if not kept:
+        return []
     whole = np.full((len(kept), len(record.x)), np.nan)
     whole[:, own] = [one.time for one in kept]
     return [
