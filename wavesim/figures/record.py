@@ -24,9 +24,8 @@ from wavesim.figures.style import (
     shade,
 )
 from wavesim.material.shown import DECIBELS, HERTZ, KHZ
-from wavesim.readings.dispersion.beam import highest_wavenumber, phase_beam, transform, weights
+from wavesim.readings.dispersion.beam import highest_wavenumber, phase_beam, spectra
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
-from wavesim.readings.dispersion.noise_level import noise_of_transform
 from wavesim.readings.dispersion.points import BAR
 from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.verdict.record import Recovered
@@ -239,11 +238,10 @@ def phase_velocity(one: Recovered) -> Figure:
     record, points = one_side(one.origin.record.without_gaps()), one.points
     values, x = record.values[0], record.x
     low, high, slow, fast = _span(one)
-    omega, U = transform(values, record.interval)
-    rows = np.flatnonzero((omega >= low) & (omega <= high))
-    rows = rows[:: max(1, len(rows) // _MOST_FREQUENCIES)]
-    omega, U = omega[rows], U[rows]
-    weight = weights(U, noise_of_transform(values, record.interval, omega))
+    seen = spectra(values, record.interval)
+    rows = np.flatnonzero((seen.omega >= low) & (seen.omega <= high))
+    seen = seen.take(rows[:: max(1, len(rows) // _MOST_FREQUENCIES)])
+    omega, U, weight = seen.omega, seen.U, seen.weight
     c = np.geomspace(slow, fast, _VELOCITIES)
     k = omega[:, None] / c
     height = np.maximum(*(phase_beam(U, x, weight, sign * k) for sign in (1, -1)))

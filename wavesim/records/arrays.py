@@ -32,6 +32,7 @@ _RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfreque
 _STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
 _TRUTH = "truth_"
+_SENT = re.compile(r"transmit|\bsent\b|\binput\b|\bexcit|\bdrive\b|\bgenerator\b", re.IGNORECASE)
 
 
 @checked
@@ -53,6 +54,7 @@ class Layout:
         ring: whether receivers go evenly round a periodic bar.
         lattice: whether receivers are all the sites of a lattice.
         placed: whether receivers must have positions; where not, unknown ones are NaN.
+        transmitter: whether a heading that says so tells the input where none is named.
     """
 
     values: str | None = None
@@ -69,6 +71,7 @@ class Layout:
     ring: bool = False
     lattice: bool = False
     placed: bool = True
+    transmitter: bool = False
 
     def __post_init__(self) -> None:
         for kind in ("time", "position"):
@@ -125,6 +128,13 @@ def find(content: Content, layout: Layout) -> Found:
               for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
     content = replace(content, arrays=arrays)
+    if layout.input is None and layout.transmitter:
+        layout = replace(layout, input=_transmitter(content))
+        if layout.input is not None:
+            notes.append(
+                f'the column headed "{layout.input}" is taken for what was sent: --input names '
+                "another"
+            )
     signal = _input(content, layout)
     values, labels, name = _values(content, layout)
     axes = _axes(content, layout, values, name)
@@ -170,6 +180,17 @@ def _named(arrays: dict[str, Float], name: str) -> Float:
     if name not in arrays:
         raise RecordError(f"has no array {name!r}; arrays are {_listed(arrays)}")
     return arrays[name]
+
+
+def _transmitter(content: Content) -> str | None:
+    """The one column, or array of one axis, that is headed as a transmitter's; None without."""
+    values = content.arrays.get("values")
+    if values is not None and values.ndim == 2 and content.labels:
+        among = [*content.labels, *content.unplaced]
+    else:
+        among = [n for n, a in content.arrays.items() if a.ndim == 1 and a.size > 1]
+    sent = [name for name in among if _SENT.search(name)]
+    return sent[0] if len(sent) == 1 and len(among) > 1 else None
 
 
 def _input(content: Content, layout: Layout) -> Float | None:

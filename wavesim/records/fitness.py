@@ -20,8 +20,6 @@ _BEGINNING = 3
 # this part of the peak.
 _BRIDGED = 2
 _QUIET, _QUIET_PART = 6.0, 1e-4
-# A signal that falls to this part from a record's first tenth to its last one fades.
-_FADES = 0.3
 # So many frames at the end that are all alike are padding.
 _PADDED = 4
 
@@ -40,7 +38,11 @@ def for_k_at_frequency(record: Record) -> Record:
             f"{record.source_seen:.3g}"
         )
     if len(record.begun) and record.begun.any() and not record.ring:
-        record = _begun_before(record)
+        record = _without(
+            record, record.begun, "begins inside",
+            "the record begins inside the signal",
+            "begin it before the source does (a pre-trigger), or give receivers farther away",
+        )  # fmt: skip
     if len(record.clipped) and record.clipped.any():
         record = _without(
             record, record.clipped, "clipped", "flat tops", "turn the gain down and record again"
@@ -78,28 +80,7 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
             "all receivers are at rest at the record's beginning and move later, so that a source "
             "acts within it: name the time from which on none does with --quiet-from (s)"
         )
-    if not (harmonic or record.ring) and len(record.begun) and record.begun.any():
-        # Its edge has a spectrum of its own, which stands out where the signal's own fades.
-        record = _begun_before(record) if _fades(record) else record
     return evened(record)
-
-
-def _begun_before(record: Record) -> Record:
-    """Without the receivers at which it begins inside the signal."""
-    return _without(
-        record, record.begun, "begins inside",
-        "the record begins inside the signal",
-        "begin it before the source does (a pre-trigger), or give receivers farther away",
-    )  # fmt: skip
-
-
-def _fades(record: Record) -> bool:
-    """Whether there is less at the record's end than at its beginning: no lasting noise."""
-    end = max(1, len(record.t) // 10)
-    first, last = (
-        np.sqrt(np.mean(record.values[:, own] ** 2)) for own in (slice(end), slice(-end, None))
-    )
-    return bool(last < _FADES * first)
 
 
 def live(record: Record) -> Record:

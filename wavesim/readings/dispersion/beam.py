@@ -10,6 +10,10 @@ with it, amplitude and phase, as long as they explain by far the most of what is
 
 What no wave explains, 1 − B² and the scatter of amplitudes, may be a wave not told apart, so that
 the error of k is a part of the aperture's resolution: about √(unexplained)/X.
+
+Of a record that begins or ends inside its signal the transform of u under a window h shows other
+frequencies' waves at ω: where all is e^{ik(ω)x}, ∂ ln U/∂x = ik + (dk/dω) U′/U, with U′ that of u
+under dh/dt. A receiver counts at frequencies where |U′/U|, by which ω is unsure, is below 2π/T.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from scipy.ndimage import median_filter
 from wavesim.readings.dispersion.hidden_mode import Bends
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.noise_level import noise_of_transform
+from wavesim.records.windows import hann
 
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
@@ -43,6 +48,8 @@ _BY_CHANCE = 1e-3
 _OF_RESOLUTION = 2.0
 # Noise is common to receivers where it is by so many deviations.
 _SURELY = 3.0
+# Both ends are let down where so much more of the power is then of sure frequency.
+_CLEARLY = 0.1
 # Unexplained up to so many times the noise's own is noise.
 _NOISE_SPREAD = 1.5
 # Amplitudes are tame where so many receivers for each wave hold the power …
@@ -56,6 +63,8 @@ _EXACT = 1e-13
 # What the record's end leaves of the waves, over their amplitude.
 _ENDED = 6e-8
 _WEAKEST = 0.02
+# … and than so many times what the frequency is unsure by, over 2π/T: the record's ends are none.
+_OF_ENDS = 3.0
 MOST_WAVES = 3
 # A line's beam that comes back to this height is an alias.
 _ALIAS = 0.7
@@ -77,6 +86,8 @@ class Beams:
         unexplained: part of the power, or of the phases, that no wave explains.
         clear: whether chance explains it no better.
         bends: of those that are alone at their frequency; 0 of others.
+        unsure: standard error of the frequency, rad/s.
+        cut: whether it is nothing but what the record's ends leave of others.
     """
 
     step: NDArray[np.int64]
@@ -86,22 +97,68 @@ class Beams:
     unexplained: Float
     clear: NDArray[np.bool_]
     bends: Bends
+    unsure: Float
+    cut: NDArray[np.bool_]
 
 
-def transform(values: Float, interval: float) -> tuple[Float, Complex]:
-    """ω (n,) and U(ω, x) = ∫ u e^{iωt} dt, shape (n, nx), of a record whose end is let down.
+@dataclass(frozen=True)
+class Spectra:
+    """Transforms of a line's receivers, arrays (n, nx) but for the frequencies.
+
+    Attributes:
+        omega: shape (n,), rad/s.
+        U: ∫ u h e^{iωt} dt, unit of the record times s.
+        noise: standard deviation of its noise, likewise.
+        weight: what each receiver's phase tells, 1 far above the noise, 0 within it, –.
+        unsure: by how much the frequency is, as the window says, rad/s.
+    """
+
+    omega: Float
+    U: Complex
+    noise: Float
+    weight: Float
+    unsure: Float
+
+    def take(self, rows: Any) -> Spectra:
+        """Those at some frequencies, by mask or number."""
+        return Spectra(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+
+def spectra(values: Float, interval: float, quantum: Float | float = 0.0) -> Spectra:
+    """Transforms of a record whose end is let down, or both ends where it is inside a signal.
 
     Args:
         values: u, shape (nt, nx).
         interval: Δt, s.
+        quantum: least step between samples, shape (nx,) or (), unit of the values.
     """
     count = len(values)
-    window = np.ones(count)
     fall = max(2, int(_TAPER * count))
-    window[-fall:] = 0.5 * (1 + np.cos(np.pi * np.arange(fall) / fall))
-    U = np.conj(np.fft.rfft(values * window[:, None], axis=0)) * interval
-    omega = 2 * np.pi * np.fft.rfftfreq(count, interval)
-    return omega[1:], np.asarray(U[1:], complex)
+    let_down = np.ones(count)
+    let_down[-fall:] = 0.5 * (1 + np.cos(np.pi * np.arange(fall) / fall))
+    omega = 2 * np.pi * np.fft.rfftfreq(count, interval)[1:]
+    noise = noise_of_transform(values, interval, omega, quantum) / np.sqrt(count)
+    best, most = None, 0.0
+    for window in (let_down, hann(count)):
+        change = np.diff(window, prepend=0.0)
+        change[-1] -= window[-1]
+        U, V = (_transform(values * h[:, None], interval) for h in (window, change))
+        of_U, of_V = (noise * np.sqrt(np.sum(h**2)) for h in (window, change))
+        excess = np.maximum(np.abs(V) ** 2 - (_SURELY * of_V) ** 2, 0)
+        unsure = np.sqrt(excess) / np.maximum(np.abs(U), 1e-290) / interval
+        weight = _weights(U, of_U)
+        weight[np.abs(U).max(axis=1) < _FAINT * np.abs(U).max()] = 0.0
+        power = np.abs(U) ** 2 * (weight > 0)
+        share = float(np.sum(power * (unsure < omega[0])) / max(np.sum(power), 1e-290))
+        if best is None or share > most + _CLEARLY:
+            best, most = Spectra(omega, U, of_U, weight, unsure), share
+    assert best is not None
+    return best
+
+
+def _transform(values: Float, interval: float) -> Complex:
+    """∫ u e^{iωt} dt, shape (n, nx), but for ω = 0."""
+    return np.asarray(np.conj(np.fft.rfft(values, axis=0))[1:] * interval, complex)
 
 
 def highest_wavenumber(x: Float) -> float:
@@ -163,7 +220,7 @@ def _in_step(U: Complex, x: Float) -> Callable[[Float], Float]:
     return heard
 
 
-def weights(U: Complex, noise: Float) -> Float:
+def _weights(U: Complex, noise: Float) -> Float:
     """What each receiver's phase tells, shape of U: 1 far above the noise, 0 within it."""
     strength = np.abs(U) / np.maximum(noise, 1e-290)
     # Noise alone is above its own deviation at one of three receivers, but not all about it.
@@ -187,20 +244,21 @@ def beams(
     Returns:
         Frequencies (n,), rad/s, and what was found at them.
     """
-    omega, U = transform(values, interval)
-    kept = omega <= omega_max
-    together = _in_step(U, x)
-    omega, U = omega[kept], U[kept]
-    noise = noise_of_transform(values, interval, omega, quantum)
-    weight = weights(U, noise)
-    weight[np.abs(U).max(axis=1) < _FAINT * np.abs(U).max()] = 0.0
-    rows = np.flatnonzero((weight > 0).sum(axis=1) >= min(FEWEST, len(x)))
-    U, noise, weight = U[rows], noise[rows], weight[rows]
+    seen = spectra(values, interval, quantum)
+    together, cell = _in_step(seen.U, x), seen.omega[0]
+    seen = seen.take(seen.omega <= omega_max)
+    omega, fewest = seen.omega, min(FEWEST, len(x))
+    rows = np.flatnonzero((seen.weight > 0).sum(axis=1) >= fewest)
+    seen = seen.take(rows)
+    U, noise, weight = seen.U, seen.noise, np.where(seen.unsure < cell, seen.weight, 0.0)
+    cut = (weight > 0).sum(axis=1) < fewest
+    weight[cut] = seen.weight[cut]
+    unsure = np.sum(weight * seen.unsure, axis=1) / np.sum(weight, axis=1)
     k, length = _highest(U, x, weight)
     bends = _bends(U, x, weight, k)
     alone = _by_phase(U, x, noise, weight, k, length, together(k))
     one = (*alone, bends.size, bends.noise, bends.over)
-    fits = _fitted(U, x, weight > 0, k, noise)
+    fits = _fitted(U, x, weight > 0, k, noise, np.maximum(_WEAKEST, _OF_ENDS * unsure / cell))
     parts = [[np.zeros(0)] * 9]
     for i, row in enumerate(rows):
         if i not in fits:
@@ -214,7 +272,10 @@ def beams(
         )
     columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
     step, k, error, size, left, clear = columns[:6]
-    return omega, Beams(step.astype(int), k, error, size, left, clear > 0, Bends(*columns[6:]))
+    at = np.searchsorted(rows, step)
+    found = Beams(step.astype(int), k, error, size, left, clear > 0, Bends(*columns[6:]),
+                  unsure[at], cut[at])  # fmt: skip
+    return omega, found
 
 
 def _highest(U: Complex, x: Float, weight: Float) -> tuple[Float, Float]:
@@ -311,7 +372,9 @@ def _uneven(U: Complex, x: Float, weight: Float, ratio: Float) -> Float:
     return np.asarray(np.maximum(np.sum(weight * left**2, axis=1) - own, 0) / total[:, 0])
 
 
-def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int, Any]:
+def _fitted(
+    U: Complex, x: Float, used: Any, k: Float, noise: Float, weakest: Float
+) -> dict[int, Any]:
     """Further waves, amplitude and phase together, where they explain nearly all of the power."""
     level = np.sqrt(np.sum(noise**2 * used, axis=1) / np.maximum(used.sum(axis=1), 1))
     before = fit_line(U, x, used, 1, False, k[:, None].astype(complex))
@@ -340,7 +403,7 @@ def _fitted(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> dict[int
             good = (
                 now.residual[j] * _BETTER < chosen[i]
                 and (now.unexplained[j] < _LEFT or now.residual[j] < _NOISE_SPREAD * level[i] ** 2)
-                and size.min() > _WEAKEST * size.max()
+                and size.min() > weakest[i] * size.max()
                 and size.max() < 4 * np.sqrt(np.mean(np.abs(U[i][used[i]]) ** 2))
                 and (apart.min() * float(np.ptp(x)) > np.pi or now.unexplained[j] < _EXACT)
             )

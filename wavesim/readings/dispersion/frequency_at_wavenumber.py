@@ -21,7 +21,7 @@ from wavesim.readings.dispersion.hidden_mode import CLOSE, Bends, of_lines, wort
 from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.unread_receivers import put_in
-from wavesim.readings.dispersion.waves_along_line import along_line
+from wavesim.readings.dispersion.waves_along_line import along_line, numbered
 from wavesim.records.fitness import evened, live
 from wavesim.records.record import Record, RecordError
 from wavesim.records.windows import blackman_harris, hann
@@ -184,7 +184,7 @@ def in_time(
     points = replace(points, error=error, splitting=hides.splitting)
     if method == "fft":
         points = points.refused(points.branch < 0, ALONE)
-    return _with_rounding(points, quiet)
+    return numbered(_with_rounding(points, quiet).known())
 
 
 def chosen_method(record: Record) -> str:

@@ -127,6 +127,11 @@ class BranchPoints(Shown):
             reason=np.where(where, reason, self.reason),
         )
 
+    def known(self) -> BranchPoints:
+        """The points with those no longer valid whose error bar is as large as what they tell."""
+        size, name = (np.abs(self.k), "k") if self.in_space else (self.omega, "ω")
+        return self.refused(~(self.bar < size), f"the error bar is as large as {name}")
+
     def columns(self) -> dict[str, Float]:
         """Columns for a table, real numbers only, names with units."""
         table: dict[str, Float] = {"branch": self.branch}

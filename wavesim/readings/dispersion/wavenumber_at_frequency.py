@@ -168,6 +168,7 @@ def in_space(
     points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
     points = _with_branches(points, omega)
     points = _with_hidden(points, U, x, used, level, [fits[c] for c in chosen])
+    points = _with_branches(points.known(), omega)
     return points if record.lattice else _unfolded(points, x, omega)
 
 

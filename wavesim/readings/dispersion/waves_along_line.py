@@ -40,6 +40,10 @@ _SHORT = 0.3
 _FLAT, _FOLDS = 0.3, 2.0
 # No k is better than this part of 2π/X: rounding, and what of a wave is left at the record's end.
 _FLOOR = 1e-7
+CUT = (
+    "the record begins or ends inside the signal: what its ends leave of other frequencies is as "
+    "strong there; record from before to after it, or listen nearer to the source"
+)
 CHANCE = "phases along the line are no more in line than by chance"
 
 
@@ -98,7 +102,7 @@ def _as_points(
     cell = 2 * np.pi / float(np.ptp(x))
     n = len(found.step)
     branch = np.full(n, -1)
-    clear = np.flatnonzero(found.clear)
+    clear = np.flatnonzero(found.clear & ~found.cut)
     if len(clear):
         branch[clear] = join(
             found.step[clear], found.k[clear], found.amplitude[clear], _CELL * cell
@@ -124,13 +128,15 @@ def _as_points(
         if at[own].mean() > fold:
             folded[own] |= not points_to_zero(found.k[own], at[own], gap)
             folded[own] |= at[own].mean() > _FOLDS * fold
+    of_omega = np.hypot(speed * error, found.unsure)
+    error = np.hypot(error, found.unsure / np.maximum(np.minimum(speed, phase), 1e-290))
     points = BranchPoints(
         "beam",
         np.abs(found.k),
         at,
         np.zeros(n),
         found.amplitude,
-        speed * error,
+        of_omega,
         found.unexplained,
         np.ones(n, bool),
         np.full(n, "", object),
@@ -138,9 +144,11 @@ def _as_points(
         error,
         np.where(found.bends.noise > 0, speed * hides.splitting, np.nan),
     )
+    points = points.refused(found.cut, CUT)
     points = points.refused(~found.clear, CHANCE)
     points = points.refused(points.k < cell, "longer than the aperture")
     points = points.refused(error > _LARGEST_ERROR * points.k, "the error bar is as large as k")
+    points = points.refused(of_omega > _LARGEST_ERROR * at, "the error bar is as large as ω")
     if not record.lattice:
         points = points.refused(folded, FOLDED)
         points = points.refused(

@@ -66,6 +66,8 @@ def without_baseline(
             )
         elif not shared:
             base = _line(v)
+        if base is not None and kind == "drift" and not np.abs(base).max() > _PART * rest.peak[j]:
+            base = None
         if base is not None:
             v -= base
         size = abs(shared) if base is None else float(np.abs(base + shared).max())
