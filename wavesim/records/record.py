@@ -324,7 +324,7 @@ def record(
         seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
         mended, odd, within, place = together(
             seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring, lost,
-            -np.inf if quiet_from is None else quiet_from, found,
+            -np.inf if quiet_from is None else quiet_from, placed and len(x) > 1 and _is_even(x), found,
         )  # fmt: skip
         if mended.any:
             kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
