@@ -118,6 +118,23 @@ def test_no_fault_is_found_where_there_is_none():
     assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()
 
 
+def test_two_waves_of_different_speed_make_no_receiver_mis_scaled():
+    """What came with the pulse stands beside a wave that fades, and one of five is dead."""
+    t = np.arange(4096) * 2e-6 - 4e-4
+    x = np.array([0.1, 0.15, 0.2, 0.25, 0.3])
+
+    def burst(s):
+        own = np.sin(4e4 * np.pi * s) * np.sin(5e3 * np.pi * s) ** 2
+        return np.where((s >= 0) & (s <= 2e-4), own, 0.0)
+
+    for seed in range(8):
+        both = 3 * burst(t)[:, None] + burst(t[:, None] - x / 250) * np.exp(-3 * x)
+        both += 1e-2 * np.random.default_rng(seed).standard_normal(both.shape)
+        both[:, 1] = 1e-6 * both[::-1, 1] / 3
+        found = from_arrays({"t": t, "x": x, "values": both})
+        assert {finding.what for finding in found.findings} == {"dead"}
+
+
 @pytest.mark.parametrize("held", [2, 5])
 def test_samples_there_several_times_are_taken_once(held):
     t = np.arange(held * len(T)) * 5e-7 / held

@@ -140,7 +140,7 @@ def test_one_clipped_receiver_of_many_is_left_out():
 
 
 def test_a_ring_that_is_not_said_to_be_one_is_asked_about():
-    """Random phases both ways round: along a line no point is valid that does not hold the truth."""
+    """Random phases both ways round: along a line no valid point does not hold the truth."""
     rng = np.random.default_rng(0)
     x, t = 1e-3 * np.arange(64), 2e-7 * np.arange(600)
     k = 2 * np.pi * np.arange(1, 29) / 0.064 * np.array([[1], [-1]])

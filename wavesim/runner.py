@@ -16,7 +16,8 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from wavesim.material.shown import plain
-from wavesim.verdict.judgement import FOLDER, measure, needed
+from wavesim.report import drawn_beside
+from wavesim.verdict.judgement import FOLDER, Found, measure, needed
 from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
@@ -25,7 +26,7 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
     from wavesim.io.storing import Storing
     from wavesim.simulation.field import Energy, Field
     from wavesim.simulation.simulation import Simulation
-    from wavesim.timedomain.integrate import Timing
+    from wavesim.timedomain.time_step import TimeStep
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
@@ -33,8 +34,6 @@ _EXPECTED = "wavesim.readings.bar.reading.expected"
 _FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
 _FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
 _PICTURES = (".png", ".pdf", ".svg")
-_DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
-_OVERVIEW = "wavesim.figures.overview.write_overview"
 
 
 class RunError(RuntimeError):
@@ -70,23 +69,6 @@ class Outcome:
         return all(check["passed"] for check in self.summary["checks"])
 
 
-def begun_beside() -> Worker:
-    """A process beside a run, which loads what it will draw with; the sooner the better."""
-    beside = Worker()
-    beside.prepare("importlib.import_module", _DRAWING)
-    beside.prepare("importlib.import_module", _PAGE_DATA)
-    beside.prepare(f"{_DRAWING}.warm_up")
-    return beside
-
-
-def reached(simulation: Simulation, beside: Worker) -> Worker | Here:
-    """The process beside a run; this one in its place for a family of a program's own, whose class
-    no other process finds."""
-    media = [part for medium in simulation.layers.media for part in medium.parts]
-    ours = all(type(medium).__module__.startswith("wavesim.") for medium in media)
-    return beside if ours else Here()
-
-
 def run(
     case: Case,
     folder: Path,
@@ -103,7 +85,7 @@ def run(
         folder: where to write; made if need be.
         resume: carry on from the result file that is there.
         progress: called with the name of the stage and the part of it done.
-        beside: of :func:`begun_beside`, where it was begun before; the caller ends it.
+        beside: of ``drawn_beside.begun_beside``, where it was begun before; the caller ends it.
         figures: draw all figures too.
         rerun: the command that runs this case, for the page.
 
@@ -115,9 +97,9 @@ def run(
         RunError: another file can't be written, or the integration failed; the result file then
             holds what came before.
     """
-    clock, timing = time.perf_counter(), dict[str, float]()
-    tell = progress or (lambda stage, part: None)
+    laps, tell = _Laps(), progress or (lambda stage, part: None)
     tell("import", 0.0)
+    simulated = case.simulation
     with _told_as_run_errors(folder), ExitStack() as until_the_end:
         from wavesim.io.folder_lock import locked
 
@@ -125,123 +107,171 @@ def run(
             _begin(folder)
         if folder.is_dir():
             until_the_end.enter_context(locked(folder))
-        own = beside or until_the_end.enter_context(begun_beside())
-        worker = reached(case.simulation, own)
-
-        def lap(stage: str) -> None:
-            nonlocal clock
-            now = time.perf_counter()
-            timing[stage], clock = timing.get(stage, 0.0) + now - clock, now
-
-        from wavesim.material.scaling import scales
-        from wavesim.report.answers import verdict
-        from wavesim.report.page import page
-        from wavesim.simulation.field import Energy, Field
-
-        known: Answer | None = None
-        to_come = Field(case.simulation, case.simulation.times, {})
-        if not case.simulation.endless:
-            table = case.analysis
-            read = table.frequencies, table.damping, table.bands
-            known = worker.ask(_EXPECTED, to_come, *read)
+        own = beside or until_the_end.enter_context(drawn_beside.begun_beside())
+        worker = drawn_beside.reached(simulated, own)
+        known = None if simulated.endless else _expected(case, worker)
         from wavesim.timedomain.compiled import keep_compiled
 
         keep_compiled()
-        from wavesim.io import result_reader as resultfile
-        from wavesim.io import result_writer as storage
         from wavesim.io.storing import Storing
-        from wavesim.io.whole_files import write_whole
-        from wavesim.timedomain.cost import in_memory
-        from wavesim.timedomain.integrate import Timing
         from wavesim.timedomain.time_step import time_step
 
-        lap("import")
-        simulated, spent = case.simulation, Timing()
-        steps, frames = time_step(simulated), simulated.frames
-        seconds = steps.step * float(scales(simulated.medium).time)
-        resolved = case.resolved(steps.solver, seconds)
-        told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
-        results = storage.Results(folder / "result.h5", simulated, told)
-        start = None
-        if resume:
-            start = results.carry_on()
-        else:
-            results.create()
-        _take_away_old(folder)
-        write_whole(folder / "resolved.toml", resolved.encode())
-        kept: dict[str, SharedArray] = {}
-        if start is None and in_memory(simulated):
-            sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
-            with suppress(OSError):
-                kept = {name: worker.array((frames, size)) for name, size in sizes.items()}
+        laps.end("import")
+        steps = time_step(simulated)
+        results, start = _results(case, folder, steps, resume)
+        kept = {} if start else _shared(simulated, worker)
         tell("compile", 0.0)
         # What the analysis needs is loaded while the compiler leaves Python's lock alone.
         loading = Thread(target=lambda: [import_module(name) for name in needed(simulated)])
         storing = until_the_end.enter_context(Storing(results, kept))
-        energies = _integrated(simulated, results, start, storing, spent, tell, loading.start)
-        lap("integrate")
-        timing["compile"] = spent.compile
-        timing["store"] = timing["integrate"] - spent.compile - spent.integrate
-        timing["integrate"] = spent.integrate
-
+        energies = _integrated(simulated, results, start, storing, laps, tell, loading.start)
         loading.join()
         tell("analyse", 0.0)
-        if kept:
-            storing.filled()
-            for values in kept.values():
-                values.freeze()
-            stored = simulated.times, kept, Energy.joined(energies)
-            field = Field(simulated, *stored, steps.solver, seconds)
-        else:
-            storing.wait()
-            field = resultfile.read(results.path, simulated)
-        pictures = _Pictures(worker, folder, figures, field)
+        field = _field(results, steps, storing, kept, energies)
+        pictures = drawn_beside.Pictures(worker, folder, figures, field)
         found = measure(case, field, known and known.result())
-        lap("analyse")
+        laps.end("analyse")
         tell("figures", 0.0)
-        rows = [check.row() for check in found.checks]
-        pictures.of_found(found.shown, case.title or folder.name, verdict({"checks": rows}))
+        pictures.of_found(found, case.title or folder.name)
         storing.wait()
         until_the_end.enter_context(results.gathering())
         if not kept:
             # The file is read until all is drawn: only then may another take its place.
             pictures.wait()
-            lap("figures")
+            laps.end("figures")
         tell("store", 0.0)
         results.finish("complete", found.tables)
-        lap("store")
+        laps.end("store")
         tell("figures", 0.0)
         data, undrawn = pictures.result()
-        lap("figures")
-        summary = {
-            "title": case.title,
-            "checks": rows,
-            "passed": all(check.passed for check in found.checks),
-            "timing": timing,
-            "stepper": steps.solver,
-            "step": seconds,
-            "steps": steps.steps,
-            "operator_products": steps.operator_products,
-            "cells": simulated.bar.cells,
-            "fields": list(simulated.fields),
-            "peak_memory_bytes": peak_memory(),
-            "versions": storage.versions(),
-            "answers": found.answers,
-        } | found.summary
-        summary = plain(summary)
-        text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
-        write_whole(folder / "summary.json", text.encode())
+        laps.end("figures")
         notes = [note.replace(FOLDER, shlex.quote(str(folder))) for note in found.notes]
         for failure in undrawn:
             why = str(failure).partition("\n")[0]
             notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
-        if data is not None:
-            made = page(summary, data, resolved, folder, rerun, notes)
-            write_whole(folder / "report.html", made.encode())
+        outcome = Outcome(_summary(case, steps, found, laps.timing), folder, notes)
+        _write(outcome, data, results.told["case"], rerun)
         for failure in undrawn:
             if isinstance(failure, OSError):
                 raise failure
-        return Outcome(summary, folder, notes)
+        return outcome
+
+
+class _Laps:
+    """Seconds that the stages of a run took: ``timing``."""
+
+    def __init__(self) -> None:
+        self.timing: dict[str, float] = {}
+        self._clock = time.perf_counter()
+
+    def end(self, stage: str, **parts: float) -> None:
+        """A stage ends, or a part of it, and the next begins; some of it was of other names."""
+        now = time.perf_counter()
+        parts = parts | {stage: now - self._clock - sum(parts.values())}
+        for name, seconds in parts.items():
+            self.timing[name] = self.timing.get(name, 0.0) + seconds
+        self._clock = now
+
+
+def _expected(case: Case, worker: Worker | Here) -> Answer:
+    """What is exact at the receivers of a bar, asked for before it is needed."""
+    from wavesim.simulation.field import Field
+
+    to_come, table = Field(case.simulation, case.simulation.times, {}), case.analysis
+    return worker.ask(_EXPECTED, to_come, table.frequencies, table.damping, table.bands)
+
+
+def _results(
+    case: Case, folder: Path, steps: TimeStep, resume: bool
+) -> tuple[Results, tuple[int, Sequence[Any]] | None]:
+    """The file of a run's results, and where to carry on from; None begins at t = 0."""
+    from wavesim.io.result_writer import Results
+    from wavesim.io.whole_files import write_whole
+    from wavesim.material.scaling import scales
+
+    seconds = steps.step * float(scales(case.simulation.medium).time)
+    resolved = case.resolved(steps.solver, seconds)
+    told = {"title": case.title, "case": resolved, "stepper": steps.solver, "step": seconds}
+    results, start = Results(folder / "result.h5", case.simulation, told), None
+    if resume:
+        start = results.carry_on()
+    else:
+        results.create()
+    _take_away_old(folder)
+    write_whole(folder / "resolved.toml", resolved.encode())
+    return results, start
+
+
+def _shared(simulated: Simulation, worker: Worker | Here) -> dict[str, SharedArray]:
+    """Arrays for the field that the process beside sees too; none where memory has no room."""
+    from wavesim.simulation.field import Field
+    from wavesim.timedomain.cost import in_memory
+
+    if in_memory(simulated):
+        to_come = Field(simulated, simulated.times, {})
+        sizes = {name: len(to_come.positions(name)) for name in simulated.fields}
+        with suppress(OSError):
+            return {name: worker.array((simulated.frames, size)) for name, size in sizes.items()}
+    return {}
+
+
+def _field(
+    results: Results,
+    steps: TimeStep,
+    storing: Storing,
+    kept: dict[str, SharedArray],
+    energies: list[Energy],
+) -> Field:
+    """The field of a run: as it was kept, or out of its file."""
+    from wavesim.io.result_reader import read
+    from wavesim.simulation.field import Energy, Field
+
+    simulated = results.simulation
+    if not kept:
+        storing.wait()
+        return read(results.path, simulated)
+    storing.filled()
+    for values in kept.values():
+        values.freeze()
+    energy, step = Energy.joined(energies), results.told["step"]
+    return Field(simulated, simulated.times, kept, energy, steps.solver, step)
+
+
+def _summary(case: Case, steps: TimeStep, found: Found, timing: dict[str, float]) -> dict[str, Any]:
+    """What summary.json tells of a run."""
+    from wavesim.io.result_writer import versions
+    from wavesim.material.scaling import scales
+
+    told = {
+        "title": case.title,
+        "checks": [check.row() for check in found.checks],
+        "passed": all(check.passed for check in found.checks),
+        "timing": timing,
+        "stepper": steps.solver,
+        "step": steps.step * float(scales(case.simulation.medium).time),
+        "steps": steps.steps,
+        "operator_products": steps.operator_products,
+        "cells": case.simulation.bar.cells,
+        "fields": list(case.simulation.fields),
+        "peak_memory_bytes": peak_memory(),
+        "versions": versions(),
+        "answers": found.answers,
+    }
+    made: dict[str, Any] = plain(told | found.summary)
+    return made
+
+
+def _write(outcome: Outcome, data: dict[str, Any] | None, resolved: str, rerun: str) -> None:
+    """Write summary.json, and report.html where there is what it is drawn from."""
+    from wavesim.io.whole_files import write_whole
+    from wavesim.report.page import page
+
+    folder, summary = outcome.folder, outcome.summary
+    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+    write_whole(folder / "summary.json", text.encode())
+    if data is not None:
+        made = page(summary, data, resolved, folder, rerun, outcome.notes)
+        write_whole(folder / "report.html", made.encode())
 
 
 @contextmanager
@@ -280,7 +310,7 @@ def _integrated(
     results: Results,
     start: tuple[int, Sequence[Any]] | None,
     storing: Storing,
-    spent: Timing,
+    laps: _Laps,
     tell: Progress,
     meanwhile: Callable[[], object],
 ) -> list[Energy]:
@@ -291,7 +321,7 @@ def _integrated(
         results: where to.
         start: to carry on from; None begins at t = 0.
         storing: what stores them.
-        spent: where to note the seconds spent.
+        laps: where to note the seconds spent.
         tell: progress.
         meanwhile: called while Python has nothing to do.
 
@@ -300,9 +330,9 @@ def _integrated(
     """
     from wavesim.io.result_reader import StorageError
     from wavesim.report.terminal import FAILED
-    from wavesim.timedomain.integrate import NotFiniteError, stream
+    from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
 
-    energies = []
+    energies, spent = [], Timing()
     try:
         for chunk in stream(simulated, start, spent, meanwhile):
             storing.add(chunk)
@@ -316,56 +346,8 @@ def _integrated(
         with suppress(StorageError):
             storing.stop()
         raise
+    laps.end("store", compile=spent.compile, integrate=spent.integrate)
     return energies
-
-
-class _Pictures:
-    """What the process beside a run draws of it, and what its page is drawn from.
-
-    Args:
-        beside: the process.
-        folder: of the run.
-        figures: whether all figures are wanted.
-        field: what was simulated.
-    """
-
-    def __init__(self, beside: Worker | Here, folder: Path, figures: bool, field: Field) -> None:
-        self._beside, self._folder, self._figures, self._field = beside, folder, figures, field
-        self._data = [beside.ask(f"{_PAGE_DATA}.of_field", field)]
-        self._drawn: list[Answer] = []
-
-    def of_found(self, found: Any, title: str, verdict: str) -> None:
-        """Draw what was measured; arguments as of ``figures.overview.write_overview``."""
-        ask, folder, known = self._beside.ask, self._folder, (self._field, found)
-        self._drawn.append(ask(_OVERVIEW, folder / "overview.png", *known, title, verdict))
-        self._data.append(ask(f"{_PAGE_DATA}.of_found", *known))
-        if self._figures:
-            named = ask(f"{_DRAWING}.names", *known)
-            self._drawn.append(named)
-            with suppress(Exception):  # told of with the others
-                self._drawn += [
-                    ask(f"{_DRAWING}.draw", folder / "figures", *known, name, "png")
-                    for name in named.result()
-                ]
-
-    def wait(self) -> None:
-        """Wait until all is drawn, well or not."""
-        for one in (*self._drawn, *self._data):
-            one.wait()
-
-    def result(self) -> tuple[dict[str, Any] | None, list[Exception]]:
-        """What the page is drawn from, and what went wrong: it takes nothing else with it."""
-        wrong: list[Exception] = []
-        data: dict[str, Any] | None = {}
-        for one in (*self._drawn, *self._data):
-            try:
-                made = one.result()
-                if data is not None and one in self._data:
-                    data |= made
-            except Exception as error:
-                wrong.append(error)
-                data = None if one in self._data else data
-        return data, wrong
 
 
 def _begin(folder: Path) -> None:

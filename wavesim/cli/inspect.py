@@ -32,7 +32,8 @@ def inspect(
 ) -> None:
     """What is wrong with the record FILE, what was done about it, and which commands can use it.
 
-    Exit code 0: some can; 1: none can; 2: it can't be read.
+    Exit code 0: some can, as it is or with an option that is named; 1: none can; 2: it can't be
+    read.
     """
     from wavesim.records.inspection import inspect as look_over
 
@@ -42,7 +43,7 @@ def inspect(
         print_json(summary)
     else:
         _show(summary)
-    if all(summary["usable"].values()):
+    if all(summary["usable"].values()) and not summary["lacking"]:
         sys.exit(FELL_SHORT)
 
 
@@ -51,10 +52,11 @@ def _show(summary: dict[str, Any]) -> None:
     x = [c["position_m"] for c in channels]
     where = "positions not known" if None in x else f"x = {min(x):.6g} to {max(x):.6g} m"
     end = summary["start_s"] + summary["interval_s"] * (summary["frames"] - 1)
+    unit = ("point" if summary["run"] else "receiver") + ("s" if len(channels) > 1 else "")
     _say(
         f"{summary['file']}: {summary['frames']} frames, {summary['interval_s']:.6g} s apart, from "
         f"{summary['start_s']:.6g} to {end:.6g} s; {len(channels)} "
-        f"{'points' if summary['run'] else 'receivers'}, {where}"
+        f"{unit}, {where}"
     )
     if summary["run"]:
         _say(f"It is {summary['run']}.")
@@ -71,7 +73,8 @@ def _show(summary: dict[str, Any]) -> None:
     else:
         click.echo("Nothing is wrong with it.")
     for command, reason in summary["usable"].items():
-        _say(f"{command}: " + (f"no: {reason}" if reason else "can use it"))
+        no = "not yet" if command in summary["lacking"] else "no"
+        _say(f"{command}: " + (f"{no}: {reason}" if reason else "can use it"))
 
 
 def _say(text: str) -> None:

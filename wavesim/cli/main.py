@@ -121,7 +121,7 @@ def run(**given: Any) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
     # Its matrices are small: threads that wait for each other's parts keep all cores busy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from wavesim.runner import begun_beside
+    from wavesim.report.drawn_beside import begun_beside
 
     # It loads what it needs while this process reads the case.
     with begun_beside() as beside:

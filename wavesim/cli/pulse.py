@@ -6,7 +6,6 @@ Exit codes: 0 all well; 1 no record could be answered; 2 bad input.
 from __future__ import annotations
 
 import math
-import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,6 +28,7 @@ from wavesim.cli.arguments import (
     write_json,
     writing,
 )
+from wavesim.cli.states import States, numbers, states
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 # Waves in solids, from loose dust to diamond, m/s; others are of a wrong unit.
@@ -41,8 +41,7 @@ class _Set:
 
     distances: tuple[float, ...]
     delays: dict[str, float]
-    parameter: str | None
-    values: tuple[float, ...]
+    states: States | None
 
 
 @click.command(short_help="Arrivals, velocities, Q of pulse tests.")
@@ -170,7 +169,7 @@ def _setup(
 
     distances: tuple[float, ...] = ()
     if distance is not None:
-        distances = _numbers("--distance", distance, "m")
+        distances = numbers("--distance", distance, "m")
         if not all(d > 0 for d in distances):
             stop(f"--distance {distance}: must be greater than 0, in m", BAD_INPUT)
     if delay is not None and face_to_face is not None:
@@ -178,56 +177,7 @@ def _setup(
     delays = {} if delay is None else dict.fromkeys(CONVENTIONS, delay)
     if face_to_face is not None:
         delays = _delays(face_to_face, layout)
-    parameter: str | None = None
-    values: tuple[float, ...] = ()
-    if against is not None:
-        parameter, mark, listed = against.partition("=")
-        if not (mark and parameter.strip()):
-            stop(f"--against {against}: must be NAME=V1,V2,…, as stress=20,40,80", BAD_INPUT)
-        parameter, listed = _with_unit(parameter.strip(), listed)
-        values = _numbers("--against", listed)
-    return _Set(distances, delays, parameter, values)
-
-
-def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
-    """A series' parameter with the unit that its first or last value has, and its numbers alone."""
-    found = re.findall(r"(?<=[\d.])\s*([A-Za-zµ%°/²³]+)\s*(?=[,;]|$)", listed)
-    if not found or len(set(found)) > 1:
-        return parameter, listed
-    numbers = re.sub(rf"\s*{re.escape(found[0])}\s*(?=[,;]|$)", "", listed)
-    return (parameter if "(" in parameter else f"{parameter} ({found[0]})"), numbers
-
-
-def _check_order(setup: _Set, names: Sequence[str]) -> None:
-    """Refuse values in another order than the numbers that the records' names have."""
-    said = []
-    for name in names[: len(setup.values)]:
-        own = {float(n) for n in re.findall(r"\d+(?:\.\d+)?", name.rpartition("/")[2])}
-        said.append(own & set(setup.values))
-    if any(len(one) != 1 for one in said):
-        return
-    told = [one.pop() for one in said]
-    if sorted(told) == sorted(setup.values) and told != list(setup.values):
-        n = next(n for n, value in enumerate(setup.values) if value != told[n])
-        stop(
-            f"--against {setup.parameter}: {names[n]} is given {setup.values[n]:g}, but is named "
-            f"{told[n]:g}; in the order of the files: {','.join(f'{v:g}' for v in told)}",
-            BAD_INPUT,
-        )
-
-
-def _numbers(option: str, text: str, unit: str = "") -> tuple[float, ...]:
-    from wavesim.case.units import meant_by
-
-    parts = [part.strip() for part in text.replace(";", ",").split(",") if part.strip()]
-    try:
-        found = tuple(float((meant_by(unit, part) if unit else None) or part) for part in parts)
-    except ValueError:
-        found = ()
-    if not found or not all(math.isfinite(v) for v in found):
-        what = f"numbers in {unit}, or with a unit," if unit else "numbers"
-        stop(f"{option} {text}: must be {what} with commas between them", BAD_INPUT)
-    return found
+    return _Set(distances, delays, None if against is None else states(against))
 
 
 def _delays(file: str, layout: Any) -> dict[str, float]:
@@ -266,14 +216,10 @@ def _readings(
     from wavesim.readings.pulse.signals import PulseError
 
     count = len(tests)
-    if setup.parameter is not None and len(setup.values) != count:
-        stop(
-            f"--against {setup.parameter}: {len(setup.values)} values for {count} records; give "
-            "one for each, in the order of the files",
-            BAD_INPUT,
+    if setup.states is not None:
+        setup.states.check(
+            [f if t is None else t.name for f, t in zip_longest(files, tests)], count
         )
-    if setup.parameter is not None:
-        _check_order(setup, [f if t is None else t.name for f, t in zip_longest(files, tests)])
     if len(setup.distances) not in (0, 1, count):
         stop(
             f"--distance: {len(setup.distances)} values for {count} records; give one, or one for "
@@ -300,21 +246,21 @@ def _readings(
                 stop(f"{test.name}: {error}", BAD_INPUT)
             found[i] = refusal(test.name, "receiver", distance, str(error))
     wanted = Wanted((wave or "").upper(), expected[1] if expected else math.nan)
-    if setup.parameter is None:
+    if setup.states is None:
         for i, (record, distance) in single.items():
             one = read_one(record, distance, setup.delays, tests[i].speeds, wanted)
             found[i] = _noted(one, tests[i])
         return found, None
-    values = np.array(setup.values)
+    parameter, values = setup.states.parameter, np.array(setup.states.values)
     if single:
         own = list(single)
         records, distances = zip(*single.values(), strict=True)
         readings, _ = read_series(
-            records, distances, setup.delays, setup.parameter, values[own].tolist(), wanted
+            records, distances, setup.delays, parameter, values[own].tolist(), wanted
         )
         for i, one in zip(own, readings, strict=True):
             found[i] = _noted(one, tests[i])
-    return found, Series(setup.parameter, values, law_of(found, values))
+    return found, Series(parameter, values, law_of(found, values))
 
 
 def _noted(reading: Any, test: Any) -> Any:
@@ -325,7 +271,7 @@ def _noted(reading: Any, test: Any) -> Any:
             f"{speed:.4g} m/s is {'slower' if speed < _SLOWEST else 'faster'} than waves in any "
             "solid: look at the unit of the distance (m) and of the times (--time-unit)"
         ]
-    return replace(reading, notes=(*test.notes, *reading.notes, *doubt))
+    return replace(reading, notes=(*doubt, *test.notes, *reading.notes))
 
 
 def _array(test: Any, expected: tuple[float, float] | None) -> Any:

@@ -12,6 +12,7 @@ from matplotlib.ticker import LogLocator
 
 from wavesim.figures import pulse_test
 from wavesim.figures.style import FOUND, POINT, THEORY, Drawings, legend_entries
+from wavesim.material.shown import with_error
 from wavesim.readings.pulse.reading import Reading
 from wavesim.readings.pulse.series_reading import Series
 
@@ -106,10 +107,17 @@ def law(readings: Sequence[Reading], series: Series) -> Figure:
     if found is not None:
         aside[list(found.outliers)] = True
         curve = np.geomspace(p[valid].min(), p[valid].max(), 100)
-        told = f"V = {found.a:.4g} p$^{{{found.b:.3f}}}$ (b ± {found.b_error:.3f})"
+        told = (
+            f"V = a p$^b$, p the {series.parameter}\n"
+            f"a = {with_error(found.a, found.a_error)} m/s, "
+            f"b = {with_error(found.b, found.b_error)}"
+        )
         axes.plot(curve, found.a * curve**found.b, "-", color=THEORY, lw=1.0, label=told)
         axes.set(xscale="log", yscale="log")
-    for own, mark, label in ((valid & ~aside, "o", "measured"), (aside, "x", "set aside")):
+    for own, mark, label in (
+        (valid & ~aside, "o", "measured ± standard error"),
+        (aside, "x", "set aside"),
+    ):
         if own.any():
             axes.errorbar(p[own], v[own], e[own], fmt=mark, **POINT, mec=FOUND, ecolor=FOUND,
                           elinewidth=0.8, label=label)  # fmt: skip

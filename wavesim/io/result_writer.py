@@ -61,7 +61,7 @@ class Results:
     """
 
     def __init__(self, path: Path, simulation: Simulation, told: Mapping[str, Any]) -> None:
-        self.path, self.simulation, self._told = path, simulation, dict(told)
+        self.path, self.simulation, self.told = path, simulation, dict(told)
         self._parts = path.with_name(path.name + ".parts")
         self._created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         self._ends: list[int] = []
@@ -205,7 +205,7 @@ class Results:
                 "--resume"
             )
         with reading(self.path) as file:
-            if file.attrs["case"] != self._told["case"]:
+            if file.attrs["case"] != self.told["case"]:
                 raise StorageError(
                     f"{self.path}: was made by another case than this; run without --resume, or "
                     "name another folder with --out"
@@ -288,7 +288,7 @@ class Results:
                 "created_utc": self._created,
                 "fourier_convention": FOURIER_CONVENTION,
             }
-            | self._told
+            | self.told
             | versions()
         )
         for name, values in axes.items():

@@ -27,6 +27,7 @@ class Inspection:
         assumed: what the file does not say and was assumed, a sentence each.
         findings: what is wrong with it, and what was done.
         usable: by command what it would refuse the record for; "" where it takes it.
+        lacking: commands that lack an option alone, which ``usable`` names.
         run: of one of wavesim's runs its status, fields and receivers, a sentence; else "".
     """
 
@@ -34,6 +35,7 @@ class Inspection:
     assumed: tuple[str, ...]
     findings: tuple[Finding, ...]
     usable: dict[str, str]
+    lacking: tuple[str, ...] = ()
     run: str = ""
 
     def summary(self) -> dict[str, Any]:
@@ -65,6 +67,7 @@ class Inspection:
             "assumed": list(self.assumed),
             "findings": [finding.row() for finding in self.findings],
             "usable": self.usable,
+            "lacking": list(self.lacking),
         }
 
 
@@ -91,10 +94,10 @@ def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspec
         layout, result = layout or Layout(), own_result(source)
         if result is not None and layout.values is None:
             return _of_run(result)
-        record = read(source, replace(layout, placed=False))
+        record = read(source, replace(layout, placed=False, transmitter=True))
     said = {finding.said for finding in record.findings}
     assumed = tuple(note for note in record.notes if note not in said)
-    return Inspection(record, assumed, record.findings, _usable(record))
+    return Inspection(record, assumed, record.findings, *_usable(record))
 
 
 def _of_run(path: Path) -> Inspection:
@@ -123,39 +126,37 @@ def _of_run(path: Path) -> Inspection:
         usable["pulse"] = str(error)
     heard = ", ".join(f"{n} at {1e3 * p:.6g} mm" for n, p in field.receivers.items()) or "none"
     told = f"a run of wavesim, {run.status}: fields {', '.join(field.names)}; receivers {heard}"
-    return Inspection(record, (), (), usable, told)
+    return Inspection(record, (), (), usable, run=told)
 
 
-def _usable(record: Record) -> dict[str, str]:
-    placed = bool(np.isfinite(record.x).all())
-    reasons = {}
+def _usable(record: Record) -> tuple[dict[str, str], tuple[str, ...]]:
+    """By command what it would refuse the record for, and which lack an option alone."""
+    known = np.isfinite(record.x)
+    reasons, lacking = {}, []
     for command, needs in (
         ("attenuation", lambda: for_k_at_frequency(record)),
         ("dispersion", lambda: for_frequency_at_k(record, harmonic=False)),
     ):
+        reasons[command] = ""
         try:
-            if not placed:
-                raise RecordError("positions are not known: give --spacing, or --positions X1,X2,…")
             if len(record.x) < 2:
                 raise RecordError("1 receiver: at least 2 are needed")
+            if not known.all():
+                lacking.append(command)
+                raise RecordError("positions are not known: give --spacing, or --positions X1,X2,…")
             if command == "dispersion" and not record.even:
                 raise RecordError("receivers are not evenly spaced")
             needs()
-            reasons[command] = ""
         except RecordError as error:
             reasons[command] = str(error)
-    reasons["pulse"] = (
-        ""
-        if placed and len(record.x) > 1
-        else (
-            "positions are not known: give --distance (tip to tip) and --input"
-            if not placed
-            else "1 receiver: give --input and --distance"
-        )
-    )
+    reasons["pulse"] = ""
     if record.ring:
         reasons["pulse"] = "a ring has no first arrival"
-    return reasons
+    elif known.sum() < 2 and not (len(record.x) == 1 and np.nan_to_num(record.x).any()):
+        lacking.append("pulse")
+        named = "" if record.input is not None else ", and --input if a column is what was sent"
+        reasons["pulse"] = f"positions are not known: give --distance, from tip to tip{named}"
+    return reasons, tuple(lacking)
 
 
 __all__ = ["Inspection", "inspect"]

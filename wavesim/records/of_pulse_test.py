@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,10 +23,6 @@ UNLIKE = (
 )
 # More missing frames than this part are no small gap.
 _MOST_MISSING = 0.01
-
-
-# A heading of the transmitter's column.
-_SENT = re.compile(r"transmit|\bsent\b|\binput\b|\bexcit|\bdrive\b|\bgenerator\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -74,18 +69,13 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
     result = own_result(path)
     if result is not None:
         return _of_run(result)
-    record = read(path, replace(layout, placed=False))
+    record = read(path, replace(layout, placed=False, transmitter=True))
     if len(record.values) > 1:
         raise RecordError(
             f"{path}: holds {len(record.values)} components ({', '.join(record.names)}); name one "
             "with --values"
         )
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
-    sent = [label for label in labels if _SENT.search(label)]
-    if layout.input is None and len(sent) == 1 and len(labels) > 1:
-        said = f'the column headed "{sent[0]}" is taken for what was sent: --input names another'
-        tests = of_pulse_file(path, replace(layout, input=sent[0]))
-        return [replace(test, notes=(*test.notes, said)) for test in tests]
     values, notes = record.values[0], record.notes
     missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     if missing.any():

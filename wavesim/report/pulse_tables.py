@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from wavesim.material.shown import DECIBELS, KHZ, with_error
-from wavesim.readings.pulse.reading import Reading
+from wavesim.readings.pulse.reading import Reading, ReceiverArrivals
 from wavesim.readings.pulse.series_reading import Series
 from wavesim.report.terminal import new_table
 
@@ -21,6 +21,9 @@ _PER_MM = 1e-3 * DECIBELS
 _MOST_NOTES = 12
 # Receivers whose arrivals are shown.
 _MOST_RECEIVERS = 8
+_LONGEST_NAME = 16
+# An error of this part of a value has no digit beside it.
+_NO_DIGIT = 1e-6
 
 
 def in_time(value: float) -> tuple[float, str]:
@@ -105,22 +108,35 @@ def _several(console: Console, one: Reading) -> None:
         console.print(f"  Q by the spectral ratio refused: {ratio.reason}.", markup=False)
     times = [abs(float(t)) for own in result.arrivals.values() for t in own.time]
     scale, unit = in_time(max((t for t in times if math.isfinite(t)), default=math.nan))
-    shown = one.receivers[:_MOST_RECEIVERS]
-    places = [f"{receiver.name}\n{receiver.position * 1e3:.5g} mm" for receiver in shown]
-    table = new_table("convention", "velocity (m/s)", *places)
-    for name, own in result.arrivals.items():
-        each = [f"{t * scale:.5g}" if math.isfinite(t) else "–" for t in own.time.tolist()]
-        speed = with_error(result.velocities[name].velocity, result.velocities[name].error)
-        table.add_row(f"{name} ({unit})", speed, *each[:_MOST_RECEIVERS])
+    heads = [f"{name}\n({unit})" for name in result.arrivals]
+    table = new_table("receiver", *heads, words=0)
+    table.columns[0].justify = "left"
+    for receiver in one.receivers[:_MOST_RECEIVERS]:
+        own = [receiver.arrivals[name].time * scale for name in result.arrivals]
+        each = [f"{t:.5g}" if math.isfinite(t) else "–" for t in own]
+        table.add_row(_place(receiver), *each)
+    table.add_section()
+    speeds = [result.velocities[name] for name in result.arrivals]
+    table.add_row("velocity (m/s)", *(_known(v.velocity, v.error) for v in speeds))
     console.print(table)
     if len(one.receivers) > _MOST_RECEIVERS:
         console.print(f"The first {_MOST_RECEIVERS} of {len(one.receivers)} receivers.")
     _spectra(console, one)
 
 
+def _place(receiver: ReceiverArrivals) -> str:
+    """A receiver's name and position, which some headings say already."""
+    name, place = receiver.name[:_LONGEST_NAME], f"{receiver.position * 1e3:.5g} mm"
+    return name if place in name else f"{name}, {place}"
+
+
 def _known(value: float, error: float) -> str:
-    """A value with its error; "–" where no error is known."""
-    return with_error(value, error) if math.isfinite(error) else "–"
+    """A value with its error, to seven digits at most; "–" where no error is known."""
+    if not math.isfinite(error):
+        return "–"
+    if error < _NO_DIGIT * abs(value):
+        return f"{value:.7g} ± {error:.0e}"
+    return with_error(value, error)
 
 
 def _spectra(console: Console, one: Reading) -> None:

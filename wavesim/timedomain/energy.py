@@ -77,11 +77,14 @@ def _of_group(group: Group, y: State) -> tuple[jax.Array, jax.Array]:
     law = group.losses
     of_phi, of_B = group.mass
     kinetic = _total(of_phi * y.phi_rate**2, of_B * y.B_rate**2)
-    share = 1 - jnp.sum(law.strengths, axis=0) if len(law.strengths) else None
-    stored = _stored(group, y.kappa, y.B, share)
-    for strength, of_kappa, of_B in zip(law.strengths, y.zeta_kappa, y.zeta_B, strict=True):
-        stored = stored + _stored(group, y.kappa - of_kappa, y.B - of_B, strength)
-    return kinetic / 2, stored / 2
+    if not len(law.strengths):
+        return kinetic / 2, _stored(group, y.kappa, y.B) / 2
+    # The strains, and what each mechanism has not followed yet, with its part of the stiffness.
+    share = jnp.concatenate([1 - jnp.sum(law.strengths, axis=0, keepdims=True), law.strengths])
+    kappa = jnp.concatenate([y.kappa[None], y.kappa - y.zeta_kappa])
+    B = jnp.concatenate([y.B[None], y.B - y.zeta_B])
+    stored = jax.vmap(lambda *own: _stored(group, *own))(kappa, B, share)
+    return kinetic / 2, jnp.sum(stored) / 2
 
 
 def _stored(group: Group, kappa: Any, B: Any, share: Any = None) -> jax.Array:

@@ -99,7 +99,7 @@ def dispersion(
             low, high = JUDGED[0] * unit, min(highest or np.inf, JUDGED[1] * unit)
             names, judged = origin.block.branches, (low, high)
             if points.method == "beam":
-                matched = match_along_line(points, names, exact)
+                matched = match_along_line(points, origin.record, names, exact)
             else:
                 matched = match(points, origin.record, names, exact, grid, judged, least)
         results.append(Recovered(origin, points, matched, _scored(origin.record, points, highest)))

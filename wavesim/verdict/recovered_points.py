@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.assignment import assigned
 from wavesim.readings.dispersion.frequency_at_wavenumber import ROUNDING, series
-from wavesim.readings.dispersion.points import BAR, BranchPoints
+from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record
 from wavesim.records.relations import Complex, Relation
 from wavesim.records.windows import hann
@@ -30,9 +30,11 @@ Float = NDArray[Any]
 PRESENT = 1e-6
 # A wave is present where its amplitude is this many times its standard error.
 _ABOVE_NOISE = 8.0
-# A point is taken for a wave this many bins 2π/T off it at most, and this far within its bar.
+# A point is a wave's within so many bins 2π/T of it, its half-width γ, or so many of its bars.
 _REACH_BINS = 0.5
 _REACH_BARS = 3.0
+# Wavenumbers nearer than this part are one.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,47 @@ def present_waves(record: Record, omega: Any, k_max: float, least: float = PRESE
     return np.asarray(sizes / np.maximum(limits, max(ROUNDING * sizes.max(), 1e-290)))
 
 
+def own_waves(
+    points: BranchPoints, waves: Float | Complex, cell: float
+) -> tuple[NDArray[np.int64], Float]:
+    """Which wave each point is, by the one rule that all of a verdict goes by.
+
+    A point may be a wave that it is within half a bin 2π/T of, within its half-width γ, or within
+    three of its own bars. At one wavenumber each wave counts once, and those that are nearest
+    together go together; along a line, where points have k of their own, each is its nearest.
+
+    Args:
+        points: of a record, m of them.
+        waves: ω − iγ of the waves at each point's k, shape (m, branches), rad/s; NaN where none is
+            known.
+        cell: 2π/T, rad/s.
+
+    Returns:
+        The wave of each point, -1 where it is of none, and how far the nearest is, rad/s, shape
+        (m,) each.
+    """
+    every = np.asarray(waves, complex)
+    distance = np.abs(every.real - points.omega[:, None])
+    distance[~np.isfinite(distance)] = np.inf
+    reach = np.fmax(_REACH_BINS * cell, -every.imag)
+    reach = np.fmax(reach, _REACH_BARS * points.bar[:, None])
+    cost = np.where(distance <= reach, distance / cell, 1e6)
+    wave = np.full(len(points), -1)
+    if not len(points):
+        return wave, np.zeros(0)
+    if points.method == "beam":
+        nearest = cost.argmin(axis=1)
+        wave = np.where(cost[np.arange(len(points)), nearest] < 1e6, nearest, -1)
+        return wave, distance.min(axis=1)
+    order = np.argsort(points.k, kind="stable")
+    apart = np.diff(points.k[order]) > _SAME * points.k[order][1:]
+    for group in np.split(order, np.flatnonzero(apart) + 1):
+        rows, columns = assigned(cost[group])
+        own = cost[group][rows, columns] < 1e6
+        wave[group[rows[own]]] = columns[own]
+    return wave, distance.min(axis=1)
+
+
 def match(
     points: BranchPoints,
     record: Record,
@@ -172,8 +215,7 @@ def match(
         least: weakest wave that counts as present, over the strongest at its wavenumber, –.
 
     Returns:
-        What was found of which wave. Where waves decay it is Re ω that is held, and a point is a
-        wave's within its half-width γ too.
+        What was found of which wave. Where waves decay it is Re ω that is held.
     """
     quiet = record.since(record.quiet_from)
     low, high = k_range or (0.0, float(points.k.max(initial=0.0)))
@@ -188,22 +230,13 @@ def match(
     decay = decay[inside]
     found = np.full(every.shape, np.nan)
     bar = np.full(every.shape, np.nan)
-    false = []
     valid = points.take(points.valid)
-    for i, at in enumerate(k):
-        here = np.flatnonzero(np.abs(valid.k - at) <= 1e-6 * at)
-        if not len(here):
-            continue
-        distance = np.abs(every[i][:, None] - valid.omega[here])
-        reach = np.maximum(_REACH_BINS * cell, decay[i][:, None])
-        cost = np.where(distance <= reach, distance / cell, 1e6)
-        taken = set()
-        for b, j in zip(*assigned(cost), strict=True):
-            if cost[b, j] < 1e6:
-                found[i, b], bar[i, b] = valid.omega[here[j]], BAR * valid.error[here[j]]
-                taken.add(j)
-        near = (distance <= _REACH_BARS * BAR * valid.error[here]).any(axis=0)
-        false += [here[j] for j in range(len(here)) if j not in taken and not near[j]]
+    at = np.abs(valid.k[:, None] - k).argmin(axis=1) if len(k) else np.zeros(len(valid), int)
+    judged = np.abs(valid.k - k[at]) <= _SAME * k[at] if len(k) else np.zeros(len(valid), bool)
+    valid, at = valid.take(judged), at[judged]
+    wave, _ = own_waves(valid, every[at] - 1j * decay[at], cell)
+    hit = wave >= 0
+    found[at[hit], wave[hit]], bar[at[hit], wave[hit]] = valid.omega[hit], valid.bar[hit]
     return Matched(
         names,
         k,
@@ -212,35 +245,34 @@ def match(
         (strength > 1) & seen,
         found,
         bar,
-        valid.k[false],
-        valid.omega[false],
+        valid.k[~hit],
+        valid.omega[~hit],
         decay + cell,
     )
 
 
-def match_along_line(points: BranchPoints, names: tuple[str, ...], exact: Relation) -> Matched:
+def match_along_line(
+    points: BranchPoints, record: Record, names: tuple[str, ...], exact: Relation
+) -> Matched:
     """Hold the waves along a line against a reference, each at its own k.
 
-    A point is a wave's within its bar, or half the resolution of its own error; which waves are in
-    the record and were not found is not asked.
+    Which waves are in the record and were not found is not asked.
 
     Args:
         points: of ``wavesim.readings.dispersion.waves_along_line``.
+        record: what they came from.
         names: of the waves, in the order of the relation's branches.
         exact: the continuum's relation.
     """
     valid = points.take(points.valid)
-    waves = np.asarray(exact.omega(valid.k))
-    every, decay = waves.real.reshape(len(valid), -1), -waves.imag.reshape(len(valid), -1)
-    distance = np.abs(every - valid.omega[:, None])
-    nearest, row = distance.argmin(axis=1), np.arange(len(valid))
-    near = distance[row, nearest] <= _REACH_BARS * BAR * valid.error + decay[row, nearest]
-    found, bar = np.full(every.shape, np.nan), np.full(every.shape, np.nan)
-    found[row[near], nearest[near]] = valid.omega[near]
-    bar[row[near], nearest[near]] = BAR * valid.error[near]
+    waves = np.asarray(exact.omega(valid.k)).reshape(len(valid), -1)
+    wave, _ = own_waves(valid, waves, 2 * np.pi / (len(record.t) * record.interval))
+    hit = np.flatnonzero(wave >= 0)
+    found, bar = np.full(waves.shape, np.nan), np.full(waves.shape, np.nan)
+    found[hit, wave[hit]], bar[hit, wave[hit]] = valid.omega[hit], valid.bar[hit]
     return Matched(
-        names, valid.k, every, every, np.isfinite(found), found, bar, valid.k[~near],
-        valid.omega[~near], decay + valid.error[:, None],
+        names, valid.k, waves.real, waves.real, np.isfinite(found), found, bar, valid.k[wave < 0],
+        valid.omega[wave < 0], -waves.imag + valid.error[:, None],
     )  # fmt: skip
 
 

@@ -1,9 +1,8 @@
 """Points held against the truth of the record that they came from: found, missed, false, errors.
 
-For points of this program and of any other. A point is a wave's where it is within half a bin 2π/T
-of it, within its width, or within three of its bars; each wave counts once at a wavenumber, and a
-point of no wave is false. A wave is missed where it is in the record and no point within half of
-2π/X of its k is its own.
+For points of this program and of any other, which are waves by the rule of ``own_waves``; a point
+of no wave is false. A wave is missed where it is in the record and no point within half of 2π/X of
+its k is its own.
 """
 
 from __future__ import annotations
@@ -18,12 +17,11 @@ from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record, RecordError
-from wavesim.verdict.recovered_points import present_waves
+from wavesim.verdict.recovered_points import own_waves, present_waves
 from wavesim.verdict.truth import Truth, truth_of
 
 Float = NDArray[Any]
 
-_BINS = 0.5
 _BARS = 3.0
 # A wave that leaves a line is in it where it is above this part of the strongest.
 _HEARD = 0.03
@@ -101,21 +99,8 @@ def _in_time(truth: Truth, own: BranchPoints, record: Record, k_max: float | Non
     waves = truth.omega(own.k)
     told = np.isfinite(waves).any(axis=1)
     untold, own, waves = int((~told).sum()), own.take(told), waves[told]
-    distance = np.abs(waves.real - own.omega[:, None])
-    distance[~np.isfinite(distance)] = np.inf
-    reach = np.maximum(_BINS * cell, -np.imag(waves))
-    reach = np.fmax(reach, _BARS * own.bar[:, None])
-    branch = np.where(distance <= reach, distance, np.inf).argmin(axis=1)
-    row = np.arange(len(own))
-    hit = distance[row, branch] <= reach[row, branch] if len(own) else np.zeros(0, bool)
-    # The nearest point is a wave's; others at that wavenumber are not.
-    taken: set[tuple[float, int]] = set()
-    for i in np.argsort(distance[row, branch]) if len(own) else []:
-        key = (round(float(own.k[i]), 12), int(branch[i]))
-        if hit[i] and key in taken and own.method != "beam":
-            hit[i] = False
-        elif hit[i]:
-            taken.add(key)
+    branch, off = own_waves(own, waves, cell)
+    hit = branch >= 0
     present_k, present = _present(truth, quiet, k_max)
     spacing = np.pi / quiet.aperture
     found = np.zeros(present.shape, bool)
@@ -124,7 +109,6 @@ def _in_time(truth: Truth, own: BranchPoints, record: Record, k_max: float | Non
         if len(mine):
             near = np.abs(present_k[:, None] - mine).min(axis=1) <= spacing * (1 + 1e-9)
             found[:, b] = near & present[:, b]
-    off = distance[row, branch]
     return Score(
         len(own), int(present.sum()), int(found.sum()), int((present & ~found).sum()),
         int((~hit).sum()), *_errors(off[hit] / np.abs(own.omega[hit])),

@@ -7,7 +7,7 @@ closes in the quiet of all of them keeps the one and leaves out the other.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,10 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.measurement import PulseResult, measure
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
+from wavesim.readings.pulse.several_waves import (
+    Passing,
+    noise_share,
+    unexplained,
+    waves_passing,
+)
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.readings.pulse.travel_time import TravelTime
+from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
 from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
@@ -33,6 +40,12 @@ _OVER_NOISE, _ABOVE_NOISE = 2.2, 3.0
 _FIRST = 0.5
 # The longest flank, over the gate.
 _TAPER = 0.15
+
+VAGUE = (
+    "no convention reads a velocity to 20 %: add a receiver, place them further apart, or begin "
+    "the record earlier, so that its noise is seen"
+)
+_Speed = tuple[str, Velocity]
 
 OVERLAP = (
     "an echo reaches a receiver before the direct wave has passed another: place receivers further "
@@ -96,6 +109,12 @@ _KNOWN = 0.2
 # An error this many times the convention's own is told of.
 _OPEN = 3.0
 _FURTHEST = 0.7
+# One wave that leaves this part of the power, and this many times the noise's, is not alone.
+_UNEXPLAINED, _OVER_SHARE = 0.03, 30.0
+# Speeds whose logarithms differ by less may be of one wave.
+_ONE_WAVE = 0.15
+# A packet's top tells its arrival to this part of a period.
+_TOP = 0.1
 # Group and phase velocity that far apart are dispersion.
 _DISPERSES = 0.03
 
@@ -148,15 +167,98 @@ def read_array(
         result = replace(result, dispersion=refused, constant_quality=ratio)
         notes.append(unlike)
     notes = [*result.record.notes, *notes]
-    if overlap:
+    waves, why = _several(result, looked_at)
+    if why and not unlike:
+        ratio = replace(result.constant_quality, quality=math.nan, error=math.nan, reason=why)
+        refused = result.dispersion.refused(why)
+        result = replace(result, dispersion=refused, constant_quality=ratio)
+    if why:
+        notes.insert(0, why)
+    elif overlap:
         notes.append(overlap)
-    best = _best(result, ("first break",) if overlap else _PREFERRED, notes)
+    best = _best(result, bool(overlap), notes)
+    if waves:
+        best = _of_several(best, result, waves, expected)
     notes += _dispersion(result)
     receivers = tuple(
         ReceiverArrivals(key, float(result.record.x[j]), _arrivals(result, j))
         for j, key in enumerate(result.record.names)
     )
     return Reading(name, receivers, best, notes=tuple(notes), result=result)
+
+
+def _common_period(record: PulseRecord) -> float:
+    """Period of the strongest frequency that the receivers have in common, s."""
+    return float(np.median([_period(u) for u in record.values.T])) * record.interval
+
+
+def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed]], str]:
+    """Speeds of the waves that pass, and why what spectra tell is of none of them; ([], "") where
+    one wave alone explains the receivers."""
+    left = unexplained(result.spectra, result.dispersion)
+    share = noise_share(result.spectra, result.dispersion)
+    if not left > max(_UNEXPLAINED, _OVER_SHARE * share) and len(record.x) > 2:
+        return [], ""
+    period = _common_period(record)
+    lines = waves_passing(record, period)
+    if len(lines) > 1:
+        waves = _groups([*_read(result).items(), *(_line(one, record, period) for one in lines)])
+        speeds = " and ".join(f"{one[0][1].velocity:.4g}" for one in waves)
+        more = f"of {speeds} m/s " if len(waves) > 1 else ""
+        return waves, f"several waves {more}pass the receivers, and spectra mix them"
+    if len(record.x) == 2:
+        return [], ""
+    return [], (
+        f"one wave alone leaves {left:.0%} of the receivers' power: several waves that overlap, "
+        "or echoes; wavesim attenuation tells them apart where receivers are many"
+    )
+
+
+def _line(one: Passing, record: PulseRecord, period: float) -> _Speed:
+    """The speed of packets that are of one wave alone."""
+    return "envelope", arrival_velocity(record.x, one.alone, np.full(len(record.x), _TOP * period))
+
+
+def _groups(speeds: Sequence[_Speed]) -> list[list[_Speed]]:
+    """Speeds that are known, those of one wave together, the surest of each first."""
+    known = [
+        (name, one) for name, one in speeds
+        if one.velocity > 0 and one.error < _KNOWN * one.velocity
+    ]  # fmt: skip
+    known.sort(key=lambda each: each[1].error / each[1].velocity)
+    groups: list[list[_Speed]] = []
+    for each in known:
+        for group in groups:
+            if abs(math.log(each[1].velocity / group[0][1].velocity)) < _ONE_WAVE:
+                group.append(each)
+                break
+        else:
+            groups.append([each])
+    return groups
+
+
+def _of_several(
+    best: Best,
+    result: PulseResult,
+    waves: Sequence[list[_Speed]],
+    expected: tuple[float, float] | None,
+) -> Best:
+    """The wave that is meant of several, or why none is."""
+    speeds = " or ".join(f"{one[0][1].velocity:.4g}" for one in waves)
+    if expected is None:
+        if best.valid or len(waves) < 2:
+            return best
+        reason = f"it is one of several waves, of {speeds} m/s: --expected F C says about how fast"
+        return replace(best, reason=reason)
+    wave = min(waves, key=lambda one: abs(math.log(one[0][1].velocity / expected[1])))
+    name, one = wave[0]
+    span = float(result.record.x[-1] - result.record.x[0])
+    bar = _with_what_is_open(dict(enumerate(v for _, v in wave)), 0, range(len(wave)))
+    reason = ""
+    if abs(math.log(one.velocity / expected[1])) > _ONE_WAVE:
+        reason = f"no wave is about as fast as --expected says, but {speeds} m/s"
+    time = span / one.velocity
+    return judged(name, time, time * bar / one.velocity, span, reason)
 
 
 def _without_crosstalk(
@@ -192,27 +294,20 @@ def _arrivals(result: PulseResult, j: int) -> dict[str, TravelTime]:
     }
 
 
-def _best(result: PulseResult, preferred: tuple[str, ...], notes: list[str]) -> Best:
+def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
     """The velocity that counts, with what the conventions leave open; a note where that is most."""
     speeds = result.velocities
     span = float(result.record.x[-1] - result.record.x[0])
-    told = [
-        n for n in preferred
-        if math.isfinite(speeds[n].velocity) and speeds[n].error < _KNOWN * abs(speeds[n].velocity)
-    ]  # fmt: skip
+    told = list(_read(result))
     if not told:
-        why = next((one.reason for one in speeds.values() if one.reason), "no velocity is known")
+        why = next((one.reason for one in speeds.values() if one.reason), VAGUE)
         reasons = [r for r in result.record.unusable if r]
         return Best("correlation", math.nan, math.nan, math.nan, math.nan, False,
                     reasons[0] if reasons else why)  # fmt: skip
-    name = told[0]
-    one = speeds[name]
-    # One that is known badly tells less of what is open.
-    others = [
-        math.sqrt(max((speeds[n].velocity - one.velocity) ** 2 - speeds[n].error ** 2, 0.0))
-        for n in told
-    ]
-    bar = math.hypot(one.error, _FURTHEST * max(others))
+    # Beside an echo any of them may have read it, and the one that is nearest to all counts.
+    bars = {n: _with_what_is_open(speeds, n, told) for n in told}
+    name = min(told, key=lambda n: bars[n] / abs(speeds[n].velocity)) if overlap else told[0]
+    one, bar = speeds[name], bars[name]
     if bar > _OPEN * one.error:
         each = [speeds[n].velocity for n in told]
         notes.append(
@@ -224,6 +319,26 @@ def _best(result: PulseResult, preferred: tuple[str, ...], notes: list[str]) -> 
     if not one.velocity > 0:
         reason = "the wave runs towards smaller positions: are they counted from the source?"
     return judged(name, time, time * bar / abs(one.velocity), span, reason)
+
+
+def _read(result: PulseResult) -> dict[str, Velocity]:
+    """Velocities that are known, by convention, those that are taken first in front."""
+    every = result.velocities
+    return {
+        n: every[n] for n in _PREFERRED
+        if math.isfinite(every[n].velocity) and every[n].error < _KNOWN * abs(every[n].velocity)
+    }  # fmt: skip
+
+
+def _with_what_is_open(speeds: Mapping[Any, Velocity], name: Any, told: Iterable[Any]) -> float:
+    """Standard error of a convention's velocity with what the others leave open, m/s."""
+    one = speeds[name]
+    # One that is known badly tells less of what is open.
+    others = [
+        math.sqrt(max((speeds[n].velocity - one.velocity) ** 2 - speeds[n].error ** 2, 0.0))
+        for n in told
+    ]
+    return math.hypot(one.error, _FURTHEST * max(others))
 
 
 def _dispersion(result: PulseResult) -> list[str]:

@@ -41,6 +41,10 @@ _LENGTHS = 1.5
 # The band about the central frequency, over and in multiples of it.
 _LOW, _HIGH = 5.0, 8.0
 _FEWEST_BEFORE, _FEWEST_AFTER = 16, 64
+# Samples a period: from which on they stay, up to which they are too few, as made of them, and from
+# which on that needs no word.
+_FEWEST_PER_PERIOD, _TOO_FEW, _PER_PERIOD, _ENOUGH = 24, 3.5, 32, 10
+_STRONG = 0.05
 
 
 @dataclass(frozen=True)
@@ -137,9 +141,12 @@ def transmission_record(
             f"{u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
             "no signal: record it again with less gain"
         )
-    length, v = 0.0, None
-    if sent is not None:
-        v = checked("transmitter", sent, time)
+    length, v = 0.0, None if sent is None else checked("transmitter", sent, time)
+    step = faults.step_of_digitiser(u)
+    clipped = bool(faults.flat_tops(u))
+    time, u, v, said = _finely(time, u, v)
+    notes += said
+    if v is not None:
         start, length, v = _sent(time, v)
     before = int(np.searchsorted(time, start - 0.5 * (time[1] - time[0])))
     early = u[1:before]
@@ -147,9 +154,7 @@ def transmission_record(
     raw = u - float(np.median(early if known else u))
     if not np.abs(raw).max() > 0:
         raise PulseError("the receiver's signal is constant: is its column the right one?")
-    step = faults.step_of_digitiser(u)
     noise = max(_deviation(early), step / np.sqrt(12)) if known else np.nan
-    clipped = bool(faults.flat_tops(u))
     if clipped:
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
     found = TransmissionRecord(
@@ -171,6 +176,35 @@ def transmission_record(
         tuple(notes),
     )
     return _ready(found)
+
+
+def _finely(t: Float, u: Float, v: Float | None) -> tuple[Float, Float, Float | None, list[str]]:
+    """Signals with some thirty samples a period, by cubic splines, and what was done.
+
+    Raises:
+        PulseError: a period has too few samples for that.
+    """
+    power = np.abs(np.fft.rfft(u - np.linspace(u[0], u[-1], len(u)))) ** 2
+    f = np.fft.rfftfreq(len(u))
+    power = np.where(power > _STRONG * power.max(), power, 0.0)
+    period = float(power.sum() / max(np.sum(f * power), 1e-300))
+    if not power.any() or period >= _FEWEST_PER_PERIOD:
+        return t, u, v, []
+    if period < _TOO_FEW:
+        raise PulseError(
+            f"a period has {period:.2g} samples, too few to tell when it arrives: sample at least "
+            f"{_ENOUGH / period:.2g} times as fast"
+        )
+    from scipy.interpolate import CubicSpline  # slow to import, and only few records need it
+
+    times = int(np.ceil(_PER_PERIOD / period))
+    place = np.arange((len(t) - 1) * times + 1) / times
+    own = np.arange(len(t))
+    fine = [None if row is None else CubicSpline(own, row)(place) for row in (u, v)]
+    said = []
+    if period < _ENOUGH:
+        said = [f"a period has {period:.2g} samples: {times} times as many by cubic splines"]
+    return t[0] + (t[-1] - t[0]) * place / own[-1], np.asarray(fine[0]), fine[1], said
 
 
 def _deviation(part: Float) -> float:
@@ -211,7 +245,8 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     inside = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part = found.start, 0.0
-    if found.start > t[0] and peak > max(_HEARD * noise, _LEAST * float(size.max())):
+    heard = max(_HEARD * noise, _LEAST * float(size.max()))
+    if found.start > t[0] and peak > heard and _at_once(raw, inside, dt, rough) > heard:
         part = peak
         own = None
         if found.sent is not None:
@@ -226,6 +261,15 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
             size = envelope(_band(found.raw, dt, rough))
         blank = _over(found, size, peak, rough, noise, until)
     return blanked(replace(found, crosstalk=part, period=rough), blank)
+
+
+def _at_once(raw: Float, inside: NDArray[np.bool_], dt: float, period: float) -> float:
+    """Peak of the envelope when no wave can have come, without what the filter draws there from a
+    wave that follows."""
+    end = int(np.flatnonzero(inside)[-1]) + 1
+    held = raw.copy()
+    held[end:] = raw[end - max(1, int(0.05 * period / dt)) : end].mean()
+    return float(envelope(_band(held, dt, period))[inside].max())
 
 
 def _over(

@@ -29,6 +29,9 @@ _COHERENT = 0.62
 # Off by this many deviations of the others, and by so much: ln of a factor, rad.
 _DEVIATIONS = 8.0
 _FACTOR, _PHASE = 0.04, 0.06
+# A gain is one at all frequencies: it stands out of its own changes by this factor. What two waves
+# make of a channel changes from one to the next.
+_STEADY = 3.0
 _STANDS_OUT = 5.0
 _MOST = 0.3
 # A factor between these is divided out; beyond, too little is left of the channel.
@@ -44,6 +47,7 @@ class _Off:
         turned, odd: of opposite phase throughout; of phases that do not fit.
         unfit: mean of |phase|, rad.
         delay, factor: τ, s, and ln of a factor, with the deviations that the others have.
+        unsteady: deviation of ln of the factor over the frequencies.
         coherent: beam of the phases.
         omega: median frequency, rad/s.
     """
@@ -53,6 +57,7 @@ class _Off:
     unfit: Float
     delay: Float
     factor: Float
+    unsteady: Float
     coherent: float
     spread_delay: float
     spread_factor: float
@@ -117,7 +122,7 @@ def misfits(
         for j, v in verdicts.items()
         if len(v) == judged[j]
         and len({kind for kind, _ in v}) == 1
-        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed"))
+        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed", "dead"))
     }
     for kind in ("reversed", "swapped", "mis-scaled", "delayed", "dead"):
         those = {j: size for j, (k, size) in sorted(agreed.items()) if k == kind}
@@ -150,8 +155,10 @@ def _mend(
         return Finding(kind, where, f"by a factor {listed}", TAKEN_OUT if far else CURED, said)
     mended.out[which] = True
     if kind == "delayed":
-        said = f"later by {listed} s than neighbours say: left out ({where})"
-        return Finding(kind, where, f"by {listed} s", TAKEN_OUT, said)
+        word = "earlier" if max(those.values()) < 0 else "later"
+        listed = listed.replace("-", "") if word == "earlier" else listed
+        said = f"{word} by {listed} s than neighbours say: left out ({where})"
+        return Finding(kind, where, f"{word} by {listed} s", TAKEN_OUT, said)
     said = f"{len(which)} dead receivers left out ({where})"
     return Finding(kind, where, f"{len(which)} of {len(x)}", TAKEN_OUT, said)
 
@@ -180,6 +187,7 @@ def _judge(
     wrong = ~off.turned & (
         np.abs(off.factor) > np.maximum(_DEVIATIONS * off.spread_factor, _FACTOR)
     )
+    wrong &= np.abs(off.factor) > _STEADY * off.unsteady
     wrong &= _alone(np.abs(off.factor), wrong)
     dead = wrong & (off.factor < np.log(_DEAD))
     if late.sum() == 2 and not dead.any():
@@ -270,6 +278,7 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
     good = fitting & ~turned
     delay = np.where(clear, _delays(phase, omega), 0.0)
     middle = np.median(factor, axis=0)
+    unsteady = 1.4826 * np.median(np.abs(factor - middle), axis=0)
 
     def spread(values: Float) -> float:
         return float(1.4826 * np.median(np.abs(values[good] - np.median(values[good]))))
@@ -280,6 +289,7 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
         np.abs(phase).mean(axis=0),
         delay - np.median(delay[good]),
         middle - np.median(middle[good]),
+        unsteady,
         coherent,
         spread(delay),
         spread(middle),

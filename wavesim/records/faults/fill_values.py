@@ -32,6 +32,19 @@ _SPIKE = 5.0
 _HIGH = 0.01
 _SPIKE_NOISE = 10.0
 _MOST_SPIKES = 0.01
+# What a bad sample, a kink and a step leave of the five cubics about them, kinks and steps between
+# either two samples; a bad one explains it by so much better.
+_SHAPES = [
+    np.array(rows, float).T / 6
+    for rows in (
+        [[1, -4, 6, -4, 1]],
+        [[0, 1, -2, 1, 0], [0, 0, 1, -2, 1]],
+        [[0, 1, -2, 1, 0], [1, -2, 1, 0, 0]],
+        [[0, 1, -3, 3, -1]],
+        [[-1, 3, -3, 1, 0]],
+    )
+]
+_BETTER = 0.3
 
 
 def within_range(values: Float, found: list[Finding]) -> Float:
@@ -150,11 +163,12 @@ def _spikes(component: Float, coarse: bool) -> Mask:
     nt = len(component)
     marked = np.zeros(component.shape, bool)
     # Off the cubic through two neighbours on either side; one bad sample spoils those two off.
-    off = np.zeros(component.shape)
-    off[2:-2] = np.abs(
+    left = np.zeros(component.shape)
+    left[2:-2] = (
         component[2:-2]
         - (4 * (component[1:-3] + component[3:-1]) - component[:-4] - component[4:]) / 6
     )
+    off = np.abs(left)
     with np.errstate(invalid="ignore"):
         noise = 1.4826 * np.nanmedian(off, axis=0)
         rows, columns = np.nonzero(off > np.maximum(_SPIKE_NOISE * noise, 1e-300))
@@ -165,9 +179,17 @@ def _spikes(component: Float, coarse: bool) -> Mask:
         if i < 3 or i > nt - 4 or not np.isfinite(near).all():
             continue
         usual = near.max() - near.min() if coarse else _usual(off[:, j], int(i))
-        if off[i, j] >= off[i - 2 : i + 3, j].max() and off[i, j] > _SPIKE * usual:
+        largest = off[i, j] >= off[i - 2 : i + 3, j].max() and off[i, j] > _SPIKE * usual
+        if largest and _lone(left[i - 2 : i + 3, j]):
             marked[i, j] = True
     return marked
+
+
+def _lone(left: Float) -> bool:
+    """Whether one sample alone is off, by what it leaves of its neighbours' cubics, and not a kink
+    between two samples, as where a pulse begins or ends, or a step."""
+    spike, *others = (left - basis @ np.linalg.pinv(basis) @ left for basis in _SHAPES)
+    return float(np.sum(spike**2)) < _BETTER * min(float(np.sum(one**2)) for one in others)
 
 
 def _usual(off: Float, i: int) -> float:

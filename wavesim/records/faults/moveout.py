@@ -1,4 +1,4 @@
-"""When the signal comes to each receiver: before the record, from within, too fast, round a ring."""
+"""When the signal comes to each receiver: too early, from within, too fast, round a ring."""
 
 from __future__ import annotations
 
