@@ -50,7 +50,8 @@ BARS = {
     ),
     "short, gradient term": (stack((40, GRADIENT)), 12, "fixed", "free", ENDS, 81),
     "fewer points than a run": (
-        stack((9, FIRST), (10, SECOND)), 2, "free", "fixed", (ws.Ricker("phi2", 5 * CELL, 7e5),), 81,
+        stack((9, FIRST), (10, SECOND)),
+        2, "free", "fixed", (ws.Ricker("phi2", 5 * CELL, 7e5),), 81,
     ),
     "long, gradient term": (stack((140, GRADIENT)), 12, "fixed", "free", ENDS, 81),
 }  # fmt: skip
