@@ -32,11 +32,13 @@ from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     RIVAL,
     Packet,
+    begun_before,
     hidden_by_noise,
     hides_two,
     likelihoods,
     named,
     packets,
+    rises,
 )
 
 Float = NDArray[Any]
@@ -52,7 +54,11 @@ _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
 _APART = 0.6
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
-_HIDDEN = 0.1
+# … and up to here it may have begun in crosstalk that had not ended, by so much.
+_HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
+# A wave of this part of the next one's size, over for no more than so many periods as that breaks,
+# may cover its break by such a part of one.
+_COVERS, _LEAVES, _COVERED = 0.3, 1.2, 0.35
 # Of two waves' distance this part is a standard error whose 95 % bar reaches over both; up to so
 # much of it the answer counts.
 _SPANS = 0.55
@@ -65,6 +71,10 @@ SLOW = (
 STEP = (
     "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
     "sine would tell them apart"
+)
+EARLIER = (
+    "it may have begun within the crosstalk or a wave ahead of it; the error holds that: a shorter "
+    "pulse would part them"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
@@ -186,9 +196,12 @@ def read_one(
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
     rivals = begun[as_well].tolist() if speeds is None else []
+    risen = rises(heard[at], record)
     if speeds is None and hides_two(heard[at], record):
-        rivals.append(heard[at].top - record.period / 4)
+        rivals.append(risen)
     found = settled(record, heard, float(begun[at]), distance, delays, speeds, rivals, wanted)
+    if found.best.valid and not math.isfinite(risen):
+        found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
     if speeds is None and below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
@@ -244,6 +257,10 @@ def settled(
             f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
             "pulse would tell them apart"
         )
+    early = begun_earlier(record, heard, begins)
+    if early:
+        share = float(np.hypot(share, early))
+        notes.append(EARLIER)
     slow = slow_rise(record)
     if slow:
         share = float(np.hypot(share, slow))
@@ -284,6 +301,27 @@ def noisy(below: float) -> str:
 def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
     """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
     return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
+
+
+def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: float) -> float:
+    """What a direct wave leaves open that may have begun within a wave ahead of it, or in crosstalk
+    that had not ended where it was cut, as one standard error, s."""
+    early = 0.0
+    own = next((one for one in heard if one.begins <= begins <= one.top), None)
+    if own is not None and begun_before(own, record):
+        early = begins - max(rises(own, record), record.blank - record.start)
+    # What such a wave leaves behind covers the break.
+    covers = (
+        own is not None and one.top < begins < one.top + _LEAVES * record.period
+        and one.size >= _COVERS * own.size
+        for one in heard
+    )  # fmt: skip
+    if any(covers):
+        early = max(early, _COVERED * record.period)
+    after = begins + record.start - record.blank
+    if record.unended and after < _NEAR_UNENDED * record.period:
+        early = max(early, after + _WITHIN * record.period)
+    return _SPANS * early
 
 
 def hidden(record: TransmissionRecord) -> str:
