@@ -49,10 +49,15 @@ OF_ONE = "first break"
 _LARGEST_ERROR = 0.25
 # A faster packet is told of from this part of the largest on.
 _TOLD = 0.27
+# A packet that takes so many times the direct one's time, of this part of its size at least, may be
+# the S wave of a slow P wave too.
+_SLOW_PAIR, _AS_S = (1.12, 1.47), 0.6
 # A speed that is told is meant to be right within this part, as one standard deviation.
 _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
 _APART = 0.6
+# Noise that hides a wave of this part of the largest is told of.
+_MAY_HIDE = 0.1
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
 # … and up to here it may have begun in crosstalk that had not ended, by so much.
 _HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
@@ -203,6 +208,9 @@ def read_one(
     if found.best.valid and not math.isfinite(risen):
         found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
+    if at == 0 and speeds is None and _MAY_HIDE < below <= DIRECT:
+        weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"
+        found = replace(found, notes=(*found.notes, weak))
     if speeds is None and below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
     # Of waves that are told apart by their speeds the largest is the one that the test is after.
@@ -363,11 +371,22 @@ def _other_readings(
                 f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
             )
         follows = own is not None and one.begins > begins and one.name != "direct"
-        if own and follows and one.size > 2 * own.size:
-            notes.append(
-                f"a packet {one.size / own.size:.1f} times as large follows; were it the direct "
-                f"one and this a near field, the velocity would be {speed:.4g} m/s"
-            )
+        if own and follows and one.size > _AS_S * own.size:
+            ratio = (begins - delay + one.top - own.top) / (begins - delay)
+            slow_pair = _SLOW_PAIR[0] < ratio < _SLOW_PAIR[1]
+            # Nothing comes ahead of a P wave.
+            if slow_pair and told[0].name == "direct" and wanted.wave != "P":
+                notes.append(
+                    f"a packet {one.size / own.size:.1f} times as large comes after {ratio:.2f} "
+                    "times the time and is taken for a guided wave; were it an S wave and this its "
+                    f"P wave, the S wave's velocity would be {speed:.4g} m/s: {say_which(wanted)}"
+                )
+            elif one.size > 2 * own.size:
+                notes.append(
+                    f"a packet {one.size / own.size:.1f} times as large follows; were it the "
+                    f"direct one and this a near field, the velocity would be {speed:.4g} m/s: "
+                    f"{say_which(wanted)}"
+                )
     return notes
 
 

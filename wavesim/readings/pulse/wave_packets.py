@@ -32,9 +32,6 @@ DIRECT = 0.45
 # As near as the first, a packet is a part of the next one.
 _PAIR = (1.1, 1.25, 1.41, 1.47, 2.2, 2.6)
 _PAIR_SURE = (1.0, 0.0, 0.05, 1.0, 1.0, 0.0)
-# A P wave may be slower than that, √(4/3) times as fast as its S wave, as a direct wave is beside a
-# guided one.
-_SLOW_PAIR = ((1.12, 1.2, 1.41, 1.47), (0.0, 0.35, 0.35, 0.0))
 # How likely a packet of so many times the direct one's size is ahead of it, as its P wave or not;
 # and after it, as its S wave or not, as a guided wave. Also where the sender's wave is known.
 _SIZE = (0.2, 0.3, 0.5, 0.8, 1.5, 2.5, 4.0)
@@ -235,9 +232,6 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
         # Times of the slower over the faster of each two, and whether they are a P and an S wave.
         ratio = np.maximum(time / travel, travel / time)
         pair = np.interp(ratio, _PAIR, _PAIR_SURE)
-        # Of the first of all a slow P wave may come too: nothing comes ahead of a P wave.
-        if i:
-            pair[0] = max(pair[0], np.interp(ratio[0], *_SLOW_PAIR))
         size = own / one.size
 
         def mixed(at: Float, grid: tuple[float, ...], *rows: tuple[float, ...],
