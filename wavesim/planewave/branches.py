@@ -87,7 +87,8 @@ def track(solver: Solver, points: Float) -> Any:
     order[0] = np.arange(order.shape[1])
     before, after = _pick(modes, slice(None, -1)), _pick(modes, slice(1, None))
     kept = np.diagonal(_overlaps(before, after), axis1=-2, axis2=-1)
-    for i, clear in enumerate((kept >= _CLEAR).all(axis=-1), start=1):
+    plain = np.all(kept >= _CLEAR, axis=-1)
+    for i, clear in enumerate(plain.tolist(), start=1):
         order[i] = order[i - 1]
         if not clear:
             x = float(points[i - 1]), float(points[i])
