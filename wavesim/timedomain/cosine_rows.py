@@ -61,6 +61,7 @@ def cosine_rows(
     n, width, macro = len(alike), runs.windows.shape[1], group.c.macro
     fields = len(group.c.stiffness)
     far, deep = _distant(group, alike, reach, ring) if width < n else (np.zeros(n, bool), {})
+    # Of a bar shorter than a run some points stand there twice.
     points = (runs.start[runs.first][:, None] + np.arange(RUN)) % n  # kinds, RUN
     factors, symmetric = second_order(group), _symmetric(group)
 

@@ -122,14 +122,15 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     """What the conventions leave open about a time, as one standard error, s.
 
     Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
-    1.2 times that. Where only one tells, an eighth of a period; half of one where others were read
-    and none bears it out.
+    1.2 times that; an eighth of a period more where only one or two tell; half of one where others
+    were read and none bears it out.
     """
     known = [one.time for one in found.values() if np.isfinite(one.time)]
     if len(known) < 2:
         alone = sum(one.reason in (ELSEWHERE, NOTHING_ALIKE) for one in found.values()) > 1
         return period / 2 if alone else period / 8
-    return _FURTHEST * float(np.abs(np.array(known) - time).max())
+    apart = _FURTHEST * float(np.abs(np.array(known) - time).max())
+    return apart if len(known) > 2 else float(np.hypot(apart, period / 8))
 
 
 def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> float:
