@@ -29,7 +29,7 @@ TOLERANCE = 1e-11
 DEEPEST = 24
 
 System = Callable[[float, Any], tuple[Any, Any]]
-"""(A, s) at a scaled position for frequencies by index: shapes (N, 2n, 2n), (N, 2n)."""
+"""(A, s) at scaled positions for frequencies by index: shapes (points, N, 2n, 2n), (…, 2n)."""
 
 
 class Unresolved(ValueError):
@@ -52,9 +52,7 @@ def butcher() -> tuple[Any, Any, Any]:
 def transfer(system: System, start: float, h: float, chosen: Any) -> tuple[Any, Any]:
     """T and q of one step, y₁ = T y₀ + q, shapes (N, 2n, 2n), (N, 2n)."""
     nodes, a, b = butcher()
-    sampled = [system(start + c * h, chosen) for c in nodes]
-    A = h * np.stack([one for one, _ in sampled], axis=1)
-    s = h * np.stack([one for _, one in sampled], axis=1)
+    A, s = (h * np.swapaxes(one, 0, 1) for one in system(start + nodes * h, chosen))
     N, m = len(chosen), A.shape[-1]
     if m == 2:
         return _of_one_wave(A[..., 0, 1], A[..., 1, 0], s)

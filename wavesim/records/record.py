@@ -334,7 +334,8 @@ def record(
         unsure = channels.flat | broken | cut
         mended, odd, within, place = together(
             seen, gone, t, x, channels.labels, channels.quantum, unsure, ring, lost,
-            -np.inf if quiet_from is None else quiet_from, found,
+            -np.inf if quiet_from is None else quiet_from,
+            placed and len(x) > 1 and _is_even(x), found,
         )  # fmt: skip
         if mended.any:
             kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
