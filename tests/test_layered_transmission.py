@@ -14,7 +14,7 @@ from media import any_media, media
 from wavesim import layered as layeredwave
 from wavesim import planewave
 from wavesim.layered import graded_layer as collocation
-from wavesim.layered.cross_section import generator
+from wavesim.layered.cross_section import generator, joined
 from wavesim.layered.stack import Stack
 from wavesim.layered.star_product import star
 from wavesim.material.damping import Damping
@@ -134,8 +134,8 @@ def test_graded_steps_are_of_order_sixteen(gradient):
     end = layer.end / stack.units.length
 
     def system(x, chosen):
-        here = stack.section(layer, x * stack.units.length)
-        return generator(here, stack.scaled[chosen]), np.zeros((len(chosen), 2 * here.size))
+        here = joined([stack.section(layer, at * stack.units.length) for at in x])
+        return generator(here, stack.scaled[chosen]), np.zeros((len(x), len(chosen), 2 * here.size))
 
     def whole(steps):
         edges = np.linspace(0, end, steps + 1)

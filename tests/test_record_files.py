@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from wavesim.records.files import Layout, from_xarray, read
+from wavesim.records.files import Layout, from_arrays, from_xarray, read
 from wavesim.records.record import RecordError
 
 N, M = 64, 4
@@ -168,6 +168,59 @@ def test_options_say_what_a_file_does_not(tmp_path):
     same(read(tmp_path / "a.csv", Layout(positions=tuple(X), interval=5e-7)))
     with pytest.raises(RecordError, match="--time-unit parsec: must be one of s, ms"):
         Layout(time_unit="parsec")
+    # A unit is of the numbers as they are written, and of none that is known without it.
+    (tmp_path / "b.csv").write_text(TEXTS["positions in mm"])
+    same(read(tmp_path / "b.csv", Layout(position_unit="mm")))
+    same(read(tmp_path / "b.csv", Layout(position_unit="m")), x=X * 1e3)
+    mixed = HEAD.replace("x=0.02 m", "x=20 mm")
+    (tmp_path / "c.csv").write_text(mixed + rows())
+    same(read(tmp_path / "c.csv", Layout(position_unit="mm")))
+    dated = [f"2024-03-01T12:00:{i:02d}.5,{line.split(',', 1)[1]}"
+             for i, line in enumerate(rows().splitlines()[:50])]  # fmt: skip
+    (tmp_path / "d.csv").write_text(HEAD.replace("t_s", "Date") + "\n".join(dated) + "\n")
+    found = read(tmp_path / "d.csv", Layout(time_unit="us"))
+    assert found.interval == pytest.approx(1.0, rel=1e-12)
+    for said in ("Sample Interval,0.5,us", "#CLOCK=0.5uS", "Sampling Rate,2,MHz", "fs = 2 MHz"):
+        values = "".join(line.split(",", 1)[1] + "\n" for line in rows().splitlines())
+        (tmp_path / "e.csv").write_text(f"{said}\n{','.join(PLACES)}\n{values}")
+        same(read(tmp_path / "e.csv"))
+        same(read(tmp_path / "e.csv", Layout(time_unit="us")))
+
+
+def test_rates_are_in_the_unit_that_is_said(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["u"], file["x"] = U, X
+        file.create_dataset("fs", data=2000.0).attrs["units"] = "kHz"
+    same(read(tmp_path / "a.h5"))
+    for name, extra in (("fs", {"fs_unit": "MS/s"}), ("sample_rate_MHz", {})):
+        np.savez(tmp_path / "a.npz", u=U, x=X, **{name: 2.0}, **extra)
+        same(read(tmp_path / "a.npz"))
+    np.savez(tmp_path / "a.npz", u=U, x=X, fs=2e6, fs_unit="fathoms")
+    same(read(tmp_path / "a.npz"))
+    assert "'fathoms' is not known: taken as Hz" in read(tmp_path / "a.npz").notes[0]
+
+
+def test_arrays_as_long_as_an_axis_say_which_it_is():
+    """Beside an interval and a spacing, which fit either way."""
+    own = {"u": U.T, "t": T, "x": X, "dt": T[1], "dx": 5e-3}
+    same(from_arrays(own))
+    same(from_arrays({n: own[n] for n in ("u", "t", "dt", "dx")}), x=X - X[0])
+    same(from_arrays({n: own[n] for n in ("u", "x", "dt", "dx")}))
+    same(from_arrays(own, Layout(interval=T[1], spacing=5e-3)))
+    bare = from_arrays({"u": np.c_[U, U][:32], "dt": T[1], "dx": 5e-3})
+    assert "taken as times down, receivers across" in bare.notes[0]
+
+
+def test_places_in_two_axes_are_along_their_line():
+    """In whatever order: a receiver behind the first one is behind it."""
+    order = np.array([1, 0, 2, 3])
+    spots = 7.0 + np.outer(X, (0.6, 0.8))
+    found = from_arrays({"u": U[:, order], "t": T, "xpos": spots[order]})
+    same(found, x=X - X[1])
+    corner = np.c_[np.minimum(X, X[1]), np.maximum(X, X[1])]
+    for bent in (corner, np.c_[np.cos(100 * np.pi * X), np.sin(100 * np.pi * X)]):
+        with pytest.raises(RecordError, match="on no straight line"):
+            from_arrays({"u": U, "t": T, "xpos": bent})
 
 
 def test_hdf5_with_units_and_groups_with_places(tmp_path):
@@ -250,7 +303,16 @@ def test_seismic_formats(tmp_path):
         obspy.Stream([obspy.Trace(U[:, 0].astype("f4"), {"delta": 1e-3})]).write(
             str(tmp_path / "a.sac"), format="SAC"
         )
+        # A source among the receivers, with offsets that have no sign.
+        for j, trace in enumerate(traces):
+            header = trace.stats.segy.trace_header
+            header.delay_recording_time = 0
+            setattr(header, name, round(abs(20 * j - 23)))
+            header.source_coordinate_x, header.group_coordinate_x = 5230, 5000 + 200 * j
+        stream.stats.binary_file_header.measurement_system = 1
+        stream.write(str(tmp_path / "split.segy"), format="SEGY", data_encoding=5)
     t, u = np.arange(N) * 1e-3, U.astype("f4").astype(float)
+    same(read(tmp_path / "split.segy"), t, 20.0 * np.arange(M) - 23, u)
     same(read(tmp_path / "a.segy"), t, 10 + 2.0 * np.arange(M), u)
     same(read(tmp_path / "ft.segy"), t - 0.03, 0.3048 * (10 + 2.4 * np.arange(M)), u)
     same(read(tmp_path / "a.mseed", Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)

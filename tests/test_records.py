@@ -116,6 +116,73 @@ def test_frames_left_out_or_empty_cost_nothing(made):
     assert error(in_time(shorter)) < 1e-10
 
 
+def test_what_is_missing_is_missing_in_the_file_too(made, tmp_path):
+    values = made.values[0].copy()
+    values[400:450] = np.nan
+    values[500:520, 3] = np.nan
+    for name in ("a.npz", "a.csv"):
+        write(tmp_path / name, again(made, values))
+        found = read(tmp_path / name)
+        assert np.array_equal(found.missing, again(made, values).missing)
+    write(tmp_path / "a.npz", record(values, T, X))
+    assert read(tmp_path / "a.npz").driven
+
+
+def pulses(t, x):
+    """A wave of 2,000 m/s, and what sends it."""
+    u = np.pi * 5e4 * (t[..., None] - 6e-5 - np.r_[0, x] / 2000)
+    both = (1 - 2 * u**2) * np.exp(-(u**2))
+    return both[..., 1:], both[..., 0]
+
+
+def late(found):
+    """How much later a wave is at each receiver than it is sent, s, by centres of energy."""
+    centre = lambda v: np.sum(found.t * v**2) / np.sum(v**2)  # noqa: E731
+    return np.array([centre(v) - centre(found.input) for v in found.values[0].T])
+
+
+def test_what_is_sent_keeps_its_time_beside_what_arrives():
+    """Of uneven times, and of samples that are there four times, from whichever of them on; to a
+    tenth of a frame."""
+    x = 0.02 + 0.01 * np.arange(6)
+    t = np.r_[np.arange(60), 60 + 1.6 * np.arange(140)] * 1e-6
+    values, sent = pulses(t, x)
+    found = record(values, t, x, input=sent)
+    assert np.abs(late(found) - x / 2000).max() <= 1e-7
+    fine = np.arange(800) * 2.5e-7
+    noise = 1e-3 * np.random.default_rng(1).normal(size=(800, 7))
+    for first in range(4):
+        own = (np.arange(800) + first) // 4
+        values, sent = pulses(own * 1e-6, x)
+        values, sent = values + noise[own, 1:], sent + noise[own, 0]
+        found = record(values, fine, x, input=sent)
+        assert len(found.input) == len(found.t) <= 201
+        assert np.abs(late(found) - x / 2000).max() <= 1e-7
+
+
+def test_clocks_of_their_own_with_samples_missing():
+    """What is missing stays so: neither an error, nor a spline across a gap."""
+    x = 0.02 + 0.01 * np.arange(6)
+    t = np.arange(200)[:, None] * 1e-6 + np.linspace(0, 5e-7, 6)
+    values = np.stack([pulses(t[:, j], x)[0][:, j] for j in range(6)], axis=1)
+    values[70:95, 3] = np.nan
+    found = record(values, t, x)
+    assert 25 <= found.missing.sum() <= 27
+    off = found.values[0] - pulses(t[:, 0], x)[0]
+    assert np.abs(off[~found.missing]).max() <= 1e-3
+
+
+def test_a_gap_in_the_signal_makes_no_receiver_too_small():
+    """Of a wave that crosses a gap each receiver has lost another part."""
+    t, x = np.arange(400) * 1e-6, 0.02 + 0.01 * np.arange(8)
+    values, _ = pulses(t, x)
+    holed = values.copy()
+    holed[100:140] = np.nan
+    found = record(holed, t, x)
+    assert np.abs(found.values[0] - values)[~found.missing].max() <= 1e-6
+    assert [one.what for one in found.findings] == ["frames missing"]
+
+
 def test_lone_samples_are_bridged_and_said(made):
     values = made.values[0].copy()
     values[500, 7] = values[700, 20] = values[701, 20] = np.nan

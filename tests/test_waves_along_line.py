@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.fitness import for_frequency_at_k
 from wavesim.records.record import RecordError, record
 
@@ -121,6 +122,36 @@ def test_noise_alone_has_no_mode(rng):
     points, own = read(rng.normal(size=(500, 24)), 0.005 * np.arange(24))
     assert len(own) == 0
     assert all(points.reason)
+
+
+def test_one_clipped_receiver_of_many_is_left_out():
+    """The others' waves are within their bars; harmonic inversion, which needs it, names it."""
+    x = 0.05 + 0.005 * np.arange(24)
+    u = passing(x, [(dispersive, one)]) + 1e-3 * np.random.default_rng(0).normal(size=(500, 24))
+    u[:, 5] = np.clip(u[:, 5], -0.4, 0.4)
+    left = for_frequency_at_k(record(u, T, x), harmonic=False)
+    points = in_time(left, method="auto")
+    own = points.take(points.valid)
+    assert x[5] not in left.x
+    assert len(own) > 20
+    assert np.mean(np.abs(own.k - dispersive(own.omega)) < 1.96 * own.k_error) >= 0.9
+    with pytest.raises(RecordError, match=r"flat tops at x = 0.075 m: without these"):
+        for_frequency_at_k(record(u, T, x), harmonic=True)
+
+
+def test_a_ring_that_is_not_said_to_be_one_is_asked_about():
+    """Random phases both ways round: along a line no valid point does not hold the truth."""
+    rng = np.random.default_rng(0)
+    x, t = 1e-3 * np.arange(64), 2e-7 * np.arange(600)
+    k = 2 * np.pi * np.arange(1, 29) / 0.064 * np.array([[1], [-1]])
+    waves = np.exp(1j * (k[..., None] * x + rng.uniform(0, 2 * np.pi, (*k.shape, 1))))
+    u = np.einsum("tk,skx->tx", np.exp(-2000j * np.outer(t, k[0])), waves).real
+    found = record(u + 0.01 * u.std() * rng.normal(size=u.shape), t, x)
+    assert any("say so with --ring" in note for note in found.notes)
+    for points in (in_time(found, method="auto"), in_space(found, np.linspace(1e5, 2e6, 40))):
+        own = points.take(points.valid)
+        bar = own.bar if own.in_space else 1.96 * own.k_error
+        assert (np.abs(own.k - own.omega / 2000) <= bar).all()
 
 
 def test_waves_that_run_against_x_are_read_as_well():

@@ -122,7 +122,7 @@ def _tell(shown: Any, found: Any) -> None:
         unit = unit_of(key.name)
         variables.add_row(key.key, f"{value:.6g} {unit}".rstrip(), _may(off, unit))
     shown.print(variables)
-    length = float(found.problem.length(found.values))
+    length = found.problem.length(found.values)
     shown.print(f"{length * 1e3:.4g} mm between the half-spaces.")
     if found.met:
         shown.print(

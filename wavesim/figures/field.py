@@ -58,7 +58,7 @@ def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
         axes.axvline(x * 1e3, color=_RECEIVER, lw=0.7, ls=":")
         if number < _MOST_LABELS:
             axes.text(
-                x * 1e3, 0.985, name, rotation=90, ha="center", va="top", fontsize=6.5,
+                x * 1e3, 0.985, as_written(name), rotation=90, ha="center", va="top", fontsize=6.5,
                 color=_RECEIVER, bbox=LABEL, transform=axes.get_xaxis_transform(),
             )  # fmt: skip
     for source in field.sources:
@@ -208,8 +208,8 @@ def _section(axes: Axes, field: Field, name: str, own: Section) -> None:
     every = -(-len(x) // _MOST_NAMES)
     for number in range(0, len(x), every):
         axes.text(
-            1.01, base[number], own.order[number][0], ha="left", va="center", fontsize=6.5,
-            color=shades[number], transform=axes.get_yaxis_transform(),
+            1.01, base[number], as_written(own.order[number][0]), ha="left", va="center",
+            fontsize=6.5, color=shades[number], transform=axes.get_yaxis_transform(),
         )  # fmt: skip
     if not placed or len(x) <= _MOST_LABELS:
         axes.set_yticks(base[::every], [f"{value:g}" for value in x[::every]])

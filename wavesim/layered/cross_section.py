@@ -18,7 +18,8 @@ medium, and v and f are multiplied by √z and 1/√z, z a reference impedance n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -32,10 +33,11 @@ _NEXT = 1 + 2e-15
 
 @dataclass(frozen=True)
 class Section:
-    """One block in one medium, in the units of a reference.
+    """One block in one medium, in the units of a reference; or in several, one behind another.
 
     Attributes:
-        own: its coefficients, without m and ι.
+        own: its coefficients, without m and ι; of several media of one loss law they begin with
+            axes (media, 1), as does all that is made of them at N frequencies with (media, N).
         damping: the loss law; frequency: what one unit of it is, rad/s.
         kept: whether Γ is kept.
         impedance: z of each unknown, shape (n,).
@@ -50,12 +52,12 @@ class Section:
     @property
     def macro(self) -> int:
         """p, how many macro-fields the block has: 0 or 1."""
-        return len(self.own.c_pp)
+        return int(np.shape(self.own.c_pp)[-1])
 
     @property
     def size(self) -> int:
         """n, how many pairs of waves: p + b with Γ, p without."""
-        return self.macro + (len(self.own.c_bb) if self.kept else 0)
+        return self.macro + (int(np.shape(self.own.c_bb)[-1]) if self.kept else 0)
 
     @cached_property
     def natural_impedance(self) -> Any:
@@ -70,6 +72,13 @@ class Section:
         return self.damping.modulus(omega * self.frequency), self.damping.inertia(
             omega * self.frequency
         )
+
+
+def joined(sections: Sequence[Section]) -> Section:
+    """Several sections of one loss law as one, shape (media, 1)."""
+    names = [field.name for field in fields(BlockCoefficients)]
+    own = {name: np.stack([getattr(one.own, name) for one in sections])[:, None] for name in names}
+    return replace(sections[0], own=BlockCoefficients(**own))
 
 
 @dataclass(frozen=True)
@@ -88,15 +97,21 @@ def limit(one: Section, omega: Any) -> Limit:
     """The micro-field eliminated; omega (N,), scaled, complex."""
     own = one.own
     m, iota = one.losses(omega)
-    square = (omega**2 * iota / m)[:, None, None] * own.i_B * np.eye(len(own.c_bb))
+    square = _wide(omega**2 * iota / m) * _wide(own.i_B) * np.eye(np.shape(own.c_bb)[-1])
     # At a cutoff itself 𝒟 is infinite, and k = 0: taken a rounding beside it.
-    square = np.where(np.linalg.det(own.c_bb - square)[:, None, None] == 0, square * _NEXT, square)
+    square = np.where(_wide(np.linalg.det(own.c_bb - square)) == 0, square * _NEXT, square)
     X = np.linalg.inv(own.c_bb - square)
     if not one.macro:
-        empty = np.zeros((len(omega), len(own.c_bb)))
-        return Limit(X, np.zeros(len(omega)), empty, empty, m, iota)
-    pX, Xp = (own.c_pb @ X)[:, 0, :], (X @ own.c_bp)[:, :, 0]
-    return Limit(X, m * (own.c_pp[0, 0] - pX @ own.c_bp[:, 0]), pX, Xp, m, iota)
+        empty = np.zeros(X.shape[:-1])
+        return Limit(X, np.zeros(X.shape[:-2]), empty, empty, m, iota)
+    pX, Xp = (own.c_pb @ X)[..., 0, :], (X @ own.c_bp)[..., 0]
+    stiff = own.c_pp[..., 0, 0] - np.sum(pX * own.c_bp[..., 0], axis=-1)
+    return Limit(X, m * stiff, pX, Xp, m, iota)
+
+
+def _wide(values: Any) -> Any:
+    """Numbers that multiply matrices."""
+    return np.asarray(values)[..., None, None]
 
 
 def halves(one: Section, omega: Any) -> tuple[Any, Any]:
@@ -110,26 +125,25 @@ def halves(one: Section, omega: Any) -> tuple[Any, Any]:
         Shapes (N, n, n), weighted by √z.
     """
     own, p, n = one.own, one.macro, one.size
-    P = np.zeros((len(omega), n, n), dtype=complex)
+    P = np.zeros((*np.broadcast_shapes(np.shape(own.i_B), np.shape(omega)), n, n), dtype=complex)
     Q = np.zeros_like(P)
     at = 1j * omega
     if not one.kept:
         local = limit(one, omega)
-        P[:, 0, 0] = at / local.D
-        Q[:, 0, 0] = at * local.inertia * own.i_phi
+        P[..., 0, 0] = at / local.D
+        Q[..., 0, 0] = at * local.inertia * own.i_phi
     else:
         m, iota = one.losses(omega)
-        relaxed, unit = own.c_bb, np.eye(len(own.c_bb))
+        relaxed, unit = own.c_bb, np.eye(np.shape(own.c_bb)[-1])
         if p:
             relaxed = relaxed - own.c_bp @ own.c_pb / own.c_pp
-            P[:, 0, 0] = at / (m * own.c_pp[0, 0])
-            P[:, 0, 1:] = own.c_pb / own.c_pp
-            P[:, 1:, 0] = -own.c_bp[:, 0] / own.c_pp[0, 0]
-            Q[:, 0, 0] = at * iota * own.i_phi
-        dynamic = m[:, None, None] * relaxed
-        dynamic -= (omega**2 * iota * own.i_B)[:, None, None] * unit
-        P[:, p:, p:] = -(1j / omega)[:, None, None] * dynamic
-        Q[:, p:, p:] = (at / m)[:, None, None] * np.linalg.inv(own.gamma)
+            P[..., 0, 0] = at / (m * own.c_pp[..., 0, 0])
+            P[..., 0, 1:] = (own.c_pb / own.c_pp)[..., 0, :]
+            P[..., 1:, 0] = -(own.c_bp / own.c_pp)[..., 0]
+            Q[..., 0, 0] = at * iota * own.i_phi
+        dynamic = _wide(m) * relaxed - _wide(omega**2 * iota * own.i_B) * unit
+        P[..., p:, p:] = -_wide(1j / omega) * dynamic
+        Q[..., p:, p:] = _wide(at / m) * np.linalg.inv(own.gamma)
     even, odd = weights(one)
     return P * (even[:, None] / odd), Q * (odd[:, None] / even)
 
@@ -155,9 +169,9 @@ def generator(one: Section, omega: Any) -> Any:
     """A of y′ = A y, y = (√z v, f/√z), shape (N, 2n, 2n)."""
     n, p = one.size, one.macro
     P, Q = halves(one, omega)
-    place_even = [*range(p), *range(n + p, 2 * n)]
-    place_odd = [*range(n, n + p), *range(p, n)]
-    A = np.zeros((len(omega), 2 * n, 2 * n), dtype=complex)
-    A[np.ix_(range(len(omega)), place_even, place_odd)] = P
-    A[np.ix_(range(len(omega)), place_odd, place_even)] = Q
+    place_even = np.r_[:p, n + p : 2 * n]
+    place_odd = np.r_[n : n + p, p:n]
+    A = np.zeros((*P.shape[:-2], 2 * n, 2 * n), dtype=complex)
+    A[..., place_even[:, None], place_odd] = P
+    A[..., place_odd[:, None], place_even] = Q
     return A

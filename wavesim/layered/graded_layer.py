@@ -29,7 +29,7 @@ TOLERANCE = 1e-11
 DEEPEST = 24
 
 System = Callable[[float, Any], tuple[Any, Any]]
-"""(A, s) at a scaled position for frequencies by index: shapes (N, 2n, 2n), (N, 2n)."""
+"""(A, s) at scaled positions for frequencies by index: shapes (points, N, 2n, 2n), (…, 2n)."""
 
 
 class Unresolved(ValueError):
@@ -52,10 +52,10 @@ def butcher() -> tuple[Any, Any, Any]:
 def transfer(system: System, start: float, h: float, chosen: Any) -> tuple[Any, Any]:
     """T and q of one step, y₁ = T y₀ + q, shapes (N, 2n, 2n), (N, 2n)."""
     nodes, a, b = butcher()
-    sampled = [system(start + c * h, chosen) for c in nodes]
-    A = h * np.stack([one for one, _ in sampled], axis=1)
-    s = h * np.stack([one for _, one in sampled], axis=1)
+    A, s = (h * np.swapaxes(one, 0, 1) for one in system(start + nodes * h, chosen))
     N, m = len(chosen), A.shape[-1]
+    if m == 2:
+        return _of_one_wave(A[..., 0, 1], A[..., 1, 0], s)
     # Unknown y_i for each column of y₀ = 1, and for y₀ = 0 with the source.
     matrix = -np.einsum("ij,njkl->nikjl", a, A).reshape(N, POINTS * m, POINTS * m)
     matrix[:, range(POINTS * m), range(POINTS * m)] += 1
@@ -65,6 +65,19 @@ def transfer(system: System, start: float, h: float, chosen: Any) -> tuple[Any, 
     y = np.linalg.solve(matrix, given.reshape(N, POINTS * m, m + 1)).reshape(N, POINTS, m, m + 1)
     total = np.einsum("j,njkl,njlc->nkc", b, A, y)
     return total[..., :m] + np.eye(m), total[..., m] + np.einsum("j,njk->nk", b, s)
+
+
+def _of_one_wave(P: Any, Q: Any, s: Any) -> tuple[Any, Any]:
+    """The same of one pair of waves, e′ = P o + s₀, o′ = Q e + s₁: with e put into the equations of
+    o half as many are left. P, Q (N, 8), s (N, 8, 2), all times h."""
+    _, a, b = butcher()
+    aP, aQ, as_ = a * P[:, None, :], a * Q[:, None, :], np.einsum("ij,njk->nik", a, s)
+    e, o = (np.zeros((*P.shape, 3), dtype=complex) for _ in range(2))
+    e[..., 0], e[..., 2], o[..., 1], o[..., 2] = 1, as_[..., 0], 1, as_[..., 1]
+    o = np.linalg.solve(np.eye(POINTS) - aQ @ aP, o + aQ @ e)
+    e = e + aP @ o
+    total = np.stack([(b * P)[:, None] @ o, (b * Q)[:, None] @ e], axis=1)[:, :, 0]
+    return total[..., :2] + np.eye(2), total[..., 2] + np.einsum("j,njk->nk", b, s)
 
 
 def scattered(T: Any, q: Any) -> Piece:

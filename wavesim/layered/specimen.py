@@ -100,9 +100,8 @@ class Specimen:
             where it may be narrow; NaN where there is no answer somewhere in it.
         """
         media = {medium for layer in self.inside for medium in layer.ends}
-        edges = np.concatenate([asymptotes(m, sector) for m in media] or [np.empty(0)])
-        # Below an asymptote waves are short, and resonances narrow.
-        below = np.outer(edges / (2 * np.pi), 1 - _BELOW).ravel()
+        # Below an asymptote waves are short, and resonances narrow, by losses no less than 1/Q.
+        below = np.concatenate([_below(medium, sector) for medium in media] or [np.empty(0)])
         frequency = np.union1d(
             np.linspace(low, high, _IN_BAND), below[(below > low) & (below < high)]
         )
@@ -125,6 +124,18 @@ class Specimen:
     def _levels(self, sector: str, frequency: Any) -> Any:
         exact, _ = self.at_real(sector, 2 * np.pi * frequency)
         return 20 * np.log10(np.maximum(np.abs(exact.T), 1e-300))
+
+
+def _below(medium: Any, sector: str) -> Any:
+    """Frequencies below a medium's asymptotes, Hz; of its losses' share of ω and further."""
+    edges = asymptotes(medium, sector)
+    lossless = medium.damping.lossless(edges)
+    return np.concatenate(
+        [
+            edge / (2 * np.pi) * (1 - _BELOW[share <= _BELOW])
+            for edge, share in zip(edges, np.abs(lossless.imag / lossless.real), strict=True)
+        ]
+    )
 
 
 def specimen(layers: Layers) -> Specimen:

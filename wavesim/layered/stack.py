@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 
 from wavesim.layered import gaussian_load as gaussian
-from wavesim.layered.cross_section import Section, generator, limit
+from wavesim.layered.cross_section import Section, generator, joined, limit
 from wavesim.layered.graded_layer import Unresolved, graded
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
 from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.scaling import Scales, block_coefficients, scales
+
+# Decays of a micro-field that a graded layer may hold, where Γ is kept.
+_MOST_DECAYS = 1e4
 
 
 @dataclass(frozen=True)
@@ -165,15 +168,26 @@ class Stack:
     def _graded(self, layer: Layer, x0: float, x1: float, loads: Sequence[Load]) -> Piece:
         length, full = self.units.length, self.scaled
 
-        def system(x: float, chosen: Any) -> tuple[Any, Any]:
-            here, omega = self.section(layer, x * length), full[chosen]
-            s = np.zeros((len(omega), 2 * here.size), dtype=complex)
+        def system(x: Any, chosen: Any) -> tuple[Any, Any]:
+            places, omega = [self.section(layer, one * length) for one in x], full[chosen]
+            s = np.zeros((len(x), len(omega), 2 * places[0].size), dtype=complex)
             for load in loads:
-                amount = load.on(here, full)[chosen]
-                g = gaussian.density(x, load.position, load.width)
-                s += g * amount[:, None] * driven(here, omega, load.component)
-            return generator(here, omega), s
+                for own, here, at in zip(s, places, x, strict=True):
+                    g = gaussian.density(at, load.position, load.width)
+                    amount = g * load.on(here, full)[chosen]
+                    own += amount[:, None] * driven(here, omega, load.component)
+            return generator(joined(places), omega), s
 
+        if self.kept:
+            A, _ = system((x0 + x1) / 2, np.arange(len(full)))
+            turns = float(np.abs(np.linalg.eigvals(A).real).max()) * (x1 - x0)
+            if turns > _MOST_DECAYS:
+                raise ValueError(
+                    f"the graded layer from {layer.start:g} to {layer.end:g} m: Γ counts in this "
+                    f"bar, and micro-fields decay within {(x1 - x0) * length / turns:.2g} m there, "
+                    "too short to be followed through it; give every medium a stiffness_ratio "
+                    "above 0 (Γ counts for nothing then), or uniform layers in its place"
+                )
         strength = None
         if loads:
             middle = self.section(layer, (x0 + x1) / 2 * length)

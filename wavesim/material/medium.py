@@ -276,7 +276,13 @@ class Medium(Shown, metaclass=_ByFamily):
         """The medium with every parameter p + share · (p′ − p) between this one's and another's."""
         first, last = self.parameters, other.parameters
         values = {name: (1 - share) * first[name] + share * last[name] for name in first}
-        return dataclasses.replace(self, **values)
+        if type(self).__post_init__ is not Medium.__post_init__:
+            return dataclasses.replace(self, **values)
+        # What is between admissible numbers need not be held to their ranges, thousands of times.
+        made = object.__new__(type(self))
+        kept = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        vars(made).update(kept | values)
+        return made
 
 
 def medium_of(family: str) -> type[Medium]:

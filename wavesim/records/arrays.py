@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.arguments import checked
 from wavesim.records.content import Content, RecordError
-from wavesim.records.units import NAMES, factor, unit_in
+from wavesim.records.units import NAMES, factor, position_in, unit_in
 
 Float = NDArray[Any]
 
@@ -31,7 +31,10 @@ _INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "
 _RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
 _STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
+_SI = {"time": "s", "position": "m", "frequency": "Hz"}
 _TRUTH = "truth_"
+# Spots further off a straight line than this part of it are on none.
+_CROOKED = 0.1
 _SENT = re.compile(r"transmit|\bsent\b|\binput\b|\bexcit|\bdrive\b|\bgenerator\b", re.IGNORECASE)
 
 
@@ -137,15 +140,19 @@ def find(content: Content, layout: Layout) -> Found:
             )
     signal = _input(content, layout)
     values, labels, name = _values(content, layout)
-    axes = _axes(content, layout, values, name)
+    swapped = np.swapaxes(values, -1, -2)
+    fits = [0 if labels else _as_long(content, layout, one.shape[-2:]) for one in (values, swapped)]
+    axes = _axes(content, layout, values) if fits[0] >= fits[1] else None
     if axes is None:
-        swapped = np.swapaxes(values, -1, -2)
-        axes = _axes(content, layout, swapped, name)
+        axes = _axes(content, layout, swapped)
         if axes is not None:
             values = swapped
             notes.append(
                 f"{name} {np.shape(arrays.get(name, values))}: receivers first, times last"
             )
+    elif fits == [0, 0] and not labels and 1 not in values.shape[-2:]:
+        notes.append(f"{name} {np.shape(values)}: taken as times down, receivers across, as "
+                     "nothing in the file says which is which")  # fmt: skip
     if axes is None:
         raise _unsaid(content, layout, values, labels)
     (t, t_note, t_resolution), (x, x_note, x_resolution) = axes
@@ -165,7 +172,7 @@ def find(content: Content, layout: Layout) -> Found:
 def _bare(name: str) -> str:
     """The last part of a name, without a unit, in small letters: scan/Time_us → time."""
     last = re.split(r"[/.]", name)[-1]
-    unit = unit_in(last, "time") or unit_in(last, "position")
+    unit = next((u for kind in _SI if (u := unit_in(last, kind))), None)
     if unit and last.lower().endswith("_" + unit.lower()):
         last = last[: -len(unit) - 1]
     return re.sub(r"[^a-z]", "", last.lower())
@@ -289,37 +296,64 @@ def _side_by_side(content: Content, layout: Layout) -> tuple[Float, tuple[str, .
         raise RecordError(
             f"holds no array of two axes, times and receivers; arrays are {_listed(arrays)}"
         )
-    from wavesim.records.units import position_in
-
-    said = [position_in(n) for n in own]
-    if all(said):
-        places = [s[0] * (factor(s[1], "position") or 1.0) for s in said if s]
-        content.arrays["x"] = np.array(places)
+    said = [s for n in own if (s := position_in(n))]
+    if len(said) == len(own):
+        content.place(said, f"the name {next(iter(own))!r}")
     return np.stack(list(own.values()), axis=1), tuple(own), "values"
 
 
 Axis = tuple[Float, str, float]
 
 
-def _axes(content: Content, layout: Layout, values: Float, name: str) -> tuple[Axis, Axis] | None:
+def _as_long(content: Content, layout: Layout, shape: tuple[int, ...]) -> int:
+    """How many of a file's times and positions are as many as these frames and receivers."""
+    frames, count = shape
+    times, places = (
+        _array_of_times(content, layout, shape),
+        _array_of_places(content, layout, count),
+    )
+    given = layout.positions is not None and not isinstance(layout.positions, str)
+    many = len(layout.positions or ()) == count if given else places is not None
+    return int(times is not None and content.arrays[times].size in (frames, frames * count)) + many
+
+
+def _axes(content: Content, layout: Layout, values: Float) -> tuple[Axis, Axis] | None:
     frames, count = values.shape[-2:]
     t = _times(content, layout, frames, values.shape[-2:])
     x = _places(content, layout, count)
     return None if t is None or x is None else (t, x)
 
 
+def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) -> str | None:
+    """The name of the times' array: as given, else the first so called and as long."""
+    if layout.time is not None:
+        _named(content.arrays, layout.time)
+        return layout.time
+    return next(
+        (n for n, a in content.arrays.items()
+         if _bare(n) in _TIMES and a.shape in ((shape[0],), shape)),
+        None,
+    )  # fmt: skip
+
+
+def _array_of_places(content: Content, layout: Layout, count: int) -> str | None:
+    """Likewise of the positions'."""
+    if isinstance(layout.positions, str):
+        _named(content.arrays, layout.positions)
+        return layout.positions
+    return next(
+        (n for n, a in content.arrays.items()
+         if _bare(n) in _POSITIONS and a.dtype.kind in "fiu"
+         and a.shape in ((count,), (count, 1), (1, count), (count, 2), (count, 3))),
+        None,
+    )  # fmt: skip
+
+
 def _times(
     content: Content, layout: Layout, frames: int, shape: tuple[int, ...]
 ) -> tuple[Float, str, float] | None:
-    arrays = content.arrays
-    name = layout.time
-    if name is None:
-        name = next(
-            (n for n, a in arrays.items()
-             if _bare(n) in _TIMES and a.shape in ((frames,), shape)),
-            None,
-        )  # fmt: skip
-    stored = None if name is None else _named(arrays, name)
+    name = _array_of_times(content, layout, shape)
+    stored = None if name is None else content.arrays[name]
     if stored is not None and stored.shape != shape:
         stored = stored.ravel()
         if len(stored) != frames:
@@ -337,7 +371,7 @@ def _times(
     step = _step(content, layout)
     if step is None:
         return None
-    start, note = 0.0, f"times by {step[1]} of the file"
+    start, note = 0.0, f"times by {step[1]}"
     for key, number in _numbers(content):
         if _bare(key) in _STARTS or re.split(r"[/.]", key)[-1].lower() == "t0":
             unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
@@ -359,8 +393,16 @@ def _step(content: Content, layout: Layout) -> tuple[float, str] | None:
     for usual, inverse in ((_INTERVALS, False), (_RATES, True)):
         for key, number in _numbers(content):
             if _bare(key) in usual and number > 0:
-                unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
-                return 1 / number if inverse else number * (factor(unit, "time") or 1.0), key
+                kind = "frequency" if inverse else "time"
+                given = None if inverse else layout.time_unit
+                unit = given or content.units.get(key) or unit_in(key, kind)
+                scale, said = factor(unit, kind), f"{key} of the file"
+                if scale is None and unit:
+                    said += f", whose unit {unit!r} is not known: taken as {_SI[kind]}"
+                elif scale not in (None, 1.0):
+                    said += f", in {unit}"
+                value = number * (scale or 1.0)
+                return 1 / value if inverse else value, said
     return None
 
 
@@ -380,6 +422,7 @@ def _seconds(
     if stored.dtype.kind not in "fiu":
         raise RecordError(f"{name}: holds no real numbers; give times in s")
     said = layout.time_unit or content.units.get(name) or unit_in(name, "time")
+    said = "s" if name in content.settled else said
     scale = factor(said, "time")
     note = ""
     if said is not None and scale is None and re.match(r"\w+ since ", said):
@@ -406,22 +449,17 @@ def _places(content: Content, layout: Layout, count: int) -> tuple[Float, str, f
                 f"--positions: {len(given)} given for {count} receivers; give one for each"
             )
         return given, "", 0.0
-    name = layout.positions
-    if name is None:
-        name = next(
-            (n for n, a in arrays.items()
-             if _bare(n) in _POSITIONS and a.dtype.kind in "fiu"
-             and a.shape in ((count,), (count, 1), (1, count), (count, 2), (count, 3))),
-            None,
-        )  # fmt: skip
+    name = _array_of_places(content, layout, count)
     if name is not None:
-        stored = _named(arrays, name)
+        stored = arrays[name]
+        bent = ""
         if stored.ndim == 2 and stored.shape[0] == count and stored.shape[1] in (2, 3):
-            stored, note = _along(stored.astype(float), name)
+            stored, bent = along_line(stored.astype(float), f"{name}: ")
         stored = stored.ravel()
         if len(stored) != count:
             return None
         said = layout.position_unit or content.units.get(name) or unit_in(name, "position")
+        said = "m" if name in content.settled else said
         scale = factor(said, "position")
         if scale is None:
             scale = 1.0
@@ -435,6 +473,7 @@ def _places(content: Content, layout: Layout, count: int) -> tuple[Float, str, f
             )
         elif scale != 1.0:
             note = f"positions in {said}{_says(name, layout.position_unit, 'position', content)}"
+        note = "; ".join(one for one in (bent, note) if one)
         x, resolution = _scaled(stored, scale), _rounding(stored) * scale
     if layout.spacing is not None:
         first = layout.first if x is None else float(x[0])
@@ -462,12 +501,42 @@ def _says(name: str, given: str | None, kind: str, content: Content) -> str:
     return f", as {place} says"
 
 
-def _along(spots: Float, name: str) -> tuple[Float, str]:
-    """Two or three coordinates as one along the line."""
+def along_line(spots: Float, name: str = "") -> tuple[Float, str]:
+    """Two or three coordinates as one along the straight line that fits them best.
+
+    Args:
+        spots: shape (n, 2) or (n, 3), any unit.
+        name: of what they are, before a message.
+
+    Returns:
+        Shape (n,), in their unit: the coordinate itself where one alone varies, else distances
+        along the line from the first spot on; and what is worth saying.
+
+    Raises:
+        RecordError: they are on no line.
+    """
     moves = np.ptp(spots, axis=0)
     if (moves > 1e-9 * max(moves.max(), 1e-300)).sum() <= 1:
         return spots[:, int(np.argmax(moves))], ""
-    return np.linalg.norm(spots - spots[0], axis=1), f"{name}: distances from the first receiver"
+    at = spots - spots.mean(axis=0)
+    x = at @ line_of(at)
+    off = float(np.linalg.norm(at - np.outer(x, line_of(at)), axis=1).max())
+    length = float(np.ptp(x))
+    if off > _CROOKED * length:
+        raise RecordError(
+            f"{name}positions are on no straight line: up to {off:.3g} off one of {length:.3g}; "
+            "give them along their line with --positions"
+        )
+    said = f"{name}distances along a line from the first receiver"
+    if off > 1e-3 * length:
+        said += f", which they are up to {off:.3g} off"
+    return x - x[0], said
+
+
+def line_of(at: Float) -> Float:
+    """The direction in which spots about 0 lie, most of them ahead of the first, a unit vector."""
+    direction = np.asarray(np.linalg.svd(at, full_matrices=False)[2][0])
+    return direction if at[0] @ direction <= 0 else -direction
 
 
 def _scaled(stored: Float, scale: float) -> Float:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wavesim.records.units import Said, alike
 
 # More than this is no record that can be read off at once: 2 GB of float64.
 LARGEST = 250_000_000
@@ -34,6 +37,7 @@ class Content:
         unplaced, unplaced_columns: columns whose heading says no position where others' do, and
             their numbers: a transmitter's voltage, a temperature.
         said_in: where units are said, by name: "row 1 ('Zeit/µs')".
+        settled: names of arrays that are in SI whatever unit is given, as dates are.
     """
 
     arrays: dict[str, NDArray[Any]]
@@ -45,6 +49,21 @@ class Content:
     unplaced: dict[str, NDArray[Any]] = field(default_factory=dict)
     unplaced_columns: dict[str, int] = field(default_factory=dict)
     said_in: dict[str, str] = field(default_factory=dict)
+    settled: set[str] = field(default_factory=set)
+
+    def place(self, said: Sequence[Said], where: str) -> None:
+        """Receivers where headings say: x, with the unit that all of them say.
+
+        Args:
+            said: of each receiver its position and unit.
+            where: what says so, for a note.
+        """
+        numbers, unit, differ = alike(said)
+        self.arrays["x"] = np.array(numbers)
+        if differ:
+            self.settled.add("x")
+        elif unit is not None:
+            self.units["x"], self.said_in["x"] = unit, where
 
 
 def check_size(shape: tuple[int, ...], name: str) -> None:

@@ -177,10 +177,15 @@ def write(path: str | Path, saved: Record) -> None:
         RecordError: the suffix is another, or the file can't be written.
     """
     path = Path(path)
-    values = saved.values[0] if len(saved.values) == 1 else saved.values
+    values = saved.values if saved.whole is None else saved.whole
+    if saved.whole is None and saved.missing.any():
+        values = np.where(saved.missing[:, None], np.nan, values)
+    values = values[0] if len(values) == 1 else values
     try:
         if path.suffix == ".npz":
-            truth = {f"{_TRUTH}{name}": a for name, a in (saved.answer or {}).items()}
+            known = {f"{_TRUTH}{name}": a for name, a in (saved.answer or {}).items()}
+            if not saved.driven:
+                known["quiet_from"] = np.array(saved.quiet_from)
             np.savez_compressed(
                 path,
                 t=saved.t,
@@ -188,11 +193,10 @@ def write(path: str | Path, saved: Record) -> None:
                 t_unit="s",
                 x_unit="m",
                 values=values,
-                quiet_from=saved.quiet_from,
                 sources=np.array(saved.sources),
                 ring=saved.ring,
                 lattice=saved.lattice,
-                **truth,
+                **known,
             )
         elif path.suffix == ".csv" and values.ndim == 2:
             heading = ",".join(["t_s", *(f"x={x:.9g} m" for x in saved.x)])

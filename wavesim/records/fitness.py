@@ -20,6 +20,8 @@ _BEGINNING = 3
 # this part of the peak.
 _BRIDGED = 2
 _QUIET, _QUIET_PART = 6.0, 1e-4
+# A line's waves are told apart by so many receivers.
+_FEWEST_ALONG = 5
 # So many frames at the end that are all alike are padding.
 _PADDED = 4
 
@@ -43,11 +45,7 @@ def for_k_at_frequency(record: Record) -> Record:
             "the record begins inside the signal",
             "begin it before the source does (a pre-trigger), or give receivers farther away",
         )  # fmt: skip
-    if len(record.clipped) and record.clipped.any():
-        record = _without(
-            record, record.clipped, "clipped", "flat tops", "turn the gain down and record again"
-        )
-    return record
+    return unclipped(record)
 
 
 def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
@@ -60,19 +58,16 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
     Raises:
         RecordError: it holds a source's time, or flat tops.
     """
-    flat = record.clipped if len(record.clipped) else np.zeros(len(record.x), bool)
-    some = record.ring and len(record.misfit) and (flat | record.misfit).mean() <= PART
-    if flat.any() and some:
-        where = places(record.x, flat, record.labels)
-        said = f"flat tops, read from the others ({where})"
-        told = Finding("clipped", where, f"{int(flat.sum())} of {len(flat)}", TAKEN_OUT, said)
-        record = replace(record, misfit=record.misfit | flat).with_finding(told)
-    elif flat.any():
-        where = places(record.x, flat, record.labels)
-        raise RecordError(
-            f"flat tops at {where}: the samples are cut off at the digitiser's range, which makes "
-            "waves that are none; turn the gain down and record again"
-        )
+    if record.ring:
+        record = _read_from_others(record)
+    else:
+        whole, record = record, unclipped(record, _FEWEST_ALONG)
+        if harmonic and whole.even and not record.even:
+            where = places(whole.x, whole.clipped, whole.labels)
+            raise RecordError(
+                f"flat tops at {where}: without these the receivers are not evenly spaced, as "
+                "harmonic inversion needs them; turn the gain down, or take --method auto"
+            )
     still = record.driven and at_rest_first(record)
     # What enters a stretch at its ends is refused for that, or taken by the FFT.
     if still and (record.ring or (harmonic and not _entered(record))):
@@ -81,6 +76,36 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
             "acts within it: name the time from which on none does with --quiet-from (s)"
         )
     return evened(record)
+
+
+def unclipped(record: Record, fewest: int = 2) -> Record:
+    """Without the receivers with flat tops, unless they go round a ring.
+
+    Raises:
+        RecordError: fewer than so many remain.
+    """
+    if record.ring or not len(record.clipped) or not record.clipped.any():
+        return record
+    return _without(
+        record, record.clipped, "clipped", "flat tops", "turn the gain down and record again",
+        fewest,
+    )  # fmt: skip
+
+
+def _read_from_others(ring: Record) -> Record:
+    """A ring of which those with flat tops are read from the others."""
+    flat = ring.clipped
+    if not len(flat) or not flat.any():
+        return ring
+    where = places(ring.x, flat, ring.labels)
+    if not len(ring.misfit) or (flat | ring.misfit).mean() > PART:
+        raise RecordError(
+            f"flat tops at {where}: the samples are cut off at the digitiser's range, which makes "
+            "waves that are none; turn the gain down and record again"
+        )
+    said = f"flat tops, read from the others ({where})"
+    told = Finding("clipped", where, f"{int(flat.sum())} of {len(flat)}", TAKEN_OUT, said)
+    return replace(ring, misfit=ring.misfit | flat).with_finding(told)
 
 
 def live(record: Record) -> Record:
@@ -174,11 +199,13 @@ def _entered(record: Record) -> bool:
     return ends > 2 * record.noise + 3e-3 * float(np.abs(record.values).max())
 
 
-def _without(record: Record, which: np.ndarray, what: str, why: str, remedy: str) -> Record:
+def _without(
+    record: Record, which: np.ndarray, what: str, why: str, remedy: str, fewest: int = 2
+) -> Record:
     where = places(record.x, which, record.labels)
     kept = int((~which).sum())
-    if kept < 2:
-        raise RecordError(f"{why} at {where}: {remedy}")
+    if kept < fewest:
+        raise RecordError(f"{why} at {where}: {remedy}; {fewest} receivers at least are needed")
     finding = Finding(
         what, where, f"{int(which.sum())} of {len(which)}", TAKEN_OUT,
         f"{why} at {where}: left out; {kept} receivers remain",

@@ -16,11 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.records.content import RecordError
 from wavesim.records.evenness import even
-from wavesim.records.faults.clock import check_ascending, even_times, one_clock
+from wavesim.records.faults.clock import check_ascending, even_times, on_clock, one_clock
 from wavesim.records.faults.examination import Raw, levels, samples, together
 from wavesim.records.faults.fill_values import within_range
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.gaps import FEWEST_FRAMES, bridged, whole_frames, without_first_zeros
+from wavesim.records.faults.gaps import (
+    BRIDGED,
+    FEWEST_FRAMES,
+    bridged,
+    whole_frames,
+    without_first_zeros,
+)
 from wavesim.records.faults.unfit_receivers import PART
 
 Float = NDArray[Any]
@@ -285,7 +291,7 @@ def record(
         names_of = tuple(name for name, a in zip(names_of, alive, strict=True) if a)
         raw = samples(values, t, x, names_of, found)
         if signal is not None and raw.held > 1:
-            signal = signal[:: raw.held][: len(raw.t)]
+            signal = signal[np.searchsorted(t, raw.t)]
         values, t = raw.values, raw.t
     channels, twice = _Channels.of(x, names_of, raw), np.zeros(len(x), bool)
     if raw is not None and raw.spare.any():
@@ -310,9 +316,12 @@ def record(
     values, missing, broken = bridged(values, t, x, channels.labels, quiet, found)
     whole = values.copy() if broken.any() else None
     values[:, missing] = 0.0
+    cut = _cuts(missing, quiet)
+    own = t
     values, t, missing, interval_error = even_times(values, t, missing, storage[0], found)
     if any(finding.what == "times uneven" for finding in found):
         whole = None
+        signal = None if signal is None else on_clock(signal, own, t)
     if ring and not _is_even(x):
         raise RecordError(
             "ring: the receivers round a periodic bar must be evenly spaced; treat the record as "
@@ -322,9 +331,11 @@ def record(
     odd = np.zeros(len(x), bool)
     if not trusted:
         seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
+        unsure = channels.flat | broken | cut
         mended, odd, within, place = together(
-            seen, gone, t, x, channels.labels, channels.quantum, channels.flat | broken, ring, lost,
-            -np.inf if quiet_from is None else quiet_from, found,
+            seen, gone, t, x, channels.labels, channels.quantum, unsure, ring, lost,
+            -np.inf if quiet_from is None else quiet_from,
+            placed and len(x) > 1 and _is_even(x), found,
         )  # fmt: skip
         if mended.any:
             kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
@@ -474,6 +485,17 @@ def _living(
             f"least {least_living} must live"
         )
     return ~dead
+
+
+def _cuts(missing: Mask, quiet: Mask) -> bool:
+    """Whether frames are missing for longer than a spline bridges while a signal goes on, so that
+    receivers have lost different parts of it, and their sizes say nothing."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]]))).reshape(-1, 2)
+    last = len(missing) - 1
+    return any(
+        stop - start > BRIDGED and not quiet[[max(start - 1, 0), min(stop, last)]].all()
+        for start, stop in edges
+    )
 
 
 def _nodes(values: Float) -> Mask:

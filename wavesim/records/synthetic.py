@@ -49,6 +49,8 @@ def driven(omega: Float, t: Float, peak_frequency: float, delay: float) -> Float
     """
     turned = np.conj(np.asarray(omega, complex))
     c = np.pi * peak_frequency
+    # Without a frequency but with decay q is the limit ω → 0.
+    turned = np.where((turned.real == 0) & (turned != 0), turned + 1e-5 * c, turned)
     tau = (np.asarray(t, float) - delay)[:, None]
     after = tau > 0
     gauss = np.exp(-((c * tau) ** 2))

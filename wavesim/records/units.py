@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
+Said = tuple[float, str | None]
+"""A position that a heading says, and its unit; None where it says none."""
 # The last four are µ read in another encoding than it was written in.
 _MICRO = ("u", "µ", "μ", "æ", "Âµ", "Î¼", "�")
 _SMALL = {"m": 1e-3, "n": 1e-9, "p": 1e-12} | dict.fromkeys(_MICRO, 1e-6)
@@ -27,6 +30,13 @@ _OTHER_WORDS = """v mv kv uv µv μv volt volts millivolt a ma amp ampere w pa k
     n kn g gal m/s mm/s um/s µm/s μm/s m/s2 m/s^2 m/s² mm/s^2 rad deg counts count lsb adc db °c c k
     % a.u. au arb arb. strain 1 - –"""
 _OTHER = frozenset(_OTHER_WORDS.split())
+FREQUENCY = {
+    f"{p}{s}": f
+    for p, f in {"": 1.0, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}.items()
+    for s in ("Hz", "S/s", "Sa/s", "SPS")
+} | {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "1/s": 1.0, "s-1": 1.0,
+     "sps": 1.0, "samples/s": 1.0, "samples per second": 1.0, "1/ms": 1e3, "1/us": 1e6}  # fmt: skip
+_TABLES = {"time": TIME, "position": LENGTH, "frequency": FREQUENCY}
 NAMES = {
     "time": ("s", "ms", "us", "ns", "min", "h"),
     "position": ("m", "cm", "mm", "um", "km", "in", "ft"),
@@ -35,16 +45,16 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 def factor(unit: str | None, kind: str) -> float | None:
-    """What a unit is in s or m; None where it is none of that kind.
+    """What a unit is in s, m or Hz; None where it is none of that kind.
 
     Args:
-        unit: as it is spelt: "us", "µs", "Microseconds", "mm".
-        kind: "time" or "position".
+        unit: as it is spelt: "us", "µs", "Microseconds", "mm", "kHz".
+        kind: "time", "position" or "frequency".
     """
     if not unit:
         return None
     text = unit.strip().strip("()[]{}<>").strip()
-    table = TIME if kind == "time" else LENGTH
+    table = _TABLES[kind]
     # Ms and MS are no milliseconds to a physicist, but no instrument means megaseconds.
     return table.get(text, table.get(text.lower()))
 
@@ -97,7 +107,7 @@ _SAID = (
 )
 
 
-def position_in(heading: str) -> tuple[float, str | None] | None:
+def position_in(heading: str) -> Said | None:
     """The position that a heading says, and its unit; None where it says none.
 
     A number is a position only where a name of one stands before it (x = 0.02), or a unit of
@@ -110,6 +120,21 @@ def position_in(heading: str) -> tuple[float, str | None] | None:
             before, number, after = found.groups()
             return float(number), after or before or None
     return None
+
+
+def alike(said: Sequence[Said]) -> tuple[list[float], str | None, bool]:
+    """Positions that several headings say, as numbers of one unit.
+
+    Returns:
+        (numbers, their unit, None where none says one, whether units differ, which are m then).
+    """
+    units = {unit for _, unit in said}
+    if len(units) == 1:
+        return [number for number, _ in said], units.pop(), False
+    scales = [factor(unit, "position") or 1.0 for _, unit in said]
+    # Written as decimals: 20 mm is 0.02 m to the last digit.
+    numbers = [float(f"{n * f:.15g}") for (n, _), f in zip(said, scales, strict=True)]
+    return numbers, "m", True
 
 
 def is_time(heading: str) -> bool:

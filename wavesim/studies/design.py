@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,7 @@ class Design:
             "met": self.met,
             "bands": bands,
             "variables": dict(zip(keys, map(float, self.values), strict=True)),
-            "length": float(self.problem.length(self.values)),
+            "length": self.problem.length(self.values),
             "may_be_off": {
                 key: {"down": off.down, "up": off.up, "absolute": off.absolute}
                 for key, off in zip(keys, may, strict=bool(may))
@@ -124,7 +125,10 @@ def design(
     own = problem(parse(dumps(tables), name, (), folder), name)
     _exact(own, (own.low + own.high) / 2, name)
     functions = Search(own)
-    _check_matter(functions, name)
+    with ThreadPoolExecutor(1) as beside:  # both compile at once
+        compiled = beside.submit(functions.begun, np.full((1, len(own.keys)), 0.5), functions.scale)
+        _check_matter(functions, name)
+        compiled.result()
     found = search(functions, seed, seconds, tell)
     values, reached = _written(own, found.values, name)
     met = bool((own.short(reached) == 0).all())

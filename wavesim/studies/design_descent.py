@@ -4,8 +4,10 @@ At each of some frequencies of each wish a stack misses by
 
     e = weight (±(L − limit)) / (1 + |limit|/10),
 
-with L = 20 log₁₀|T| in dB: kept where all e ≤ 0. L and ∂L/∂x of a batch of stacks come from jax at
-once (``differentiable.level_slopes``). Levenberg and Marquardt go down Σ max(0, e + margin)²,
+with L = 20 log₁₀|T| in dB: kept where all e ≤ 0. Stacks are made with each variable even within ±
+its tolerance, by which e is off by s = ‖∂e/∂x δ‖, a standard deviation; e/s is what to lower where
+all are to keep it. L and ∂L/∂x of a batch of stacks come from jax at once
+(``differentiable.level_slopes``). Levenberg and Marquardt go down Σ max(0, e + margin)²,
 linear programs down the worst,
 
     min over d of max_i (e_i + J_i d),   |d| ≤ radius,   within box and length,
@@ -35,12 +37,14 @@ _EVEN = 32
 _TOGETHER, _MEMBERS = 4, 8
 _MARGIN = 0.4
 # Radius of the first linear program, in x; those beyond these are ended.
-_RADIUS, _WIDEST, _LEAST = 0.05, 0.3, 1e-6
+RADIUS, _WIDEST, _LEAST = 0.05, 0.3, 1e-6
 # With a new net, no first radius is less.
 _ANEW = 3e-3
 # Frequencies whose e lies so far below the worst don't bind a step.
 _FAR = 8.0
 _TOO_LONG = 100.0
+# Least s.
+_STILL = 1e-4
 _ROOM = 1e-6
 
 
@@ -61,7 +65,7 @@ class Stack:
     e: Any
     J: Any
     worst: float
-    radius: float = _RADIUS
+    radius: float = RADIUS
 
 
 class Search:
@@ -72,8 +76,6 @@ class Search:
     """
 
     def __init__(self, problem: Problem) -> None:
-        import jax
-
         self.problem = problem
         self._asked_of: list[int] = []
         self._slopes, self._levels = problem.slopes(), problem.levels()
@@ -85,9 +87,9 @@ class Search:
         self._apart = self._net[:, 1] - self._net[:, 0]
         self._fine = _FINE_GRADED if problem.graded else FINE
         # The length is linear in x.
-        n = len(problem.keys)
-        start, whole = jax.value_and_grad(problem.length)(problem.values(np.zeros(n)))
-        self._shortest, self._by_x = float(start), np.asarray(whole) * (problem.high - problem.low)
+        self._shortest = problem.length(problem.low)
+        ends = np.where(np.eye(len(problem.keys)), problem.high, problem.low)
+        self._by_x = np.array([problem.length(one) for one in ends]) - self._shortest
 
     @property
     def evaluations(self) -> int:
@@ -124,7 +126,9 @@ class Search:
         limit = self.problem.length_at_most
         return (self._shortest + x @ self._by_x) / limit - 1 if limit else np.full(x.shape[:-1], -1)
 
-    def errors(self, x: Any, nets: Any, scale: Any, blur: float = 0.0) -> tuple[Any, Any]:
+    def errors(
+        self, x: Any, nets: Any, scale: Any, blur: float = 0.0, sure: bool = False
+    ) -> tuple[Any, Any]:
         """e (members, M) and ∂e/∂x (members, M, n) of stacks.
 
         Args:
@@ -132,6 +136,7 @@ class Search:
             nets: where they are asked, Hz, (members, wishes, COARSE).
             scale: of each wish's e, (wishes,).
             blur: σ in parts of what the coarse frequencies are apart.
+            sure: both are to be over s.
         """
         self._asked_of.append(len(x))
         nets, parts = nets + 1j * blur * self._apart[:, None], []
@@ -142,6 +147,11 @@ class Search:
         limit, sign, scale = (np.repeat(a, COARSE) for a in (self._limit, self._sign, scale))
         e = scale * (sign * (level - limit))
         J = (scale * sign)[:, None] * J
+        if sure:
+            own = self.problem
+            off = own.tolerance * np.abs(own.values(x)) / (own.high - own.low)
+            s = np.sqrt(np.einsum("bmn,bn->bm", J**2, off**2 / 3)) + _STILL
+            e, J = e / s, J / s[..., None]
         bad = ~(np.isfinite(e).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
         e[bad], J[bad] = 1e6, 0.0
         return e, J
@@ -196,7 +206,7 @@ class Search:
         return np.where(self._by_x > 0, x * np.minimum(most, 1.0)[:, None], x)
 
     def begun(
-        self, x: Any, scale: Any, blur: float = 0.0, nets: Any = None, radius: Any = _RADIUS
+        self, x: Any, scale: Any, blur: float = 0.0, nets: Any = None, radius: Any = RADIUS
     ) -> list[Stack]:
         """Stacks at x (members, n), cut to their length, to go down from; others as of errors."""
         over = self.too_long(x)
@@ -231,19 +241,18 @@ class Search:
         scale: Any,
         steps: int,
         blur: float = 0.0,
-        wider: float = 0.0,
+        sure: bool = False,
         enough: float = -np.inf,
         asked: Any = None,
     ) -> list[Stack]:
         """The same where each new stack is asked at peaks of its own e on the finer net.
 
         Args:
-            stacks, scale, steps, blur: as of :meth:`down_the_worst`.
-            wider: by what part the bands are wider.
+            stacks, scale, steps, blur, sure: as of :meth:`down_the_worst` and :meth:`errors`.
             enough: they stop where one's worst e is below.
             asked: for each stack and wish, frequencies it is asked at besides, Hz.
         """
-        frequency = self.problem.net(self._fine, wider)
+        frequency = self.problem.net(self._fine)
         asked = asked or [[[]] * len(frequency)] * len(stacks)
 
         def at(x: Any, asked: Any) -> list[Stack]:
@@ -256,8 +265,11 @@ class Search:
                     for own, more in zip(e, asked, strict=True)
                 ]
             )
-            found, J = self.errors(x, nets, scale, blur)
-            worst = np.maximum(np.nan_to_num(e, nan=1e6).max(axis=(1, 2)), found.max(axis=1))
+            found, J = self.errors(x, nets, scale, blur, sure)
+            worst = np.nan_to_num(e, nan=1e6).max(axis=(1, 2))
+            if sure:  # there s is not known
+                worst = np.where(worst > 0, worst / _STILL, -np.inf)
+            worst = np.maximum(worst, found.max(axis=1))
             return [Stack(*one) for one in zip(x, nets, found, J, worst.tolist(), strict=True)]
 
         begun = at(np.array([one.x for one in stacks]), asked)

@@ -48,10 +48,9 @@ class Wish:
     most: bool
     weight: float
 
-    def frequencies(self, count: int, wider: Any = 0.0) -> Any:
-        """So many over the band, made wider at each end by a part of that, both among them, Hz."""
-        low, high = self.low * (1 - wider), self.high * (1 + wider)
-        return low + (high - low) * np.linspace(0, 1, count)
+    def frequencies(self, count: int) -> Any:
+        """So many over the band, both ends among them, Hz."""
+        return np.linspace(self.low, self.high, count)
 
     @property
     def at_most(self) -> float | None:
@@ -137,9 +136,9 @@ class Problem:
         level, where = np.array(found).T
         return level, where
 
-    def length(self, values: Any) -> Any:
-        """Of all between the half-spaces, m."""
-        return jnp.sum(self.stack_at(values).thickness[1:-1])
+    def length(self, values: Any) -> float:
+        """Of all between the half-spaces, m; linear in values."""
+        return float(sum(layer.thickness for layer in self.layers_at(values).layers[1:-1]))
 
     @property
     def _sectors(self) -> dict[str, list[int]]:
@@ -149,9 +148,9 @@ class Problem:
             found.setdefault(wish.sector, []).append(n)
         return found
 
-    def net(self, count: int, wider: float = 0.0) -> Any:
-        """So many frequencies of each wish, of bands wider by a part, (wishes, count), Hz."""
-        return np.array([wish.frequencies(count, wider) for wish in self.wishes])
+    def net(self, count: int) -> Any:
+        """So many frequencies of each wish, (wishes, count), Hz."""
+        return np.array([wish.frequencies(count) for wish in self.wishes])
 
     def slopes(self) -> Callable[[Any, Any], tuple[Any, Any]]:
         """Compiled: L in dB at frequencies of each wish in turn, (members, M), and ∂L/∂x,

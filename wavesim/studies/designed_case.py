@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from wavesim.case.layered_case import BUFFER, BarLayers
 from wavesim.case.schema import HALF_SPACE
 from wavesim.case.toml_text import lay_over
+from wavesim.planewave.band_edges import asymptotes
 from wavesim.studies.design_problem import Problem
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
 _SOURCE, _AWAY = 12, 5
-# Cells to a branch length, and a source's width in branch lengths.
-_CELLS, _WIDTH = 20, 0.5
+# Cells to a branch length: waves are short about asymptotes, and where there are none below so many
+# times the highest frequency wished, which is about all that is driven, fewer do.
+_CELLS, _FEWER, _DRIVEN = 20, 14, 1.4
+# A source's width in branch lengths.
+_WIDTH = 0.5
 # A Ricker of this part of the highest frequency wished drives little of what is above that.
 _PEAK = 0.45
 # Periods of the middle of the bands that a run lasts.
-_PERIODS = 120
+_PERIODS = 80
 
 
 def designed_tables(
@@ -46,12 +51,12 @@ def designed_tables(
         for key in ("length", "cells"):
             tables.get("bar", {}).pop(key, None)
     first, last = _ends(tables, unit, own.known)
-    inner = float(own.length(values))
+    inner = own.length(values)
     low = min(wish.low for wish in own.wishes)
     high = max(wish.high for wish in own.wishes)
     middle = (low + high) / 2
     if "cells" not in tables["bar"]:  # as small as the verdict on signals asks
-        tables["bar"].setdefault("spacing", unit / _CELLS)
+        tables["bar"].setdefault("spacing", _short(unit / _cells(own, values, high)))
     if "sources" not in tables:
         family = own.known.medium.family
         sectors = dict.fromkeys(wish.sector for wish in own.wishes)
@@ -73,6 +78,12 @@ def designed_tables(
     tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
     order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
     return {k: tables[k] for k in order if k in tables} | tables
+
+
+def _cells(own: Problem, values: Sequence[float], high: float) -> int:
+    media = {medium for layer in own.layers_at(values).layers for medium in layer.ends}
+    lowest = min(asymptotes(medium, wish.sector).min() for medium in media for wish in own.wishes)
+    return _FEWER if lowest > 2 * math.pi * _DRIVEN * high else _CELLS
 
 
 def _short(value: float, digits: int = 6) -> float:

@@ -10,13 +10,15 @@ import logging
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any
 
 from wavesim.studies.variation import SweepError
 
-# One member may lose so many workers before it is taken for what kills them.
-_LOST = 10
+# Dask gives a member up once four workers were lost that had it, at work or waiting; it is handed
+# in again so many times before it is taken for what kills them.
+_AGAIN = 3
 # Members under way at a time, for each worker: so that none waits for this process.
 _AHEAD = 2
 _ANSWER = 5.0  # s that a scheduler has to answer
@@ -51,7 +53,7 @@ class Pool:
     @property
     def workers(self) -> int:
         """How many there are now."""
-        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+        return len(self._client.scheduler_info(n_workers=-1).get("workers", ()))
 
     def __call__(self, function: Callable[[Any], Any], jobs: Iterable[Job]) -> Iterator[Result]:
         """Work on jobs, as many at a time as keep the workers busy; results as they come.
@@ -61,33 +63,32 @@ class Pool:
         """
         from concurrent.futures import CancelledError
 
-        from distributed import as_completed
+        from distributed import KilledWorker, as_completed
         from distributed.comm import CommClosedError
 
-        jobs, names = iter(jobs), {}
-        done = as_completed([])
+        jobs, under_way, done = iter(jobs), dict[Any, tuple[Job, int]](), as_completed([])
 
-        def submit() -> bool:
-            for name, argument in jobs:
-                future = self._client.submit(function, argument, pure=False)
-                names[future.key] = name
-                done.add(future)
-                return True
-            return False
+        def submit(job: Job, given_up: int = 0) -> None:
+            future = self._client.submit(function, job[1], pure=False)
+            under_way[future.key] = job, given_up
+            done.add(future)
 
         try:
-            for _ in range(max(1, _AHEAD * self.workers)):
-                if not submit():
-                    break
+            for job in islice(jobs, max(1, _AHEAD * self.workers)):
+                submit(job)
             for future in done:
-                name = names.pop(future.key)
+                job, given_up = under_way.pop(future.key)
                 if future.cancelled() or future.status == "lost":
                     raise _gone()
                 error = future.exception()
                 result = future.result() if error is None else error
                 future.release()
-                submit()
-                yield name, result
+                if isinstance(error, KilledWorker) and given_up < _AGAIN:
+                    submit(job, given_up + 1)
+                    continue
+                for following in islice(jobs, 1):
+                    submit(following)
+                yield job[0], result
         except (CancelledError, CommClosedError, OSError, TimeoutError) as error:
             raise _gone() from error
 
@@ -113,7 +114,6 @@ def pool(workers: int | None = None, address: str | None = None) -> Iterator[Poo
 
     quiet = logging.CRITICAL
     settings: dict[str, Any] = {
-        "distributed.scheduler.allowed-failures": _LOST,
         "distributed.worker.memory.terminate": False,
         "distributed.admin.low-level-log-length": 0,
         "distributed.comm.timeouts.connect": f"{_ANSWER:g}s",

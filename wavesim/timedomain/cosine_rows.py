@@ -61,6 +61,7 @@ def cosine_rows(
     n, width, macro = len(alike), runs.windows.shape[1], group.c.macro
     fields = len(group.c.stiffness)
     far, deep = _distant(group, alike, reach, ring) if width < n else (np.zeros(n, bool), {})
+    # Of a bar shorter than a run some points stand there twice.
     points = (runs.start[runs.first][:, None] + np.arange(RUN)) % n  # kinds, RUN
     factors, symmetric = second_order(group), _symmetric(group)
 
@@ -71,7 +72,7 @@ def cosine_rows(
 
     about, centre = np.arange(-reach, reach + 1), np.array([reach])
     jobs = [
-        (runs.windows[run], runs.inside[run] + np.flatnonzero(~far[own]))
+        (runs.windows[run], (runs.inside[run] + np.flatnonzero(~far[own])) % width)
         for run, own in zip(runs.first, points, strict=True)
     ] + [((point + about) % n, centre) for point in deep.values()]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -97,7 +98,7 @@ def cosine_rows(
         turned = turned * mass[window[j]][:, None, :, None] / mass[own[i]][:, None]
         turned = np.where((at < width)[..., None, None], turned, 0.0)
         rows[:, i, :, j[:, None]] = turned.swapaxes(2, 3)
-        _let_uniform_fields_be(rows, inside + np.arange(RUN), macro)
+        _let_uniform_fields_be(rows, (inside + np.arange(RUN)) % width, macro)
     return [rows.reshape(fields * RUN, fields * width) for rows in kinds]
 
 

@@ -145,8 +145,12 @@ def _along_ring(
     """k(ω), at frequencies as of ``readings/dispersion/extract.py``."""
     low, high = excited_band(own)
     peak = 2 * math.pi * max(source.peak_frequency for source in own)
-    top = min(high, 0.95 * math.pi / simulated.interval, 2 * peak)
-    real = np.linspace(low or 2 * math.pi / simulated.duration, top, table.frequencies)
+    high, lowest = (
+        min(high, 0.95 * math.pi / simulated.interval),
+        low or 2 * math.pi / simulated.duration,
+    )
+    top = min(high, 2 * peak)
+    real = np.linspace(lowest, top if top > lowest else high, table.frequencies)
     omega = np.asarray(real + 1j * table.damping / simulated.duration, complex)
     exact, on_grid = (
         OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)

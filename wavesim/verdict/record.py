@@ -16,7 +16,7 @@ from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method, i
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.spreading import KINDS
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
-from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
+from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency, unclipped
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import Record, RecordError
 from wavesim.verdict.check import Check
@@ -89,7 +89,7 @@ def dispersion(
             origin, least = replace(origin, record=record), ABOVE_WEAKEST * weakest(origin.law)
             if method != "fft":
                 own = {"dynamic_range": weakest(origin.law)} | options
-        quiet = origin.record.since(origin.record.quiet_from)
+        quiet = unclipped(origin.record.since(origin.record.quiet_from))
         sure = method == "harmonic" or (method == "auto" and chosen_method(quiet) == "harmonic")
         origin = replace(origin, record=for_frequency_at_k(origin.record, sure))
         points = in_time(origin.record, highest, method, **own)

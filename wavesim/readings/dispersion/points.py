@@ -20,6 +20,10 @@ Float = NDArray[Any]
 BAR = 1.959963984540054
 # … and for the modulus of a complex number with that much in both parts together, √ln 20.
 COMPLEX_BAR = 1.7308183826022854
+CUT = (
+    "the record begins or ends inside the signal: what its ends leave of other frequencies is as "
+    "strong there; record from before to after it, or listen nearer to the source"
+)
 ALONE = "stands alone: no branch goes on from it"
 
 

@@ -23,7 +23,7 @@ from wavesim.readings.dispersion.folding import FOLDED, folded_in_pieces
 from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
-from wavesim.readings.dispersion.points import COMPLEX_BAR, BranchPoints
+from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.records.record import Record, RecordError
 
@@ -70,6 +70,8 @@ _WORTH_CUTTING = 0.1
 # A signal is seen from these parts of its peak on, and began so many times as long before as it
 # takes to the second ones; noise is within so many of its deviations.
 _FEET, _RISES, _OF_NOISE = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
+# A receiver counts where what it shows at the beginning is no more than this part of ωU.
+_BEGUN = 0.1
 # Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
 # differ from each other those closer than that.
 _CLOSE, _CLOSE_UNLIKE = 0.6, 0.1
@@ -128,7 +130,9 @@ def in_space(
     receivers, x, stretch = _line(record, clear)
     values = record.values[component][:, receivers]
     # The window begins where something moves, so that it weighs no more noise than it must.
-    record = record.since(record.t[_rest(values)])
+    rest = _rest(values)
+    quiet = values[:rest].std(axis=0) if rest else 0.0
+    record = record.since(record.t[rest])
     values = record.values[component][:, receivers]
     # Seconds of the epoch are doubles a quarter of a microsecond apart; their interval is not.
     t = record.interval * np.arange(len(record.t))
@@ -141,22 +145,32 @@ def in_space(
     everywhere = np.abs(damped_transform(record.values[component], t, omega, sigma)).max(axis=1)
     left_out = truncation(everywhere, omega, sigma, damping)
     noise = _noise(record, values, receivers, omega, sigma)
+    # What is there at the beginning acts as a source does: ∂ ln U/∂x = ik + (dk/dω) u₀/U.
+    begun = np.maximum(np.abs(values[0]) - _OF_NOISE * np.maximum(deviation, quiet), 0)
+    unsure = begun / np.maximum(np.abs(U), 1e-290) / omega[:, None]
     if spreading:
         along = np.abs(x - _nearest(record, x)) ** spreading
         U, middle = U * along, float(np.sqrt(np.mean(along**2)))
         left_out, noise = left_out * middle, noise * middle
+    cut = unsure > _BEGUN
     used = np.abs(U) > np.maximum(_ABOVE_TRUNCATION * left_out, _ABOVE_NOISE * noise)[:, None]
+    used &= ~cut
     spread = "" if spreading or record.ring else spreads(U, x, used, _nearest(record, x, None))
     if not record.ring:
         used |= (used.sum(axis=1) < len(x))[:, None] & (
-            np.abs(U) > _ABOVE_TRUNCATION * left_out[:, None]
+            ~cut & (np.abs(U) > _ABOVE_TRUNCATION * left_out[:, None])
         )
     heard = used.any(axis=0)
     if heard.sum() >= 2:  # what is heard nowhere makes no spacing shorter
-        U, x, used = U[:, heard], x[heard], used[:, heard]
+        U, x, used, unsure = U[:, heard], x[heard], used[:, heard], unsure[:, heard]
     level = np.hypot(left_out, noise)
     fits = _fits(U, x, used, pairs)
     points, chosen = _chosen(fits, used, omega + 1j * sigma, level)
+    step = np.repeat(np.arange(len(omega)), [fits[c][0] for c in chosen])
+    mostly = cut.mean(axis=1)[step] > 0.5
+    points = replace(points, reason=np.where(mostly & ~points.valid, CUT, points.reason))
+    begun = np.sum(unsure * used, axis=1) / np.maximum(used.sum(axis=1), 1)
+    points = replace(points, error=np.hypot(points.error, begun[step] * np.abs(points.k)))
     points = _with_coming_back(points, x, stretch, [fits[c][:2] for c in chosen])
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
     high = points.omega.real > _BAND * np.pi / record.interval

@@ -18,7 +18,7 @@ from wavesim.readings.dispersion.beam import FEWEST, Beams, beams, highest_waven
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, is_folded, points_to_zero
 from wavesim.readings.dispersion.hidden_mode import worth
-from wavesim.readings.dispersion.points import ALONE, BranchPoints
+from wavesim.readings.dispersion.points import ALONE, CUT, BranchPoints
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -40,10 +40,6 @@ _SHORT = 0.3
 _FLAT, _FOLDS = 0.3, 2.0
 # No k is better than this part of 2π/X: rounding, and what of a wave is left at the record's end.
 _FLOOR = 1e-7
-CUT = (
-    "the record begins or ends inside the signal: what its ends leave of other frequencies is as "
-    "strong there; record from before to after it, or listen nearer to the source"
-)
 CHANCE = "phases along the line are no more in line than by chance"
 
 

@@ -131,7 +131,7 @@ def _level(
     after = at[at >= onset]
     if len(after) >= 2 * FEWEST and _slopes(v[after]):
         drift = _drift(v, at, onset, max(float(start.std()), quantum / np.sqrt(12)), peak)
-        if drift is not None:
+        if drift is not None and np.abs(drift).max() > _PART * peak:
             return drift, "drift"
     if not off:
         return None, "offset"

@@ -122,7 +122,7 @@ def misfits(
         for j, v in verdicts.items()
         if len(v) == judged[j]
         and len({kind for kind, _ in v}) == 1
-        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed"))
+        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed", "dead"))
     }
     for kind in ("reversed", "swapped", "mis-scaled", "delayed", "dead"):
         those = {j: size for j, (k, size) in sorted(agreed.items()) if k == kind}

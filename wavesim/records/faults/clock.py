@@ -30,10 +30,8 @@ def one_clock(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
     for j in np.flatnonzero(~(late <= 1e-3 * step)):
         if not (np.diff(t[:, j]) > 0).all():
             raise RecordError(f"times of channel {j + 1} do not ascend: sort its samples by time")
-        from scipy.interpolate import CubicSpline  # slow to import, and only a fault needs it
-
         for c in range(len(values)):
-            values[c, :, j] = CubicSpline(t[:, j], values[c, :, j], extrapolate=False)(first)
+            values[c, :, j] = on_clock(values[c, :, j], t[:, j], first)
     if (late > 1e-3 * step).any():
         most = float(late.max()) / step
         found.append(
@@ -42,6 +40,27 @@ def one_clock(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
                     "channels with clocks of their own put on the first one's by a cubic spline")
         )  # fmt: skip
     return values, first
+
+
+def on_clock(values: Float, own: Float, t: Float) -> Float:
+    """Samples at other times by a cubic spline; NaN where they are missing beside, or beyond.
+
+    Args:
+        values: shape (n,), NaN where missing.
+        own, t: times of the samples, ascending, shape (n,), and those wanted, any shape, s.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, and only a fault needs it
+
+    there = np.isfinite(values)
+    found = np.full(np.shape(t), np.nan)
+    if there.sum() > 3:
+        after = np.clip(np.searchsorted(own, t), 1, len(own) - 1)
+        exact = np.abs(own[after - 1] - t), np.abs(own[after] - t)
+        grain = 1e-9 * np.diff(own)[after - 1]
+        known = (there[after - 1] | (exact[1] <= grain)) & (there[after] | (exact[0] <= grain))
+        spline = CubicSpline(own[there], values[there], extrapolate=False)
+        found[known] = spline(np.asarray(t)[known])
+    return found
 
 
 def check_ascending(t: Float, storage: float) -> None:

@@ -17,7 +17,14 @@ from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.gains import ring_misfits
-from wavesim.records.faults.moveout import FASTEST, arrivals, begun, source_within, speed
+from wavesim.records.faults.moveout import (
+    FASTEST,
+    arrivals,
+    begun,
+    comes_round,
+    source_within,
+    speed,
+)
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import FEWEST, Rest, rest
 
@@ -111,6 +118,7 @@ def together(
     ring: bool,
     lost: Mask,
     quiet_from: float,
+    even: bool,
     found: list[Finding],
 ) -> tuple[Mended, Mask, Mask, float | None]:
     """Channels beside each other: which do not fit, which have begun, where a source stands.
@@ -124,6 +132,7 @@ def together(
         ring: whether they go round a ring.
         lost: receivers round it that are bad, shape (nx,).
         quiet_from: time from which on no source acts, s.
+        even: whether the receivers are evenly spaced.
         found: findings, added to.
 
     Returns:
@@ -161,6 +170,12 @@ def together(
                 f"by its times and positions the signal goes at {v:.3g} m/s, faster than light: "
                 "one of them is in another unit; say which with --time-unit or --position-unit"
             )
+    if not ring and even and comes_round(values[strongest]):
+        found.append(
+            Finding("comes round", "all receivers", f"{nx} receivers", TOLD,
+                    "the last receiver and the first are neighbours by what they show, as round a "
+                    "ring: if they are, say so with --ring, for nothing else is read right then")
+        )  # fmt: skip
     if within.any() and not ring:
         found.append(
             Finding("begins inside", places(x, within, labels),

@@ -17,7 +17,7 @@ FEWEST_FRAMES = 16
 # A first frame of zeros is none where the next ones are off by this many times their own range.
 _HEAD, _APART = 8, 4.0
 # A break of up to this many frames at one receiver is bridged.
-_BRIDGED = 2
+BRIDGED = 2
 
 
 def without_first_zeros(
@@ -96,7 +96,7 @@ def bridged(
         edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
         for start, stop in edges.reshape(-1, 2):
             inside = start >= 2 and stop <= len(t) - 2
-            if stop - start <= _BRIDGED and inside:
+            if stop - start <= BRIDGED and inside:
                 continue
             about = slice(max(0, 2 * start - stop - 2), min(len(t), 2 * stop - start + 2))
             if quiet[about, r].all():

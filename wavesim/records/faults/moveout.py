@@ -1,4 +1,4 @@
-"""When the signal comes to each receiver: begun before the record, a source within, impossible."""
+"""When the signal comes to each receiver: too early, from within, too fast, round a ring."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ FASTEST = 1e9
 _ARRIVED = 0.2
 # A source is within where two arms leave less than this part of what one line leaves (squares).
 _BETTER = 0.05
+# Waves come round where, at the loud frequencies at which they are long, the step from the last
+# receiver to the first is in the mean as large as the others are: the range of their power. So many
+# such frequencies; waves are long where neighbours differ by this part of two that know nothing.
+_ALIKE, _SEAMS, _LONG, _LOUD = (0.05, 2.0), 3, 0.3, 0.01
+_FEWEST_ROUND = 8
 
 
 def begun(component: Float, rest: Rest) -> Mask:
@@ -94,3 +99,24 @@ def speed(x: Float, arrival: Float) -> float:
     left = arrival[seen] - level - slope * x[seen]
     error = np.std(left) / np.sqrt(seen.sum()) / np.std(x[seen])
     return float(1 / abs(slope)) if abs(slope) > 5 * error else float("nan")
+
+
+def comes_round(component: Float) -> bool:
+    """Whether the last receiver and the first are neighbours, as round a ring.
+
+    Args:
+        component: u, shape (nt, nx), finite, of evenly spaced receivers.
+    """
+    count, nx = component.shape
+    if nx < _FEWEST_ROUND:
+        return False
+    U = np.fft.rfft(component * np.hanning(count)[:, None], axis=0)
+    power = np.mean(np.abs(U) ** 2, axis=1)
+    steps = np.mean(np.abs(np.diff(U, axis=1)) ** 2, axis=1)
+    own = (power > _LOUD * power.max(initial=0.0)) & (steps < 2 * _LONG * power)
+    if own.sum() < _SEAMS:
+        return False
+    # As far as there is anything at the two.
+    ends = np.mean(np.abs(U[own][:, [0, -1]]) ** 2, axis=1) / power[own]
+    seam = np.abs(U[own, 0] - U[own, -1]) ** 2 / np.maximum(steps[own], 1e-290)
+    return bool(_ALIKE[0] < seam.sum() / max(ends.sum(), 1e-290) < _ALIKE[1])

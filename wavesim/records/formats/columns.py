@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.content import Content, RecordError
+from wavesim.records.faults.clock import on_clock
 from wavesim.records.formats.text import Table, read_table
 from wavesim.records.units import (
     NUMBER,
@@ -53,6 +54,7 @@ def of_table(table: Table) -> Content:
     arrays: dict[str, NDArray[Any]] = {"values": table.data[:, channels]}
     units: dict[str, str] = {}
     said_in: dict[str, str] = {}
+    settled: set[str] = set()
     if clocks:
         first = clocks[0]
         arrays["t"] = table.data[:, first]
@@ -64,14 +66,18 @@ def of_table(table: Table) -> Content:
             said_in["t"] = f"row {table.rows[0 if heading else 1]} ({text[:40]!r})"
         elif unit or (unit := unknown_unit_in(table.headings[first]) or ""):
             units["t"] = unit
+        if first in table.dated:
+            settled.add("t")
         if len(clocks) > 1:
             notes += _one_clock(table, clocks, channels, arrays)
     elif sampling is not None and (np.isfinite(sampling[1]) or len(channels) > 1):
         # Of one channel alone nothing is known but when it came.
-        interval, start, said = sampling
+        interval, start, said, sure = sampling
         if not np.isfinite(start):
             start, said = 0.0, f"{said}; the first is taken as 0"
-        arrays["t"], units["t"] = start + interval * np.arange(len(table.data)), "s"
+        arrays["t"] = start + interval * np.arange(len(table.data))
+        if sure:
+            settled.add("t")
         notes.append(f"times by {said}")
     labels = [table.headings[c].strip() or f"column {table.columns[c]}" for c in channels]
     overload = {label: table.overload[c] for label, c in zip(labels, channels, strict=True)
@@ -84,6 +90,7 @@ def of_table(table: Table) -> Content:
         notes,
         overload,
         said_in=said_in,
+        settled=settled,
     )
     _positions(found, table, channels)
     return found
@@ -94,37 +101,45 @@ _INTERVALS = ("sampleinterval", "samplinginterval", "samplingperiod", "sampleper
 _RATES = ("samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs")
 _STARTS = ("x0", "xorg", "xorigin", "start", "t0", "hoffset")
 _VALUE = re.compile(rf"({NUMBER})\s*([^\W\d_]*)$")
-_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 
 
-def sampling_of(rows: list[list[str]]) -> tuple[float, float, str] | None:
-    """Interval and start, s, that rows above the numbers say, and in which words; or None.
+def sampling_of(rows: list[list[str]]) -> tuple[float, float, str, bool] | None:
+    """Interval and start, s, that rows above the numbers say, in which words, and whether their
+    unit is said; or None.
 
     As a name with its number beside it, below it, or behind = or :, such as "Sample Interval,2E-6",
-    "#CLOCK=2uS", "X0"; the start is NaN where none is said.
+    "Sample Interval,2,us", "#CLOCK=2uS", "X0"; the start is NaN where none is said.
     """
     rows = [re.split(r"[,;\t]", row[0]) if len(row) == 1 else row for row in rows]
-    interval, start, said, began, words = 0.0, math.nan, "", "", ""
+    interval, start, said, began, words, sure = 0.0, math.nan, "", "", "", False
     for row, below in zip(rows, [*rows[1:], []], strict=False):
         for j, cell in enumerate(row):
             name, _, own = re.sub("[=:]", "=", cell).partition("=")
             name = name.strip(' #%"')
             key = re.sub(r"[^a-z0-9]", "", name.lower())
             near = [own, *row[j + 1 : j + 2], *below[j : j + 1]]
-            texts = (part.strip(' "').replace(",", ".") for part in near)
-            value = next((found for text in texts if (found := _VALUE.match(text))), None)
+            values = (_VALUE.match(_bare(part)) for part in near)
+            value = next((found for found in values if found), None)
             if value is None:
                 continue
-            number, unit = float(value.group(1)), value.group(2)
+            number, unit, rate = float(value.group(1)), value.group(2), key in _RATES
+            if not unit and row[j + 2 : j + 3] and value.string == _bare(row[j + 1]):
+                beside = _bare(row[j + 2])  # number and unit in a cell each
+                unit = beside if factor(beside, "frequency" if rate else "time") else ""
             seconds = number * (factor(unit or "s", "time") or math.nan)
-            if key in _RATES and number > 0:
-                seconds = 1 / number / _HERTZ.get(unit.lower(), math.nan)
+            if rate and number > 0:
+                seconds = 1 / number / (factor(unit or "Hz", "frequency") or math.nan)
             # "Start" may count samples where an origin stands beside it.
             if key in _STARTS and math.isfinite(seconds) and began in ("", "start"):
                 start, began, words = seconds, key, f" and {name} = {seconds:g} s"
             elif key in (*_INTERVALS, *_RATES) and seconds > 0 and not said:
                 interval, said = seconds, f"{name} of the file, {seconds:g} s apart"
-    return (interval, start, said + words) if said else None
+                sure = bool(unit) or rate
+    return (interval, start, said + words, sure) if said else None
+
+
+def _bare(cell: str) -> str:
+    return cell.strip(' "').replace(",", ".")
 
 
 def _counts_rows(table: Table, kept: list[int], sampled: bool) -> bool:
@@ -200,17 +215,13 @@ def _one_clock(
         own = table.data[:, before[-1] if before else clocks[0]]
         if not np.nanmax(np.abs(own - first)) > 1e-3 * step:
             continue
-        from scipy.interpolate import CubicSpline
-
-        values = arrays["values"][:, j]
-        there = np.isfinite(own) & np.isfinite(values)
+        there = np.isfinite(own)
         if there.sum() < 4 or not (np.diff(own[there]) > 0).all():
             raise RecordError(
                 f"column {table.columns[before[-1] if before else clocks[0]]}: the times of "
                 f"column {table.columns[c]} do not ascend; sort them, or give --interval"
             )
-        spline = CubicSpline(own[there], values[there], extrapolate=False)
-        arrays["values"][:, j] = spline(first)
+        arrays["values"][:, j] = on_clock(arrays["values"][there, j], own[there], first)
         moved += 1
     text = f"{len(clocks)} columns are clocks, not receivers"
     if moved:
@@ -233,16 +244,7 @@ def _positions(found: Content, table: Table, channels: list[int]) -> None:
             f"{', …' if len(left) > 4 else ''}: the heading says no position, left out"
         )
     keep = [j for j, there in enumerate(placed) if there]
-    units = {s[1] for s in said if s is not None}
-    scales = [factor(s[1], "position") or 1.0 for s in said if s is not None]
-    numbers = [s[0] for s in said if s is not None]
-    if units == {None}:
-        found.arrays["x"] = np.array(numbers)
-    else:
-        # Written as decimals: 20 mm is 0.02 m to the last digit.
-        found.arrays["x"] = np.array([float(f"{n * f:.15g}")
-                                      for n, f in zip(numbers, scales, strict=True)])  # fmt: skip
-        found.units["x"] = "m"
+    found.place([s for s in said if s is not None], f"the heading {found.labels[keep[0]][:40]!r}")
     found.unplaced = {
         found.labels[j]: found.arrays["values"][:, j] for j in range(len(placed)) if not placed[j]
     }

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.records.arrays import along_line
 from wavesim.records.content import LARGEST, Content, RecordError
 
 
@@ -47,14 +48,8 @@ def _of_groups(places: dict[str, NDArray[Any]], content: Content) -> None:
     spots = np.stack([np.resize(places[name], 3) if places[name].size == 3
                       else np.r_[places[name], np.zeros(3 - places[name].size)]
                       for name in groups])  # fmt: skip
-    moves = np.ptp(spots, axis=0)
-    along = int(np.argmax(moves))
-    if (moves > 1e-9 * max(moves.max(), 1e-300)).sum() > 1:
-        x = np.linalg.norm(spots - spots[0], axis=1)
-        content.notes.append("positions of the groups vary in more than one direction: taken as "
-                             "distances from the first")  # fmt: skip
-    else:
-        x = spots[:, along]
+    x, said = along_line(spots, "groups' positions: ")
+    content.notes += [said] if said else []
     stacked = {}
     for name in shared:
         signals = [content.arrays[f"{group}/{name}"] for group in groups]

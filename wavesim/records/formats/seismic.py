@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.records.arrays import along_line, line_of
 from wavesim.records.content import Content, RecordError, check_size
 
 FORMATS = {
@@ -89,9 +90,11 @@ def _place(content: Content, stream: Any, traces: list[Any]) -> None:
     what = "offsets"
     if offsets is not None and to_source is not None:
         # Offsets are whole numbers; coordinates may be finer.
-        near = np.abs(np.abs(offsets) - to_source) <= 1
+        near = np.abs(np.abs(offsets) - np.abs(to_source)) <= 1
+        if (offsets < 0).any():
+            to_source = np.copysign(to_source, offsets)
         if near.all() and len(set(to_source.tolist())) == len(to_source):
-            offsets, what = np.copysign(to_source, offsets), "offsets and coordinates"
+            offsets, what = to_source, "offsets and coordinates"
     usable = _usable(offsets)
     if usable is None:
         usable, what = _usable(places), "coordinates"
@@ -156,7 +159,7 @@ def _offsets(traces: list[Any]) -> np.ndarray | None:
 
 
 def _coordinates(traces: list[Any]) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Along the line of the receivers from the first, and to the source where it has a place."""
+    """Along the receivers' line from the first, and from the source, negative behind it."""
     spots, sources = [], []
     for trace in traces:
         header = trace.stats.get("segy") or trace.stats.get("su")
@@ -171,7 +174,18 @@ def _coordinates(traces: list[Any]) -> tuple[np.ndarray | None, np.ndarray | Non
         spots.append([header.group_coordinate_x * scale, header.group_coordinate_y * scale])
         sources.append([header.source_coordinate_x * scale, header.source_coordinate_y * scale])
     at, source = np.array(spots, float), np.array(sources, float)
-    return np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - source, axis=1)
+    to_source = np.linalg.norm(at - source, axis=1)
+    try:
+        places, _ = along_line(at)
+    except RecordError:
+        return None, to_source
+    # Behind a source that stands in their line distances count back from it.
+    middle = at.mean(axis=0)
+    direction = line_of(at - middle)
+    ahead, shot = (at - middle) @ direction, (source - middle) @ direction
+    aside = np.linalg.norm(source - middle - np.outer(shot, direction), axis=1)
+    in_line = aside.max() <= 0.1 * np.ptp(ahead) / max(len(at) - 1, 1)
+    return places, np.copysign(to_source, ahead - shot) if in_line else to_source
 
 
 def _usable(places: np.ndarray | None) -> np.ndarray | None:

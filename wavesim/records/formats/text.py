@@ -49,6 +49,7 @@ class Table:
         columns: their numbers in the file, from 1.
         lines: of the file, that each row stands in.
         overload: number of cells of each column marked as out of range.
+        dated: columns of dates or times of day, which are in s.
         headed: whether there are headings.
         notes: what was left out.
         above: other rows above the numbers, as cells.
@@ -62,6 +63,7 @@ class Table:
     columns: list[int]
     lines: NDArray[Any]
     overload: list[int]
+    dated: list[int]
     headed: bool
     notes: list[str]
     above: list[list[str]]
@@ -127,6 +129,7 @@ def read_table(path: Path) -> Table:
         [in_file[c] for c in kept],
         np.array([n for n, _ in body]),
         [overload[c] for c in kept],
+        [n for n, c in enumerate(kept) if c in dated],
         any(h.strip() for h in headings),
         notes,
         [row for _, row in above],
