@@ -171,11 +171,13 @@ def _direct_of_each(
             return float(np.min(np.abs(np.log(distance / wanted.speed) - one.y)))
 
         waves = [min(waves, key=off)]
-    own: list[int | None] = []
-    for one, packet, k in zip(records, heard, waves[0].packet.tolist(), strict=True):
-        merged = k >= 0 and (hides_two(packet[k], one) or begun_before(packet[k], one))
-        own.append(k if k >= 0 and not merged else None)
-    return own, waves
+    seen: list[int | None] = [k if k >= 0 else None for k in waves[0].packet.tolist()]
+    # Where another wave runs into it, its break is another's; unless it does so in all.
+    alone = [
+        None if k is None or hides_two(packet[k], one) or begun_before(packet[k], one) else k
+        for one, packet, k in zip(records, heard, seen, strict=True)
+    ]
+    return (seen if all(k is None for k in alone) else alone), waves
 
 
 def _rivals(

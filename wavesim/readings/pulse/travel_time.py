@@ -42,7 +42,7 @@ _SLOW = 0.6
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
-_DELAY = 0.1
+_DELAY = 0.14
 NOTHING_ALIKE = "nothing in common with what was sent near the break"
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
