@@ -89,7 +89,7 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         notes = (*notes, f"{missing.sum()} missing frames bridged by straight lines")
     columns = {label: values[:, j] for j, label in enumerate(labels)}
     places = dict(zip(labels, record.x.tolist(), strict=True))
-    if record.source_seen is not None:
+    if record.source_seen is not None and np.isfinite(record.x).all():
         places = _beside(places, [(record.source_seen, 0.0)])
         columns = {name: columns[name] for name in places}
         notes = (

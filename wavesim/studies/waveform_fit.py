@@ -203,9 +203,8 @@ class Waveforms:
         sim, step = self.case.simulation, self.measured.interval
         own = np.arange(0.0, sim.duration + step / 2, step)
         there = resampling(sim.frames, sim.interval, own) @ frames
-        c = sum(
-            cross_correlation(u, s - s.mean()) for u, s in zip(recorded.T, there.T, strict=True)
-        )
+        pairs = zip(recorded.T, (there - there.mean(axis=0)).T, strict=True)
+        c = np.sum([cross_correlation(u, one) for u, one in pairs], axis=0)
         lags = self.measured.t[0] + step * (np.arange(len(c)) - (len(own) - 1))
         inside = np.abs(lags) <= _REACH * sim.duration
         return float(lags[int(np.argmax(np.where(inside, np.abs(c), -1.0)))])

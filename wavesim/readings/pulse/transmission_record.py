@@ -146,9 +146,11 @@ def transmission_record(
             "no signal: record it again with less gain"
         )
     length, v = 0.0, None if sent is None else checked("transmitter", sent, time)
-    for name, row in (("receiver", u), ("transmitter", v)):
+    for whose, row in (("receiver", u), ("transmitter", v)):
         if row is not None and np.abs(row).max() > _LARGEST:
-            raise PulseError(f"the {name}'s signal reaches {np.abs(row).max():.3g}: is it its own?")
+            raise PulseError(
+                f"the {whose}'s signal reaches {np.abs(row).max():.3g}: is it its own?"
+            )
     step = faults.step_of_digitiser(u)
     clipped = bool(faults.flat_tops(u))
     time, u, v, said = _finely(time, u, v)
