@@ -54,7 +54,7 @@ def write_overview(path: Path, field: Field, found: Any, title: str, verdict: st
         figure.text(
             0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
         )
-        told = textwrap.shorten(verdict, 165, placeholder=" …")
+        told = as_written(textwrap.shorten(verdict, 165, placeholder=" …"))
         figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
         for number, panel in enumerate(panels, start=1):
             wide = number == len(panels) and number % 2 == 1

@@ -188,7 +188,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")
-    axes.set_title(one.origin.name)
+    axes.set_title(as_written(one.origin.name))
     axes.grid(alpha=0.25, lw=0.5)
     figure.legend(loc="outside lower center", ncols=3)
     return figure
@@ -268,7 +268,7 @@ def phase_velocity(one: Recovered) -> Figure:
         xlabel=f"frequency ({prefix}Hz)", ylabel="phase velocity (m/s)",
         xlim=(omega[0] * to_f, omega[-1] * to_f), ylim=(slow, fast),
     )  # fmt: skip
-    axes.set_title(f"{one.origin.name}: phases in line, B(f, c)")
+    axes.set_title(f"{as_written(one.origin.name)}: phases in line, B(f, c)")
     figure.legend(loc="outside lower center", ncols=4)
     figure.colorbar(image, ax=axes, label="B")
     return figure
