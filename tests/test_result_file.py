@@ -411,7 +411,7 @@ def test_disk_that_fills_is_told_and_what_was_written_stays(simulation, tmp_path
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     message = str(caught.value)
     assert message.startswith(f"{path}: can't be written: File too large")
-    assert "make room" in message
+    assert "ulimit -f" in message
     assert "\n" not in message
     assert whole_frames(path, simulation) == 5
     assert not list(tmp_path.glob("**/*.tmp"))

@@ -37,6 +37,7 @@ ENDS = (ws.Ricker("phi1", 0.0, 5e5, amplitude=1e-3, drive="rotation"),
 
 # (layers, order, left, right, sources, frames): interfaces within each other's reach, one layer
 # that is all closures; a graded layer, and cells of a size of their own, as 60.4 of them are none;
+# a bar of fewer points than are taken together;
 # a bar that is driven at an end, short and long.
 BARS = {
     "near": (
@@ -48,6 +49,10 @@ BARS = {
         4, "periodic", "periodic", BODY, 81,
     ),
     "short, gradient term": (stack((40, GRADIENT)), 12, "fixed", "free", ENDS, 81),
+    "fewer points than a run": (
+        stack((9, FIRST), (10, SECOND)),
+        2, "free", "fixed", (ws.Ricker("phi2", 5 * CELL, 7e5),), 81,
+    ),
     "long, gradient term": (stack((140, GRADIENT)), 12, "fixed", "free", ENDS, 81),
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from wavesim.figures.style import FOUND, GAP, STYLE, symbol
+from wavesim.figures.style import FOUND, GAP, STYLE, as_written, symbol
 from wavesim.material.family import is_macro
 from wavesim.simulation.field import Field
 
@@ -81,7 +81,7 @@ def _images(
         axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
     for label, position in list(field.receivers.items())[:24]:
         axes.axvline(position * 1e3, color="#2f6f9f", lw=0.7, ls=":")
-        axes.text(position * 1e3, 1.01, label, fontsize=7, ha="center", va="bottom",
+        axes.text(position * 1e3, 1.01, as_written(label), fontsize=7, ha="center", va="bottom",
                   color="#2f6f9f", transform=axes.get_xaxis_transform())  # fmt: skip
     reach = 1.08 * (top or 1.0)
     axes.set(

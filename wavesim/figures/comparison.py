@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.figures.style import FOUND, THEORY
+from wavesim.figures.style import FOUND, THEORY, as_written
 from wavesim.readings.misfit import Comparison
 
 _MOST = 10
@@ -25,8 +25,8 @@ def overlay(found: Comparison) -> Figure:
         axes.plot(t, (u - base) / largest, color=FOUND, lw=1.1, label="record")
         axes.plot(t, (there - base) / largest, color=THEORY, lw=0.9, ls="--", label="case")
         axes.plot(t, (u - there) / largest, color=_GREY, lw=0.7, label="difference")
-        axes.set_ylabel(f"{one.name}\n{one.position * 1e3:.4g} mm", rotation=0, ha="right",
-                        va="center")  # fmt: skip
+        where = f"{as_written(one.name)}\n{one.position * 1e3:.4g} mm"
+        axes.set_ylabel(where, rotation=0, ha="right", va="center")
         axes.set_yticks([])
         told = f"{one.residual:.1%} left, {one.arrival * 1e9:+.3g} ns, × {one.amplitude:.3g}"
         axes.text(0.995, 0.94, told, ha="right", va="top", fontsize=7, transform=axes.transAxes)

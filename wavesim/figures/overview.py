@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, POINT, STYLE, THEORY, as_written, shade, title
+from wavesim.figures.style import FOUND, POINT, STYLE, THEORY, as_written, shade, symbol, title
 from wavesim.material.family import is_macro
 from wavesim.material.shown import KHZ
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -54,7 +54,7 @@ def write_overview(path: Path, field: Field, found: Any, title: str, verdict: st
         figure.text(
             0.012, 1 - 0.16 / height, as_written(title), va="top", fontsize=12, fontweight="bold"
         )
-        told = textwrap.shorten(verdict, 165, placeholder=" …")
+        told = as_written(textwrap.shorten(verdict, 165, placeholder=" …"))
         figure.text(0.012, 1 - 0.46 / height, told, va="top", fontsize=9.5)
         for number, panel in enumerate(panels, start=1):
             wide = number == len(panels) and number % 2 == 1
@@ -145,7 +145,7 @@ def _velocity(axes: Axes, test: PulseTest) -> str:
     top = 1.6 * float(np.median(speeds)) if len(speeds) else 1.0
     axes.set(xlabel="ω/2π (kHz)", ylabel="velocity (m/s)", xlim=(f[0], f[-1]), ylim=(0, top))
     _legend(axes)
-    return f"Velocities between receivers, {test.name}"
+    return f"Velocities between receivers, {symbol(test.name)}"
 
 
 def _signals(axes: Axes, field: Field) -> str:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from wavesim.figures import pulse_test
-from wavesim.figures.style import FOUND, POINT, THEORY, Drawings, legend_entries
+from wavesim.figures.style import FOUND, POINT, THEORY, Drawings, as_written, legend_entries
 from wavesim.material.shown import with_error
 from wavesim.readings.pulse.reading import Reading
 from wavesim.readings.pulse.series_reading import Series
@@ -85,7 +85,9 @@ def waveforms(
                 label = f"top of a {packet.name}" if named else "other packets"
                 axes.plot(place * 1e3, row - 0.3, "^", ms=4, mec=THEORY, mew=0.8,
                           mfc=THEORY if named else "white", label=label)  # fmt: skip
-        ticks.append(f"{values[index]:g}" if values is not None else Path(one.file).stem[-24:])
+        ticks.append(
+            f"{values[index]:g}" if values is not None else as_written(Path(one.file).stem[-24:])
+        )
     axes.set_yticks(range(len(ticks)), ticks)
     high = last if last else float(tau[-1])
     axes.set(xlim=(-0.04 * high, min(high, float(tau[-1]))), ylim=(-0.7, len(order) - 0.3),

@@ -19,6 +19,7 @@ from wavesim.figures.style import (
     SHADES,
     THEORY,
     as_written,
+    cell_ends,
     gap_edges,
     plot_branch,
     shade,
@@ -63,14 +64,12 @@ def spectrum(one: Recovered) -> Figure:
         10 * np.log10(np.maximum(heights[:, kept].T / heights.max(), 1e-15)),
         origin="lower",
         aspect="auto",
-        extent=(
-            (k[0] - k[0] / 2) * to_k, (k[-1] + k[0] / 2) * to_k, 0, omega[kept][-1] * to_f
-        ),
+        extent=(*cell_ends(k * to_k, len(k)), *cell_ends(omega[kept] * to_f, int(kept.sum()))),
         cmap=MAP,
         vmin=_DEEPEST,
         vmax=0,
         interpolation="nearest",
-    )  # fmt: skip
+    )
     if one.origin.theory is not None:
         fine = np.linspace(k[0] / 10, k[-1], 400)
         lines = axes.plot(
@@ -189,7 +188,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")
-    axes.set_title(one.origin.name)
+    axes.set_title(as_written(one.origin.name))
     axes.grid(alpha=0.25, lw=0.5)
     figure.legend(loc="outside lower center", ncols=3)
     return figure
@@ -269,7 +268,7 @@ def phase_velocity(one: Recovered) -> Figure:
         xlabel=f"frequency ({prefix}Hz)", ylabel="phase velocity (m/s)",
         xlim=(omega[0] * to_f, omega[-1] * to_f), ylim=(slow, fast),
     )  # fmt: skip
-    axes.set_title(f"{one.origin.name}: phases in line, B(f, c)")
+    axes.set_title(f"{as_written(one.origin.name)}: phases in line, B(f, c)")
     figure.legend(loc="outside lower center", ncols=4)
     figure.colorbar(image, ax=axes, label="B")
     return figure

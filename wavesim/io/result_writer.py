@@ -32,7 +32,7 @@ from wavesim.io.result_reader import (
     attributes_checksum,
     reading,
 )
-from wavesim.io.whole_files import written
+from wavesim.io.whole_files import way_out, written
 from wavesim.material.family import is_macro, known_field
 from wavesim.simulation.field import Energy
 from wavesim.simulation.simulation import Simulation
@@ -242,26 +242,26 @@ class Results:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        # h5py reports some failures to write as RuntimeError.
+        # h5py reports some failures, of parts that it reads among them, as RuntimeError.
         try:
             yield
         except StorageError:
             raise
         except (OSError, RuntimeError, ValueError) as error:
             what = getattr(error, "strerror", None) or str(error).partition("\n")[0]
-            raise WriteError(f"{self.path}: can't be written: {what}; {self.stored}") from error
+            said = f"{self.path}: can't be written: {what}; {self._stored_and(way_out(error))}"
+            raise WriteError(said) from error
 
-    @property
-    def stored(self) -> str:
-        """What of the run is stored, and how to go on."""
+    def _stored_and(self, remedy: str) -> str:
+        """What of the run is stored, and how to go on, with what helps."""
         if not self.path.parent.is_dir():
             return "its folder is gone; run again, and leave it there"
         if not self._stored:
-            return "nothing is stored yet; make room on the disk, or name another folder with --out"
-        return (
-            f"{self._stored} of {self.simulation.frames} frames are stored; make room on the disk "
-            "and run again with --resume"
-        )
+            first = f"{remedy}, or " if remedy else ""
+            return f"nothing is stored yet; {first}name another folder with --out"
+        first = f"{remedy} and " if remedy else ""
+        of = f"{self._stored} of {self.simulation.frames} frames"
+        return f"{of} are stored; {first}run again with --resume"
 
     def _room(self) -> None:
         """Hold the file to come to the room on the disk."""

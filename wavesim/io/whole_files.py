@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import h5py
+if TYPE_CHECKING:  # what only writes bytes does without
+    import h5py
 
+_FULL = "make room on the disk"
+_CLOSED = "let its folder be written to"
+# What helps where a file can't be written.
+_WAYS_OUT = {
+    errno.ENOSPC: _FULL,
+    errno.EDQUOT: _FULL,
+    errno.EFBIG: "let files grow larger (ulimit -f)",
+    errno.EROFS: _CLOSED,
+    errno.EACCES: _CLOSED,
+    errno.EPERM: _CLOSED,
+    errno.EMFILE: "let more files be open (ulimit -n)",
+    errno.EIO: "look to the disk",
+}
 # Metadata with checksums too.
 LIBVER = ("v110", "v110")
+
+
+def way_out(error: Exception) -> str:
+    """What helps where a file can't be written; "" where that is not known."""
+    return _WAYS_OUT.get(getattr(error, "errno", None) or 0, "")
 
 
 @contextmanager
@@ -20,6 +41,8 @@ def written(path: Path) -> Iterator[h5py.File]:
 
     It is made in memory: no failure to write can upset the HDF5 library.
     """
+    import h5py
+
     image = io.BytesIO()
     with h5py.File(image, "w", libver=LIBVER) as file:
         yield file

@@ -26,6 +26,10 @@ _SMALL = 1e-10
 _FURTHEST = 30.0
 
 
+class BeyondNumbersError(ValueError):
+    """A spectrum at ω + iσ over- or underflows."""
+
+
 @dataclass(frozen=True)
 class Contour:
     """Where a signal is evaluated in the frequency domain.
@@ -75,7 +79,13 @@ class Contour:
 
 def _top(spectrum: Callable[[Any], Any], band: float, sigma: float) -> float:
     omega = band * np.linspace(0, _FURTHEST, 3001) + 1j * sigma
-    size = np.abs(spectrum(omega))
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.abs(spectrum(omega))
+    if not 0 < size.max() < np.inf:
+        raise BeyondNumbersError(
+            "duration: is so short beside what a source sends that its spectrum at ω + iσ is "
+            "beyond numbers; lengthen the run"
+        )
     return float(omega[min(np.flatnonzero(size > _SMALL * size.max()).max() + 1, 3000)].real)
 
 
@@ -86,6 +96,9 @@ def contour(duration: float, sources: Sequence[Any], initial: Sequence[float]) -
         duration: last time asked for, s, > 0.
         sources: those with a pulse, with ``spectrum`` and ``band``.
         initial: for each initial value, the highest angular frequency it sets in motion, rad/s.
+
+    Raises:
+        BeyondNumbersError: a spectrum is no number there.
     """
     period = 2 * duration
     sigma = -math.log(_WRAP) / period

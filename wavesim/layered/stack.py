@@ -19,6 +19,9 @@ from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.scaling import Scales, block_coefficients, scales
 
+# Decays of a micro-field that a graded layer may hold, where Γ is kept.
+_MOST_DECAYS = 1e4
+
 
 @dataclass(frozen=True)
 class Load:
@@ -175,6 +178,16 @@ class Stack:
                     own += amount[:, None] * driven(here, omega, load.component)
             return generator(joined(places), omega), s
 
+        if self.kept:
+            A, _ = system(np.array([(x0 + x1) / 2]), np.arange(len(full)))
+            turns = float(np.abs(np.linalg.eigvals(A).real).max()) * (x1 - x0)
+            if turns > _MOST_DECAYS:
+                raise ValueError(
+                    f"the graded layer from {layer.start:g} to {layer.end:g} m: Γ counts in this "
+                    f"bar, and micro-fields decay within {(x1 - x0) * length / turns:.2g} m there, "
+                    "too short to be followed through it; give every medium a stiffness_ratio "
+                    "above 0 (Γ counts for nothing then), or uniform layers in its place"
+                )
         strength = None
         if loads:
             middle = self.section(layer, (x0 + x1) / 2 * length)

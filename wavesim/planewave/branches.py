@@ -35,8 +35,8 @@ Solver = Callable[[Float], Eigenmodes]
 def _overlaps(before: Eigenmodes, after: Eigenmodes) -> Float:
     """|u_i† v_j|² of left modes before and right modes after, rows of sum about one."""
     raw = np.abs(np.swapaxes(before.left, -1, -2) @ after.right)
-    raw = raw * np.abs(np.swapaxes(after.left, -1, -2) @ before.right).T
-    return raw
+    back = np.abs(np.swapaxes(after.left, -1, -2) @ before.right)
+    return np.asarray(raw * np.swapaxes(back, -1, -2))
 
 
 def _assign(before: Eigenmodes, after: Eigenmodes) -> tuple[Any, bool]:
@@ -54,7 +54,7 @@ def _assign(before: Eigenmodes, after: Eigenmodes) -> tuple[Any, bool]:
     return target, bool((kept >= _CLEAR).all() and in_place.all())
 
 
-def _pick(modes: Eigenmodes, i: int) -> Eigenmodes:
+def _pick(modes: Eigenmodes, i: int | slice) -> Eigenmodes:
     return Eigenmodes(modes.squares[i], modes.right[i], modes.left[i])
 
 
@@ -85,12 +85,15 @@ def track(solver: Solver, points: Float) -> Any:
     modes = solver(points)
     order = np.empty(modes.squares.shape, dtype=int)
     order[0] = np.arange(order.shape[1])
-    here = _pick(modes, 0)
-    for i in range(1, len(points)):
-        there = _pick(modes, i)
-        step = _link(solver, (float(points[i - 1]), float(points[i])), (here, there), _DIVISIONS)
-        order[i] = step[order[i - 1]]
-        here = there
+    before, after = _pick(modes, slice(None, -1)), _pick(modes, slice(1, None))
+    kept = np.diagonal(_overlaps(before, after), axis1=-2, axis2=-1)
+    plain = np.all(kept >= _CLEAR, axis=-1)
+    for i, clear in enumerate(plain.tolist(), start=1):
+        order[i] = order[i - 1]
+        if not clear:
+            x = float(points[i - 1]), float(points[i])
+            step = _link(solver, x, (_pick(modes, i - 1), _pick(modes, i)), _DIVISIONS)
+            order[i] = step[order[i - 1]]
     return order
 
 

@@ -62,10 +62,12 @@ def unwritable(
 ) -> tuple[str, int]:
     """What is said where something can't be written, and the exit code: of bad input, but where the
     disk is full, of a failure."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        remedy = f"make room on the disk, or {remedy}"
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-    said = f"{where}: can't be written: {error.strerror or error}; {remedy}"
+    from wavesim.io.whole_files import way_out
+
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+    first = way_out(error)
+    said = f"{where}: can't be written: {error.strerror or error}; "
+    said += f"{first}, or {remedy}" if first else remedy
     return said, FAILED if full else BAD_INPUT
 
 

@@ -1,4 +1,4 @@
-"""What a bar is made of, point by point: stiffnesses, inertias and losses on its grid, scaled.
+"""What a bar is made of, point by point: stiffnesses and inertias on its grid, scaled.
 
 A stretch of the grid belongs to each layer, and a layer's medium stands at its own points only, so
 that nothing is averaged across an interface but the inertia of the one node there, to which each
@@ -26,7 +26,6 @@ from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium, with_each_class
 from wavesim.material.scaling import Scales, block_coefficients, scales
-from wavesim.timedomain.absorber import absorption
 
 # The scheme needs double precision.
 jax.config.update("jax_enable_x64", True)
@@ -79,38 +78,6 @@ class Coefficients(eqx.Module):
     macro: int = eqx.field(static=True)
 
 
-class Losses(eqx.Module):
-    """What is lost, point by point, shape (points,) unless it says otherwise.
-
-    Attributes:
-        mass_node: α at nodes.
-        drag_node, drag_half: α + d on φ̇, α + α_B on Ḃ.
-        spring_node: α d on φ.
-        stiffness: β_d over the unrelaxed modulus, at half-nodes.
-        rates, strengths: ω_l and Y_l of the standard linear solids, at half-nodes, shape
-            (mechanisms, points).
-        absorb_half: d at half-nodes.
-        damped, viscous, absorbing: whether there is a loss law, one with β_d, an absorbing end.
-    """
-
-    mass_node: Any
-    drag_node: Any
-    drag_half: Any
-    spring_node: Any
-    stiffness: Any
-    rates: Any
-    strengths: Any
-    absorb_half: Any
-    damped: bool = eqx.field(static=True)
-    viscous: bool = eqx.field(static=True)
-    absorbing: bool = eqx.field(static=True)
-
-    @property
-    def lossy(self) -> bool:
-        """Whether anything is lost."""
-        return self.damped or self.absorbing
-
-
 def coefficients(
     layers: Layers,
     bar: Bar,
@@ -139,65 +106,6 @@ def coefficients(
     return Coefficients(stiffness, gradient, node_mass, inertia, len(blocks[0].macro))
 
 
-def losses(
-    layers: Layers,
-    bar: Bar,
-    block: Block,
-    reference: Medium,
-    plain: Layers | None = None,
-    sizes: Any = None,
-) -> Losses:
-    """Loss laws and absorbers over a bar.
-
-    Args:
-        layers: what the bar is made of; parameters may be traced by jax.
-        bar: its grid.
-        block: one of those that it is for: absorbers and what layers that meet are to it differ by
-            family.
-        reference: the medium whose units to scale by.
-        plain: layers of plain numbers, for the absorbers, where the others are traced.
-        sizes: as of :func:`coefficients`; absorbers stay as they are.
-    """
-    time = float(scales(reference).time)
-    layers = layers.mapped(lambda medium: medium.part(block))
-    plain = layers if plain is None else plain.mapped(lambda medium: medium.part(block))
-    laws = [layer.medium.damping for layer in layers.layers]
-    count, points = max(len(law.rates) for law in laws), len(bar.nodes)
-    mass_half, stiffness = np.zeros(points), np.zeros(points)
-    rates, strengths = np.zeros((count, points)), np.zeros((count, points))
-    drag: Any = np.zeros(bar.cells + 1)
-    inertia: Any = np.zeros(bar.cells + 1)
-    for layer, cells, norm, x in _stretches(layers, bar, sizes):
-        law = layer.medium.damping
-        mass_half[cells] = law.mass * time
-        stiffness[cells] = law.stiffness / time / law.unrelaxed
-        for number, (rate, strength) in enumerate(zip(law.rates, law.strengths, strict=True)):
-            rates[number, cells], strengths[number, cells] = rate * time, strength
-        # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
-        ends = [layer.at(position) for position in x[[0, -1]]]
-        of_ends = [end.inertias[0] for end in ends]
-        at = np.append(np.zeros(len(x) - 1, int), 1)
-        xp = module(*of_ends)
-        own = _placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
-        drag, inertia = drag + law.mass * time * own, inertia + own
-    at_node, _ = absorption(plain, bar, bar.nodes)
-    inner, calm = absorption(plain, bar, bar.half_nodes)
-    mass_node = _joined(bar, drag) / _joined(bar, inertia)
-    return Losses(
-        mass_node=mass_node,
-        drag_node=mass_node + time * at_node,
-        drag_half=mass_half + at_half(bar, time * calm),
-        spring_node=mass_node * time * at_node,
-        stiffness=stiffness,
-        rates=rates,
-        strengths=strengths,
-        absorb_half=at_half(bar, time * inner),
-        damped=any(laws),
-        viscous=bool(stiffness.any()),
-        absorbing="absorbing" in (bar.left, bar.right),
-    )
-
-
 def module(*values: Any) -> Any:
     """jax.numpy where jax traces or holds a value, numpy else: plain media cost no compilation."""
     return jnp if any(isinstance(value, jax.Array) for value in values) else np
@@ -216,8 +124,8 @@ def node_norm(layers: Layers, bar: Bar, sizes: Any = None) -> Any:
     """Length that each node stands for, m; arguments as of :func:`coefficients`."""
     if sizes is None:
         return bar.differences.node_norm
-    parts = [_placed(norm, cells, bar) for _, cells, norm, _ in _stretches(layers, bar, sizes)]
-    return _joined(bar, functools.reduce(jnp.add, parts))
+    parts = [placed(norm, cells, bar) for _, cells, norm, _ in stretches(layers, bar, sizes)]
+    return joined(bar, functools.reduce(jnp.add, parts))
 
 
 def stretched(bar: Bar, sizes: Any = None) -> Any:
@@ -236,7 +144,7 @@ def _of_block(
     length, inner = float(units.length), slice(1, bar.cells)
     stiffness, inertia, bending = [], [], []
     mass: Any = np.zeros(bar.cells + 1)
-    for layer, cells, norm, x in _stretches(layers, bar, sizes):
+    for layer, cells, norm, x in stretches(layers, bar, sizes):
         unrelaxed = layer.medium.damping.unrelaxed
         n = len(x) - 1
         c = _along(layer, block, units, np.concatenate([(x[1:] + x[:-1]) / 2, x]))
@@ -246,7 +154,7 @@ def _of_block(
         lower = xp.concatenate([-c_bp, c_bb], axis=1)
         stiffness.append(xp.concatenate([upper, lower]) * unrelaxed)
         inertia.append(c["i_B"][:n])
-        mass = mass + _placed(c["i_phi"][n:] * (norm / length), cells, bar)
+        mass = mass + placed(c["i_phi"][n:] * (norm / length), cells, bar)
         bending.append(c["gamma"][..., n:] * (unrelaxed * length / norm))
     gradient: Any = None
     if with_gradient:
@@ -258,7 +166,7 @@ def _of_block(
     return (
         at_half(bar, module(*stiffness).concatenate(stiffness, axis=-1)),
         gradient,
-        _joined(bar, mass),
+        joined(bar, mass),
         at_half(bar, module(*inertia).concatenate(inertia), 1.0),
     )
 
@@ -298,7 +206,7 @@ def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str
     return found
 
 
-def _stretches(
+def stretches(
     layers: Layers, bar: Bar, sizes: Any = None
 ) -> list[tuple[Layer, slice, Any, np.ndarray]]:
     """Each layer with its cells, the norm of its nodes, and their positions on the bar, m."""
@@ -314,14 +222,14 @@ def _stretches(
     return found
 
 
-def _joined(bar: Bar, values: Any) -> Any:
+def joined(bar: Bar, values: Any) -> Any:
     """Values at N + 1 nodes, with the last added to the first where the bar is periodic."""
     if not bar.periodic:
         return values
     return values[..., :-1] + values[..., -1:] * np.eye(1, bar.cells)[0]
 
 
-def _placed(values: Any, cells: slice, bar: Bar) -> Any:
+def placed(values: Any, cells: slice, bar: Bar) -> Any:
     """Values at the nodes of a stretch, (nodes,), among zeros at all others, (cells + 1,)."""
     return module(values).pad(values, (cells.start, bar.cells - cells.stop))
 

@@ -178,7 +178,7 @@ def _on_the_grid(simulated: Simulation) -> Iterator[str]:
     limit = largest_phase(bar.order)
     sizes = [size for _, size in bar.all_stretches]
     for layer, size in zip(simulated.layers.layers, sizes, strict=True):
-        for source in (s for s in simulated.sources if s.acts != "initial"):
+        for source in (s for s in simulated.sources if 0 < s.peak_frequency < math.inf):
             omega = np.array([2 * math.pi * source.peak_frequency])
             for block in simulated.blocks:
                 key = layer.medium, size, block.sector, source.peak_frequency
@@ -200,7 +200,7 @@ def _on_the_grid(simulated: Simulation) -> Iterator[str]:
 
 def _losses(simulated: Simulation) -> Iterator[str]:
     """Constant-Q bands away from what is excited."""
-    peaks = [s.peak_frequency for s in simulated.sources if math.isfinite(s.peak_frequency)]
+    peaks = [s.peak_frequency for s in simulated.sources if 0 < s.peak_frequency < math.inf]
     for law in dict.fromkeys(layer.medium.damping for layer in simulated.layers.layers):
         if not law.rates or not peaks:
             continue

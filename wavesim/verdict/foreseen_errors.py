@@ -16,7 +16,7 @@ import numpy as np
 
 from wavesim.case.schema import AnalysisTable
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.layered.inverse_transform import Contour
+from wavesim.layered.inverse_transform import BeyondNumbersError, Contour
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
@@ -89,9 +89,8 @@ def foretold(
                 found: list[Foretold] | None = list(_of_ring(simulated, table, k_range))
             else:
                 found = _of_bar(simulated, table)
-    except (ValueError, ArithmeticError, MemoryError):
-        # Numbers so far out that no transform holds them, or what the exact solvers do not have.
-        return None
+    except (BeyondNumbersError, np.linalg.LinAlgError, ArithmeticError, MemoryError):
+        return None  # numbers so far out that no transform holds them
     return found and [one for one in found if math.isfinite(one.error)]
 
 
@@ -145,8 +144,12 @@ def _along_ring(
     """k(ω), at frequencies as of ``readings/dispersion/extract.py``."""
     low, high = excited_band(own)
     peak = 2 * math.pi * max(source.peak_frequency for source in own)
-    top = min(high, 0.95 * math.pi / simulated.interval, 2 * peak)
-    real = np.linspace(low or 2 * math.pi / simulated.duration, top, table.frequencies)
+    high, lowest = (
+        min(high, 0.95 * math.pi / simulated.interval),
+        low or 2 * math.pi / simulated.duration,
+    )
+    top = min(high, 2 * peak)
+    real = np.linspace(lowest, top if top > lowest else high, table.frequencies)
     omega = np.asarray(real + 1j * table.damping / simulated.duration, complex)
     exact, on_grid = (
         OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)
@@ -167,10 +170,10 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         if low <= x <= high and not at_double_moment(simulated, x) and not blurred(simulated, x)
     }
     specimens = list(_specimens(simulated, table))
-    if not seen and not specimens:
+    blocks = sum(bool(block.macro) for block in simulated.blocks)
+    if not blocks or not (seen or specimens):
         return []
     t = simulated.times
-    blocks = sum(bool(block.macro) for block in simulated.blocks)
     each = bar.cells * blocks * (_FOLDED if bar.periodic else 1)
     sent = simulated.layers, tuple(sources)
     grid = _contour(*sent, float(t[-1]))

@@ -97,7 +97,8 @@ class Loudness:
 def reach(simulated: Simulation, position: float) -> float:
     """Half the longest wavelength at a source's peak about a place, m; the bar without one."""
     bar = simulated.bar
-    peaked = [s.peak_frequency for s in simulated.sources if np.isfinite(s.peak_frequency)]
+    # A recorded signal with a mean peaks at 0 Hz.
+    peaked = [s.peak_frequency for s in simulated.sources if 0 < s.peak_frequency < np.inf]
     speed = simulated.layers.at(position).fastest
     return max(speed / 2 / min(peaked) if peaked else bar.length, 2 * bar.order * bar.spacing)
 

@@ -88,7 +88,8 @@ def extract(
             peak = 2 * np.pi * max(s.peak_frequency for s in field.sources)
             # From the first bin on, where a signal has a mean value.
             lowest = low or 2 * np.pi / (field.t[-1] - field.t[0])
-            omega = np.linspace(lowest, min(high, _ABOVE_PEAK * peak), frequencies)
+            highest = min(high, _ABOVE_PEAK * peak)
+            omega = np.linspace(lowest, highest if highest > lowest else high, frequencies)
             curve = attenuation(field, block, omega, damping)
             travelling = curve if len(curve.distance) >= FEWEST_POINTS else None
         found.append(Measured(block, shown, ridges(shown), travelling))

@@ -32,11 +32,13 @@ from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     RIVAL,
     Packet,
+    begun_before,
     hidden_by_noise,
     hides_two,
     likelihoods,
     named,
     packets,
+    rises,
 )
 
 Float = NDArray[Any]
@@ -47,12 +49,21 @@ OF_ONE = "first break"
 _LARGEST_ERROR = 0.25
 # A faster packet is told of from this part of the largest on.
 _TOLD = 0.27
+# A packet that takes so many times the direct one's time, of this part of its size at least, may be
+# the S wave of a slow P wave too.
+_SLOW_PAIR, _AS_S = (1.12, 1.47), 0.6
 # A speed that is told is meant to be right within this part, as one standard deviation.
 _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
 _APART = 0.6
+# Noise that hides a wave of this part of the largest is told of.
+_MAY_HIDE = 0.1
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
-_HIDDEN = 0.1
+# … and up to here it may have begun in crosstalk that had not ended, by so much.
+_HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
+# A wave of this part of the next one's size, over for no more than so many periods as that breaks,
+# may cover its break by such a part of one.
+_COVERS, _LEAVES, _COVERED = 0.3, 1.2, 0.35
 # Of two waves' distance this part is a standard error whose 95 % bar reaches over both; up to so
 # much of it the answer counts.
 _SPANS = 0.55
@@ -65,6 +76,10 @@ SLOW = (
 STEP = (
     "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
     "sine would tell them apart"
+)
+EARLIER = (
+    "it may have begun within the crosstalk or a wave ahead of it; the error holds that: a shorter "
+    "pulse would part them"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
@@ -186,10 +201,16 @@ def read_one(
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
     rivals = begun[as_well].tolist() if speeds is None else []
+    risen = rises(heard[at], record)
     if speeds is None and hides_two(heard[at], record):
-        rivals.append(heard[at].top - record.period / 4)
+        rivals.append(risen)
     found = settled(record, heard, float(begun[at]), distance, delays, speeds, rivals, wanted)
+    if found.best.valid and not math.isfinite(risen):
+        found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
+    if at == 0 and speeds is None and _MAY_HIDE < below <= DIRECT:
+        weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"
+        found = replace(found, notes=(*found.notes, weak))
     if speeds is None and below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
     # Of waves that are told apart by their speeds the largest is the one that the test is after.
@@ -244,6 +265,10 @@ def settled(
             f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
             "pulse would tell them apart"
         )
+    early = begun_earlier(record, heard, begins)
+    if early:
+        share = float(np.hypot(share, early))
+        notes.append(EARLIER)
     slow = slow_rise(record)
     if slow:
         share = float(np.hypot(share, slow))
@@ -286,6 +311,27 @@ def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
     return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
 
 
+def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: float) -> float:
+    """What a direct wave leaves open that may have begun within a wave ahead of it, or in crosstalk
+    that had not ended where it was cut, as one standard error, s."""
+    early = 0.0
+    own = next((one for one in heard if one.begins <= begins <= one.top), None)
+    if own is not None and begun_before(own, record):
+        early = begins - max(rises(own, record), record.blank - record.start)
+    # What such a wave leaves behind covers the break.
+    covers = (
+        own is not None and one.top < begins < one.top + _LEAVES * record.period
+        and one.size >= _COVERS * own.size
+        for one in heard
+    )  # fmt: skip
+    if any(covers):
+        early = max(early, _COVERED * record.period)
+    after = begins + record.start - record.blank
+    if record.unended and after < _NEAR_UNENDED * record.period:
+        early = max(early, after + _WITHIN * record.period)
+    return _SPANS * early
+
+
 def hidden(record: TransmissionRecord) -> str:
     until = record.blank - record.start
     if record.crosstalk:
@@ -325,11 +371,22 @@ def _other_readings(
                 f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
             )
         follows = own is not None and one.begins > begins and one.name != "direct"
-        if own and follows and one.size > 2 * own.size:
-            notes.append(
-                f"a packet {one.size / own.size:.1f} times as large follows; were it the direct "
-                f"one and this a near field, the velocity would be {speed:.4g} m/s"
-            )
+        if own and follows and one.size > _AS_S * own.size:
+            ratio = (begins - delay + one.top - own.top) / (begins - delay)
+            slow_pair = _SLOW_PAIR[0] < ratio < _SLOW_PAIR[1]
+            # Nothing comes ahead of a P wave.
+            if slow_pair and told[0].name == "direct" and wanted.wave != "P":
+                notes.append(
+                    f"a packet {one.size / own.size:.1f} times as large comes after {ratio:.2f} "
+                    "times the time and is taken for a guided wave; were it an S wave and this its "
+                    f"P wave, the S wave's velocity would be {speed:.4g} m/s: {say_which(wanted)}"
+                )
+            elif one.size > 2 * own.size:
+                notes.append(
+                    f"a packet {one.size / own.size:.1f} times as large follows; were it the "
+                    f"direct one and this a near field, the velocity would be {speed:.4g} m/s: "
+                    f"{say_which(wanted)}"
+                )
     return notes
 
 

@@ -15,6 +15,7 @@ from wavesim.readings.pulse.reading import (
     UNKNOWN,
     Reading,
     Wanted,
+    begun_earlier,
     hidden,
     in_crosstalk,
     judged,
@@ -35,6 +36,7 @@ from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_ri
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
+    begun_before,
     direct,
     hidden_by_noise,
     hides_two,
@@ -130,7 +132,7 @@ def read_series(
         )
         for one, packet, time, d, others in zip(records, heard, found.time, L, rivals, strict=True)
     ]
-    readings = _with_own(_on_one_line(alone, found, L, rivals, delays, wanted), begun)
+    readings = _with_own(_on_one_line(alone, heard, found, L, rivals, delays, wanted), begun)
     law = law_of(readings, p)
     return readings, Series(parameter, p, law)
 
@@ -169,10 +171,13 @@ def _direct_of_each(
             return float(np.min(np.abs(np.log(distance / wanted.speed) - one.y)))
 
         waves = [min(waves, key=off)]
-    own: list[int | None] = []
-    for one, packet, k in zip(records, heard, waves[0].packet.tolist(), strict=True):
-        own.append(k if k >= 0 and not hides_two(packet[k], one) else None)
-    return own, waves
+    seen: list[int | None] = [k if k >= 0 else None for k in waves[0].packet.tolist()]
+    # Where another wave runs into it, its break is another's; unless it does so in all.
+    alone = [
+        None if k is None or hides_two(packet[k], one) or begun_before(packet[k], one) else k
+        for one, packet, k in zip(records, heard, seen, strict=True)
+    ]
+    return (seen if all(k is None for k in alone) else alone), waves
 
 
 def _rivals(
@@ -243,6 +248,7 @@ def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[Trans
 
 def _on_one_line(
     alone: list[Reading],
+    heard: Sequence[list[Packet]],
     found: Followed,
     distance: Float,
     rivals: Sequence[Sequence[float]],
@@ -279,6 +285,7 @@ def _on_one_line(
         record = one.record
         assert record is not None
         share = float(np.hypot(share, slow_rise(record)))
+        share = float(np.hypot(share, begun_earlier(record, heard[i], time + one.delay)))
         share = float(np.hypot(share, unknown_delay(record, delays)))
         if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
             reason = UNLIKE

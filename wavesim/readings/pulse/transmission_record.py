@@ -65,6 +65,7 @@ class TransmissionRecord:
         crosstalk: its peak over that of ``got``, –; 0 where there is none.
         period: of the central frequency of what came through, s.
         covered: whether a large wave is there already as crosstalk ends.
+        unended: whether something is heard still where crosstalk is taken to end at the latest.
         clipped: whether it has flat tops.
         notes: what was put right.
     """
@@ -83,6 +84,7 @@ class TransmissionRecord:
     crosstalk: float
     period: float
     covered: bool
+    unended: bool
     clipped: bool
     notes: tuple[str, ...]
 
@@ -172,6 +174,7 @@ def transmission_record(
         0.0,
         0.0,
         False,
+        False,
         clipped,
         tuple(notes),
     )
@@ -244,7 +247,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     # It comes with what is sent, when no wave can have come yet.
     inside = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
-    blank, part = found.start, 0.0
+    blank, part, unended = found.start, 0.0, False
     heard = max(_HEARD * noise, _LEAST * float(size.max()))
     if found.start > t[0] and peak > heard and _at_once(raw, inside, dt, rough) > heard:
         part = peak
@@ -259,8 +262,8 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
             until = found.start + own[1]
             found = replace(found, raw=raw - own[0], crosstalk_taken=own[0])
             size = envelope(_band(found.raw, dt, rough))
-        blank = _over(found, size, peak, rough, noise, until)
-    return blanked(replace(found, crosstalk=part, period=rough), blank)
+        blank, unended = _over(found, size, peak, rough, noise, until)
+    return blanked(replace(found, crosstalk=part, period=rough, unended=unended), blank)
 
 
 def _at_once(raw: Float, inside: NDArray[np.bool_], dt: float, period: float) -> float:
@@ -279,8 +282,8 @@ def _over(
     rough: float,
     noise: float,
     until: float | None,
-) -> float:
-    """When crosstalk is over, s.
+) -> tuple[float, bool]:
+    """When crosstalk is over, s, and whether it was heard still then.
 
     Args:
         found: the record, what is known of its crosstalk taken out.
@@ -295,13 +298,14 @@ def _over(
     latest = found.start + max(_LENGTHS * found.length, rough)
     least = max(_OVER * peak, 3 * noise)
     ends = np.flatnonzero((t > found.start + found.length) & (size < least))
-    over = min(float(t[ends[0]]) if len(ends) else latest, latest)
+    ended = bool(len(ends) and t[ends[0]] <= latest)
+    over = float(t[ends[0]]) if ended else latest
     if until is None:
-        return over
+        return over, not ended
     # What is left of it beyond may not be what is known of it, but for a larger wave.
     waves = np.flatnonzero((t >= until) & (size > max(_DOUBTFUL * peak, 3 * noise)))
     first = float(t[waves[0]]) if len(waves) else over
-    return min(max(first - _ALREADY * rough, found.start + _SOONEST * rough), over)
+    return min(max(first - _ALREADY * rough, found.start + _SOONEST * rough), over), False
 
 
 def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:

@@ -42,7 +42,7 @@ _SLOW = 0.6
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
-_DELAY = 0.1
+_DELAY = 0.14
 NOTHING_ALIKE = "nothing in common with what was sent near the break"
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
@@ -122,14 +122,15 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     """What the conventions leave open about a time, as one standard error, s.
 
     Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
-    1.2 times that. Where only one tells, an eighth of a period; half of one where others were read
-    and none bears it out.
+    1.2 times that; an eighth of a period more where only one or two tell; half of one where others
+    were read and none bears it out.
     """
     known = [one.time for one in found.values() if np.isfinite(one.time)]
     if len(known) < 2:
         alone = sum(one.reason in (ELSEWHERE, NOTHING_ALIKE) for one in found.values()) > 1
         return period / 2 if alone else period / 8
-    return _FURTHEST * float(np.abs(np.array(known) - time).max())
+    apart = _FURTHEST * float(np.abs(np.array(known) - time).max())
+    return apart if len(known) > 2 else float(np.hypot(apart, period / 8))
 
 
 def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> float:

@@ -38,16 +38,16 @@ _SIZE = (0.2, 0.3, 0.5, 0.8, 1.5, 2.5, 4.0)
 _AHEAD_PAIR = (1.0, 0.95, 0.6, 0.4, 0.32, 0.28, 0.1)
 _AHEAD_PAIR_S = (1.0, 1.0, 1.0, 0.8, 0.7, 0.5, 0.2)
 _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
-_AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
-_AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01)
-_AFTER_PAIR_P = (1.0, 1.0, 0.6, 0.4, 0.1, 0.03)
-_AFTER_ELSE = (1.0, 0.7, 0.4, 0.3, 0.15, 0.03)
+_AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
+_AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
+_AFTER_PAIR_P = (1.0, 1.0, 0.6, 0.4, 0.1, 0.03, 0.01)
+_AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.22, 0.1)
 # What is not faint ahead of a wave known as P; a wave known as S that an S wave seems to follow, by
 # their ratio of times, as guided waves are not much slower.
 _FAINT, _BEFORE_P = 0.15, 0.1
 _S_BEFORE_S = ((1.45, 1.6), (0.4, 0.1))
-# A packet breaks no longer before its top, in periods, but for how long what was sent rises.
-_RISES = 0.9
+# A packet breaks no longer before it rises, in periods, and no longer after.
+_RISES, _BEGUN = 0.42, 0.2
 # Another packet may be the direct one as well from this part of its likelihood on.
 RIVAL = 0.2
 # What is sent is a burst from this many periods on; tops of one burst are this near, in periods,
@@ -251,10 +251,26 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
     return result / max(float(result.max(initial=0.0)), 1e-300)
 
 
+def rises(one: Packet, record: TransmissionRecord) -> float:
+    """When a packet's envelope last was below half of its top, less how long what was sent takes to
+    half of its own: about its break, s after the start; -∞ where it stood above since the blank."""
+    first = int(np.searchsorted(record.t, record.blank))
+    at = round((one.top + record.start - record.t[0]) / record.interval)
+    size = envelope(record.got)[first : at + 1]
+    below = np.flatnonzero(size < size[-1] / 2)
+    if not len(below):
+        return -math.inf
+    return float(record.t[first + below[-1]] - record.start) - record.rise
+
+
 def hides_two(one: Packet, record: TransmissionRecord) -> bool:
-    """Whether a packet breaks so long before its top that another wave may run into it."""
-    burst = max(record.rise, record.length - _BURST * record.period)
-    return one.top - one.begins > _RISES * record.period + burst
+    """Whether a packet breaks so long before it rises that another wave runs into it."""
+    return rises(one, record) - one.begins > _RISES * record.period
+
+
+def begun_before(one: Packet, record: TransmissionRecord) -> bool:
+    """Whether a packet had risen before the break that is seen, as where a wave runs into it."""
+    return rises(one, record) + record.rise - one.begins < -_BEGUN * record.period
 
 
 def direct(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> int | None:

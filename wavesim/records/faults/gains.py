@@ -19,26 +19,24 @@ from math import factorial
 from typing import Any
 
 import numpy as np
-from numpy.fft import fft, ifft, rfft
+from numpy.fft import fft, ifft
 from numpy.typing import NDArray
 
 from wavesim.records.faults.channels import Mended
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.ring_waves import (
+    FEWEST_FREQUENCIES,
+    RingWaves,
+    ring_waves,
+    strong_frequencies,
+)
 from wavesim.records.faults.unfit_receivers import MOST, PART, unfit
-from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 FEWEST = 16
 _FRAMES = 64
-# Frequencies count above this part of the greatest power, and so many of them.
-_STRONG, _MOST_FREQUENCIES = 1e-4, 192
-# Waves are told from what leaks and from noise where they are so many times its median, and fill
-# no more than this part of the wavenumbers.
-_ABOVE, _FEW = 4.0, 0.5
-# A receiver's amplitude counts no further than this times its neighbours'.
-_NEIGHBOURS, _CLIP = 3, 3.0
 # It is off where what is left there is so many times the others', and this part of the waves; so
 # many may be.
 _OFF, _PART, _MOST = 10.0, 1e-4, 0.1
@@ -50,7 +48,7 @@ _TOGETHER = 2.0
 _SURE = 6.0
 # They are believed where no more than this part is left then of what is no wave.
 _LESS = 0.8
-_ROUNDS, _STEPS, _LEAST = 12, 60, 4
+_ROUNDS, _STEPS = 12, 60
 # Before anything is known receivers may be off by so much, and no receiver by so many spacings.
 _WIDEST, _FARTHEST = 0.3, 0.3
 # What is left above so many times the noise is the receivers' own.
@@ -110,8 +108,8 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
     equal = Gains(nil + 1, nil, nil, known, none, nil)
     if len(component) < _FRAMES:
         return equal
-    U, omega, noise = _spectrum(component)
-    if len(U) < _LEAST:
+    U, omega, noise = strong_frequencies(component)
+    if len(U) < FEWEST_FREQUENCIES:
         return equal
     unlike = unfit(U, known)
     alone = np.isfinite(unlike.factor)
@@ -123,12 +121,12 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
         left[1:] = (unlike.left - noise) / unlike.power / nx if uneven else 0.0
         return Gains(1 + off[0], off[1], off[2], odd, alone, left)
     spread = np.full(3, _WIDEST)
-    now = _cells(_righted(U, omega, off), odd)
+    now = ring_waves(_righted(U, omega, off), odd)
     if now is None:
         return Gains(1 + off[0], off[1], off[2], odd, alone, left)
     for _ in range(_ROUNDS if nx > MOST else 0):
         one = _without_worst(now, off, odd)
-        after = _cells(_righted(U, omega, one[0]), one[1]) if one else None
+        after = ring_waves(_righted(U, omega, one[0]), one[1]) if one else None
         if not one or after is None or not _less_left(now, after):
             break
         off, odd, now = *one, after
@@ -144,7 +142,7 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
             tried = off + step
             tried[0] = (1 + off[0]) * (1 + step[0]) - 1
             tried[:, ~odd] -= tried[:, ~odd].mean(axis=1, keepdims=True)
-            after = _cells(_righted(U, omega, tried), odd)
+            after = ring_waves(_righted(U, omega, tried), odd)
             if after is not None and _less_left(now, after):
                 break
         else:
@@ -175,14 +173,14 @@ def _at_places(U: Any, place: Float) -> Any:
     return V
 
 
-def _unit(now: _Cells, omega: Float) -> Float:
+def _unit(now: RingWaves, omega: Float) -> Float:
     """Mean square of V, V′ and iωV over that of V, shape (3,)."""
     return np.array([np.mean(now.weight * np.abs(B) ** 2) for B in _bases(now, omega)]) / np.mean(
         now.weight * np.abs(now.V) ** 2
     )
 
 
-def _bases(now: _Cells, omega: Float) -> tuple[Any, Any, Any]:
+def _bases(now: RingWaves, omega: Float) -> tuple[Any, Any, Any]:
     """V, V′ per spacing, and −iωV per frame: what a unit of gain, place and lateness adds."""
     n = now.V.shape[1]
     k = 2j * np.pi * np.fft.fftfreq(n)
@@ -190,11 +188,11 @@ def _bases(now: _Cells, omega: Float) -> tuple[Any, Any, Any]:
     return now.V, slope, -1j * omega[now.rows, None] * now.V
 
 
-def _less_left(before: _Cells, after: _Cells) -> bool:
+def _less_left(before: RingWaves, after: RingWaves) -> bool:
     """Whether clearly less is left beside the waves, at the frequencies that both tell of."""
     both = np.isin(before.rows, after.rows), np.isin(after.rows, before.rows)
     fall = before.weight[both[0], 0] / after.weight[both[1], 0]
-    return len(fall) >= _LEAST and float(np.median(fall)) < _LESS
+    return len(fall) >= FEWEST_FREQUENCIES and float(np.median(fall)) < _LESS
 
 
 def ring_misfits(
@@ -245,88 +243,7 @@ def ring_misfits(
     return mended, odd
 
 
-@dataclass(frozen=True)
-class _Cells:
-    """Strong waves and the rest at each of the frequencies that tell something.
-
-    rows tells which frequencies; U, V, R are of shape (n, nx), kept of the wavenumbers too; weight
-    is 1 over the variance of a receiver's R, shape (n, 1); own the part of them that are kept.
-    """
-
-    rows: NDArray[np.int64]
-    U: Any
-    V: Any
-    R: Any
-    kept: Mask
-    weight: Float
-    own: Float
-
-
-def _spectrum(component: Float) -> tuple[Any, Float, float]:
-    """U at the frequencies that tell something, these in rad per frame, and the noise's power."""
-    window = blackman_harris(len(component))[:, None]
-    U = rfft((component - component.mean(axis=0)) * window, axis=0)
-    # A field that covers a quarter of the receivers is seen; one bad receiver is not.
-    size = np.sort(np.abs(U) ** 2, axis=1)[:, -max(3, U.shape[1] // 4)]
-    strong = np.flatnonzero(size > _STRONG * size.max(initial=0.0))
-    if len(strong) > _MOST_FREQUENCIES:
-        strong = strong[np.linspace(0, len(strong) - 1, _MOST_FREQUENCIES).astype(int)]
-    noise = float(np.median(np.abs(U[-max(4, len(U) // 10) : -1]) ** 2) / np.log(2))
-    return U[strong], 2 * np.pi * strong / len(component), noise
-
-
-def _cells(U: Any, odd: Mask) -> _Cells | None:
-    """Waves told from the rest, odd receivers as the waves have them."""
-    nx = U.shape[1]
-    U = _clipped(U)
-    use = np.ones(len(U), bool)
-    hat = fft(U, axis=1)
-    for _ in range(4 if odd.any() else 1):
-        size = np.abs(hat)
-        median = np.median(size, axis=1, keepdims=True)
-        kept = size > np.maximum(_ABOVE * median, 1e-7 * size.max(axis=1, keepdims=True))
-        own = kept.mean(axis=1)
-        use = (own > 0) & (own < _FEW)
-        if not odd.any():
-            break
-        U = np.where(use[:, None], _filled(U, kept, odd), U)
-        hat = fft(U, axis=1)
-    if use.sum() < _LEAST:
-        return None
-    U, hat, kept, own = U[use], hat[use], kept[use], own[use]
-    V = ifft(np.where(kept, hat, 0), axis=1)
-    R = U - V
-    rest = np.where(kept, np.nan, np.abs(hat) ** 2)
-    variance = np.nanmedian(rest, axis=1, keepdims=True) / np.log(2) / nx
-    floor = 1e-14 * np.mean(np.abs(V) ** 2, axis=1, keepdims=True)
-    return _Cells(np.flatnonzero(use), U, V, R, kept, 1 / np.maximum(variance, floor), own)
-
-
-def _clipped(U: Any) -> Any:
-    """Amplitudes no larger than three times the largest close by, so that one hides no wave."""
-    size = np.abs(U)
-    near = np.max(
-        [np.roll(size, d, axis=1) for d in range(-_NEIGHBOURS, _NEIGHBOURS + 1) if d], axis=0
-    )
-    return np.where(size > _CLIP * near, U * (_CLIP * near / np.maximum(size, 1e-300)), U)
-
-
-def _filled(U: Any, kept: Mask, odd: Mask) -> Any:
-    """Odd receivers' values such that least is left of the field without its waves."""
-    where = np.flatnonzero(odd)
-    filled = U.copy()
-    filled[:, where] = 0
-    hat = fft(filled, axis=1)
-    left = filled - ifft(np.where(kept, hat, 0), axis=1)
-    # (1 − P) of a unit at one place, as seen at another, depends on how far they are apart.
-    kernel = ifft(np.where(kept, 0.0, 1.0), axis=1)
-    matrix = kernel[:, (where[:, None] - where) % U.shape[1]]
-    matrix = matrix + 1e-9 * np.eye(len(where))
-    filled[:, where] = np.linalg.solve(matrix, -left[:, where, None])[..., 0]
-    return filled
-
-
-def _without_worst(now: _Cells, off: Float, odd: Mask) -> tuple[Float, Mask] | None:
+def _without_worst(now: RingWaves, off: Float, odd: Mask) -> tuple[Float, Mask] | None:
     """What receivers are off by, with the worst put right, or odd; None where all fit."""
     share = (1 - now.own)[:, None]
     expected = now.U - now.R / share
@@ -348,7 +265,7 @@ def _without_worst(now: _Cells, off: Float, odd: Mask) -> tuple[Float, Mask] | N
     return off, odd
 
 
-def _sure(now: _Cells, omega: Float, odd: Mask) -> Float:
+def _sure(now: RingWaves, omega: Float, odd: Mask) -> Float:
     """How far χ² of gains, places and clocks is above what chance makes of it, shape (3,)."""
     bases = np.where(odd, 0, np.stack(_bases(now, omega)))
     weight = now.weight / _TOGETHER
@@ -362,7 +279,7 @@ def _sure(now: _Cells, omega: Float, odd: Mask) -> Float:
 
 
 def _solved(
-    now: _Cells, omega: Float, off: Float, odd: Mask, spread: Float, kinds: list[int]
+    now: RingWaves, omega: Float, off: Float, odd: Mask, spread: Float, kinds: list[int]
 ) -> tuple[Float, Float]:
     """ε, δ, τ by conjugate gradients, those of the kinds asked for, and how sure they are.
 
