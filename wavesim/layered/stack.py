@@ -179,7 +179,7 @@ class Stack:
             return generator(joined(places), omega), s
 
         if self.kept:
-            A, _ = system((x0 + x1) / 2, np.arange(len(full)))
+            A, _ = system(np.array([(x0 + x1) / 2]), np.arange(len(full)))
             turns = float(np.abs(np.linalg.eigvals(A).real).max()) * (x1 - x0)
             if turns > _MOST_DECAYS:
                 raise ValueError(

@@ -91,6 +91,8 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
     for one in enough:
         if all(_another(one, other, period) for other in kept):
             kept.append(one)
+    if not kept:
+        return []
     kept = sorted(kept, key=lambda one: -one.size)[:_MOST]
     if not kept:
         return []
