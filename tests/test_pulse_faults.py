@@ -10,6 +10,7 @@ from pulses import named, through
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
 from wavesim.readings.pulse.measurement import measure
+from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
 
 F, C = 5e5, 3000.0
@@ -125,3 +126,33 @@ def test_an_echo_is_cut_off_before_it_comes(clean):
     q = reading.result.quality
     assert abs(q.quality - 50) <= 3 * q.error
     assert q.error < 2
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(("part", "dead"), [(0.0, 1), (0.2, None), (3.0, None), (3.0, 3)])
+def test_crosstalk_and_dead_receivers_are_left_out(clean, part, dead, known):
+    """What was sent comes to all at once, whatever the distance, and one receiver is dead: speed
+    and c(f) are those of the wave, and crosstalk is no wave of 10 km/s and more."""
+    tau = T - 3e-6
+    sent = np.where((tau >= 0) & (tau <= 6e-6), np.sin(np.pi * tau / 6e-6) ** 2, 0)
+    sent *= np.sin(2 * np.pi * F * tau)
+    x = X + 0.02
+    later = clean[np.maximum(np.arange(len(T)) - 333, 0)]
+    values = later + part * sent[:, None]
+    if dead is not None:
+        values[:, dead] = 1e-6 * np.random.default_rng(1).standard_normal(len(T))
+    read = read_array("a", T, *named(values, x), sent if known else None, EXPECTED)
+    one, found = read.best, read.result.dispersion
+    assert one.valid
+    assert abs(one.velocity - C) <= 2 * one.velocity_error + 2
+    own = found.valid & (np.abs(found.omega / F / 2 / np.pi - 1) < 0.3)
+    assert own.sum() >= 5
+    assert np.abs(found.phase_velocity[own] / C - 1).max() < 0.03
+    assert len(read.receivers) == (5 if dead is None else 4)
+
+
+def test_crosstalk_that_lasts_into_the_wave_is_refused_where_nobody_knows_it(clean):
+    tau = T + 1e-6
+    sent = np.where((tau >= 0) & (tau <= 3e-5), np.sin(2 * np.pi * F * tau), 0)
+    with pytest.raises(PulseError, match=r"as crosstalk, and .*: name what was sent"):
+        read_array("a", T, *named(clean + 2 * sent[:, None], X))

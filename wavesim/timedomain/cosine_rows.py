@@ -62,25 +62,36 @@ def cosine_rows(
     fields = len(group.c.stiffness)
     far, deep = _distant(group, alike, reach, ring) if width < n else (np.zeros(n, bool), {})
     # Of a bar shorter than a run some points stand there twice.
-    points = (runs.start[runs.first][:, None] + np.arange(RUN)) % n  # kinds, RUN
+    points = (runs.start[:, None] + np.arange(RUN)) % n  # runs, RUN
+    used = runs.order[points] // RUN == np.arange(len(points))[:, None]
+    points = points[runs.first]  # kinds, RUN
+    wanted = [np.any(used[runs.kind == kind], axis=0) for kind in range(len(points))]
+    wanted = [one & ~far[own] for one, own in zip(wanted, points, strict=True)]
     factors, symmetric = second_order(group), _symmetric(group)
 
-    def series(window: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    def series(window: np.ndarray, chosen: np.ndarray, columns: bool) -> np.ndarray:
         if not len(chosen):
             return np.zeros((fields, 0, fields, len(window)))
-        return _series(_cut(factors, window, n), fields, chosen, step)
+        return _series(_cut(factors, window, n), fields, chosen, step, columns)
 
-    about, centre = np.arange(-reach, reach + 1), np.array([reach])
+    def about(point: int) -> tuple[np.ndarray, np.ndarray]:
+        first = point - reach if ring else int(np.clip(point - reach, 0, n - 2 * reach - 1))
+        return (first + np.arange(2 * reach + 1)) % n, np.array([point - first])
+
+    fixed = np.flatnonzero(np.any(np.asarray(group.free) == 0, axis=0)).tolist()
+    held: list[int] = fixed if macro and deep else []
     jobs = [
-        (runs.windows[run], (runs.inside[run] + np.flatnonzero(~far[own])) % width)
-        for run, own in zip(runs.first, points, strict=True)
-    ] + [((point + about) % n, centre) for point in deep.values()]
+        (runs.windows[run], (runs.inside[run] + np.flatnonzero(own)) % width, False)
+        for run, own in zip(runs.first, wanted, strict=True)
+    ]
+    jobs += [(*about(point), False) for point in deep.values()]
+    jobs += [(*about(point), True) for point in held]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         made = list(pool.map(series, *zip(*jobs, strict=True)))
     near = np.zeros((len(points), fields, RUN, fields, width))
-    for rows, own, found in zip(near, points, made, strict=False):
-        rows[:, ~far[own]] = found
-    bulk = dict(zip(deep, made[len(points) :], strict=True))
+    for rows, own, found in zip(near, wanted, made, strict=False):
+        rows[:, own] = found
+    bulk = dict(zip(deep, made[len(points) :], strict=False))
     mass = np.stack([np.broadcast_to(one, (1, n))[0] for one in group.mass], axis=-1)
     mass = mass[:, [0] * macro + [1] * (fields - macro)]
     kinds = near.copy() if bulk else near
@@ -98,6 +109,12 @@ def cosine_rows(
         turned = turned * mass[window[j]][:, None, :, None] / mass[own[i]][:, None]
         turned = np.where((at < width)[..., None, None], turned, 0.0)
         rows[:, i, :, j[:, None]] = turned.swapaxes(2, 3)
+        for point, found in zip(held, made[len(points) + len(deep) :], strict=True):
+            at = own[i] - about(point)[0][0]
+            seen = (at >= 0) & (at <= 2 * reach)
+            for column in np.flatnonzero(window == point):
+                taken = found[:macro, 0][..., at[seen]]  # f′, f, i
+                rows[:, i[seen], :macro, column] = taken.transpose(2, 1, 0)
         _let_uniform_fields_be(rows, (inside + np.arange(RUN)) % width, macro)
     return [rows.reshape(fields * RUN, fields * width) for rows in kinds]
 
@@ -110,8 +127,8 @@ def _distant(
     A wave that comes back from where the medium changes has been there: what it adds to C_ij counts
     only where i or j is within half the reach of it. Rows of such points are made one by one; those
     of the others are those of an endless medium but for columns of such points, which are known by
-    symmetry, C being symmetric in the norm of kinetic energy. Where the closure is not symmetric,
-    and about held nodes, which move others but are not moved, half the reach is all of it.
+    symmetry, C being symmetric in the norm of kinetic energy, or, of held nodes, which move others
+    but are not moved, made one by one. Where the closure is not symmetric half the reach is all.
     """
     changes = alike != np.roll(alike, -1)
     if not ring:
@@ -125,8 +142,7 @@ def _distant(
 
     deep = np.flatnonzero(clear(changes, reach))
     one_of = {int(alike[point]): int(point) for point in deep}
-    held = np.any(np.asarray(group.free) == 0, axis=0) & bool(group.c.macro)
-    far = clear(changes, reach // 2 if _symmetric(group) else reach) & clear(held, reach)
+    far = clear(changes, reach // 2 if _symmetric(group) else reach)
     return far & np.isin(alike, list(one_of)), one_of
 
 
@@ -144,7 +160,9 @@ def _cut(factors: Sequence[Any], points: np.ndarray, n: int) -> list[Any]:
     return [one[at(one.shape[0])][:, at(one.shape[1])] for one in factors]
 
 
-def _series(factors: Sequence[Any], fields: int, points: np.ndarray, step: TimeStep) -> np.ndarray:
+def _series(
+    factors: Sequence[Any], fields: int, points: np.ndarray, step: TimeStep, columns: bool
+) -> np.ndarray:
     """Rows of 2(C − 1) of some points of a window, shape (fields, points, fields, window).
 
     Args:
@@ -152,6 +170,7 @@ def _series(factors: Sequence[Any], fields: int, points: np.ndarray, step: TimeS
         fields: their number.
         points: which of the window.
         step: for h and R.
+        columns: whether columns are wanted in place of rows.
     """
     unknowns = factors[0].shape[0]
     width = unknowns // fields
@@ -162,13 +181,14 @@ def _series(factors: Sequence[Any], fields: int, points: np.ndarray, step: TimeS
     phase = step.step * step.radius
     count = int(phase / 2 + 6 * (1 + phase) ** (1 / 3)) + 12
     a = _cosine_series(phase, count)
-    # Rows of C are columns of Cᵀ: T_k+1 = 2 X T_k − T_k−1 of X = 1 + 2Lᵀ/R², Lᵀ = Gᵀ Kᵀ Fᵀ.
-    F, K, G = (sp.csr_array(factor.T) for factor in factors)
+    # T_k+1 = 2 X T_k − T_k−1 of X = 1 + 2L/R², L = F K G; rows of C are columns of Cᵀ.
+    own = factors if columns else [sp.csr_array(factor.T) for factor in reversed(factors)]
+    F, K, G = own
     K = K * (4 / step.radius**2)
-    before, now = start, start + 0.5 * (G @ (K @ (F @ start)))
+    before, now = start, start + 0.5 * (F @ (K @ (G @ start)))
     total = a[0] * before + a[1] * now
     for factor in a[2:]:
-        after = G @ (K @ (F @ now))
+        after = F @ (K @ (G @ now))
         after += 2 * now
         after -= before
         before, now = now, after

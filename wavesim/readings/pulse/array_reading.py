@@ -14,6 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.readings.pulse import faults
+from wavesim.readings.pulse.array_crosstalk import (
+    without_crosstalk,
+    without_what_all_hear_at_once,
+)
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.measurement import PulseResult, measure
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
@@ -25,7 +30,6 @@ from wavesim.readings.pulse.several_waves import (
 )
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate
-from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
 from wavesim.records.windows import moving_mean
@@ -149,9 +153,24 @@ def read_array(
     """
     notes: list[str] = []
     given = {key: np.array(u, float) for key, u in signals.items()}
-    if sent is not None:
-        given = _without_crosstalk(t, given, sent, notes)
+    dead = faults.dead(given)
+    if len(given) - len(dead) > 1:
+        given = {key: u for key, u in given.items() if key not in dead}
+        positions = {key: x for key, x in positions.items() if key not in dead}
+        notes += [f"{key}: dead, no signal beside the others': left out" for key in dead]
     looked_at = pulse_record(t, given, positions)
+    try:
+        cleared = without_what_all_hear_at_once(looked_at, given, _common_period(looked_at), notes)
+    except PulseError:
+        if sent is None:
+            raise
+        cleared = given
+    if cleared is given and sent is not None:
+        cleared, rest = without_crosstalk(t, given, positions, sent, notes)
+        unlike = unlike or rest
+    if cleared is not given:
+        given, positions = cleared, {key: positions[key] for key in cleared}
+        looked_at = pulse_record(t, given, positions)
     window, overlap = echo_gate(looked_at)
     if window is not None:
         notes.append(f"the record is read up to {window.end:.4g} s, before the first echo")
@@ -259,26 +278,6 @@ def _of_several(
         reason = f"no wave is about as fast as --expected says, but {speeds} m/s"
     time = span / one.velocity
     return judged(name, time, time * bar / one.velocity, span, reason)
-
-
-def _without_crosstalk(
-    t: ArrayLike, signals: dict[str, Float], sent: ArrayLike, notes: list[str]
-) -> dict[str, Float]:
-    """Signals held at their base while crosstalk lasts, where every receiver has it."""
-    try:
-        each = {key: transmission_record(t, u, sent, key) for key, u in signals.items()}
-    except PulseError:
-        return signals
-    if not each or not all(one.crosstalk for one in each.values()):
-        return signals
-    until = max(one.blank for one in each.values())
-    notes.append(f"crosstalk up to {until:.4g} s was left out of every receiver")
-    result = {}
-    for (key, u), one in zip(signals.items(), each.values(), strict=True):
-        own = u - one.crosstalk_taken
-        hidden = (one.t >= one.start) & (one.t < until)
-        result[key] = np.where(hidden, own - one.raw, own)
-    return result
 
 
 def _ended(u: Float, weight: Float) -> Float:

@@ -27,6 +27,9 @@ _LEFT, _PART, _FORETOLD = 2.0, 0.05, 0.15
 # What is sent is smoothed over this part of a period, as a digitiser's steps have a rate,
 # and as it was recorded, as it may begin at once.
 _SMOOTH = 0.03
+# What comes to all receivers within this part of a period comes at once; it is over at this part of
+# its peak.
+_ALIKE, _ENDED = 0.025, 0.15
 
 
 def modelled(
@@ -111,11 +114,54 @@ def static_until(
         noise: standard deviation of one.
         heard: of these deviations it stands out.
     """
+    moving = np.flatnonzero(~_same(rows, dt, period, noise, heard))
+    return float(moving[0]) * dt if len(moving) else 0.0
+
+
+def _same(
+    rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
+) -> NDArray[np.bool_]:
+    """Where all hold the same that stands out of the noise; arguments as above."""
     each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
     width = max(3, int(0.5 * period / dt))
     over = np.ones(width) / width
     together = np.convolve(np.mean(each, axis=0) ** 2, over, "same")
     alone = np.convolve(np.mean(each**2, axis=0), over, "same")
-    same = (together > 0.8 * alone) & (alone > heard**2 * noise**2)
-    moving = np.flatnonzero(~same)
-    return float(moving[0]) * dt if len(moving) else 0.0
+    return (together > 0.8 * alone) & (alone > heard**2 * noise**2)
+
+
+def at_once(
+    rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
+) -> tuple[int, int, bool] | None:
+    """The first that receivers along a line hear, where all hear it at once: no wave does that.
+
+    Args:
+        rows: signals of the receivers by position, shape (nt,) each.
+        dt, period, noise, heard: as of :func:`static_until`.
+
+    Returns:
+        (first sample, the one after the last, whether it is over by then); None where what comes
+        first comes to each at a time of its own, or a single receiver hears it first.
+    """
+    each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
+    width = max(3, int(0.5 * period / dt))
+    power = np.convolve(np.mean(each**2, axis=0), np.ones(width) / width, "same")
+    begun = np.flatnonzero(power > heard**2 * noise**2)
+    same = np.flatnonzero(_same(rows, dt, period, noise, heard))
+    if not len(same) or same[0] > begun[0] + width:
+        return None
+    broken = np.flatnonzero(np.diff(same) > 1)
+    first, stop = int(same[0]), int(same[broken[0] if len(broken) else -1]) + 1
+    if stop - first < width:
+        return None
+    own = each[:, first:stop]
+    mean = own.mean(axis=0)
+    rate = np.gradient(mean)
+    # How late each is, to first order of its own size.
+    size = own @ mean / (mean @ mean)
+    late = -((own - size[:, None] * mean) @ rate) / (rate @ rate) / size
+    if not (np.abs(late) <= max(1.0, _ALIKE * period / dt)).all():
+        return None
+    peak = float(np.abs(mean).max())
+    after = np.abs(each[:, stop : stop + width]).max() if stop < each.shape[1] else 0.0
+    return first, stop, bool(after <= max(_ENDED * peak, 2 * heard * noise))

@@ -7,15 +7,20 @@ tells nothing of it. Flat tops keep a receiver from amplitudes, a reversed one i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.first_break import onset
+
 Float = NDArray[Any]
 
 # No instrument gives this: 9.9e37 is the overload mark of a scope.
 OVERLOAD = 1e30
+# Noise of this part of the others' size is that of a receiver without a signal.
+_DEAD = 1e-2
 # A sample this many times the second largest, and of the median size, is a code and no signal.
 _STANDS_ALONE = 1e4
 # Equal samples in a row: at the peak they are a flat top, before the signal a padding.
@@ -32,6 +37,21 @@ _WANDERS = 1.5
 _TURNED = 0.15
 _FITS = 0.03
 _IN_BAND = 0.3
+
+
+def dead(signals: Mapping[str, Float]) -> tuple[str, ...]:
+    """Receivers that are constant, or small noise beside others in which something arrives.
+
+    Args:
+        signals: u of each, shape (nt,).
+    """
+    size = {name: float(np.ptp(u)) for name, u in signals.items()}
+    usual = float(np.median([one for one in size.values() if one > 0] or [0.0]))
+    return tuple(
+        name for name, u in signals.items()
+        if size[name] == 0
+        or (size[name] <= _DEAD * usual and onset(u - np.median(u))[2])
+    )  # fmt: skip
 
 
 def overload(values: Float) -> int | None:
@@ -88,8 +108,8 @@ def padding(values: Float) -> int:
     if not len(other) or other[0] < _PADDING or step_of_digitiser(values) > 0:
         return 0
     lead = int(other[0])
-    early, later = values[lead : lead + 16], values[lead + 16 : lead + 64]
-    if len(later) < 48:
+    early, later = values[lead : lead + 8], values[lead + 8 : lead + 16]
+    if len(later) < 8:
         return 0
     level, then = np.std(early), np.std(later)
     peak = np.abs(values - values[0]).max()

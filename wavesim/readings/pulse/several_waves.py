@@ -91,7 +91,11 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
     for one in enough:
         if all(_another(one, other, period) for other in kept):
             kept.append(one)
+    if not kept:
+        return []
     kept = sorted(kept, key=lambda one: -one.size)[:_MOST]
+    if not kept:
+        return []
     whole = np.full((len(kept), len(record.x)), np.nan)
     whole[:, own] = [one.time for one in kept]
     return [

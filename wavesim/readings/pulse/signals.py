@@ -208,7 +208,10 @@ def pulse_record(
         time, names, x, values, quiet, filled, clipped, marked=marked, wandering=wandering
     )
     begun = np.array(
-        [faults.begins_within(u, s) for u, s in zip(values.T, found.noise, strict=True)]
+        [
+            faults.begins_within(u, s) and np.isfinite(until)
+            for u, s, until in zip(values.T, found.noise, quiet, strict=True)
+        ]
     )
     notes += [
         f"{name}: the record begins within the signal: trigger earlier"
