@@ -246,10 +246,13 @@ def test_picture_of_the_spectrum_lies_on_its_axes(drawn, small_held):
     rows, columns = image.get_array().shape
     centres = left + (np.arange(columns) + 0.5) * (right - left) / columns
     np.testing.assert_allclose(centres, found.k / 1e3, atol=1e-9)
-    assert bottom == 0
-    assert top == pytest.approx(found.omega[-1] * TO_KHZ)
     # Each row is the largest of a tile of frequencies, so that no peak is lost.
+    each = -(-len(found.omega) // rows)
+    step = (top - bottom) / rows / each
     assert rows <= 1200
+    assert bottom + step * (np.arange(len(found.omega)) + 0.5) == pytest.approx(
+        found.omega * TO_KHZ, abs=1e-6
+    )
     assert image.get_array().max() == pytest.approx(0.0, abs=1e-9)
 
 
@@ -318,6 +321,22 @@ def test_amplitude_of_a_record_read_in_parts(small_run, monkeypatch):
         for i in range(0, square.shape[0], high)
     ]
     np.testing.assert_allclose(whole, np.sqrt(2 * np.array(plain)), rtol=1e-12)
+
+
+def test_tiles_of_a_picture_hold_what_is_there_at_their_place_and_time():
+    """A field at one node and frame alone is in the tile that spans them."""
+    medium, bar = Medium(), Bar(cells=100, spacing=1.25e-4)
+    t = np.arange(50) * 1e-7
+    for node, frame in ((0, 0), (37, 21), (99, 49)):
+        values = {name: np.zeros((50, 100)) for name in ("phi1", "B11", "B22", "B33")}
+        values["phi1"][frame, node] = 1.0
+        made = made_field(t, values, medium, bar, [Ricker("phi1", 6e-3, 1e9)])
+        amplitude = amplitude_map.amplitude_map(made, "longitudinal", (22, 30))
+        row, column = np.unravel_index(np.argmax(amplitude), amplitude.shape)
+        right, early, late = amplitude_map.tile_ends(made, (22, 30))
+        high, wide = (late - early) / len(amplitude), right / amplitude.shape[1]
+        assert early + row * high < t[frame] < early + (row + 1) * high
+        assert column * wide - 1e-9 <= bar.nodes[node] < (column + 1) * wide
 
 
 def test_amplitude_of_a_steady_wave_is_its_amplitude():

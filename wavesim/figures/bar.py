@@ -140,7 +140,8 @@ def signals(field: Field, reading: Reading) -> Figure:
     """Rotations at receivers, simulated and exact; below, how far all fields are off.
 
     Of long records the signals' beginning is shown. The difference is over the whole record, the
-    largest of all fields, each in units of its own largest value there: what the verdict judges.
+    largest of all fields, each in units of its own largest value there. (The verdict takes the
+    largest within half a wavelength, which is more where a field has a node at the receiver.)
     """
     names = [name for name in field.names if is_macro(name)]
     receivers = sorted(reading.exact, key=lambda name: field.receivers[name])

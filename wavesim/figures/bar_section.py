@@ -25,7 +25,8 @@ _MEDIA = ("#e9eef2", "#c6dbe8", "#f3e3b8", "#d5e4c3", "#e3cfe0", "#f0cdb8")
 _MOST_MEDIA = 8
 # A layer is lettered where it takes this part of the bar.
 _WIDE = 0.012
-_POINTS = 601
+# Places at which the gaps of a graded layer are drawn.
+_POINTS = 81
 
 
 def bar_section(field: Field, sectors: Sequence[str]) -> Figure:
@@ -107,13 +108,17 @@ def _plate(layer: Layer, number: int) -> dict[str, Any] | None:
 
 def _gaps(axes: Axes, layers: Layers, sector: str) -> float:
     """Shade a sector's gaps along the bar; where the highest ends, with room, kHz."""
-    x = np.linspace(0, layers.length, _POINTS)
-    media = [layers.at(float(position)) for position in x]
+    places = [
+        (x, layer.at(float(x)))
+        for layer in layers.layers
+        for x in np.linspace(layer.start, layer.end, 2 if layer.last is None else _POINTS)
+    ]
+    x, media = np.array([x for x, _ in places]), [medium for _, medium in places]
     known = {medium: gaps(medium, sector) for medium in dict.fromkeys(media)}
     top = 0.0
     for number, first in enumerate(known[media[0]]):
         edges = np.array([(known[m][number].lower, known[m][number].upper) for m in media]) * KHZ
-        axes.fill_between(x * 1e3, edges[:, 0], edges[:, 1], color=_GAP, lw=0, step="mid")
+        axes.fill_between(x * 1e3, edges[:, 0], edges[:, 1], color=_GAP, lw=0)
         axes.text(
             1.005, edges[-1].mean(), first.name, fontsize=7, va="center",
             transform=axes.get_yaxis_transform(),

@@ -19,6 +19,7 @@ from wavesim.figures.style import (
     RECORD_MARK,
     THEORY,
     Drawings,
+    cell_ends,
     gap_edges,
     second_axes,
     shade,
@@ -59,12 +60,12 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
     size = min(len(h.measured.spectrum.omega) for h in own)
     power = np.sum([h.measured.spectrum.power[:, :size] for h in own], axis=0)
     medium = field.medium
-    step_k, top = found.k[1] - found.k[0], found.omega[size - 1] * KHZ
+    top = found.omega[size - 1] * KHZ
     image = axes.imshow(
         10 * np.log10(np.maximum(thin(power.T, (1200, 4096)) / (power.max() or 1.0), 1e-12)),
         origin="lower",
         aspect="auto",
-        extent=(-step_k / 2e3, (found.k[-1] + step_k / 2) / 1e3, 0, top),
+        extent=(*cell_ends(found.k / 1e3, 4096), *cell_ends(found.omega[:size] * KHZ, 1200)),
         cmap=MAP,
         vmin=-80,
         vmax=0,
@@ -98,15 +99,19 @@ def _name_branches(axes: Axes, own: Sequence[Held], medium: Medium, k: float) ->
     """The name of each branch at its end; those that end as one share a place."""
     low, high = axes.get_ylim()
     ends: list[tuple[float, list[str]]] = []
-    named = [
-        (float(omega) * KHZ, name)
-        for h in own
-        for omega, name in zip(
-            block_oscillations(medium, h.measured.block, [k])[0],
-            h.measured.block.branches,
-            strict=True,
-        )
-    ]
+    fine = np.linspace(0.0, k, 200)
+    named = []
+    for h in own:
+        branches = block_oscillations(medium, h.measured.block, fine).T * KHZ
+        for omega, name in zip(branches, h.measured.block.branches, strict=True):
+            if omega[-1] <= high:
+                named.append((float(omega[-1]), name))
+            elif omega[0] < high:  # where it leaves the picture
+                axes.annotate(
+                    name, (fine[int(np.argmax(omega > high))] / 1e3, high), (-7, -4),
+                    textcoords="offset points", ha="right", va="top", fontsize=8,
+                    path_effects=HALO,
+                )  # fmt: skip
     for frequency, name in sorted(named):
         if ends and frequency - ends[-1][0] < _APART * (high - low):
             ends[-1][1].append(name)
@@ -114,7 +119,7 @@ def _name_branches(axes: Axes, own: Sequence[Held], medium: Medium, k: float) ->
             ends.append((frequency, [name]))
     for frequency, names in ends:
         axes.annotate(
-            ", ".join(names), (0.985 * k / 1e3, min(frequency, high)), (0, 4),
+            ", ".join(names), (0.985 * k / 1e3, frequency), (0, 4),
             textcoords="offset points", ha="right", va="bottom", fontsize=8,
             path_effects=HALO, annotation_clip=False,
         )  # fmt: skip
@@ -144,10 +149,9 @@ def attenuation(field: Field, held: Held) -> Figure:
         cmap=MAP,
         vmin=-_LEVEL,
         vmax=0,
-        extent=(
-            frequency[0], frequency[-1], curve.distance[0] * 1e3, curve.distance[-1] * 1e3
-        ),
-    )  # fmt: skip
+        extent=(*cell_ends(frequency, 4096), *cell_ends(curve.distance * 1e3, 600)),
+    )
+    level.set(xlim=(frequency[0], frequency[-1]))
     level.set_ylabel("distance from source (mm)")
     figure.colorbar(image, ax=level, label="level (dB)")
     attenuation_panel(loss, field, held)

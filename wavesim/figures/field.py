@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures.style import (
     FOUND,
+    HALO,
     LABEL,
     MAP,
     THEORY,
@@ -25,7 +26,7 @@ from wavesim.figures.style import (
 )
 from wavesim.material.family import is_macro
 from wavesim.material.shown import KHZ, decibels
-from wavesim.readings.amplitude_map import amplitude_map, gone_round
+from wavesim.readings.amplitude_map import amplitude_map, gone_round, tile_ends
 from wavesim.readings.record_section import ARRIVED, Section, record_section, spectra
 from wavesim.simulation.field import Field
 
@@ -35,6 +36,7 @@ _PIXELS = (360, 420)
 _STYLES = ("-", "--", "-.", ":")
 # Receivers named in a legend, and beside their traces, at most.
 _MOST_LABELS, _MOST_NAMES = 9, 24
+_LONGEST_NAME = 10
 # Traces stand at their positions where the least step is this part of the mean one.
 _UNEVEN = 0.3
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -43,15 +45,17 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
     """Amplitude of one sector over position and time, dB below its peak; returns the image."""
     amplitude = amplitude_map(field, sector, _PIXELS)
+    right, early, late = tile_ends(field, _PIXELS)
     image = axes.imshow(
         decibels(amplitude, float(amplitude.max()) or 1.0),
         origin="lower",
         aspect="auto",
-        extent=(0, field.bar.length * 1e3, 0, field.t[-1] * 1e6),
+        extent=(0, right * 1e3, early * 1e6, late * 1e6),
         cmap=MAP,
         vmin=-_DECIBELS,
         vmax=0,
     )
+    axes.set(xlim=(0, field.bar.length * 1e3), ylim=(0, field.t[-1] * 1e6))
     for edge in field.layers.interfaces:
         axes.axvline(edge * 1e3, color="#55606b", lw=0.6, ls="--")
     for number, (name, x) in enumerate(field.receivers.items()):
@@ -63,9 +67,10 @@ def spacetime_panel(axes: Axes, field: Field, sector: str) -> Any:
             )  # fmt: skip
     for source in field.sources:
         if any(source.field in b.fields for b in field.blocks if b.sector == sector):
+            peak = min(source.peak_time, float(field.t[-1])) * 1e6
             axes.plot(
-                source.position * 1e3, source.peak_time * 1e6, "v", ms=5, mfc="white", mec="k",
-                clip_on=False, zorder=4,
+                source.position * 1e3, peak, "v", ms=5, mfc="white", mec="k", clip_on=False,
+                zorder=4,
             )  # fmt: skip
     _mark_round(axes, field, sector)
     return image
@@ -207,9 +212,13 @@ def _section(axes: Axes, field: Field, name: str, own: Section) -> None:
     )  # fmt: skip
     every = -(-len(x) // _MOST_NAMES)
     for number in range(0, len(x), every):
+        label = as_written(own.order[number][0])
+        beside: Any = {"ha": "left", "va": "center"}
+        if len(label) > _LONGEST_NAME:  # within, above its trace
+            beside = {"ha": "right", "va": "bottom", "path_effects": HALO}
         axes.text(
-            1.01, base[number], as_written(own.order[number][0]), ha="left", va="center",
-            fontsize=6.5, color=shades[number], transform=axes.get_yaxis_transform(),
+            0.995 if len(label) > _LONGEST_NAME else 1.01, base[number], label, fontsize=6.5,
+            color=shades[number], transform=axes.get_yaxis_transform(), **beside,
         )  # fmt: skip
     if not placed or len(x) <= _MOST_LABELS:
         axes.set_yticks(base[::every], [f"{value:g}" for value in x[::every]])
@@ -231,8 +240,9 @@ def energy(field: Field) -> Figure:
     figure = Figure(figsize=(5.2, 3.2))
     axes = figure.subplots()
     factor, exponent = _power_of_ten(field.energy.total)
+    kept = field.layers.conserves_energy
     for name, style, colour, width in (
-        *([("dissipated", "-.", "#2f6f9f", 0.9)] if field.simulation.lossy else []),
+        *([("dissipated", "-.", "#2f6f9f", 0.9)] if field.simulation.lossy and kept else []),
         ("potential", "-", "#b9c4cf", 0.6),
         ("kinetic", "--", "#5f7183", 0.6),
         ("total", "-", THEORY, 1.2),
@@ -242,6 +252,8 @@ def energy(field: Field) -> Figure:
         axes.plot(field.t * 1e6, y, style, color=colour, lw=width, label=name)
     axes.set(xlabel="t (µs)", ylabel=f"energy per area of the section ({exponent}J/m²)")
     second_axes(axes, (1e-6 / field.medium.time_scale, f"t / {field.medium.family.time}"), None)
+    if not kept:
+        axes.set_title("the equations as printed keep no energy: total is not work − losses")
     figure.legend(loc="outside upper center", ncols=5)
     return figure
 

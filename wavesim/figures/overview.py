@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from wavesim.figures import bar, endless
 from wavesim.figures import field as of_fields
-from wavesim.figures.style import FOUND, POINT, STYLE, THEORY, as_written, shade, title
+from wavesim.figures.style import FOUND, POINT, STYLE, THEORY, as_written, shade, symbol, title
 from wavesim.material.family import is_macro
 from wavesim.material.shown import KHZ
 from wavesim.readings.bar.pulse_test import PulseTest
@@ -145,7 +145,7 @@ def _velocity(axes: Axes, test: PulseTest) -> str:
     top = 1.6 * float(np.median(speeds)) if len(speeds) else 1.0
     axes.set(xlabel="ω/2π (kHz)", ylabel="velocity (m/s)", xlim=(f[0], f[-1]), ylim=(0, top))
     _legend(axes)
-    return f"Velocities between receivers, {test.name}"
+    return f"Velocities between receivers, {symbol(test.name)}"
 
 
 def _signals(axes: Axes, field: Field) -> str:

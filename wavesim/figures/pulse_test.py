@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from wavesim.figures.style import (
     FOUND,
+    LABEL,
     POINT,
     THEORY,
     as_written,
@@ -121,7 +122,9 @@ def transmission(result: PulseResult, gaps: Gaps = (), exact: Curve | None = Non
             transform=axes.get_xaxis_transform(), label="does not count",
         )  # fmt: skip
     together = np.concatenate(levels)
-    if len(together):
+    if not len(together):
+        _empty(axes)
+    else:
         low, high = float(together.min()), float(together.max())
         axes.set_ylim(low - 0.16 * max(high - low, 1), high + 0.12 * max(high - low, 1))
     axes.set(
@@ -201,10 +204,18 @@ def _ends(frequency: NDArray[Any]) -> tuple[float, float]:
 
 def _limit(axes: Axes, values: NDArray[Any]) -> None:
     if not len(values):
-        axes.text(0.5, 0.5, "nothing to show", ha="center", transform=axes.transAxes)
-        axes.set_yticks([])
+        _empty(axes)
         return
     wild = _WILD if len(values) > _MOST_POINTS / 2 else 0.0
     low, high = np.percentile(values, [wild, 100 - wild])
     room = 0.15 * max(high - low, 0.05 * abs(high), 1e-300)
     axes.set_ylim(low - room, high + 1.6 * room)
+
+
+def _empty(axes: Axes) -> None:
+    """Say that nothing was measured; what is known exactly stays."""
+    axes.text(0.5, 0.9, "nothing measured that counts", ha="center", va="top", bbox=LABEL,
+              transform=axes.transAxes)  # fmt: skip
+    drawn = [line for line in axes.lines if line.get_transform() == axes.transData]
+    if not any(np.isfinite(np.asarray(line.get_ydata(), float)).any() for line in drawn):
+        axes.set_yticks([])

@@ -19,6 +19,7 @@ from wavesim.figures.style import (
     SHADES,
     THEORY,
     as_written,
+    cell_ends,
     gap_edges,
     plot_branch,
     shade,
@@ -63,14 +64,12 @@ def spectrum(one: Recovered) -> Figure:
         10 * np.log10(np.maximum(heights[:, kept].T / heights.max(), 1e-15)),
         origin="lower",
         aspect="auto",
-        extent=(
-            (k[0] - k[0] / 2) * to_k, (k[-1] + k[0] / 2) * to_k, 0, omega[kept][-1] * to_f
-        ),
+        extent=(*cell_ends(k * to_k, len(k)), *cell_ends(omega[kept] * to_f, int(kept.sum()))),
         cmap=MAP,
         vmin=_DEEPEST,
         vmax=0,
         interpolation="nearest",
-    )  # fmt: skip
+    )
     if one.origin.theory is not None:
         fine = np.linspace(k[0] / 10, k[-1], 400)
         lines = axes.plot(

@@ -152,6 +152,18 @@ def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
     return values
 
 
+def cell_ends(at: np.ndarray, most: int) -> tuple[float, float]:
+    """Where the outer cells of a picture of even values end, thinned to so many: half a step out.
+
+    Args:
+        at: what the values are at, even, shape (n,), n ≥ 2.
+        most: of :func:`thin`.
+    """
+    step, each = float(at[-1] - at[0]) / (len(at) - 1), -(-len(at) // most)
+    first = float(at[0]) - step / 2
+    return first, first + step * each * -(-len(at) // each)
+
+
 def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
     """Largest value in each tile of so many along an axis."""
     if step <= 1:

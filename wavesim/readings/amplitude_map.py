@@ -53,6 +53,18 @@ def amplitude_map(field: Field, sector: str, most: tuple[int, int]) -> Float:
     return np.asarray(np.sqrt(2 * mean))
 
 
+def tile_ends(field: Field, most: tuple[int, int]) -> tuple[float, float, float]:
+    """Where the tiles of :func:`amplitude_map` end at the right, m, and begin and end in time, s.
+
+    A frame stands in the middle of its interval, so that they begin half a one before t = 0; the
+    last tile may reach beyond the bar and the record.
+    """
+    high, wide = (-(-n // m) for n, m in zip((len(field.t), field.bar.cells), most, strict=True))
+    rows, columns = -(-len(field.t) // high), -(-field.bar.cells // wide)
+    length = columns * wide * field.bar.spacing if field.bar.uniform else field.bar.length
+    return length, -0.5 * field.interval, (rows * high - 0.5) * field.interval
+
+
 def _means(values: Float, axis: int, step: int) -> Float:
     """Mean of each tile of so many along an axis; the last may be smaller."""
     if step <= 1:

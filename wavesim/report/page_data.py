@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.shown import DECIBELS, HERTZ, decibels, plain
 from wavesim.planewave.dispersion_relation import block_oscillations, open_gaps, wavenumber
-from wavesim.readings.amplitude_map import amplitude_map, gone_round
+from wavesim.readings.amplitude_map import amplitude_map, gone_round, tile_ends
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.record_section import record_section
 from wavesim.simulation.field import Field
@@ -98,7 +98,9 @@ def _gaps(field: Field, sector: str) -> list[Data]:
 def _spacetime(field: Field, sector: str) -> Data:
     amplitude = amplitude_map(field, sector, _TILES)
     peak = float(amplitude.max()) or 1.0
-    return _packed(decibels(amplitude, peak), _FAINTEST, 0.25, np.uint8)
+    right, early, late = tile_ends(field, _TILES)
+    ends = {"x_end": right, "t_begin": early, "t_end": late}
+    return _packed(decibels(amplitude, peak), _FAINTEST, 0.25, np.uint8) | ends
 
 
 def _snapshots(field: Field) -> Data:

@@ -266,7 +266,7 @@
     const own = at(data.spacetime, sector);
     if (!own) return null;
     const z = own.rows ||= unpacked(own, true);
-    const steps = (count, end) => Array.from({ length: count }, (_, i) => (i + 0.5) * end / count);
+    const steps = (count, begin, end) => Array.from({ length: count }, (_, i) => begin + (i + 0.5) * (end - begin) / count);
     const made = layout({
       xaxis: axis("length", { range: to("length", [0, data.length]) }),
       yaxis: axis("time", { range: to("time", [0, data.duration]) }),
@@ -284,7 +284,7 @@
         font: { size: 10, color: "white" }, bgcolor: "rgba(60,40,80,0.75)" });
     }
     return [[
-      { type: "heatmap", x: to("length", steps(z[0].length, data.length)), y: to("time", steps(z.length, data.duration)), z, ...MAGMA,
+      { type: "heatmap", x: to("length", steps(z[0].length, 0, own.x_end)), y: to("time", steps(z.length, own.t_begin, own.t_end)), z, ...MAGMA,
         zmin: -60, zmax: 0, colorbar: bar("amplitude (dB)"), name: "amplitude", showlegend: false,
         hovertemplate: `x %{x:.4g} ${short("length")}<br>t %{y:.4g} ${short("time")}<br>%{z:.1f} dB<extra></extra>` },
       { x: to("length", sources.map(s => s.position)), y: to("time", sources.map(s => s.time)), mode: "markers", name: "source", text: sources.map(s => symbol(s.field)),
@@ -415,7 +415,7 @@
   function tables() {
     for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
       const kind = cell.dataset.kind;
-      if (UNITS[kind]) cell.textContent = (cell.dataset.bound || "") + +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
+      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5) + (cell.dataset.bound || "");
     }
     for (const cell of document.querySelectorAll("#answers .unit[data-kind]")) {
       if (!UNITS[cell.dataset.kind]) continue;
