@@ -152,6 +152,9 @@ def test_a_ring_that_is_not_said_to_be_one_is_asked_about():
         own = points.take(points.valid)
         bar = own.bar if own.in_space else 1.96 * own.k_error
         assert (np.abs(own.k - own.omega / 2000) <= bar).all()
+    x = 0.05 + 0.005 * np.arange(24)
+    with pytest.raises(RecordError, match="leave out --ring"):
+        record(passing(x, [(dispersive, one)]), T, x, ring=True, quiet_from=0.0)
 
 
 def test_waves_that_run_against_x_are_read_as_well():

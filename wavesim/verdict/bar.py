@@ -139,7 +139,7 @@ def _band_checks(field: Field, found: Scattered) -> list[Check]:
                     "give its graded layer a quality_factor: without losses waves pile up where "
                     "it has its asymptote, and there is no T at real ω"
                 )
-            name = f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω ({worst})"
+            name = f"{asked.told}: miss of {word} {limit:g} dB at real ω ({worst})"
             checks.append(Check(name, short, 0.0, 0.0, "dB", change))
     return checks
 

@@ -70,6 +70,8 @@ _WORTH_CUTTING = 0.1
 # A signal is seen from these parts of its peak on, and began so many times as long before as it
 # takes to the second ones; noise is within so many of its deviations.
 _FEET, _RISES, _OF_NOISE = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
+# Parts of so many frames that are louder by so many deviations than what is before are a foot.
+_PART_AT_REST, _LOUDER = 16, 2.0
 # A receiver counts where what it shows at the beginning is no more than this part of ωU.
 _BEGUN = 0.1
 # Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
@@ -247,8 +249,19 @@ def _rest(values: Float) -> int:
         size = np.abs(before - head.mean(axis=0)).max(axis=0)
         # A signal's foot is no noise: it is all at the end.
         if (size <= _OF_NOISE * head.std(axis=0) + 1e-12 * peaks).all():
-            return cut
+            return _before_foot(values, cut) if cut > 2 * _PART_AT_REST else cut
     return 0
+
+
+def _before_foot(values: Float, cut: int) -> int:
+    """Frames before a signal that rises out of the noise: parts at the end louder than the rest."""
+    part, low = max(_PART_AT_REST, cut // 8), cut
+    size = (values[:cut] - values[: cut // 2].mean(axis=0)) ** 2
+    size = size.mean(axis=1) / max(float(size[: cut // 2].mean()), 1e-290)
+    chance = _LOUDER * np.sqrt(2 / (part * values.shape[1]))
+    while low >= cut // 4 and size[low - part : low].mean() > 1 + chance:
+        low -= part
+    return low if low == cut else max(0, low - part)
 
 
 def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:

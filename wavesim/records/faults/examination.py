@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.content import UnitsError
+from wavesim.records.content import RecordError, UnitsError
 from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, misfits
@@ -145,6 +145,12 @@ def together(
     own = rest(values[strongest], quantum)
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     odd = np.zeros(nx, bool)
+    seam = not lost[[0, -1]].any()
+    if ring and seam and comes_round(values[strongest, t >= quiet_from]) is False:
+        raise RecordError(
+            "ring: the last receiver and the first differ far more than any other neighbours, so "
+            "that the receivers do not go all round one: leave out --ring, or give those missing"
+        )
     if ring:
         mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
     elif len(values) == 1:
@@ -170,7 +176,7 @@ def together(
                 f"by its times and positions the signal goes at {v:.3g} m/s, faster than light: "
                 "one of them is in another unit; say which with --time-unit or --position-unit"
             )
-    if not ring and even and comes_round(values[strongest]):
+    if not ring and even and place is None and comes_round(values[strongest]):
         found.append(
             Finding("comes round", "all receivers", f"{nx} receivers", TOLD,
                     "the last receiver and the first are neighbours by what they show, as round a "

@@ -24,11 +24,15 @@ FASTEST = 1e9
 _ARRIVED = 0.2
 # A source is within where two arms leave less than this part of what one line leaves (squares).
 _BETTER = 0.05
-# Waves come round where, at the loud frequencies at which they are long, the step from the last
-# receiver to the first is in the mean as large as the others are: the range of their power. So many
-# such frequencies; waves are long where neighbours differ by this part of two that know nothing.
-_ALIKE, _SEAMS, _LONG, _LOUD = (0.05, 2.0), 3, 0.3, 0.01
+# The last receiver and the first are neighbours where the step between them is as large as those
+# between others, in this range of power; they are not where it is so many times the largest.
+_ALIKE, _NEVER = (0.05, 2.0), 3.0
+# Told by so many loud frequencies, the highest so far above the lowest, at which waves are long:
+# neighbours differ by this part of two that know nothing of each other.
+_SEAMS, _SPAN, _LONG, _LOUD = 3, 1.5, 0.3, 0.01
 _FEWEST_ROUND = 8
+# … and that are there, with this part of the mean power.
+_THERE = 0.01
 
 
 def begun(component: Float, rest: Rest) -> Mask:
@@ -101,22 +105,29 @@ def speed(x: Float, arrival: Float) -> float:
     return float(1 / abs(slope)) if abs(slope) > 5 * error else float("nan")
 
 
-def comes_round(component: Float) -> bool:
-    """Whether the last receiver and the first are neighbours, as round a ring.
+def comes_round(component: Float) -> bool | None:
+    """Whether the last receiver and the first are neighbours, as round a ring; None if none knows.
 
     Args:
         component: u, shape (nt, nx), finite, of evenly spaced receivers.
     """
     count, nx = component.shape
     if nx < _FEWEST_ROUND:
-        return False
+        return None
     U = np.fft.rfft(component * np.hanning(count)[:, None], axis=0)
     power = np.mean(np.abs(U) ** 2, axis=1)
     steps = np.mean(np.abs(np.diff(U, axis=1)) ** 2, axis=1)
     own = (power > _LOUD * power.max(initial=0.0)) & (steps < 2 * _LONG * power)
-    if own.sum() < _SEAMS:
-        return False
+    at = np.flatnonzero(own)
+    # A tone has the same phase at both by chance.
+    if len(at) < _SEAMS or at[-1] < _SPAN * at[0]:
+        return None
+    U, after = U[own], np.roll(U[own], -1, axis=1)
     # As far as there is anything at the two.
-    ends = np.mean(np.abs(U[own][:, [0, -1]]) ** 2, axis=1) / power[own]
-    seam = np.abs(U[own, 0] - U[own, -1]) ** 2 / np.maximum(steps[own], 1e-290)
-    return bool(_ALIKE[0] < seam.sum() / max(ends.sum(), 1e-290) < _ALIKE[1])
+    there = np.sum((np.abs(U) ** 2 + np.abs(after) ** 2) / 2 / power[own, None], axis=0)
+    step = np.sum(np.abs(after - U) ** 2 / np.maximum(steps[own, None], 1e-290), axis=0)
+    step /= np.maximum(there, 1e-290)
+    if _ALIKE[0] < step[-1] < _ALIKE[1]:
+        return True
+    loud = there[-1] > _THERE * own.sum()
+    return False if loud and step[-1] > _NEVER * max(step[:-1].max(), 1.0) else None
