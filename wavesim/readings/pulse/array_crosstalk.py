@@ -17,7 +17,7 @@ from wavesim.records.windows import moving_mean
 Float = NDArray[Any]
 
 # Crosstalk is known by its coming to so many receivers at once, this many deviations high.
-_FEWEST_AT_ONCE, _HEARD = 3, 4.5
+_FEWEST_AT_ONCE, _HEARD = 2, 4.5
 # Noise is taken to be at least this part of the peak.
 _LEAST_NOISE = 2e-3
 CROSSTALK = (
@@ -111,5 +111,15 @@ def without_what_all_hear_at_once(
             f"{told}, and no wave comes after it: name what was sent (--input), which tells a wave "
             "within it apart; else average more, or press transducers on"
         )
-    notes.append(f"{told}, up to {record.t[stop - 1]:.4g} s: it was left out of every receiver")
-    return {key: np.where(np.arange(len(u)) < stop, np.median(u), u) for key, u in signals.items()}
+    notes.append(f"{told}, up to {record.t[stop - 1]:.4g} s: it was taken out of every receiver")
+    hidden = slice(max(0, first - int(period / 4 / record.interval)), stop)
+    centred = {key: u - np.median(u) for key, u in signals.items()}
+    mean = np.mean([centred[record.names[j]][hidden] for j in own], axis=0)
+    # What is left is noise, of which the mean has taken its part.
+    kept = 1 / math.sqrt(1 - 1 / len(own))
+    result = {}
+    for key, u in signals.items():
+        part = centred[key][hidden]
+        result[key] = u.copy()
+        result[key][hidden] += kept * (part - mean * (part @ mean) / (mean @ mean)) - part
+    return result
