@@ -52,8 +52,8 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
     assert rows["RTB1"]["frequencies"] == 0
     assert "not driven" in rows["RTB1"]["closer"]
     free = [(row["lower"], row["upper"]) for row in small_run.summary["answers"]["full_gaps"]]
-    for low, high in free:  # each is in a gap of every sector, or past its branches
-        for sector in medium.family.sectors:
+    for low, high in free:  # each is in a gap of every sector that travels, or past its branches
+        for sector in medium.family.travelling:
             k = np.linspace(0, 0.999 * np.pi / 1.25e-4, 400)
             omega = planewave.frequencies(medium, sector, k) / KHZ / 1e3
             assert not ((omega > low * (1 + 1e-9)) & (omega < high * (1 - 1e-9))).any()
@@ -160,7 +160,7 @@ def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends():
     assert (band["level_at_real_frequency"], band["level"]) == pytest.approx((-40, -60))
     assert (most["level_at_real_frequency"], most["level"]) == pytest.approx((-10, -30))
     (table,) = answers({"answers": {"transmission": [band, most]}})
-    assert "≥ 800" in [column.shown(band) for column in table.columns]
+    assert "800 or more" in [column.shown(band) for column in table.columns]
 
 
 def check(name, passed, **more):

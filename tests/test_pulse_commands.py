@@ -91,7 +91,7 @@ def test_one_bad_file_of_a_series_is_refused_and_the_others_read(tmp_path):
     ("words", "message"),
     [
         (["--input", "7"], "--input 7: no such column"),
-        (["--input", "2"], "holds one receiver and no position: give --distance"),
+        (["--input", "2"], "no position is known: give --distance"),
         (["--input", "2", "--distance", "0"], "--distance 0: must be greater than 0"),
         (["--input", "2", "--distance", "1,2"], "--distance: 2 values for 1 records"),
         (["--input", "2", "--distance", "1", "--against", "stress"], "must be NAME=V1,V2"),

@@ -109,7 +109,9 @@ SET = click.option(
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 OUT = click.option(
-    "--out", type=click.Path(), help="Folder for results; outputs/<case> by default."
+    "--out",
+    type=click.Path(),
+    help="Folder for results; outputs/<case> by default, of a design outputs/<its folder>_design.",
 )
 WRITTEN = click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
 QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -206,8 +208,12 @@ def read_layers(case: str, overrides: Sequence[str] = ()) -> Any:
 
 
 def folder_for(out: str | None, case: str) -> Path:
-    """Where results go."""
-    return Path(out) if out else Path("outputs") / Path(case).stem
+    """Where results go; of a design, which all bear one name, by its folder."""
+    path = Path(case)
+    name = path.stem
+    if path.name == "design.toml" and path.with_name("design.json").exists():
+        name = f"{path.resolve().parent.name}_design"
+    return Path(out) if out else Path("outputs") / name
 
 
 @contextmanager

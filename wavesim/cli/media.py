@@ -61,7 +61,8 @@ def print_bands(medium: Any) -> None:
 
     to_bar = float(medium.time_scale)
     free = [
-        (low * HERTZ, high * HERTZ, low * to_bar, high * to_bar) for low, high in full_gaps(medium)
+        (low * HERTZ, high * HERTZ, low * to_bar, high * to_bar)
+        for low, high in full_gaps(medium, divided=False)
     ]
     tables.bands(console(), content.table(medium), free, HERTZ / to_bar)
 
@@ -86,7 +87,9 @@ def _print_full_gaps(medium: Any) -> None:
     from wavesim.material.shown import KHZ
     from wavesim.planewave.dispersion_relation import full_gaps
 
-    free = [f"{low * KHZ:.2f} – {high * KHZ:.2f} kHz" for low, high in full_gaps(medium)]
+    free = [
+        f"{low * KHZ:.2f} – {high * KHZ:.2f} kHz" for low, high in full_gaps(medium, divided=False)
+    ]
     if free:
         click.echo(f"\nNo wave of any family propagates between {', '.join(free)}.")
     else:

@@ -33,7 +33,13 @@ from wavesim.worker import cores
     show_default=True,
 )
 @BAND
-@click.option("--points", type=int, default=200, show_default=True, help="Of transmission.")
+@click.option(
+    "--points",
+    type=click.IntRange(2, 100_000),
+    default=200,
+    show_default=True,
+    help="Of transmission.",
+)
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
 @OUT

@@ -104,11 +104,13 @@ def open_gaps(medium: Medium, sector: str) -> list[Gap]:
     return [gap for gap in gaps(medium, sector) if gap.upper > gap.lower]
 
 
-def full_gaps(medium: Medium) -> list[tuple[float, float]]:
+def full_gaps(medium: Medium, divided: bool = True) -> list[tuple[float, float]]:
     """Frequency intervals in which no wave of any sector propagates, rad/s, ascending.
 
-    Micro-fields alone have (nearly) one frequency each; where one falls into such an interval it
-    divides it.
+    Args:
+        medium: of one family or several.
+        divided: micro-fields alone have (nearly) one frequency each and do not travel; whether one
+            that falls into such an interval divides it.
     """
     moving = medium.family.travelling
     stops = [[(gap.lower, gap.upper) for gap in gaps(medium, s)] for s in moving]
@@ -116,7 +118,7 @@ def full_gaps(medium: Medium) -> list[tuple[float, float]]:
     for other in stops[1:]:
         common = [(max(a, c), min(b, d)) for a, b in common for c, d in other]
     still = [cutoffs(medium, s) for s in medium.family.sectors if s not in moving]
-    lines = np.concatenate([*still, np.zeros(0)])
+    lines = np.concatenate([*still, np.zeros(0)]) if divided else np.zeros(0)
     free = []
     for low, high in common:
         marks = [low, *(w for w in lines if low < w < high), high]

@@ -34,7 +34,8 @@ class ReceiverMisfit:
         name, position: of the receiver, m.
         residual: rms of what is left over the record's, –.
         arrival: by how much it comes later than the case says, s.
-        amplitude: how much larger it is, over the common scale, –.
+        amplitude: how much larger it is, over the common scale, –; negative where its polarity is
+            the other one.
         spectrum: rms of the level's difference over the band, that amplitude apart, dB.
     """
 
@@ -105,7 +106,9 @@ def misfit(
     """
     there = there - there.mean()
     c = cross_correlation(u, there)
-    # The top between samples, of four to a period even.
+    # The top between samples, of four to a period even; of a reversed receiver it is a hollow.
+    sign = 1.0 if c.max() >= -c.min() else -1.0
+    c = sign * c
     near = int(np.argmax(c)) + np.linspace(-1, 1, 2 * _PARTS + 1)
     shown = between(c, near)
     at = int(np.clip(np.argmax(shown), 1, 2 * _PARTS - 1))
@@ -113,7 +116,7 @@ def misfit(
     bend = a - 2 * b + d
     top = near[at] + (0.5 * float((a - d) / bend) if bend < 0 else 0.0) / _PARTS
     power = float(np.sum(there**2)) or 1.0
-    amplitude = float(b) / power
+    amplitude = sign * float(b) / power
     U, T = np.abs(np.fft.rfft(u)), np.abs(np.fft.rfft(there))
     band = (_IN_BAND * U.max() < U) & (_IN_BAND * T.max() < T)
     level = 20 * np.log10(U[band] / T[band]) if band.any() else np.array([np.nan])

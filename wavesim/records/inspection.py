@@ -17,6 +17,9 @@ from wavesim.records.files import own_result, read
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.record import Record
 
+# Receivers along a line, below which waves at one frequency are not told apart.
+_FEWEST_ON_LINE = 5
+
 
 @dataclass(frozen=True)
 class Inspection:
@@ -144,8 +147,13 @@ def _usable(record: Record) -> tuple[dict[str, str], tuple[str, ...]]:
             if not known.all():
                 lacking.append(command)
                 raise RecordError("positions are not known: give --spacing, or --positions X1,X2,…")
-            if command == "dispersion" and not record.even:
-                raise RecordError("receivers are not evenly spaced")
+            if command == "dispersion" and record.ring and not record.even:
+                raise RecordError("receivers are not evenly spaced round the ring")
+            if command == "dispersion" and not record.ring and len(record.x) < _FEWEST_ON_LINE:
+                raise RecordError(
+                    f"{len(record.x)} receivers: at least {_FEWEST_ON_LINE} are needed to tell "
+                    "waves along a line apart"
+                )
             needs()
         except RecordError as error:
             reasons[command] = str(error)

@@ -89,6 +89,14 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         notes = (*notes, f"{missing.sum()} missing frames bridged by straight lines")
     columns = {label: values[:, j] for j, label in enumerate(labels)}
     places = dict(zip(labels, record.x.tolist(), strict=True))
+    if record.source_seen is not None and np.isfinite(record.x).all():
+        places = _beside(places, [(record.source_seen, 0.0)])
+        columns = {name: columns[name] for name in places}
+        notes = (
+            *notes,
+            f"the signal comes first near x = {record.source_seen:.3g} m: a source stands there, "
+            f"and the {len(places)} receivers on one side of it are read, counted from it",
+        )
     whole = PulseTestRecord(str(path), record.t, columns, places, record.input, notes)
     if whole.placed or len(labels) == 1:
         return [whole]
@@ -126,7 +134,8 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         if not (block.macro and own and field.receivers):
             continue
         (macro,) = block.macro[0]
-        places = _beside(field.receivers, own)
+        reach = [(s.position, 5 * float(getattr(s, "width", 0.0) or 0.0)) for s in own]
+        places = _beside(field.receivers, reach)
         if not places:
             continue
         (source, *others) = own
@@ -145,10 +154,9 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
     return found
 
 
-def _beside(receivers: Mapping[str, float], sources: list[Any]) -> dict[str, float]:
-    """Distances from the sources of the receivers on the side where most stand."""
-    reach = [(s.position, 5 * float(getattr(s, "width", 0.0) or 0.0)) for s in sources]
-    high, low = max(x + w for x, w in reach), min(x - w for x, w in reach)
-    after = {name: x - max(p for p, _ in reach) for name, x in receivers.items() if x > high}
-    before = {name: min(p for p, _ in reach) - x for name, x in receivers.items() if x < low}
+def _beside(receivers: Mapping[str, float], sources: list[tuple[float, float]]) -> dict[str, float]:
+    """Distances from sources of some reach of the receivers on the side where most stand."""
+    high, low = max(x + w for x, w in sources), min(x - w for x, w in sources)
+    after = {name: x - max(p for p, _ in sources) for name, x in receivers.items() if x > high}
+    before = {name: min(p for p, _ in sources) - x for name, x in receivers.items() if x < low}
     return after if len(after) >= len(before) else before

@@ -49,12 +49,12 @@ class Column:
         return KINDS[self.kind][1] if self.kind else ""
 
     def bound(self, row: Row) -> str:
-        """What stands before the number."""
-        return "≤ " if row.get(self.below) else "≥ " if row.get(self.above) else ""
+        """What stands behind the number."""
+        return " or less" if row.get(self.below) else " or more" if row.get(self.above) else ""
 
     def shown(self, row: Row) -> str:
         """Of a row, in the unit of its kind, or a word; – where there is none."""
-        return self.bound(row) + shown(row.get(self.key), self.kind)
+        return shown(row.get(self.key), self.kind) + self.bound(row)
 
 
 @dataclass(frozen=True)
@@ -123,9 +123,9 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("record:\nsimulated", "level", "level"),
             Column("record:\nexact", "level_exact", "level"),
         ),
-        "Steady wave: T at that frequency, exact; stop bands are where it is below −20 dB, ≥ where "
-        "they go on past what the run tells of. A record that ends tells T at ω + iσ: simulated, "
-        "beside what is exact there.",
+        "Steady wave: T at that frequency, exact; stop bands are where it is below −20 dB, with or "
+        "less, or more where they go on past what the run tells of. A record that ends tells T at "
+        "ω + iσ: simulated, beside what is exact there.",
     ),
     "mode": (
         "Eigenfrequencies, the lowest",

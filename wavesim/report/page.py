@@ -175,9 +175,19 @@ def _closer(summary: Mapping[str, Any], folder: Path, rerun: str) -> list[dict[s
         gaps = list(dict.fromkeys(names))  # both transverse sectors have the same
         name = gaps[0].split(",")[0].split()[-1] if len(gaps) == 1 else "closer"
         out = shlex.quote(f"{folder}_{name}")
-        command = f"{rerun} {told} --out {out}" if told.startswith("--set") else told
+        command = f"{_laid_over(rerun, told)} --out {out}" if told.startswith("--set") else told
         found.append({"name": ", ".join(gaps), "command": command})
     return found
+
+
+def _laid_over(command: str, changes: str) -> str:
+    """A command with more of --set, those of the same keys left out."""
+    words, new = shlex.split(command), shlex.split(changes)
+    keys = {word.split("=")[0] for word in new[1::2]}
+    old = [words[n - 1 : n + 1] for n in range(1, len(words)) if words[n - 1] == "--set"]
+    first = words[: words.index("--set")] if old else words
+    same = (word for pair in old if pair[1].split("=")[0] not in keys for word in pair)
+    return shlex.join([*first, *same, *new])
 
 
 def _facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,10 @@ def compare(
         misfit(name, x, recorded[:, j], there[inside, j], left[inside, j], measured.interval)
         for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True))
     )
+    turned = [one.name for one in per if one.amplitude < 0]
+    if turned:
+        said = f"{', '.join(turned)}: of reversed polarity beside the case; turn round or leave out"
+        measured = replace(measured, notes=(*measured.notes, said))
     return Comparison(
         measured, there, per,
         lag if lag is not None else values[LAG], errors.get(LAG, np.nan),

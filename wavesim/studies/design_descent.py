@@ -241,6 +241,7 @@ class Search:
         scale: Any,
         steps: int,
         blur: float = 0.0,
+        wider: float = 0.0,
         sure: bool = False,
         enough: float = -np.inf,
         asked: Any = None,
@@ -249,10 +250,11 @@ class Search:
 
         Args:
             stacks, scale, steps, blur, sure: as of :meth:`down_the_worst` and :meth:`errors`.
+            wider: by what part the bands are wider.
             enough: they stop where one's worst e is below.
             asked: for each stack and wish, frequencies it is asked at besides, Hz.
         """
-        frequency = self.problem.net(self._fine)
+        frequency = self.problem.net(self._fine, wider)
         asked = asked or [[[]] * len(frequency)] * len(stacks)
 
         def at(x: Any, asked: Any) -> list[Stack]:

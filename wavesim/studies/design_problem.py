@@ -48,9 +48,9 @@ class Wish:
     most: bool
     weight: float
 
-    def frequencies(self, count: int) -> Any:
-        """So many over the band, both ends among them, Hz."""
-        return np.linspace(self.low, self.high, count)
+    def frequencies(self, count: int, wider: float = 0.0) -> Any:
+        """So many over the band, made wider at each end by a part of that, both among them, Hz."""
+        return np.linspace(self.low * (1 - wider), self.high * (1 + wider), count)
 
     @property
     def at_most(self) -> float | None:
@@ -148,9 +148,9 @@ class Problem:
             found.setdefault(wish.sector, []).append(n)
         return found
 
-    def net(self, count: int) -> Any:
-        """So many frequencies of each wish, (wishes, count), Hz."""
-        return np.array([wish.frequencies(count) for wish in self.wishes])
+    def net(self, count: int, wider: float = 0.0) -> Any:
+        """So many frequencies of each wish, of bands wider by a part, (wishes, count), Hz."""
+        return np.array([wish.frequencies(count, wider) for wish in self.wishes])
 
     def slopes(self) -> Callable[[Any, Any], tuple[Any, Any]]:
         """Compiled: L in dB at frequencies of each wish in turn, (members, M), and ∂L/∂x,

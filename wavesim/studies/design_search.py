@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.studies.design_descent import RADIUS, Search, Stack
+from wavesim.studies.design_tolerance import yield_of
 
 # Of a round: starts, those that go down by least squares, and how far.
 _SCREENED, _FOLLOWED, _DESCENTS = 256, 32, 25
@@ -40,9 +41,11 @@ _MOST = 100_000
 _ELITE, _MOVES = 4, (0.03, 0.1, 0.3)
 # Rounds that go side by side: a fixed number, so that a seed gives one answer on any machine.
 _SIDE_BY_SIDE = 2
-# A stack that keeps all goes so many steps on, then as many more …, to be surer of it, until it is
-# as sure as that; of one that is less, so many more rounds are begun, within this part of the time.
-_SURER, _SURE, _MORE, _PART = (8, 16), 2.5, 1, 0.5
+# A stack that keeps all goes on to keep it as it is made too: in bands wider by these parts of the
+# tolerance, then down e/s there, so many steps each, until this part of so many made keep all.
+_SURER, _STEPS, _SURE, _MADE = ((0.3, False), (1.0, False), (1.0, True)), 16, 0.95, 128
+# Of a stack that is less, so many more rounds are begun, within this part of the time.
+_MORE, _PART = 1, 0.5
 
 
 @dataclass(frozen=True)
@@ -68,13 +71,12 @@ class Kept:
 
     Attributes:
         short: by how much the worst wish is missed, dB.
-        sure: how many standard deviations of what it is off by, as it is made, keep all; ∞
-            where it is made without any.
+        made: share of stacks as they are made that keep all, of some.
         x: from 0 to 1, (n,).
     """
 
     short: float
-    sure: float
+    made: float
     x: Any
 
 
@@ -108,14 +110,14 @@ def search(own: Search, seed: int, seconds: float = SECONDS, tell: Tell | None =
             if found:
                 starts[-1] = _about([one.x for one in found[:_ELITE]], rng)
             found += pool.map(partial(_round, own), starts)
-            found.sort(key=lambda one: (one.short, -one.sure))
+            found.sort(key=lambda one: (one.short, -one.made))
             done += sum(map(len, starts))
             best = found[0]
             say("search", best.short)
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
             if best.short == 0:
-                if best.sure >= _SURE or more == _MORE or taken > _PART * seconds:
+                if best.made >= _SURE or more == _MORE or taken > _PART * seconds:
                     break
                 more += 1
             elif taken > (2 * seconds if best.short < _NEARLY else seconds):
@@ -150,13 +152,6 @@ def _round(own: Search, starts: Any) -> Kept:
     if going:
         return _polished(own, going)
     return Kept(float(_short(own, stacks[0].x[None])[0].max()), 0.0, stacks[0].x)
-
-
-def moved_on(own: Search, x: Any, factors: Any) -> Any:
-    """Where x (n,) gets if each wish's weight is multiplied by a factor, (wishes,)."""
-    scale = own.scale * factors
-    _, _, steps = _PEAKS[-1]
-    return own.down_the_peaks(own.begun(x[None], scale), scale, 2 * steps)[0].x
 
 
 def _short(own: Search, x: Any) -> tuple[Any, Any]:
@@ -195,21 +190,29 @@ def _polished(own: Search, stacks: list[Stack]) -> Kept:
             best, least, frequencies = stacks[n], float(worst[n]), asked[n]
         if least == 0 or idle == _IDLE:
             break
-    if least > 0 or not own.problem.tolerance:
-        return Kept(least, np.inf, best.x)
-    kept = Kept(0.0, -np.inf, best.x)
-    for steps in _SURER:
-        [one] = own.down_the_peaks(
-            [replace(best, radius=RADIUS)],
-            own.scale,
-            steps,
-            sure=True,
-            enough=-_SURE,
-            asked=[frequencies],
+    return _surer(own, best, frequencies) if least == 0 else Kept(least, 0.0, best.x)
+
+
+def _surer(own: Search, one: Stack, asked: Any) -> Kept:
+    """What a stack that keeps all comes to as more of those made are to keep it."""
+    tolerance = own.problem.tolerance
+
+    def made(x: Any) -> float:
+        return yield_of(own, own.problem.values(x), tolerance, 0, _MADE)
+
+    best, width = Kept(0.0, made(one.x), one.x), 0.0
+    for part, sure in _SURER:
+        if best.made >= _SURE:
+            break
+        if not sure:
+            width = part * tolerance
+        begun, enough = [replace(one, radius=RADIUS)], -np.inf if sure else _ENOUGH / 2
+        [new] = own.down_the_peaks(
+            begun, own.scale, _STEPS, wider=width, sure=sure, enough=enough, asked=[asked]
         )
-        if -one.worst <= kept.sure or _short(own, one.x[None])[0].max() > 0:
-            break
-        kept, best = Kept(0.0, -one.worst, one.x), one
-        if kept.sure >= _SURE:
-            break
-    return kept
+        if _short(own, new.x[None])[0].max() > 0:
+            continue
+        found = Kept(0.0, made(new.x), new.x)
+        if found.made >= best.made:
+            best, one = found, new
+    return best

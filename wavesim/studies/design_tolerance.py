@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from wavesim.studies.design_descent import Search
-from wavesim.studies.design_search import moved_on
 
 # Relative offsets of one variable that are looked at, and members of a yield.
 _OFFSETS = np.geomspace(1e-4, 0.3, 25)
 MEMBERS = 1000
 # By what the weight of one side of a trade-off is multiplied.
 _FACTORS = (0.03, 0.3, 3.0, 30.0)
+# Steps from one to the next.
+_STEPS = 24
 
 
 def _short(own: Search, values: Any) -> Any:
@@ -73,7 +74,9 @@ def allowed_offsets(own: Search, values: Any) -> list[Offset]:
     return found
 
 
-def yield_of(own: Search, values: Any, tolerance: float, seed: int) -> float:
+def yield_of(
+    own: Search, values: Any, tolerance: float, seed: int, members: int = MEMBERS
+) -> float:
     """Share of designs that keep every wish, each variable even within ± its tolerance.
 
     Args:
@@ -81,8 +84,9 @@ def yield_of(own: Search, values: Any, tolerance: float, seed: int) -> float:
         values: of the design, shape (n,).
         tolerance: relative; of a value of 0, to its range.
         seed: of the sample.
+        members: of it.
     """
-    spread = np.random.default_rng(seed).uniform(-1, 1, (MEMBERS, len(values)))
+    spread = np.random.default_rng(seed).uniform(-1, 1, (members, len(values)))
     down, up = _reach(own, values)
     moved = values + tolerance * spread * np.where(spread < 0, down, up)
     return float(np.mean(_short(own, moved) == 0))
@@ -112,7 +116,8 @@ def trade_off(own: Search, values: Any) -> tuple[list[dict[str, Any]], Any]:
         return [], None
     rows, keeps = [], None
     for scale in scales:
-        end = moved_on(own, np.clip(x, 0, 1), scale)
+        begun = own.begun(np.clip(x, 0, 1)[None], own.scale * scale)
+        end = own.down_the_peaks(begun, own.scale * scale, _STEPS)[0].x
         reached, _ = problem.exact(problem.values(end))
         if (problem.short(reached) == 0).all():
             keeps = problem.values(end)

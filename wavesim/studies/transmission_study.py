@@ -199,13 +199,15 @@ def default_band(own: Specimen) -> tuple[float, float]:
 
 def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
     """Open gaps of every medium of the bar, with the layers that have it."""
-    media: dict[Any, list[int]] = {}
-    for number, layer in enumerate(known.stretches, start=1):
+    media: dict[Any, list[str]] = {}
+    last = len(known.stretches) - 1
+    for number, (layer, place) in enumerate(zip(known.stretches, known.places, strict=True)):
+        name = "half-spaces" if number in (0, last) else ".".join(place.where)
         for medium in layer.ends:
-            media.setdefault(medium, []).append(number)
+            media.setdefault(medium, []).append(name)
     found = []
-    for medium, numbers in media.items():
-        where = _ranges(sorted(set(numbers)))
+    for medium, names in media.items():
+        where = _listed(list(dict.fromkeys(names)))
         for sector in medium.family.sectors:
             found += [
                 (where, sector, gap.name, gap.lower / (2 * np.pi), gap.upper / (2 * np.pi))
@@ -215,10 +217,10 @@ def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
     return found
 
 
-def _ranges(numbers: list[int]) -> str:
-    """ "2, 4, 6" and the like, cut where it is long."""
-    shown = ", ".join(map(str, numbers[:4]))
-    return f"{shown}, …" if len(numbers) > 4 else shown
+def _listed(names: list[str]) -> str:
+    """As "layers.0, layers.2", cut where it is long."""
+    shown = ", ".join(names[:3])
+    return f"{shown}, …" if len(names) > 3 else shown
 
 
 def decibels(amplitude: Any) -> Any:

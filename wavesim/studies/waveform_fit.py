@@ -23,6 +23,7 @@ from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
 from wavesim.readings.matched_record import Measured, resampling
+from wavesim.simulation.bandlimited import cross_correlation
 from wavesim.simulation.simulation import Simulation
 from wavesim.studies.fitted_keys import QUALITY, Target, with_values
 from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
@@ -30,6 +31,9 @@ from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
 Float = NDArray[Any]
 
 GAIN, LAG = "gain", "lag"
+# A lag is looked for up to this part of the run, and beyond 1.5 periods where it explains so much
+# more.
+_REACH, _FAR_BETTER = 0.5, 1.5
 # A plan is made for waves faster by the root of this.
 _ROOM = 1.4
 # Step of the law's own derivative by Q, over Q.
@@ -71,7 +75,7 @@ class Waveforms:
         if self.gain is None:
             found.append(Parameter(GAIN, 1.0, -np.inf, np.inf, 1.0, False))
         if self.lag is None:
-            reach = 0.25 * self.case.simulation.duration
+            reach = _REACH * self.case.simulation.duration
             found.append(Parameter(LAG, 0.0, -reach, reach, self.time_scale, False))
         return found
 
@@ -163,24 +167,47 @@ class Waveforms:
         """First values: the case's, and the lag and gain that lay its field on the record best."""
         first = {one.key: one.start for one in self.parameters}
         frames = self.simulated(first)
-        sim, best, found = self.case.simulation, -1.0, (0.0, 1.0)
         recorded = self.measured.values - self.measured.values.mean(axis=0)
-        reach = 0.0 if self.lag is not None else 1.5 / self.centre
-        base = self.lag or 0.0
-        for lag in base + np.arange(-reach, reach + 1e-30, self.time_scale / 2):
+        if self.lag is not None:
+            found = self._laid_best(frames, recorded, np.array([self.lag]))
+        else:
+            # The nearest lag, but where one further off explains much more.
+            near = np.arange(-1.5 / self.centre, 1.5 / self.centre + 1e-30, self.time_scale / 2)
+            found = self._laid_best(frames, recorded, near)
+            far = self._alike_at(frames, recorded)
+            if abs(far) > near[-1]:
+                other = self._laid_best(frames, recorded, far + near)
+                found = other if other[2] > _FAR_BETTER * found[2] else found
+        if self.lag is None:
+            first[LAG] = found[0]
+        if self.gain is None:
+            first[GAIN] = found[1] / self.unit(frames)
+        return first
+
+    def _laid_best(self, frames: Float, recorded: Float, lags: Float) -> tuple[float, float, float]:
+        """The best of some lags, its gain, and the power that it explains."""
+        sim, found = self.case.simulation, (0.0, 1.0, -1.0)
+        for lag in lags.tolist():
             t = self.measured.t - lag
             there = resampling(sim.frames, sim.interval, t) @ frames
             there = np.where((t <= sim.duration)[:, None], there, 0.0)
             there -= there.mean(axis=0)
             power = float(np.sum(there**2)) or 1.0
             gain = float(np.sum(there * recorded)) / power
-            if gain**2 * power > best:
-                best, found = gain**2 * power, (float(lag), gain)
-        if self.lag is None:
-            first[LAG] = found[0]
-        if self.gain is None:
-            first[GAIN] = found[1] / self.unit(frames)
-        return first
+            if gain**2 * power > found[2]:
+                found = lag, gain, gain**2 * power
+        return found
+
+    def _alike_at(self, frames: Float, recorded: Float) -> float:
+        """The lag at which all receivers together correlate most, of either sign, s."""
+        sim, step = self.case.simulation, self.measured.interval
+        own = np.arange(0.0, sim.duration + step / 2, step)
+        there = resampling(sim.frames, sim.interval, own) @ frames
+        pairs = zip(recorded.T, (there - there.mean(axis=0)).T, strict=True)
+        c = np.sum([cross_correlation(u, one) for u, one in pairs], axis=0)
+        lags = self.measured.t[0] + step * (np.arange(len(c)) - (len(own) - 1))
+        inside = np.abs(lags) <= _REACH * sim.duration
+        return float(lags[int(np.argmax(np.where(inside, np.abs(c), -1.0)))])
 
     def unit(self, frames: Float) -> float:
         """The record's rms over the simulated one's: the gain's own size."""

@@ -139,7 +139,7 @@ def _band_checks(field: Field, found: Scattered) -> list[Check]:
                     "give its graded layer a quality_factor: without losses waves pile up where "
                     "it has its asymptote, and there is no T at real ω"
                 )
-            name = f"{asked.told}: beyond its limit, {word} {limit:g} dB at real ω ({worst})"
+            name = f"{asked.told}: miss of {word} {limit:g} dB at real ω ({worst})"
             checks.append(Check(name, short, 0.0, 0.0, "dB", change))
     return checks
 
@@ -352,6 +352,6 @@ def _sent_back(field: Field) -> str:
                 slowness = wavenumber(medium, block.sector, omega).real / omega
                 back = REFLECTION ** (slowness * medium.fastest)
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
-                    until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
+                    until = omega[min((back > AMPLITUDE_TOLERANCE).sum(), len(omega) - 1)]
                     told.append(f"{block.sector} {cutoff * KHZ:.5g} to {until * KHZ:.5g} kHz")
     return ", ".join(dict.fromkeys(told))

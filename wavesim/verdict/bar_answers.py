@@ -81,8 +81,18 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     for band in found.bands:
         if (band.holds(found.omega) & judged).any():
             asked = band.asked
-            worst, at = band.highest if asked.at_least is None else band.lowest
-            rows.append(_level_row("worst of a band", asked.low, asked.high, at, plain(worst)))
+            span = asked.low, asked.high
+            for limit, word, (worst, at) in (
+                (asked.at_most, "most", band.highest),
+                (asked.at_least, "least", band.lowest),
+            ):
+                if limit is not None:
+                    where = f"{word}, of {limit:g} dB asked"
+                    rows.append(_level_row(where, *span, at, plain(worst)))
+            if asked.at_most is None and asked.at_least is None:
+                rows.append(
+                    _level_row("most of a band", *span, band.highest[1], plain(band.highest[0]))
+                )
     for row in rows:
         near = np.abs(found.omega * HERTZ - row["frequency"])
         at = int(np.argmin(np.where(judged, near, np.inf)))

@@ -37,7 +37,7 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
             rows += [_gap(field, gap, own, sector) for gap in open_gaps(field.medium, sector)]
     none_travels: list[Row] = [
         {"stopped": "all", "lower": low * HERTZ, "upper": high * HERTZ}
-        for low, high in full_gaps(field.medium)
+        for low, high in full_gaps(field.medium, divided=False)
     ]
     found = {
         "gaps": rows,

@@ -94,6 +94,8 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
     if not kept:
         return []
     kept = sorted(kept, key=lambda one: -one.size)[:_MOST]
+    if not kept:
+        return []
     whole = np.full((len(kept), len(record.x)), np.nan)
     whole[:, own] = [one.time for one in kept]
     return [

@@ -45,6 +45,8 @@ _FEWEST_BEFORE, _FEWEST_AFTER = 16, 64
 # which on that needs no word.
 _FEWEST_PER_PERIOD, _TOO_FEW, _PER_PERIOD, _ENOUGH = 24, 3.5, 32, 10
 _STRONG = 0.05
+# Larger values no instrument gives, and squares of them overflow.
+_LARGEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,11 @@ def transmission_record(
             "no signal: record it again with less gain"
         )
     length, v = 0.0, None if sent is None else checked("transmitter", sent, time)
+    for whose, row in (("receiver", u), ("transmitter", v)):
+        if row is not None and np.abs(row).max() > _LARGEST:
+            raise PulseError(
+                f"the {whose}'s signal reaches {np.abs(row).max():.3g}: is it its own?"
+            )
     step = faults.step_of_digitiser(u)
     clipped = bool(faults.flat_tops(u))
     time, u, v, said = _finely(time, u, v)
@@ -355,6 +362,8 @@ def _band(u: Float, dt: float, period: float) -> Float:
 
     top = min(_HIGH / period, 0.45 / dt)
     low = 1 / (_LOW * period)
+    if not low < top:
+        raise PulseError("its signal has no period that the times can show: look at both columns")
     edge = butter(2, [low, top], "bandpass", fs=1 / dt, output="sos")
     # The base is continued as it stands at both ends.
     pad = min(len(u) - 1, int(3 / (low * dt)))

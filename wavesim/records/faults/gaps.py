@@ -125,7 +125,8 @@ def bridged(
             Finding("samples missing", where, str(still), CURED,
                     f"{still} missing samples where all is quiet filled with the mean there")
         )  # fmt: skip
-    if missing.any():
+    told = any(finding.what == "frames missing" for finding in found)
+    if missing.any() and (broken.any() or not told):
         first = t[int(np.argmax(missing))]
         at = f" ({places(x, broken, labels)})" if broken.any() and not broken.all() else ""
         found.append(

@@ -415,7 +415,7 @@
   function tables() {
     for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
       const kind = cell.dataset.kind;
-      if (UNITS[kind]) cell.textContent = (cell.dataset.bound || "") + +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5);
+      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5) + (cell.dataset.bound || "");
     }
     for (const cell of document.querySelectorAll("#answers .unit[data-kind]")) {
       if (!UNITS[cell.dataset.kind]) continue;
