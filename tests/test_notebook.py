@@ -19,7 +19,8 @@ SIMULATION = ws.Simulation(LAYERS, BAR, (ws.Ricker("phi1", 0.01, 4e5),), 2e-5, 3
 def points():
     t, k = np.arange(200) * 1e-6, 40.0
     x = np.arange(16) * 0.01
-    wave = np.cos(k * x - 2 * np.pi * 5e4 * t[:, None])
+    phase = 2 * np.pi * 5e4 * (t[:, None] - 6e-5) - k * x
+    wave = np.cos(phase) * np.exp(-((phase / 3) ** 2))
     return ws.in_space(ws.record(wave, t, x), omega=2 * np.pi * np.array([5e4]))
 
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.material.arguments import FREQUENCIES, WINDOW
 
-# Columns of sums that are held at a time.
-_AT_ONCE = 256
+# Columns of sums that are held at a time, and numbers.
+_AT_ONCE, _HELD = 256, 2**19
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
@@ -61,11 +61,17 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
     runs = -(-frames // each)
     padded = np.pad(flat, [(0, runs * each - frames), (0, 0)]) if runs > 1 else flat
     by_run = padded.reshape(runs, each, columns).swapaxes(0, 1).reshape(each, -1)
-    within = np.exp(1j * np.multiply.outer(complex_omega, step * np.arange(each)))
-    begins = np.exp(1j * np.multiply.outer(complex_omega, t[::each]))
-    found = np.empty((len(omega), runs * columns), complex)
-    found.real, found.imag = within.real @ by_run, within.imag @ by_run
-    total = (begins[:, None, :] @ found.reshape(len(omega), runs, columns))[:, 0]
+    total = np.empty((len(omega), columns), complex)
+    rows = max(1, _HELD // (each + runs * columns))
+    for first in range(0, len(omega), rows):  # a long record is seen at many frequencies
+        own = complex_omega[first : first + rows]
+        within = np.exp(1j * np.multiply.outer(own, step * np.arange(each)))
+        begins = np.exp(1j * np.multiply.outer(own, t[::each]))
+        found = np.empty((len(own), runs * columns), complex)
+        found.real, found.imag = within.real @ by_run, within.imag @ by_run
+        total[first : first + rows] = (begins[:, None, :] @ found.reshape(len(own), runs, columns))[
+            :, 0
+        ]
     for end in (0, -1):
         total -= np.multiply.outer(np.exp(1j * complex_omega * t[end]) / 2, flat[end])
     return np.asarray(step * total).reshape(len(omega), *np.shape(values)[1:])

@@ -28,7 +28,7 @@ _PER_STORED, _PER_READ = 8.0e-9, 5.0e-9  # a byte
 _ENDLESS, _PER_SPECTRUM, _BAR, _PER_SIGNAL, _PAGE = 0.4, 6.0e-8, 0.4, 2.0e-7, 0.7
 # Bytes: what is loaded and compiled, here and in the process beside; how many times a chunk and a
 # state are held; what a packed number takes where waves are; page and picture.
-_LOADED, _CHUNKS, _STATES, _PACKED, _SHOWN = 0.48e9, 14, 20, 6.9, 5.5e6
+_LOADED, _CHUNKS, _STATES, _PACKED, _SHOWN = 0.43e9, 8, 20, 6.9, 5.5e6
 # So much faster than waves travels what is no more than rounding, but takes as much room.
 _FRONT = 1.5
 _LOOKED_AT = 64
@@ -148,7 +148,7 @@ def cost(
     if not page:
         return Cost(stages, memory + 2 * 8 * numbers, 0.0)
     if in_memory(simulated):
-        memory += 1.2 * 8 * numbers  # some of it is there twice, in the process beside
+        memory += 1.6 * 8 * numbers  # much of it is there twice, in the process beside
     moving = numbers * _reached(simulated)
     stages["integrate"] += arithmetic * 8 * moving * _PER_STORED
     read = arithmetic * 8 * numbers * _PER_READ

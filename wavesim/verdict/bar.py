@@ -352,6 +352,6 @@ def _sent_back(field: Field) -> str:
                 slowness = wavenumber(medium, block.sector, omega).real / omega
                 back = REFLECTION ** (slowness * medium.fastest)
                 if loud >= JUDGED and back[0] > AMPLITUDE_TOLERANCE:
-                    until = omega[np.argmax(back <= AMPLITUDE_TOLERANCE)]
+                    until = omega[min((back > AMPLITUDE_TOLERANCE).sum(), len(omega) - 1)]
                     told.append(f"{block.sector} {cutoff * KHZ:.5g} to {until * KHZ:.5g} kHz")
     return ", ".join(dict.fromkeys(told))

@@ -28,11 +28,7 @@ from wavesim.readings.pulse.several_waves import (
     unexplained,
     waves_passing,
 )
-from wavesim.readings.pulse.signals import (
-    FILLED_IN,
-    PulseRecord,
-    pulse_record,
-)
+from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
@@ -162,15 +158,18 @@ def read_array(
         given = {key: u for key, u in given.items() if key not in dead}
         positions = {key: x for key, x in positions.items() if key not in dead}
         notes += [f"{key}: dead, no signal beside the others': left out" for key in dead]
-    if sent is not None:
-        given, rest = without_crosstalk(t, given, positions, sent, notes)
-        unlike = unlike or rest
-        positions = {key: positions[key] for key in given}
     looked_at = pulse_record(t, given, positions)
-    cleared = without_what_all_hear_at_once(looked_at, given, _common_period(looked_at), notes)
-    held = cleared is not given
-    if held:
-        given = cleared
+    try:
+        cleared = without_what_all_hear_at_once(looked_at, given, _common_period(looked_at), notes)
+    except PulseError:
+        if sent is None:
+            raise
+        cleared = given
+    if cleared is given and sent is not None:
+        cleared, rest = without_crosstalk(t, given, positions, sent, notes)
+        unlike = unlike or rest
+    if cleared is not given:
+        given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
     window, overlap = echo_gate(looked_at)
     if window is not None:
@@ -186,8 +185,7 @@ def read_array(
         refused = result.dispersion.refused(unlike)
         result = replace(result, dispersion=refused, constant_quality=ratio)
         notes.append(unlike)
-    # What is held at one value here is said already.
-    notes = [*(n for n in result.record.notes if not (held and FILLED_IN in n)), *notes]
+    notes = [*result.record.notes, *notes]
     waves, why = _several(result, looked_at)
     if why and not unlike:
         ratio = replace(result.constant_quality, quality=math.nan, error=math.nan, reason=why)
@@ -218,7 +216,7 @@ def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed
     one wave alone explains the receivers."""
     left = unexplained(result.spectra, result.dispersion)
     share = noise_share(result.spectra, result.dispersion)
-    if not left > max(_UNEXPLAINED, _OVER_SHARE * share) and len(record.x) > 2:
+    if left <= max(_UNEXPLAINED, _OVER_SHARE * share):
         return [], ""
     period = _common_period(record)
     lines = waves_passing(record, period)
@@ -227,7 +225,7 @@ def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed
         speeds = " and ".join(f"{one[0][1].velocity:.4g}" for one in waves)
         more = f"of {speeds} m/s " if len(waves) > 1 else ""
         return waves, f"several waves {more}pass the receivers, and spectra mix them"
-    if len(record.x) == 2:
+    if not math.isfinite(left):
         return [], ""
     return [], (
         f"one wave alone leaves {left:.0%} of the receivers' power: several waves that overlap, "
@@ -279,7 +277,10 @@ def _of_several(
     if abs(math.log(one.velocity / expected[1])) > _ONE_WAVE:
         reason = f"no wave is about as fast as --expected says, but {speeds} m/s"
     time = span / one.velocity
-    return judged(name, time, time * bar / one.velocity, span, reason)
+    # The other wave may lie beneath what is read.
+    beneath = _TOP * _common_period(result.record)
+    error = math.hypot(time * bar / one.velocity, beneath)
+    return judged(name, time, error, span, reason)
 
 
 def _ended(u: Float, weight: Float) -> Float:

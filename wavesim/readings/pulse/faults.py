@@ -108,8 +108,8 @@ def padding(values: Float) -> int:
     if not len(other) or other[0] < _PADDING or step_of_digitiser(values) > 0:
         return 0
     lead = int(other[0])
-    early, later = values[lead : lead + 16], values[lead + 16 : lead + 64]
-    if len(later) < 48:
+    early, later = values[lead : lead + 8], values[lead + 8 : lead + 16]
+    if len(later) < 8:
         return 0
     level, then = np.std(early), np.std(later)
     peak = np.abs(values - values[0]).max()

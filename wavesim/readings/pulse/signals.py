@@ -29,7 +29,6 @@ _ROUNDING = 2.0**-53
 CLIPPED = "flat tops: the signal is clipped; lower the gain"
 MARKED = "it holds a mark of overload: record it again with less gain"
 WANDERS = "its base wanders before the arrival: take drift or hum out, or record longer before it"
-FILLED_IN = "count as filled in"
 BEGUN = "the record begins within the signal: trigger earlier"
 
 
@@ -193,7 +192,7 @@ def pulse_record(
                 quiet[j] = time[0] + step * (filled[j] + _quiet_samples(own))
         if filled[j]:
             values[: filled[j], j] = 0.0
-            notes.append(f"{name}: the first {filled[j]} samples are equal, and {FILLED_IN}")
+            notes.append(f"{name}: the first {filled[j]} samples are equal, and count as filled in")
     clipped = np.array([faults.flat_tops(u) for u in values.T])
     whole = ~marked & (clipped == 0)
     notes += [
