@@ -42,7 +42,8 @@ _ELITE, _MOVES = 4, (0.03, 0.1, 0.3)
 # Rounds that go side by side: a fixed number, so that a seed gives one answer on any machine.
 _SIDE_BY_SIDE = 2
 # A stack that keeps all goes on to keep it as it is made too: in bands wider by these parts of the
-# tolerance, then down e/s there, so many steps each, until this part of so many made keep all.
+# tolerance, then down e/s in the widest had, so many steps each, until this part
+# of so many made keep all.
 _SURER, _STEPS, _SURE, _MADE = ((0.3, False), (1.0, False), (1.0, True)), 16, 0.95, 128
 # Of a stack that is less, so many more rounds are begun, within this part of the time.
 _MORE, _PART = 1, 0.5
@@ -204,12 +205,13 @@ def _surer(own: Search, one: Stack, asked: Any) -> Kept:
     for part, sure in _SURER:
         if best.made >= _SURE:
             break
-        if not sure:
-            width = part * tolerance
+        wider = width if sure else part * tolerance
         begun, enough = [replace(one, radius=RADIUS)], -np.inf if sure else _ENOUGH / 2
         [new] = own.down_the_peaks(
-            begun, own.scale, _STEPS, wider=width, sure=sure, enough=enough, asked=[asked]
+            begun, own.scale, _STEPS, wider=wider, sure=sure, enough=enough, asked=[asked]
         )
+        if new.worst <= 0:
+            width = wider
         if _short(own, new.x[None])[0].max() > 0:
             continue
         found = Kept(0.0, made(new.x), new.x)
