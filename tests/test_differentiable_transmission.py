@@ -115,6 +115,10 @@ def test_what_comes_in_goes_out(rng):
         assert np.abs(found.power_T + found.power_R - 1).max() <= 1e-10
 
 
+# Of a difference of order ten.
+WEIGHTS = {1: 5 / 6, 2: -5 / 21, 3: 5 / 84, 4: -5 / 504, 5: 1 / 1260}
+
+
 def test_gradients_are_those_of_differences_of_high_order(rng):
     """d/dp of mean |T|² and of the level at one ω, to 1e-8 of a tenth-order difference; of graded
     layers between uniform ones."""
@@ -130,12 +134,11 @@ def test_gradients_are_those_of_differences_of_high_order(rng):
         return jnp.mean(jnp.abs(found.T) ** 2) + 1e-3 * found.level[7]
 
     at = (stack.thickness, jnp.asarray(12.0), jnp.asarray(0.4))
-    gradient = jax.jit(jax.grad(value, argnums=(0, 1, 2)))(*at)
-    compiled = jax.jit(value)
-    weights = {1: 5 / 6, 2: -5 / 21, 3: 5 / 84, 4: -5 / 504, 5: 1 / 1260}
+    both = jax.jit(jax.value_and_grad(value, argnums=(0, 1, 2)))
+    gradient = both(*at)[1]
 
     def difference(move, h):
-        parts = [w * (compiled(*move(n * h)) - compiled(*move(-n * h))) for n, w in weights.items()]
+        parts = [w * (both(*move(n * h))[0] - both(*move(-n * h))[0]) for n, w in WEIGHTS.items()]
         return float(sum(parts)) / h
 
     G = difference(lambda d: (at[0], at[1] + d, at[2]), 1e-2)
@@ -220,10 +223,9 @@ def test_gradients_of_waves_of_the_gradient_term(rng):
         return jnp.mean(jnp.abs(transmission(own, "longitudinal", omega).T) ** 2)
 
     at = jnp.asarray([1e-2, 2e-3])
-    weights = {1: 5 / 6, 2: -5 / 21, 3: 5 / 84, 4: -5 / 504, 5: 1 / 1260}
     both = jax.jit(jax.value_and_grad(value))  # one compilation for all
     for exact, step in zip(both(at)[1], jnp.diag(at) * 3e-3, strict=True):
-        moved = [w * (both(at + n * step)[0] - both(at - n * step)[0]) for n, w in weights.items()]
+        moved = [w * (both(at + n * step)[0] - both(at - n * step)[0]) for n, w in WEIGHTS.items()]
         assert float(sum(moved) / step.sum()) == pytest.approx(float(exact), rel=1e-8)
 
 

@@ -156,3 +156,26 @@ def test_crosstalk_that_lasts_into_the_wave_is_refused_where_nobody_knows_it(cle
     sent = np.where((tau >= 0) & (tau <= 3e-5), np.sin(2 * np.pi * F * tau), 0)
     with pytest.raises(PulseError, match=r"as crosstalk, and .*: name what was sent"):
         read_array("a", T, *named(clean + 2 * sent[:, None], X))
+
+
+@pytest.mark.parametrize("x", [X, X[::2], X[::4]], ids=["five", "three", "two"])
+def test_two_waves_are_told_apart_or_refused_as_one(x):
+    """P at 3000 m/s and S at 1700 m/s: no speed of one, no loss, where nothing is lost, and the one
+    that is meant where about how fast it is has been said."""
+
+    def ricker(t):
+        a = (np.pi * 3e5 * (t - 4e-6)) ** 2
+        return (1 - 2 * a) * np.exp(-a)
+
+    u = np.stack([ricker(T - p / 3000) + 1.5 * ricker(T - p / 1700) for p in x], axis=1)
+    u += 2e-3 * np.random.default_rng(3).standard_normal(u.shape)
+    found = read_array("two", T, *named(u, x))
+    assert not found.best.valid
+    assert "--expected" in found.best.reason
+    assert not found.result.dispersion.valid.any()
+    assert found.result.quality.reason
+    for speed_of in (3000, 1700):
+        best = read_array("two", T, *named(u, x), expected=(3e5, 1.05 * speed_of)).best
+        assert best.valid, best.reason
+        assert abs(best.velocity - speed_of) <= 2 * best.velocity_error
+        assert best.velocity == pytest.approx(speed_of, rel=0.03)

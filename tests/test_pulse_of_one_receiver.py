@@ -37,6 +37,14 @@ def test_the_direct_wave_is_read_beside_crosstalk_precursor_and_a_stronger_guide
     assert guided[0].begins == pytest.approx(L / (0.72 * 120), rel=0.05)
 
 
+def test_five_samples_a_period_are_enough():
+    t, sent, got = record(120.0, noise=0.004)
+    best = read_one(transmission_record(t[::8], got[::8], sent[::8], "few"), L, {}).best
+    assert best.valid, best.reason
+    assert abs(best.velocity / 120 - 1) <= 0.05
+    assert abs(best.velocity - 120) <= 2 * best.velocity_error
+
+
 @pytest.mark.parametrize("speeds", [None, {"P": 204.0, "S": 120.0}], ids=["unknown", "known"])
 @pytest.mark.parametrize("part", [0.05, 0.12])
 def test_a_p_wave_ahead_of_the_s_wave_is_named(part, speeds):

@@ -115,7 +115,12 @@ def test_hum_of_many_periods_is_taken_out(size):
 
 
 def test_no_fault_is_found_where_there_is_none():
+    """Nor where a single sine begins and ends with a kink, between samples or on one."""
     assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()
+    t = np.arange(-60, 240) * 1e-6
+    tau = t[:, None] - np.array([1.0, 1.43, 1.77]) * 5e-5
+    kinked = np.where((tau >= 0) & (tau <= 4e-5), np.sin(2 * np.pi * tau / 4e-5), 0.0)
+    assert from_arrays({"t": t, "x": [0.1, 0.143, 0.177], "values": kinked}).findings == ()
 
 
 def test_two_waves_of_different_speed_make_no_receiver_mis_scaled():

@@ -138,6 +138,12 @@ def test_a_comparison_finds_lag_scale_and_what_is_left(record, tmp_path):
     assert abs(found.lag - 1e-7) <= 5e-9
     ratio = found.receivers[1].amplitude / found.receivers[0].amplitude
     assert ratio == pytest.approx(1.2, rel=0.01)
+    far = 0.4 * loaded.simulation.duration
+    turned = {**record.signals, "far": -record.signals["far"]}
+    away = PulseTestRecord("away", record.t + far, turned, record.positions, None)
+    found = compare(loaded, matched(away, loaded.simulation, None))
+    assert abs(found.lag - far) <= 2e-8
+    assert found.receivers[1].amplitude < 0 < found.receivers[0].amplitude
     exact = compare(loaded, matched(record, loaded.simulation, None))
     assert abs(exact.lag) <= 3 * exact.lag_error
     assert abs(exact.scale + 3.7e4) <= 3 * exact.scale_error

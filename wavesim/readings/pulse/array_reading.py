@@ -216,7 +216,7 @@ def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed
     one wave alone explains the receivers."""
     left = unexplained(result.spectra, result.dispersion)
     share = noise_share(result.spectra, result.dispersion)
-    if not left > max(_UNEXPLAINED, _OVER_SHARE * share) and len(record.x) > 2:
+    if left <= max(_UNEXPLAINED, _OVER_SHARE * share):
         return [], ""
     period = _common_period(record)
     lines = waves_passing(record, period)
@@ -225,7 +225,7 @@ def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed
         speeds = " and ".join(f"{one[0][1].velocity:.4g}" for one in waves)
         more = f"of {speeds} m/s " if len(waves) > 1 else ""
         return waves, f"several waves {more}pass the receivers, and spectra mix them"
-    if len(record.x) == 2:
+    if not math.isfinite(left):
         return [], ""
     return [], (
         f"one wave alone leaves {left:.0%} of the receivers' power: several waves that overlap, "
@@ -277,7 +277,10 @@ def _of_several(
     if abs(math.log(one.velocity / expected[1])) > _ONE_WAVE:
         reason = f"no wave is about as fast as --expected says, but {speeds} m/s"
     time = span / one.velocity
-    return judged(name, time, time * bar / one.velocity, span, reason)
+    # The other wave may lie beneath what is read.
+    beneath = _TOP * _common_period(result.record)
+    error = math.hypot(time * bar / one.velocity, beneath)
+    return judged(name, time, error, span, reason)
 
 
 def _ended(u: Float, weight: Float) -> Float:

@@ -202,9 +202,18 @@ def read_one(
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
     rivals = begun[as_well].tolist() if speeds is None else []
     risen = rises(heard[at], record)
+    begins = float(begun[at])
     if speeds is None and hides_two(heard[at], record):
-        rivals.append(risen)
-    found = settled(record, heard, float(begun[at]), distance, delays, speeds, rivals, wanted)
+        # A P wave comes ahead of the S wave that is meant.
+        later = wanted.wave == "S"
+        if wanted.speed > 0:
+            later = abs(distance / wanted.speed + delay - risen) < abs(
+                distance / wanted.speed + delay - begins
+            )
+        begins = risen if later else begins
+        if not (wanted.wave or wanted.speed > 0):
+            rivals.append(risen)
+    found = settled(record, heard, begins, distance, delays, speeds, rivals, wanted)
     if found.best.valid and not math.isfinite(risen):
         found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)

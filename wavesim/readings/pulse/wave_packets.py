@@ -41,7 +41,7 @@ _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
 _AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
 _AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
 _AFTER_PAIR_P = (1.0, 1.0, 0.6, 0.4, 0.1, 0.03, 0.01)
-_AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.22, 0.1)
+_AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.15, 0.05)
 # What is not faint ahead of a wave known as P; a wave known as S that an S wave seems to follow, by
 # their ratio of times, as guided waves are not much slower.
 _FAINT, _BEFORE_P = 0.15, 0.1
@@ -123,7 +123,9 @@ def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packe
     last = -math.inf
     for one in found:
         alike = whole and 1 / _ALIKE < one.size / whole[-1].size < _ALIKE
-        if alike and one.top - last <= near:
+        # Or the envelope has not fallen between them, as long as what was sent lasts.
+        held = alike and rises(one, record) + record.rise < last
+        if alike and one.top - last <= (record.length if held else near):
             whole[-1] = replace(whole[-1], size=max(whole[-1].size, one.size))
         else:
             whole.append(one)

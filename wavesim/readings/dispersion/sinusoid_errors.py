@@ -1,0 +1,139 @@
+"""Errors of fitted sinusoids, from the residual close to each, so that noise need not be white."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import rfft
+
+from wavesim.readings.dispersion.hidden_mode import Bends, of_sinusoids
+from wavesim.readings.dispersion.sinusoids import Fit, Float, exponentials, transposed
+
+# Noise close to a frequency is the residual's between these many bins from it.
+_NEAR = (2.0, 12.0)
+# Sinusoids closer than this part of a bin, or less sure than this, are not told apart.
+_CLOSEST_BINS = 0.05
+# Noise goes with the signal where it is heard more by so many deviations of that ratio.
+_BY_SCATTER = 4.0
+# Phase error over the record, rad, that the sums of a simulated field leave on its strongest wave.
+_ROUNDING = 1e-11
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is common to all series that are inverted together.
+
+    Attributes:
+        window: of the samples, shape (N,); weight: 0 where one is missing, None where none is.
+        padded: length of the transform.
+        most, dynamic_range, damped: as of ``harmonic_inversion.invert``.
+        scale: by which channels were divided, shape (C,).
+        least: amplitude below which there is rounding alone.
+        leakage: as of ``harmonic_inversion.invert``, of these series.
+    """
+
+    window: Float
+    weight: Float | None
+    padded: int
+    most: int
+    dynamic_range: float
+    damped: bool
+    scale: Float
+    least: float
+    leakage: Float | None
+
+
+@dataclass(frozen=True)
+class Found:
+    """Result of one group of series with p sinusoids each."""
+
+    omega: Float
+    decay: Float
+    amplitude: Float
+    shape: np.ndarray
+    errors: Float
+    amplitude_error: Float
+    bends: Bends
+    resolved: np.ndarray
+    residual: Float
+    settled: np.ndarray
+    broad: np.ndarray
+
+
+def norm_of(amplitude: np.ndarray, settings: Settings) -> Float:
+    """√Σ_c |a_c|² in the series' own unit, (n, p)."""
+    return np.sqrt(np.sum(np.abs(amplitude * settings.scale[:, None]) ** 2, axis=1))
+
+
+def report(found: Fit, series: Float, settings: Settings) -> Found:
+    """Sinusoids with their errors, from the residual's level close to each."""
+    n, channels, count = series.shape
+    p = found.omega.shape[1]
+    spectrum = rfft(found.residual * settings.window, settings.padded, axis=-1)
+    power = (spectrum.real**2 + spectrum.imag**2) / np.sum(settings.window**2)
+    bins = np.arange(power.shape[-1]) * count / settings.padded
+    distance = np.abs(bins - (found.omega * count / (2 * np.pi))[..., None])
+    near = ((distance >= _NEAR[0]) & (distance <= _NEAR[1])).astype(float)
+    # An error of ω is Σ t n(t) e^{iωt}, which hears noise Δ bins from ω by ((sin x/x)′)², x = πΔ,
+    # of area 1/3: nearly all from close by, and 1/2x² of what is far.
+    far = np.where(distance > _NEAR[1], 3 / (2 * (np.pi * np.maximum(distance, 1)) ** 2), 0.0)
+    far *= count / settings.padded
+    heard = near * ((1 - far.sum(axis=-1)) / np.maximum(near.sum(axis=-1), 1))[..., None] + far
+    level = np.einsum("ncf,npf->ncp", power, heard)
+    # What the fit's own parameters took out of the residual.
+    samples = count if settings.weight is None else settings.weight.sum()
+    level = level * samples / max(samples - 2 * p - (2 * p if settings.damped else p) / channels, 1)
+    norm = norm_of(found.amplitude, settings)
+    noise = np.concatenate([level, level], axis=-1)
+    scale = np.sqrt(noise)
+    middle = np.sum(scale[..., :, None] * found.parts * scale[..., None, :], axis=1)
+    covariance = found.unit @ middle @ transposed(found.unit)
+    variance = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0)
+    more = _in_step(found, count)
+    variance = variance * np.concatenate([more, more], axis=1)
+    weakness = norm.max(axis=1, keepdims=True) / np.maximum(norm, 1e-290)
+    rounding = _ROUNDING * weakness / count
+    errors = np.sqrt(variance + np.concatenate([rounding, rounding], axis=1) ** 2)
+    start = np.exp(np.clip(found.decay * (count - 1) / 2, -50, 50))
+    square = settings.scale[:, None] ** 2
+    shares = np.abs(found.amplitude) ** 2 * square / np.maximum(norm**2, 1e-290)[:, None]
+    amplitude_error = found.unit_amplitude * np.sqrt(np.sum(shares * level * square, axis=1))
+    apart = np.abs(found.omega[:, :, None] - found.omega[:, None, :])
+    apart = apart + np.where(np.eye(p, dtype=bool), np.inf, 0)
+    closest = apart.min(axis=-1) * count / (2 * np.pi)
+    resolved = (closest > _CLOSEST_BINS) & (errors[:, :p] * count < np.pi)
+    # Of two that are hardly told apart the error is no small one, which it is taken for.
+    errors[:, :p] *= 1 + 2 * errors[:, :p] / apart.min(axis=-1)
+    return Found(
+        found.omega,
+        found.decay,
+        norm * start,
+        transposed(found.amplitude * settings.scale[:, None] / np.maximum(norm, 1e-290)[:, None]),
+        errors,
+        amplitude_error * start,
+        of_sinusoids(found, level, settings.scale, settings.weight),
+        resolved & (norm > 4 * amplitude_error),
+        np.mean(found.residual**2, axis=(1, 2)) / np.mean(series**2, axis=(1, 2)),
+        np.ones(n, bool),
+        np.zeros(n, bool),
+    )
+
+
+def _in_step(found: Fit, count: int) -> Float:
+    """How much more noise a frequency hears than one that goes on by itself, shape (n, p).
+
+    A clock that shivers shifts all channels together, and most where the signal is steepest: of
+    slopes s_c = ∂y_c/∂ω and noise r_c it is Σ_t (Σ_c s_c r_c)² over Σ_c Σ_t s_c² ⟨r_c²⟩.
+    """
+    n, p = found.omega.shape
+    t = np.arange(count) - (count - 1) / 2
+    level = np.mean(found.residual**2, axis=-1)
+    more = np.ones((n, p))
+    for j in range(p):
+        z = exponentials(found.omega[:, j : j + 1], found.decay[:, j : j + 1], count)
+        slope = t * (found.amplitude[:, :, j, None] * z).imag
+        heard = np.sum(np.sum(slope * found.residual, axis=1) ** 2, axis=-1)
+        alone = np.einsum("nct,nc->n", slope**2, level)
+        more[:, j] = heard / np.maximum(alone, 1e-290)
+    return np.where(more > 1 + _BY_SCATTER * np.sqrt(2 / count), more, 1.0)
