@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.of_pulse_test import PulseTestRecord
-from wavesim.simulation.bandlimited import taps
+from wavesim.simulation.bandlimited import taps, taps_at_end
 from wavesim.simulation.simulation import Simulation
 
 Float = NDArray[Any]
@@ -181,7 +181,12 @@ def resampling(frames: int, interval: float, t: Float, slope: bool = False) -> A
         up, down = (resampling(frames, interval, t + s * h) for s in (1, -1))
         return (up - down) / (2 * h)
     columns, weights = taps(t / interval)
-    inside = (columns >= 0) & (columns < frames)
+    late, last, at_end = taps_at_end(frames, t / interval)
+    inside = (columns >= 0) & (columns < frames) & ~late[:, None]
     rows = np.broadcast_to(np.arange(len(t))[:, None], columns.shape)
-    data = (weights[inside], (rows[inside], columns[inside]))
-    return csr_matrix(data, shape=(len(t), frames))
+    own = np.repeat(np.flatnonzero(late), len(last)), np.tile(last, int(late.sum()))
+    numbers = np.concatenate([weights[inside], at_end.ravel()])
+    places = [
+        np.concatenate(both) for both in zip((rows[inside], columns[inside]), own, strict=True)
+    ]
+    return csr_matrix((numbers, tuple(places)), shape=(len(t), frames))

@@ -250,7 +250,7 @@ class Field(Shown):
                 f"t = {asked.min():g} to {asked.max():g} s: must be within the record, {first:g} "
                 f"to {last:g} s; simulate for longer, or ask for less"
             )
-        return between(signal, (np.asarray(t) - self.t[0]) / self.interval)
+        return between(signal, (np.asarray(t) - self.t[0]) / self.interval, moving=True)
 
     @staticmethod
     def unit(name: str) -> str:

@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import crosstalk
 from wavesim.readings.pulse.signals import BEGUN, WANDERS, PulseError, PulseRecord
-from wavesim.readings.pulse.transmission_record import transmission_record
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, transmission_record
 from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
 
 # Crosstalk is known by its coming to so many receivers at once, this many deviations high.
 _FEWEST_AT_ONCE, _HEARD = 2, 4.5
+# Crosstalk of all receivers has this part of its power in common.
+_ONE = 0.8
 # Noise is taken to be at least this part of the peak.
 _LEAST_NOISE = 2e-3
 CROSSTALK = (
@@ -42,6 +44,8 @@ def without_crosstalk(
         return signals, ""
     # A wave may be there at once at the nearest, crosstalk is at all.
     if not all(one.crosstalk for one in each.values()):
+        return signals, ""
+    if not _alike(np.stack([_early(each[key], u) for key, u in signals.items()])):
         return signals, ""
     known = [key for key, one in each.items() if one.crosstalk_taken.any()]
     hidden = [key for key in each if key not in known and not each[key].covered]
@@ -76,6 +80,20 @@ def without_crosstalk(
         for key in known
     )
     return result, CROSSTALK if rest else ""
+
+
+def _early(one: TransmissionRecord, u: Float) -> Float:
+    """A signal, without its offset, while its receiver may hear crosstalk; 0 at other times."""
+    every = slice(None, None, (len(one.t) - 1) // (len(u) - 1))
+    within = (one.t[every] >= one.start) & (one.t[every] < one.blank)
+    return np.where(within, one.raw[every] + one.crosstalk_taken[every], 0.0)
+
+
+def _alike(rows: Float) -> bool:
+    """Whether signals are one and the same but for their size, and no noise."""
+    together = (rows != 0).all(axis=0)
+    power = np.linalg.svd(rows[:, together], compute_uv=False) ** 2
+    return bool(power.sum() > 0 and power[0] > _ONE * power.sum())
 
 
 def without_what_all_hear_at_once(
