@@ -83,6 +83,12 @@ def test_what_a_coarse_grid_does_to_points_is_in_the_errors():
         apart = abs(value - float(getattr(MEDIUM, name)))
         assert apart <= 1.96 * found.errors[name] <= 1e-2
     assert not fit([Observed(block, given)], MEDIUM, ["anisotropy"]).systematic
+    # An interval wrong by a thousandth moves it as a fit to points so moved does.
+    shared = fit([Observed(block, given, common=1e-3)], MEDIUM, ["anisotropy"])
+    slow = replace(given, omega=given.omega * (1 - 1e-3))
+    moved = abs(fit([Observed(block, slow)], MEDIUM, ["anisotropy"]).values["anisotropy"]
+                - shared.values["anisotropy"])  # fmt: skip
+    assert shared.errors["anisotropy"] == pytest.approx(moved, rel=0.1)
 
 
 @pytest.mark.parametrize("closure", ["printed", "consistent"])

@@ -116,7 +116,12 @@ def _fitted(results: Sequence[Any], start: Any, parameters: Sequence[str]) -> An
     from wavesim.studies.medium_fit import Observed, fit
 
     observed = [
-        Observed(one.origin.block, one.points, one.origin.bar)
+        Observed(
+            one.origin.block,
+            one.points,
+            one.origin.bar,
+            math.hypot(one.origin.record.interval_error, one.origin.record.spacing_error),
+        )
         for one in results
         if one.origin.block is not None
     ]

@@ -90,7 +90,8 @@ def _tell(study: Any) -> None:
     frequency = study.curves[0].frequency
     levels = [decibels(own[0].T) for own in alike.values()]
     for n in np.unique(np.linspace(0, len(frequency) - 1, _ROWS).round().astype(int)):
-        table.add_row(f"{frequency[n] / scale:.1f}", *(f"{level[n]:.2f}" for level in levels))
+        values = (f"{one[n]:.2f}" if np.isfinite(one[n]) else "no answer" for one in levels)
+        table.add_row(f"{frequency[n] / scale:.1f}", *values)
     out.print(table)
     gaps = new_table("layers", "sector", "gap", f"from {unit}", f"to {unit}", words=3)
     for where, sector, name, low, high in study.gaps:

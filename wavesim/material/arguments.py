@@ -249,7 +249,11 @@ def _odd(key: str, value: Any) -> str:
     wanted = _no_numbers(value)
     if wanted or np.ndim(value) > 1:
         return wanted or "a number, or a list of them"
-    return _PASS if (np.abs(value) < _LARGEST_WAVE).all() else f"finite, below {_LARGEST_WAVE:g}"
+    return (
+        _PASS
+        if (np.abs(np.asarray(value)).astype(float) < _LARGEST_WAVE).all()
+        else f"finite, below {_LARGEST_WAVE:g}"
+    )
 
 
 def _word(hint: Any) -> str:

@@ -47,11 +47,14 @@ class Observed:
         points: recovered; only valid ones are used.
         grid: the stencil that they obey, as an order and a spacing in ``OfMedium``; None for the
             continuum.
+        common: relative error that all of its ω or k have alike, one standard deviation, –: of an
+            interval or a spacing that is known to so much, which no number of points averages away.
     """
 
     block: Block
     points: BranchPoints
     grid: Any = None
+    common: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -166,11 +169,25 @@ def fit(
         most = np.abs(inverse @ answer.jac.T) @ np.abs(answer.fun)
         wider = np.maximum(most / np.sqrt(np.diag(covariance)), 1.0)
         covariance = covariance * wider[:, None] * wider
-    covariance = covariance * unit[:, None] * unit
+    shared = inverse @ answer.jac.T @ _in_common(kept)
+    covariance = (covariance + np.outer(shared, shared)) * unit[:, None] * unit
     values: dict[str, Any] = dict(zip(parameters, map(float, scaled * unit), strict=True))
     errors = dict(zip(parameters, map(float, np.sqrt(np.diag(covariance))), strict=True))
     return Fitted(replace(start, **values), values, errors, covariance, chi_square, total,
                   systematic)  # fmt: skip
+
+
+def _in_common(observed: Sequence[Observed]) -> Float:
+    """How residuals change with what all points of a record have in common."""
+    parts = []
+    for one in observed:
+        points = one.points
+        if points.in_space:
+            off = one.common * points.k / points.error * np.sqrt(2)
+            parts += [off.real, off.imag]
+        else:
+            parts.append(one.common * points.omega / points.error)
+    return np.concatenate(parts)
 
 
 def _hangs_together(left: Float, observed: Sequence[Observed]) -> bool:

@@ -117,8 +117,11 @@ def in_space(
             f"{record.missing.sum()} frames are missing: the exponential window needs them all; "
             "fill them, or use the part before the first one"
         )
+    if np.iscomplexobj(omega):
+        raise RecordError("omega: must be real, rad/s; damping says what its imaginary part is")
     omega = np.atleast_1d(np.asarray(omega, float))
     for key, well, allowed in (
+        ("omega", not len(omega) or (omega > 0).any(), "frequencies above 0 (rad/s)"),
         ("omega", len(omega), "one frequency (rad/s) at least"),
         ("damping", damping is None or damping > 0, "greater than 0"),
         ("pairs", pairs in (1, 2), "1 or 2"),
