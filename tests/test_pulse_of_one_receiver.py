@@ -210,6 +210,12 @@ def test_delay_is_what_the_transducers_face_to_face_tell():
     plain = read_one(made(120.0), L, {}).best
     late = read_one(made(120.0, delay=2e-5), L, delays).best
     assert late.time == pytest.approx(plain.time, abs=1e-5)
+    # A copy that is less than a period late is no crosstalk: each convention has its delay.
+    copy = 0.08 * np.interp(t - 1.5e-5, t, sent)
+    copy += 1e-3 * np.abs(copy).max() * np.random.default_rng(4).normal(size=len(t))
+    delays = face_to_face(transmission_record(t, copy, sent, "touching"))
+    for name in ("threshold", "envelope", "correlation"):
+        assert delays[name] == pytest.approx(1.5e-5, abs=5e-7)
 
 
 def test_the_power_law_sets_aside_what_jumped_a_cycle():

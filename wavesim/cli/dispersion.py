@@ -104,8 +104,12 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     if given["out"]:
         _write(results, answer, Path(given["out"]))
     if not any(one.points.valid.any() for one in results):
+        from wavesim.readings.dispersion.wavenumber_at_frequency import QUIET
+
+        # Frequencies beside the signal's are quiet in every record: others tell more.
         reasons = [r for one in results for r in one.points.reason if r]
-        why = max(set(reasons), key=reasons.count) if reasons else "no wave stands above the noise"
+        reasons = [r for r in reasons if r != QUIET] or [QUIET]
+        why = max(set(reasons), key=reasons.count)
         stop(f"{file}: no valid point: {why}", FELL_SHORT)
     if not answer["passed"]:
         sys.exit(FELL_SHORT)

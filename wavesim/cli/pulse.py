@@ -298,7 +298,10 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
         )
     record = transmission_record(test.t, signal, test.sent, test.name)
     if test.sent is None:
-        said = "what was sent was not recorded: it is taken to begin at t = 0"
+        said = (
+            "what was sent is taken to begin at t = 0; where a column of the file recorded it, "
+            "--input names that"
+        )
         record = replace(record, notes=(*record.notes, said))
     return record, distance
 

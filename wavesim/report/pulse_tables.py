@@ -175,7 +175,8 @@ def _by_convention(one: Reading, scale: float, unit: str) -> str:
         for name in _CONVENTIONS
         if name in own and math.isfinite(own[name].time)
     ]
-    return f"Taken is the {one.best.convention}. By convention, {unit}: {', '.join(told)}."
+    delay = f", the system's delay of {one.delay * scale:.4g} in them" if one.delay else ""
+    return f"Taken is the {one.best.convention}. By convention, {unit}{delay}: {', '.join(told)}."
 
 
 def _law(console: Console, readings: Sequence[Reading], series: Series) -> None:

@@ -53,9 +53,11 @@ _EXCESS = 9.0
 # A signal that so many times the noise's power is left over of is no noise.
 _LOUD = 9.0
 UNLIKE = (
-    "receivers are loud, but not as few waves make them: modes that interfere, or receivers unlike "
-    "each other; wavesim dispersion reads phases alone"
+    "receivers are loud, but not as few waves make them: modes that interfere, crosstalk, or "
+    "receivers unlike each other; wavesim dispersion reads phases alone, wavesim pulse takes "
+    "crosstalk out"
 )
+QUIET = "no wave stands above the noise: drive more of it, or listen nearer"
 _NYQUIST = 0.97
 # Left over up to so many times the noise's power is noise; of more, this part is added.
 _NOISE_SPREAD, _ALIKE = 1.5, 3.0
@@ -407,7 +409,7 @@ def _chosen(
     more = unexplained & np.array(columns["excess"], bool) & (reason == "")
     weak = np.array(columns["weak"], bool) & (reason == "")
     loud = np.array(columns["loud"], bool)
-    reason[weak & ~loud] = "no wave stands above the noise: drive more of it, or listen nearer"
+    reason[weak & ~loud] = QUIET
     reason[weak & loud] = UNLIKE
     more &= ~weak
     reason[more] = "unexplained power: more waves than sought, or uneven noise"

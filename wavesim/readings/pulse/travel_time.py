@@ -107,7 +107,9 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
         PulseError: no arrival stands out.
     """
     before = max(record.start - record.period, float(record.t[0]))
-    plain = blanked(replace(record, crosstalk=0.0), before)
+    whole = record.raw + record.crosstalk_taken
+    none = np.zeros(len(whole))
+    plain = blanked(replace(record, raw=whole, crosstalk_taken=none, crosstalk=0.0), before)
     heard = packets(plain)
     at = direct(heard)
     if at is None:
