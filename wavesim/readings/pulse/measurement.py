@@ -170,7 +170,7 @@ def measure(
     Raises:
         PulseError: something is not admissible; the message names it.
     """
-    if np.iscomplexobj(omega):
+    if omega is not None and np.iscomplexobj(omega):
         raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
     record = pulse_record(t, signals, positions, quiet_until)
     if window is None:
