@@ -22,6 +22,8 @@ from wavesim.timedomain.time_step import RUN, TimeStep, chunk_frames
 # Seconds on the machine that was measured on, quiet; products of states in the cache take less.
 _START, _COMPILE = 1.1, {"propagator": 0.9, "chebyshev": 1.1}
 _PER_FLOP, _PER_PRODUCT = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 5.0e-6}
+# Of a series, in more layers than these, a product of states.
+_MANY_LAYERS, _PER_LAYERED = 3, 1.0e-5
 # A number of a state: within the cache, how much more beyond it, and where that begins.
 _PER_POINT = {"propagator": (4.0e-9, 1.1e-8, 4.0e4), "chebyshev": (6.0e-10, 3.3e-9, 1.2e6)}
 _PER_STORED, _PER_READ = 8.0e-9, 5.0e-9  # a byte
@@ -135,6 +137,8 @@ def cost(
     near, far, cached = _PER_POINT.get(steps.solver, _PER_POINT["propagator"])
     each = _PER_PRODUCT.get(steps.solver, 1.0e-5)
     each += worked * (near + far * worked / (worked + cached))
+    if steps.solver == "chebyshev" and len(simulated.layers.layers) > _MANY_LAYERS:
+        each += _PER_LAYERED
     if steps.solver == "propagator":
         window = RUN + 2 * steps.reach
         fields = sum(len(b.macro + b.micro) ** 2 for b in simulated.blocks)

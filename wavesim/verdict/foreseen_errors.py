@@ -202,10 +202,14 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         for place, fields in spectra.items()
     }
     size: dict[tuple[str, str], float] = {}
-    for (name, _), fields in record.items():
+    for (name, number), fields in record.items():
+        # A receiver's half wavelength may hold a source.
+        x = about[name, number]
+        at = [one for one, y in seen.items() if abs(x - y) <= reach(simulated, y)]
         for field, signal in fields.items():
-            largest = max(size.get((name, field), 0.0), float(np.abs(signal).max()))
-            size[name, field] = largest
+            largest = float(np.abs(signal).max())
+            for one in (name, *at) if name == _SOURCE else (name,):
+                size[one, field] = max(size.get((one, field), 0.0), largest)
     overall = {
         field: max(value for (_, one), value in size.items() if one == field)
         for field in dict.fromkeys(field for _, field in size)
