@@ -11,6 +11,7 @@ from collocated import coefficients
 
 from wavesim import layered as layeredwave
 from wavesim import planewave
+from wavesim.layered.graded_layer import at_most
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
@@ -198,6 +199,9 @@ def test_what_has_no_answer_is_refused():
         layeredwave.signals(layers, "fixed", "free", [source], {"r": 8e-3}, TIMES)
     with pytest.raises(ValueError, match="receiver 'r' at 1 m"):
         layeredwave.signals(layers, "fixed", "free", [source], {"r": 1.0}, TIMES)
+    graded = Layers((Layer(0.0, LENGTH, ONE, TWO),))
+    with at_most(1e3), pytest.raises(ValueError, match=r"0 to 0\.02 m takes too many steps"):
+        layeredwave.signals(graded, "fixed", "free", [source], {"r": 0.0}, TIMES)
     inside = Driven("phi1", 8e-3, 5e5)
     with pytest.raises(ValueError, match=r"acts at an end; give it position = 0 or 0\.02 m"):
         layeredwave.signals(layers, "free", "free", [inside], {"r": 1e-3}, TIMES)

@@ -93,6 +93,8 @@ def test_levels_are_marked_where_they_do_not_count(clean, rng):
     assert (loss.level[reasons == NOISY] <= loss.floor[reasons == NOISY]).all()
     with pytest.raises(PulseError, match="receiver 'r9': unknown; take one of r0, r1, r2, r3"):
         transmission_loss(record, seen, "r0", "r9")
+    with pytest.raises(PulseError, match="omega: must be real"):
+        measure(T, {"r0": T, "r1": T}, {"r0": 0.0, "r1": 1.0}, omega=[1e5 + 1j])
 
 
 def test_a_pulse_test_read_whole(result):

@@ -125,6 +125,7 @@ def test_excited_band_of_several_sources():
         ({"peak_frequency": 0.0}, r"peak_frequency = 0 Hz: must be > 0"),
         ({"peak_frequency": -5e5}, r"peak_frequency = -500000 Hz: must be > 0"),
         ({"peak_frequency": float("nan")}, r"peak_frequency = nan: must be a finite number"),
+        ({"amplitude": -1e150}, r"amplitude = 1e\+150 in size: must be 1e-100 to 1e\+100"),
         ({"width": -1e-4}, r"width = -0.0001 m: must be 0 \(a point\) or greater"),
     ],
 )

@@ -14,7 +14,9 @@ Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, section II
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
@@ -35,6 +37,28 @@ System = Callable[[float, Any], tuple[Any, Any]]
 class Unresolved(ValueError):
     """Steps as short as 2⁻²⁴ of the stretch still change S: a real ω is then in the continuum of
     its asymptotes. It holds the frequency's number."""
+
+
+class TooMuch(ValueError):
+    """More steps than are allowed within :func:`at_most`."""
+
+
+_LEFT: ContextVar[list[float] | None] = ContextVar("steps left", default=None)
+
+
+@contextmanager
+def at_most(steps: float) -> Iterator[None]:
+    """Hold all that is solved within to so many steps of one wave at one frequency, each of about
+    8 μs; a step of n waves takes as long as n² of one.
+
+    Raises:
+        TooMuch: of ``graded``, which would take more.
+    """
+    before = _LEFT.set([steps])
+    try:
+        yield
+    finally:
+        _LEFT.reset(before)
 
 
 @cache
@@ -102,7 +126,12 @@ def scattered(T: Any, q: Any) -> Piece:
 
 def step(system: System, start: float, h: float, chosen: Any) -> Piece:
     """One step as a piece."""
-    return scattered(*transfer(system, start, h, chosen))
+    T, q = transfer(system, start, h, chosen)
+    if left := _LEFT.get():
+        left[0] -= len(chosen) * (T.shape[1] // 2) ** 2
+        if left[0] < 0:
+            raise TooMuch
+    return scattered(T, q)
 
 
 def graded(system: System, start: float, end: float, count: int, strength: Any = None) -> Piece:
@@ -116,6 +145,7 @@ def graded(system: System, start: float, end: float, count: int, strength: Any =
 
     Raises:
         Unresolved: at some frequency no step is short enough.
+        TooMuch: it takes more steps than :func:`at_most` allows.
     """
     strength = np.ones(count) if strength is None else strength
     chosen = np.arange(count)

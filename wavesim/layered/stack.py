@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.cross_section import Section, generator, joined, limit
-from wavesim.layered.graded_layer import Unresolved, graded
+from wavesim.layered.graded_layer import TooMuch, Unresolved, graded
 from wavesim.layered.star_product import Piece, jump, nothing, star
 from wavesim.layered.uniform_layer import Waves, uniform, waves
 from wavesim.material.family import Block
@@ -204,6 +204,12 @@ class Stack:
                 f"omega = {np.atleast_1d(self.omega)[number]:g} rad/s: the graded layer from "
                 f"{layer.start:g} to {layer.end:g} m has an asymptote at it, where waves pile up; "
                 "take a complex ω, with Im ω > 0"
+            ) from None
+        except TooMuch:
+            raise TooMuch(
+                f"the graded layer from {layer.start:g} to {layer.end:g} m takes too many steps: "
+                "waves are short in it, or pile up; take lower frequencies, sources that set in "
+                "smoothly, a shorter run, or uniform layers in its place"
             ) from None
 
     def pieces(

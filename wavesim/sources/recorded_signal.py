@@ -17,6 +17,7 @@ from wavesim.sources.source import (
     Extent,
     Source,
     check_place,
+    check_size,
     extent_on,
     namespace,
     transform,
@@ -66,6 +67,7 @@ class Recorded(Source):
             numbers = np.asarray(getattr(self, name), float).reshape(-1).tolist()
             object.__setattr__(self, name, tuple(numbers))
         check_samples(self.times, self.values)
+        check_size("values", abs(self.amplitude) * max(map(abs, self.values)))
 
     @property
     def interval(self) -> float:

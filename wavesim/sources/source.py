@@ -28,6 +28,8 @@ IN_BAND = 0.03
 _TO_A_BIN = 16
 # Products of frequencies and times held at a time.
 _AT_ONCE = 2**20
+# Of what drives, in size.
+LARGEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,7 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
         raise ValueError(f"position = {source.position:g} m: must be 0 or greater; x begins at 0")
     if source.amplitude == 0:
         raise ValueError("amplitude = 0: must not be 0, or nothing moves")
+    check_size("amplitude", abs(source.amplitude))
     if float(source.width) < 0:
         raise ValueError(f"width = {source.width:g} m: must be 0 (a point) or greater")
     if source.drive not in (allowed := family.words_for(acts)):
@@ -212,6 +215,23 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
                 f"width = {source.width:g} m: must be 0 for drive {source.drive!r}, which acts at "
                 "an end"
             )
+
+
+def check_size(name: str, size: float) -> None:
+    """Hold what drives to numbers whose squares, the energy, are numbers too.
+
+    Args:
+        name: of what it is.
+        size: largest |value| > 0, any unit.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if not 1 / LARGEST <= size <= LARGEST:
+        raise ValueError(
+            f"{name} = {size:g} in size: must be {1 / LARGEST:g} to {LARGEST:g}, as energy goes by "
+            "its square; give 1 and scale the fields, which go by it"
+        )
 
 
 def check_positive(source: Source, *units: tuple[str, str]) -> None:

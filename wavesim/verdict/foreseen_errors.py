@@ -34,8 +34,8 @@ from wavesim.verdict.grid_signals import grid_spectra
 # themselves.
 SIGNAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-4, 1e-3
 MEDIAN_TOLERANCE, MAXIMUM_TOLERANCE, WAVENUMBER_TOLERANCE = 1e-3, 1e-2, 1e-3
-# Cells times frequencies that are worked out, in about a quarter of a second.
-BUDGET = 2e5
+# Cells times frequencies that are worked out, in about half a second.
+BUDGET = 6e5
 # Places about a receiver at which a field's size is looked at, and nodes of a buffer.
 _ABOUT, _NODES = 8, 24
 # A spectrum is left out below this part of its peak, softly, over this part of the rest.
@@ -43,7 +43,7 @@ _SMALL, _TAPER = 1e-5, 0.03
 _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
 # Wavenumbers of a ring's judged range; how much more a folded band takes; the least part of a run
 # that tells of all of it.
-_RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.1
+_RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.3
 # A transform has this many frequencies at least.
 _MOST_CELLS = BUDGET / _LEAST_PART / 64
 # So long a signal (rad of the highest frequency) takes long to transform.
@@ -211,10 +211,10 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         for field in dict.fromkeys(field for _, field in size)
     }
     found = []
-    ends = bar.left, bar.right
+    ends, part = (bar.left, bar.right), f", by the first {share:.0%} of the time" * (share < 1)
     exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
     for name in seen:
-        worst = Foretold(f'the signal at "{name}"', 0.0, SIGNAL_TOLERANCE)
+        worst = Foretold(f'the signal at "{name}"{part}', 0.0, SIGNAL_TOLERANCE)
         for field, on_grid in record[name, 0].items():
             signal = grid.signal(exact[name][field], t)
             own, near = float(np.abs(signal).max()), size[name, field]
@@ -222,7 +222,7 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
                 continue
             error = float(np.abs(on_grid - signal).max()) / max(near, own) / share
             if error > worst.error:
-                worst = replace(worst, what=f'{field} at "{name}"', error=error)
+                worst = replace(worst, what=f'{field} at "{name}"{part}', error=error)
         found.append(worst)
     late = t > t[-1] * (1 - TAIL)
     for block, known in specimens:

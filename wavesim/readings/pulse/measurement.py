@@ -22,7 +22,7 @@ from wavesim.readings.pulse.attenuation_and_quality import (
     under_its_assumption,
 )
 from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
-from wavesim.readings.pulse.signals import PulseRecord, pulse_record
+from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
@@ -170,6 +170,8 @@ def measure(
     Raises:
         PulseError: something is not admissible; the message names it.
     """
+    if omega is not None and np.iscomplexobj(omega):
+        raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
     record = pulse_record(t, signals, positions, quiet_until)
     if window is None:
         length = float(record.t[-1] - record.t[0])
