@@ -130,7 +130,7 @@ def find(content: Content, layout: Layout) -> Found:
     arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and a.size < largest else a
               for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
-    content = replace(content, arrays=arrays)
+    content = replace(content, arrays=arrays, unplaced=dict(content.unplaced))
     if layout.input is None and layout.transmitter:
         layout = replace(layout, input=_transmitter(content))
         if layout.input is not None:
@@ -139,6 +139,12 @@ def find(content: Content, layout: Layout) -> Found:
                 "another"
             )
     signal = _input(content, layout)
+    if content.unplaced:
+        left = list(content.unplaced)
+        notes.append(
+            f"column{'s' if len(left) > 1 else ''} {', '.join(map(repr, left[:4]))}"
+            f"{', …' if len(left) > 4 else ''}: the heading says no position, left out"
+        )
     values, labels, name = _values(content, layout)
     swapped = np.swapaxes(values, -1, -2)
     fits = [0 if labels else _as_long(content, layout, one.shape[-2:]) for one in (values, swapped)]
@@ -227,7 +233,7 @@ def _input(content: Content, layout: Layout) -> Float | None:
             raise RecordError(f"--input {text}: no such column; there are {near}")
         (j, *_) = at
         if j >= len(content.labels):
-            return np.asarray(list(content.unplaced.values())[j - len(content.labels)], float)
+            return np.asarray(content.unplaced.pop(labels[j]), float)
         keep = [i for i in range(len(content.labels)) if i != j]
         content.arrays["values"] = values[:, keep]
         content.labels = tuple(content.labels[i] for i in keep)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.planewave.dispersion_relation import wave_speeds
+from wavesim.planewave.dispersion_relation import block_group_velocity, wave_speeds
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
@@ -21,6 +21,8 @@ UNLIKE = (
     "the receivers stand in layers that differ: a velocity between them is of the path, and there "
     "is no α or Q of a medium; put two receivers or more into one layer"
 )
+# Receivers beyond this part of a ring hear at once what came either way.
+_PART_OF_RING = 0.4
 # More missing frames than this part are no small gap.
 _MOST_MISSING = 0.01
 
@@ -145,13 +147,33 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         speeds = wave_speeds(field.medium) or None
         layers = [field.layers.layer_at(field.receivers[key]) for key in places]
         one = len(set(map(id, layers))) == 1 and layers[0].last is None
-        record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, speeds=speeds)
+        end = _gone_round(field, block, own, places) if one else np.inf
+        notes: tuple[str, ...] = ()
+        if end < t[-1]:
+            kept = t < end
+            t, signals = t[kept], {key: u[kept] for key, u in signals.items()}
+            sent = None if sent is None else sent[kept]
+            notes = (f"read up to {end:.4g} s, before waves come that have gone round the bar",)
+        record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, notes, speeds)
         found.append(record if one else replace(record, unlike=UNLIKE))
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"
         )
     return found
+
+
+def _gone_round(field: Any, block: Any, sources: list[Any], places: Mapping[str, float]) -> float:
+    """When the lowest branch's first wave reaches a receiver the other way round a ring, s; ∞
+    where none does. Other branches have other frequencies, and are mixed up with none of its."""
+    length, furthest = field.bar.length, max(places.values())
+    if not field.bar.periodic or furthest > _PART_OF_RING * length:
+        return np.inf
+    k = np.geomspace(1e-3, 1.0, 64) * np.pi / field.bar.spacing
+    speed = float(block_group_velocity(field.medium, block, k)[..., 0].max())
+    at = [s.position for s in sources]
+    begin = min(max(s.onset, 0.0) for s in sources)
+    return float(begin + (length - furthest - max(at) + min(at)) / speed)
 
 
 def _beside(receivers: Mapping[str, float], sources: list[tuple[float, float]]) -> dict[str, float]:

@@ -175,7 +175,10 @@ def _by_convention(one: Reading, scale: float, unit: str) -> str:
         for name in _CONVENTIONS
         if name in own and math.isfinite(own[name].time)
     ]
-    delay = f", the system's delay of {one.delay * scale:.4g} in them" if one.delay else ""
+    delay = ""
+    if one.delay:
+        own_delay = f"{one.delay * scale:.4g} for the {one.best.convention}"
+        delay = f", the system's delay in them ({own_delay})"
     return f"Taken is the {one.best.convention}. By convention, {unit}{delay}: {', '.join(told)}."
 
 

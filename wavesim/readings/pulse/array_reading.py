@@ -52,8 +52,9 @@ VAGUE = (
 _Speed = tuple[str, Velocity]
 
 OVERLAP = (
-    "an echo reaches a receiver before the direct wave has passed another: place receivers further "
-    "from the far end, or take a longer specimen; until then spectra mix both"
+    "an echo, or a wave of another speed, reaches a receiver before the direct wave has passed "
+    "another: place receivers further from the far end, or take a longer specimen; until then "
+    "spectra mix both"
 )
 
 

@@ -63,10 +63,11 @@ class Gate:
         return np.where(inner >= 0, np.sin(np.pi / 2 * flank) ** 2, 0.0)
 
     def ending(self, t: Float, x: Float) -> Float:
-        """A bump over the gate's last part, by which is seen what it cuts off; shape (nt, m)."""
+        """The gate's last part, opened slowly and closed as the gate closes, by which is seen what
+        it cuts off, at the frequencies that a closing so fast throws it to; shape (nt, m)."""
         s = (t[:, None] - (x - x[0]) / self.velocity - self.start) / (self.end - self.start)
-        inner = (s - 1 + _ENDING) / _ENDING
-        return np.where((inner > 0) & (inner < 1), np.sin(np.pi * inner) ** 2, 0.0)
+        opened = np.clip((s - 1 + _ENDING) / (_ENDING / 2), 0, 1)
+        return np.asarray(np.sin(np.pi / 2 * opened) ** 2 * self.weights(t, x))
 
     def sigma(self, t: Float) -> float:
         """0: the frequency is real."""

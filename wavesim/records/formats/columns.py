@@ -237,12 +237,6 @@ def _positions(found: Content, table: Table, channels: list[int]) -> None:
     if not any(said):
         return
     placed = [s is not None for s in said]
-    if not all(placed):
-        left = [found.labels[j] for j, there in enumerate(placed) if not there]
-        found.notes.append(
-            f"column{'s' if len(left) > 1 else ''} {', '.join(map(repr, left[:4]))}"
-            f"{', …' if len(left) > 4 else ''}: the heading says no position, left out"
-        )
     keep = [j for j, there in enumerate(placed) if there]
     found.place([s for s in said if s is not None], f"the heading {found.labels[keep[0]][:40]!r}")
     found.unplaced = {
