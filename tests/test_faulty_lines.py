@@ -110,3 +110,18 @@ def test_one_bad_receiver_among_waves_both_ways(factor, late, said):
     assert len(own) >= (30 if said == "mis-scaled" else 4)
     assert (off <= 2 * own.bar).all()
     assert np.mean(off <= own.bar) >= 0.9
+
+
+@pytest.mark.parametrize(("spacing", "receivers"), [(4.04, 13), (4.26, 6), (4.6, 10), (4.72, 9)])
+def test_no_single_frequency_of_a_folded_line_is_believed(spacing, receivers, rng):
+    """Receivers several wavelengths apart, a burst of the band: k is folded at all of it."""
+    f, n = 2e4, 4
+    x = SPEED / f * (1 + spacing * np.arange(receivers))
+    t = np.arange(int((x[-1] / SPEED + 14 / f) * 25 * f)) / f / 25
+    s = t[:, None] - x / SPEED
+    u = np.sin(2 * np.pi * f * s) * np.sin(np.pi * f * s / n) ** 2
+    u = np.where((s >= 0) & (s <= n / f), u, 0.0) + 3e-3 * rng.normal(size=s.shape)
+    omega = 2 * np.pi * f * np.linspace(0.5, 1.5, 40)
+    points = in_space(record(u, t, x, sources=(0.0,)), omega)
+    assert any(reason.startswith("folded") for reason in points.reason)
+    assert not points.valid.any()

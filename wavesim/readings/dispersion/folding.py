@@ -81,11 +81,17 @@ def folded_in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
     edges = np.flatnonzero(np.diff(np.sign(k)) != 0) + 1
     result = np.zeros(len(k), bool)
     beyond = False
-    for piece in np.split(np.arange(len(k)), edges):
+    pieces = np.split(np.arange(len(k)), edges)
+    for piece in pieces:
         # From one edge ±π/d to the other, from one frequency to the next.
         if piece[0] and abs(k[piece[0]]) + abs(k[piece[0] - 1]) > _EDGE * 2 * np.pi / gap:
             beyond = True
         result[piece] = beyond or is_folded(k[piece], omega[piece], gap)
+    # A piece too short to tell is as those about it.
+    for piece in pieces:
+        about = result[max(piece[0] - 1, 0)] or result[min(piece[-1] + 1, len(k) - 1)]
+        if len(piece) < _FEWEST and about:
+            result[piece] = True
     return result
 
 

@@ -282,6 +282,10 @@ def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:
     )
 
 
+# Points of a mode, at least, that is believed beside others that are folded.
+_FEW = 5
+
+
 def _unfolded(points: BranchPoints, x: Float, omega: Float) -> BranchPoints:
     """Without the points of branches whose Re k has run through ±π/d."""
     folded = np.zeros(len(points), bool)
@@ -292,6 +296,13 @@ def _unfolded(points: BranchPoints, x: Float, omega: Float) -> BranchPoints:
         folded[own] = folded_in_pieces(points.k[own].real, points.omega[own].real, gap)
     if not folded.any():
         return points
+    # A few points by themselves are no mode that is not, where many others are.
+    found = folded.copy()
+    for number in points.branches:
+        own = points.branch == number
+        left = (own & ~found).sum()
+        if left < _FEW and 2 * left < found.sum():
+            folded |= own
     return _with_branches(points.refused(folded, FOLDED), omega)
 
 
