@@ -112,8 +112,13 @@ def blurred(field: Field | Simulation, position: float) -> str:
     bar = field.bar
     if not bar.periodic and min(position, bar.length - position) <= _ON_END * bar.spacing:
         return "on an end"
-    reach = bar.order * bar.spacing * (1 - 1e-9)
-    points = [s.position for s in field.sources if s.acts == "body" and s.width == 0]
-    if any(abs(position - x) < reach for x in points):
+    if beside_a_source(field, position):
         return f"within {bar.order} cells of a point source"
     return ""
+
+
+def beside_a_source(field: Field | Simulation, position: float) -> bool:
+    """Whether differences and interpolation at a place reach over a point source."""
+    reach = field.bar.order * field.bar.spacing * (1 - 1e-9)
+    points = [s.position for s in field.sources if s.acts == "body" and s.width == 0]
+    return any(abs(position - x) < reach for x in points)

@@ -18,6 +18,7 @@ from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import Gap, gaps, long_wave_speed, wavenumber
 from wavesim.readings.bar.excited_band import JUDGED, pulses
+from wavesim.readings.bar.loudness import beside_a_source
 from wavesim.readings.pulse.measurement import PulseResult, measure
 from wavesim.readings.pulse.signals import FEWEST_SAMPLES
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
@@ -65,7 +66,7 @@ def pulse_test(
     """Read the receivers of a run.
 
     Args:
-        field: with receivers, those to the right of the sources are read.
+        field: with receivers, those to the right of the sources are read, but next to a point.
         block: one with a macro-field.
         exact: {receiver: {field: signal}} of the exact solver.
         damping: σT of the exponential window, where the record has one.
@@ -84,7 +85,7 @@ def pulse_test(
     high = bar.clear[1]
     hearing = [n for n in field.receivers if heard is None or name in heard.get(n, ())]
     places = sorted((field.receivers[n], n) for n in hearing)
-    places = [(x, n) for x, n in places if last < x <= high]
+    places = [(x, n) for x, n in places if last < x <= high and not beside_a_source(field, x)]
     places = [p for i, p in enumerate(places) if i == 0 or p[0] > places[i - 1][0]]
     if not 2 <= len(places) <= _MOST_RECEIVERS:
         return None
