@@ -34,8 +34,8 @@ from wavesim.verdict.grid_signals import grid_spectra
 # themselves.
 SIGNAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-4, 1e-3
 MEDIAN_TOLERANCE, MAXIMUM_TOLERANCE, WAVENUMBER_TOLERANCE = 1e-3, 1e-2, 1e-3
-# Cells times frequencies that are worked out, in about half a second.
-BUDGET = 6e5
+# Cells times frequencies that are worked out, in about a third of a second.
+BUDGET = 4e5
 # Places about a receiver at which a field's size is looked at, and nodes of a buffer.
 _ABOUT, _NODES = 8, 24
 # A spectrum is left out below this part of its peak, softly, over this part of the rest.
