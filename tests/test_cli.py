@@ -144,16 +144,23 @@ def test_note_says_what_the_record_is_too_short_for(tiny, tmp_path):
     assert "the B23 source acts until" in result.stderr
 
 
-def test_field_that_overflows_gives_3(tiny, tmp_path):
-    """A moment of 1e300 makes an energy of 1e600, which no double holds."""
+def test_amplitudes_whose_energy_no_double_holds_are_refused(tiny, tmp_path):
+    """A moment of 1e300 makes an energy of 1e600; one of 1e100 has the verdict of one of 1."""
     out = tmp_path / "out"
     result = call("run", tiny, "--out", out, "--set", "sources.0.amplitude=1e300")
-    assert result.exit_code == 3
+    assert result.exit_code == 2
     assert result.stdout == ""
     (line,) = result.stderr.splitlines()
-    assert "not finite" in line
-    assert "lower the sources' amplitude" in line
-    assert not (out / "summary.json").exists()
+    assert "amplitude = 1e+300" in line
+    assert not out.exists()
+    worst = []
+    for number, amplitude in enumerate(("1", "1e100")):
+        out = tmp_path / str(number)
+        assert call("run", tiny, "--out", out, "--set", f"sources.0.amplitude={amplitude}")
+        checks = json.loads((out / "summary.json").read_text())["checks"]
+        worst.append([check["measured"] for check in checks if "TSO" in check["name"]])
+    assert worst[0] == pytest.approx(worst[1], rel=1e-6)
+    assert len(worst[0]) > 2
 
 
 def test_unstable_stepper_gives_3_and_says_what_to_change(tiny, tmp_path, monkeypatch):
