@@ -19,7 +19,7 @@ _CLOSED = "let its folder be written to"
 _WAYS_OUT = {
     errno.ENOSPC: _FULL,
     errno.EDQUOT: _FULL,
-    errno.EFBIG: "let files grow larger (ulimit -f)",
+    errno.EFBIG: "raise the limit of the size of files (ulimit -f)",
     errno.EROFS: _CLOSED,
     errno.EACCES: _CLOSED,
     errno.EPERM: _CLOSED,
