@@ -69,12 +69,10 @@ def without_crosstalk(
     result = {}
     for key, u in signals.items():
         one = each[key]
-        every = slice(None, None, (len(one.t) - 1) // (len(u) - 1))  # samples are added to few
-        if key in begun:
-            continue
-        own = u - one.crosstalk_taken[every]
-        within = (one.t[every] >= one.start) & (one.t[every] < one.blank)
-        result[key] = np.where(within, own - one.raw[every], own)
+        if key not in begun:
+            every = _as_given(one, u)
+            own = u - one.crosstalk_taken[every]
+            result[key] = np.where(_within(one)[every], own - one.raw[every], own)
     rest = any(
         each[key].crosstalk > 1 and each[key].blank < each[key].start + each[key].length
         for key in known
@@ -82,11 +80,19 @@ def without_crosstalk(
     return result, CROSSTALK if rest else ""
 
 
+def _as_given(one: TransmissionRecord, u: Float) -> slice:
+    """Samples of a record that its signal was given at: more are added where a period has few."""
+    return slice(None, None, (len(one.t) - 1) // (len(u) - 1))
+
+
+def _within(one: TransmissionRecord) -> NDArray[np.bool_]:
+    """Samples at which a receiver may hear crosstalk."""
+    return (one.t >= one.start) & (one.t < one.blank)
+
+
 def _early(one: TransmissionRecord, u: Float) -> Float:
     """A signal, without its offset, while its receiver may hear crosstalk; 0 at other times."""
-    every = slice(None, None, (len(one.t) - 1) // (len(u) - 1))
-    within = (one.t[every] >= one.start) & (one.t[every] < one.blank)
-    return np.where(within, one.raw[every] + one.crosstalk_taken[every], 0.0)
+    return np.where(_within(one), one.raw + one.crosstalk_taken, 0.0)[_as_given(one, u)]
 
 
 def _alike(rows: Float) -> bool:
@@ -99,7 +105,9 @@ def _alike(rows: Float) -> bool:
 def without_what_all_hear_at_once(
     record: PulseRecord, signals: dict[str, Float], period: float, notes: list[str]
 ) -> dict[str, Float]:
-    """Signals held at one value up to the end of crosstalk that is known by its coming at once.
+    """Signals without crosstalk that is known by its coming at once.
+
+    While it lasts the receivers' mean, at the size that each has of it, is taken out.
 
     Raises:
         PulseError: it lasts into the wave, or no wave comes after it.
