@@ -277,9 +277,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     return blanked(replace(found, crosstalk=part, period=rough, unended=unended), blank)
 
 
-def _follows_crosstalk(
-    found: TransmissionRecord, size: Float, period: float, until: float
-) -> bool:
+def _follows_crosstalk(found: TransmissionRecord, size: Float, period: float, until: float) -> bool:
     """Whether crosstalk goes on past what explains it: that ends while the pulse is being sent, and
     nothing as large as a wave beside it follows."""
     after = found.t - found.start
