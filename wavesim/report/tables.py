@@ -1,4 +1,4 @@
-"""What the terminal shows: the verdict, the bands and what is known before a run, as tables; and fits."""
+"""What the terminal shows, as tables: the verdict, the bands, what is known before a run; fits."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,13 +18,15 @@ from wavesim.case.toml_text import lay_over
 from wavesim.planewave.band_edges import asymptotes
 from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem, problem
-from wavesim.studies.design_search import SECONDS, Tell, search
+from wavesim.studies.design_search import Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
 
 # Digits that a value is written with; what is reached is that of the value as written.
 _DIGITS = 10
 # A variable that moves no level by more (dB) over its range does not matter.
 _MATTERS = 1e-9
+# Longest it may take, s, if nothing is said, and what part of it is the search's.
+_LONGEST, _SEARCHED = 180.0, 0.9
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,7 @@ class Design:
         made: share of designs within the tolerance that keep every wish.
         trade_off: what can be had where a wish is missed.
         evaluations, starts, seconds, seed: of the search.
+        ended: whether its longest time ended it.
         text: of the case that is the design.
     """
 
@@ -51,6 +55,7 @@ class Design:
     starts: int
     seconds: float
     seed: int
+    ended: bool
     text: str
 
     @property
@@ -105,7 +110,7 @@ def design(
     path: str | Path,
     seed: int = 0,
     overrides: tuple[str, ...] = (),
-    seconds: float = SECONDS,
+    at_most: float | None = None,
     tell: Tell | None = None,
 ) -> Design:
     """Design the stack that a case file asks for.
@@ -114,27 +119,31 @@ def design(
         path: of the case, with [design].
         seed: of the starts and of the yield's sample.
         overrides: "table.key=value", laid over the case.
-        seconds: after which no further round is begun.
-        tell: called with the stage and the worst shortfall so far, dB.
+        at_most: how long it may take, s; by default 40 of its own work, and 180.
+        tell: called with the stage, the first once the case is known to be well, and with the worst
+            shortfall so far, dB.
 
     Raises:
         CaseError: it can't be asked; the message names file, key, value and remedy.
     """
     from tomli_w import dumps
 
-    name = str(path)
+    name, begun = str(path), time.monotonic()
+    say: Callable[[str, float], None] = tell or (lambda stage, short: None)
     tables, folder = tables_of(path, overrides)
     own = problem(parse(dumps(tables), name, (), folder), name)
     _exact(own, (own.low + own.high) / 2, name)
-    functions = Search(own)
+    longest = _LONGEST if at_most is None else at_most
+    functions = Search(own, begun + _SEARCHED * longest)
     with ThreadPoolExecutor(1) as beside:  # both compile at once
         compiled = beside.submit(functions.begun, np.full((1, len(own.keys)), 0.5), functions.scale)
         _check_matter(functions, name)
         compiled.result()
-    found = search(functions, seed, seconds, tell)
+    say("search", np.inf)
+    found = search(functions, seed, at_most, tell)
+    functions.until = begun + longest
     values, reached = _written(own, found.values, name)
     met = bool((own.short(reached) == 0).all())
-    say: Callable[[str, float], None] = tell or (lambda stage, short: None)
     say("tolerances" if met else "trade-off", float(own.short(reached).max()))
     rows, keeps = ([], None) if met else trade_off(functions, values)
     if keeps is not None:
@@ -151,6 +160,7 @@ def design(
         found.starts,
         found.seconds,
         seed,
+        found.ended,
         dumps(designed_tables(tables, own, values.tolist())),
     )
 
