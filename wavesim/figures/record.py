@@ -1,4 +1,4 @@
-"""Figures of what was recovered of a record: spectrum, phase velocity, attenuation, residuals; beside a case."""
+"""Figures of what was recovered of a record: spectrum, c(f), attenuation; a record over a case."""
 
 from __future__ import annotations
 
