@@ -243,7 +243,7 @@ def _count(found: list[str]) -> str:
 )
 def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
-    from wavesim.paper.claims import CLOSURES
+    from wavesim.paper.page import CLOSURES
     from wavesim.paper.reproduction import reproduce
     from wavesim.report.progress import counted
 
