@@ -109,11 +109,12 @@ SET = click.option(
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 OUT = click.option(
+    "-o",
     "--out",
     type=click.Path(),
     help="Folder for results; outputs/<case> by default, of a design outputs/<its folder>_design.",
 )
-WRITTEN = click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
+WRITTEN = click.option("-o", "--out", type=click.Path(), help="Folder for numbers and figures.")
 QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 INPUT = click.option(
     "--input",
@@ -205,6 +206,35 @@ def read_layers(case: str, overrides: Sequence[str] = ()) -> Any:
     from wavesim.case.layered_case import load_layers
 
     return load_layers(case, overrides)
+
+
+def longest(at_most: str) -> float:
+    """Of --at-most, s."""
+    from wavesim.timedomain.cost import seconds_of
+
+    try:
+        return seconds_of(at_most)
+    except ValueError as error:
+        stop(f"--at-most {at_most}: {error}", BAD_INPUT)
+
+
+def planned(case: str, loaded: Any) -> Any:
+    """How the simulation of a case is stepped."""
+    from wavesim.case.layered_case import builder
+    from wavesim.timedomain.time_step import time_step
+
+    return builder(case)(("time",), time_step, loaded.simulation)
+
+
+def affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
+    """What a run takes, which is refused where it is more than there is, or was allowed."""
+    from wavesim.case.layered_case import builder
+    from wavesim.timedomain.cost import check_cost, cost
+
+    allowed = longest(at_most)
+    taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
+    builder(case)(("time",), check_cost, loaded.simulation, taken, allowed, folder)
+    return taken
 
 
 def folder_for(out: str | None, case: str) -> Path:

@@ -13,8 +13,10 @@ from wavesim.cli.arguments import (
     OUT,
     QUIET,
     SET,
-    NumberIn,
+    affordable,
     folder_for,
+    longest,
+    planned,
     read_case,
     write_json,
     writing,
@@ -30,11 +32,9 @@ _AGREES = 1e-3
 @OUT
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the starts.")
 @click.option(
-    "--seconds",
-    type=NumberIn(1),
-    default=40.0,
-    show_default=True,
-    help="Of work after which no further round is begun; twice that where less than 1 dB lacks.",
+    "--at-most",
+    metavar="TIME",
+    help="Take the best stack after so long; by default 40 s of work or so, 3min at most.",
 )
 @click.option("--verify", is_flag=True, help="Run the design in the time domain too.")
 @QUIET
@@ -43,7 +43,7 @@ def design(
     case: str,
     out: str | None,
     seed: int,
-    seconds: float,
+    at_most: str | None,
     verify: bool,
     quiet: bool,
     overrides: tuple[str, ...],
@@ -55,7 +55,7 @@ def design(
     from wavesim.timedomain.compiled import keep_compiled
 
     folder = folder_for(out, case)
-    shown = console(quiet)
+    shown, allowed = console(quiet), longest(at_most) if at_most else None
     keep_compiled()
     from wavesim.studies.design import design as designed
 
@@ -63,12 +63,16 @@ def design(
 
     def tell(stage: str, short: float) -> None:
         nonlocal last
+        if not last:  # what can't be written into is told before the search
+            with writing(folder):
+                last = stage
+            return
         line = f"{stage}: " + ("all kept" if short == 0 else f"the worst lacks {short:.3g} dB")
         if line != last and shown.is_terminal:
             shown.print(line)
         last = line
 
-    found = designed(case, seed, overrides, seconds, tell)
+    found = designed(case, seed, overrides, allowed, tell)
     answer = found.summary()
     with writing(folder):
         (folder / "design.toml").write_text(found.text, encoding="utf-8")
@@ -134,8 +138,10 @@ def _tell(shown: Any, found: Any) -> None:
             f"{w.sector} {w.low / 1e3:g}–{w.high / 1e3:g} kHz" for w in found.problem.wishes
         )
         shown.print(
-            "No stack was found that keeps every wish: more layers, variables or length may, or "
-            f"another --seed. What else can be had, in dB ({wishes}):"
+            "No stack was found that keeps every wish: "
+            + ("its time was up; more (--at-most 10min), " if found.ended else "")
+            + "more layers, variables or length may, or another --seed. "
+            f"What else can be had, in dB ({wishes}):"
         )
         levels = (", ".join(f"{v:.2f}" for v in row["reached"]) for row in found.trade_off)
         for line in dict.fromkeys(levels):
@@ -155,7 +161,10 @@ def _verify(shown: Any, folder: Path, answer: dict[str, Any]) -> bool:
     """Run the design; whether its T is the exact one, at ω + iσ where the source drives it."""
     from wavesim import runner
 
-    outcome = runner.run(read_case(str(folder / "design.toml")), folder / "run")
+    case = str(folder / "design.toml")
+    loaded = read_case(case)
+    affordable(case, loaded, planned(case, loaded), "1h", folder / "run")
+    outcome = runner.run(loaded, folder / "run")
     checks = [c for c in outcome.summary["checks"] if "T: |ΔT|" in c["name"]]
     agrees = bool(checks) and all(check["measured"] <= _AGREES for check in checks)
     answer["verified"] = {"agrees": agrees, "checks": checks}

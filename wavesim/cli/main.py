@@ -17,7 +17,16 @@ from typing import Any, NoReturn
 
 import click
 
-from wavesim.cli.arguments import CASE, OUT, QUIET, SET, folder_for, read_case
+from wavesim.cli.arguments import (
+    CASE,
+    OUT,
+    QUIET,
+    SET,
+    affordable,
+    folder_for,
+    planned,
+    read_case,
+)
 from wavesim.cli.begin import cases, completion, init, schema
 from wavesim.cli.compare import compare
 from wavesim.cli.design import design
@@ -46,28 +55,6 @@ from wavesim.worker import end_all
 
 # A run that takes so long (s) is told before what its grid will do; a shorter one tells it itself.
 _WORTH_IT = 20.0
-
-
-def _planned(case: str, loaded: Any) -> Any:
-    """How the simulation of a case is stepped."""
-    from wavesim.case.layered_case import builder
-    from wavesim.timedomain.time_step import time_step
-
-    return builder(case)(("time",), time_step, loaded.simulation)
-
-
-def _affordable(case: str, loaded: Any, steps: Any, at_most: str, folder: Path) -> Any:
-    """What a run takes, which is refused where it is more than there is, or was allowed."""
-    from wavesim.case.layered_case import builder
-    from wavesim.timedomain.cost import check_cost, cost, seconds_of
-
-    try:
-        longest = seconds_of(at_most)
-    except ValueError as error:
-        stop(f"--at-most {at_most}: {error}", BAD_INPUT)
-    taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
-    builder(case)(("time",), check_cost, loaded.simulation, taken, longest, folder)
-    return taken
 
 
 def _misused(error: click.UsageError) -> NoReturn:
@@ -139,9 +126,9 @@ def _whole(
     quiet: bool,
 ) -> None:
     loaded = read_case(case, overrides)
-    steps = _planned(case, loaded)
+    steps = planned(case, loaded)
     folder = folder_for(out, case)
-    taken = _affordable(case, loaded, steps, at_most, folder)
+    taken = affordable(case, loaded, steps, at_most, folder)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
     from wavesim.verdict.foreseen import foreseen
@@ -212,7 +199,7 @@ def _run(
 def check(case: str, overrides: tuple[str, ...]) -> None:
     """Say everything about CASE that can be said before integrating."""
     loaded = read_case(case, overrides)
-    steps = _planned(case, loaded)
+    steps = planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.timedomain.cost import check_cost, cost
     from wavesim.verdict.foreseen import foreseen
@@ -247,11 +234,16 @@ def _count(found: list[str]) -> str:
 
 @main.command(short_help="The paper's figures anew, its claims judged.")
 @click.option(
-    "--out", type=click.Path(), default="outputs/paper", show_default=True, help="Folder for it."
+    "-o",
+    "--out",
+    type=click.Path(),
+    default="outputs/paper",
+    show_default=True,
+    help="Folder for it.",
 )
 def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
-    from wavesim.paper.claims import CLOSURES
+    from wavesim.paper.page import CLOSURES
     from wavesim.paper.reproduction import reproduce
     from wavesim.report.progress import counted
 

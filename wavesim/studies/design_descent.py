@@ -22,6 +22,7 @@ stop bands' floor, L there is its average over a Lorentzian of half-width σ, an
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -73,10 +74,11 @@ class Search:
 
     Args:
         problem: what is sought.
+        until: when all that goes down stops where it is, s of ``time.monotonic``.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, until: float = np.inf) -> None:
+        self.problem, self.until = problem, until
         self._asked_of: list[int] = []
         self._slopes, self._levels = problem.slopes(), problem.levels()
         wishes = problem.wishes
@@ -95,6 +97,11 @@ class Search:
     def evaluations(self) -> int:
         """How many stacks' T was computed."""
         return sum(self._asked_of)
+
+    @property
+    def ended(self) -> bool:
+        """Whether its time is up."""
+        return time.monotonic() > self.until
 
     def reached(self, values: Any) -> Any:
         """Worst level of each wish on the finer net, dB; values (members, n)."""
@@ -193,7 +200,7 @@ class Search:
             r, J = np.where(down[:, None], r_new, r), np.where(down[:, None, None], J_new, J)
             better = worst < best
             best, best_x = np.where(better, worst, best), np.where(better[:, None], new, best_x)
-            if best.min() < 0:
+            if best.min() < 0 or self.ended:
                 break
         return best_x
 
@@ -224,7 +231,7 @@ class Search:
         """Stacks after some steps down the worst of their e, the best first."""
         for _ in range(steps):
             going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
-            if not going:
+            if not going or self.ended:
                 break
             ways = [self._step(stacks[n]) for n in going]
             x = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)
@@ -281,7 +288,7 @@ class Search:
         ]
         for _ in range(steps):
             going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
-            if not going or min(one.worst for one in stacks) < enough:
+            if not going or self.ended or min(one.worst for one in stacks) < enough:
                 break
             ways = [self._step(stacks[n]) for n in going]
             x = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)

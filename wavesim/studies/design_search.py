@@ -33,7 +33,7 @@ _ENOUGH = -0.2
 _POLISHED, _HOPELESS, _BETWEEN, _LOOKS, _IDLE = 3, 1.0, 8, 12, 4
 # A look's frequencies are kept while so many follow.
 _KEPT = 40
-SECONDS = 40.0
+_SECONDS = 40.0
 # What lacks less (dB) is given twice the time.
 _NEARLY = 1.0
 _MOST = 100_000
@@ -58,12 +58,14 @@ class Found:
         evaluations: stacks whose T was computed.
         starts: from how many starts.
         seconds: it took.
+        ended: whether by its longest time, in the midst of a round.
     """
 
     values: Any
     evaluations: int
     starts: int
     seconds: float
+    ended: bool
 
 
 @dataclass(frozen=True)
@@ -84,14 +86,14 @@ class Kept:
 Tell = Callable[[str, float], None]
 
 
-def search(own: Search, seed: int, seconds: float = SECONDS, tell: Tell | None = None) -> Found:
-    """Look for a stack that keeps every wish.
+def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | None = None) -> Found:
+    """Look for a stack that keeps every wish, until its time is up.
 
     Args:
         own: the problem's functions.
         seed: of the starts.
-        seconds: of its own work after which no further round is begun; twice as many where less
-            than 1 dB lacks.
+        seconds: of its own work after which no further round is begun; by default 40, and twice as
+            many where less than 1 dB lacks.
         tell: called with the stage and the worst shortfall so far, dB.
 
     Returns:
@@ -101,6 +103,7 @@ def search(own: Search, seed: int, seconds: float = SECONDS, tell: Tell | None =
 
     begun, worked = time.perf_counter(), time.process_time()
     say = tell or (lambda stage, short: None)
+    enough, nearly = (seconds, seconds) if seconds else (_SECONDS, 2 * _SECONDS)
     points = qmc.Sobol(len(own.problem.keys), seed=seed)
     rng = np.random.default_rng(seed)
     found: list[Kept] = []
@@ -118,13 +121,15 @@ def search(own: Search, seed: int, seconds: float = SECONDS, tell: Tell | None =
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
             if best.short == 0:
-                if best.made >= _SURE or more == _MORE or taken > _PART * seconds:
+                if best.made >= _SURE or more == _MORE or taken > _PART * enough:
                     break
                 more += 1
-            elif taken > (2 * seconds if best.short < _NEARLY else seconds):
+            elif taken > (nearly if best.short < _NEARLY else enough):
                 break
-    values = own.problem.values(best.x)
-    return Found(values, own.evaluations, done, time.perf_counter() - begun)
+            if own.ended:
+                break
+    values, taken = own.problem.values(best.x), time.perf_counter() - begun
+    return Found(values, own.evaluations, done, taken, own.ended)
 
 
 def _about(best: list[Any], rng: Any) -> Any:
@@ -189,7 +194,7 @@ def _polished(own: Search, stacks: list[Stack]) -> Kept:
         idle = 0 if worst[n] < least else idle + 1
         if worst[n] < least:
             best, least, frequencies = stacks[n], float(worst[n]), asked[n]
-        if least == 0 or idle == _IDLE:
+        if least == 0 or idle == _IDLE or own.ended:
             break
     return _surer(own, best, frequencies) if least == 0 else Kept(least, 0.0, best.x)
 
@@ -203,7 +208,7 @@ def _surer(own: Search, one: Stack, asked: Any) -> Kept:
 
     best, width = Kept(0.0, made(one.x), one.x), 0.0
     for part, sure in _SURER:
-        if best.made >= _SURE:
+        if best.made >= _SURE or own.ended:
             break
         wider = width if sure else part * tolerance
         begun, enough = [replace(one, radius=RADIUS)], -np.inf if sure else _ENOUGH / 2
