@@ -420,8 +420,8 @@ def _fitted(
                 errors = deviation * now.unit[j] / np.sqrt(2)  # of the real part
                 # What is left over of noise is in these errors.
                 over = 1 - _NOISE_SPREAD * level[i] ** 2 / max(now.residual[j], 1e-290)
-                left = float(now.unexplained[j])
-                best[int(i)] = (now.k[j].real, errors, size, left, left * max(over, 0.0))
+                rest = float(now.unexplained[j])
+                best[int(i)] = (now.k[j].real, errors, size, rest, rest * max(over, 0.0))
         settled |= chosen <= 4 * level**2
     return best
 
