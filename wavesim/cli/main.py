@@ -240,11 +240,16 @@ def _count(found: list[str]) -> str:
 
 @main.command(short_help="The paper's figures anew, its claims judged.")
 @click.option(
-    "--out", type=click.Path(), default="outputs/paper", show_default=True, help="Folder for it."
+    "-o",
+    "--out",
+    type=click.Path(),
+    default="outputs/paper",
+    show_default=True,
+    help="Folder for it.",
 )
 def paper(out: str) -> None:
     """Draw the paper's Figures 3-6 anew, judge its claims by closure, list what is misprinted."""
-    from wavesim.paper.claims import CLOSURES
+    from wavesim.paper.page import CLOSURES
     from wavesim.paper.reproduction import reproduce
     from wavesim.report.progress import counted
 
