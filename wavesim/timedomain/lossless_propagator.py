@@ -180,8 +180,15 @@ def propagator(
     silent = np.zeros((equation.sources.count, len(nodes)))
     change = tuple(_first_change(g, y, step) for g, y in zip(groups, start, strict=True))
     begun = Memory(change, silent)
-    tables = (tuple(one.result() for one in made) for made in (rows, pulses))
-    return Propagator(*tables, nodes, weights, np.asarray(step.step), done.result(), begun)
+    return Propagator(
+        tuple(one.result() for one in rows),
+        tuple(one.result() for one in pulses),
+        nodes,
+        weights,
+        np.asarray(step.step),
+        done.result(),
+        begun,
+    )
 
 
 def _pulses(part: Driven, group: Group, step: TimeStep) -> Pulses:
