@@ -12,9 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wavesim.case.layered_case import BarLayers, bar_layers, builder
+from wavesim.case.layered_case import BarLayers, VariedKey, bar_layers, builder, varied_key
 from wavesim.case.schema import CaseError, CaseFile, DesignTable, VariableTable
-from wavesim.case.varied_key import VariedKey, varied_key
 from wavesim.differentiable.level_slopes import level, level_and_slopes
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.layered.specimen import specimen
