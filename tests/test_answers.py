@@ -86,6 +86,7 @@ def test_a_gap_told_at_no_frequency_is_named_as_in_tables_with_what_tells_it(sma
             assert row["frequencies"] == 1
             continue
         assert row["attenuation"] is None
+        assert "this record does not tell it" in row["untold"]
         (note,) = told
         assert f"longitudinal {gap.name};" in note
         now, raised = curve.sigma * field.t[-1], float(note.partition("damping to ")[2].split()[0])
@@ -171,7 +172,10 @@ def check(name, passed, **more):
 def test_verdict_is_a_sentence_that_names_what_fell_short():
     assert verdict({"checks": []}).startswith("Nothing was checked")
     good = [check("signal at a: |Δu|/peak", True)] * 3
-    assert verdict({"checks": good}).startswith("3 of 3 checks passed")
+    assert verdict({"checks": good}).startswith("3 of 3 checks passed: the simulation agrees")
+    alone = verdict({"checks": [check("energy − work over energy", True)]})
+    assert "of energy alone" in alone
+    assert "exact" not in alone
     told = verdict({"checks": [*good, check("T of x: |ΔT| …", False), check("R: |ΔR|", False)]})
     assert "3 of 5 checks passed" in told
     assert "T of x and 1 more fell short" in told

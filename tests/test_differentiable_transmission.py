@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from wavesim import layered, planewave
-from wavesim.case.layered_case import bar_layers
+from wavesim.case.layered_case import bar_layers, varied_key
 from wavesim.case.schema import parse
-from wavesim.case.varied_key import varied_key
-from wavesim.differentiable.sine_and_cosine import sine_and_cosine
+from wavesim.differentiable.coefficients import sine_and_cosine
 from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.material.damping import Damping, constant_quality

@@ -11,8 +11,8 @@ from wavesim import planewave
 from wavesim.figures.bands import band_figure
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
-from wavesim.paper import claims
 from wavesim.paper import reproduction as paper
+from wavesim.paper.page import CLOSURES
 from wavesim.planewave import bands
 
 
@@ -25,10 +25,10 @@ def result(tmp_path_factory):
 def test_the_claims_are_judged_as_derived_apart(result):
     """Which closure bears out which claim; every statement has a measured number."""
     verdicts = {
-        claim["number"]: tuple(claim["verdicts"][c] for c in claims.CLOSURES)
+        claim["number"]: tuple(claim["verdicts"][c] for c in CLOSURES)
         for claim in result[1]["claims"]
     }
-    assert claims.CLOSURES == ("printed", "consistent", "appendix_c")
+    assert CLOSURES == ("printed", "consistent", "appendix_c")
     part, yes = "in part", "holds"
     assert verdicts == {
         1: (yes, yes, yes),

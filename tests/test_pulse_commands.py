@@ -161,10 +161,12 @@ def test_a_heading_that_is_a_number_is_taken_for_a_column_only_where_that_is_sai
     refused = pulse(path, "--input", "2", *asked)
     assert refused.exit_code == 2
     assert "say 'column 2' or 'heading 2'" in refused.output
-    told = pulse(path, "--input", "1", "--distance", "100").output
-    assert "faster than waves in any solid" in " ".join(told.split())
+    refused = pulse(path, "--input", "1", "--distance", "100")
+    assert refused.exit_code == 1
+    assert "faster than waves in any solid" in " ".join(refused.output.split())
+    told = pulse(path, "--input", "1", "--distance", "100mm").output
     assert "Taken is the first break. By convention, ms:" in told
-    told = pulse(path, "--input", "column 2", "--distance", "100", "--delay", "20us").output
+    told = pulse(path, "--input", "column 2", "--distance", "100mm", "--delay", "20us").output
     assert "the system's delay in them (0.02 for the first break): first" in " ".join(told.split())
 
 

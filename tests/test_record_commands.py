@@ -107,6 +107,15 @@ def test_attenuation_of_a_csv(csv_file, tmp_path):
         assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
 
 
+def test_without_a_band_what_is_excited_is_asked_for(csv_file):
+    """The pulse goes up to 2.5 of 800 kHz; Nyquist is 7.5 MHz."""
+    done = call("attenuation", csv_file, "--json")
+    (entry,) = json.loads(done.stdout)["records"]
+    omega = np.array(entry["points"]["omega_rad_per_s"])
+    assert 1.2e6 < omega.max() / (2 * np.pi) < 2.5e6
+    assert sum(entry["points"]["valid"]) >= 25
+
+
 def test_a_stretch_by_the_plain_route(csv_file, tmp_path):
     done = call("dispersion", csv_file, "--method", "fft", "--out", tmp_path)
     assert done.exit_code == 0, done.output

@@ -188,9 +188,11 @@ def test_a_first_row_of_zeros_beside_an_offset_is_left_out():
         (CLEAN + 1j * CLEAN, X, "complex values.*give one real component"),
         (np.clip(CLEAN, -0.5, 0.5), X, "flat tops at all 8 receivers: turn the gain down"),
         (CLEAN, X * 1e6, "faster than light.*--time-unit or --position-unit"),
+        (CLEAN, X * 1e3, "faster than waves in any solid.*--time-unit or --position-unit"),
+        (CLEAN, X * 1e-6, "slower than any wave.*--time-unit or --position-unit"),
         (ricker(T[:, None] - np.abs(X - 0.0375) / SPEED), X, r"name it with --source 0\.037"),
     ],
-    ids=["complex", "clipped", "units", "source within"],
+    ids=["complex", "clipped", "light", "mm", "us", "source within"],
 )
 def test_what_cannot_be_read_is_refused_for_its_cause(values, x, message):
     with pytest.raises(RecordError, match=message):

@@ -12,8 +12,7 @@ import wavesim as ws
 from wavesim.records.files import write
 from wavesim.records.record import RecordError
 from wavesim.records.synthetic import Pulse, Spoil, positions
-from wavesim.verdict.score import points_of
-from wavesim.verdict.truth import Truth
+from wavesim.verdict.score import Truth, points_of
 
 CUTOFF = 3e3
 

@@ -270,7 +270,7 @@ PULSE = (Ricker, PLACE | {"peak_frequency": F})
         (RECORD, {"values": VALUES + 0.02}, "sample 1: value = 0.02: .* take off its mean"),
         (PULSE, {"drive": "push"}, "drive = 'push': must be one of body, moment, rotation"),
         (PULSE, {"drive": "moment", "width": 1e-3}, "width = 0.001 m: must be 0 for drive"),
-        (PULSE, {"drive": "rotation", "field": "B11"}, "field = 'B11': .* one of phi1, phi2, phi3"),
+        (PULSE, {"drive": "rotation", "field": "B11"}, "field = .B11.: .* one of phi1, phi2, phi3"),
     ],
 )
 def test_a_source_that_can_not_be(made, arguments, message):

@@ -47,7 +47,7 @@ def path(tmp_path):
 def test_it_is_what_a_transfer_matrix_gives(path, tmp_path):
     """T, R to 1e-9, R + T = 1 to 1e-10, in JSON, in the files, at the frequencies asked for."""
     words = ("--band", "2e5", "9e5", "--points", "60")
-    result = call("transmission", path, *words, "--json", "--out", tmp_path / "out")
+    result = call("transmission", path, *words, "--json", "-o", tmp_path / "out")
     assert result.exit_code == 0
     answer = json.loads(result.stdout)
     assert json.loads((tmp_path / "out" / "transmission.json").read_text()) == answer

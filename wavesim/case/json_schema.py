@@ -98,10 +98,7 @@ def _told(part: Any) -> Any:
         made |= rest[0] if len(rest) == 1 else {"anyOf": rest}
     if "default" in made and not isinstance(made["default"], str | int | float | bool):
         del made["default"]
-    keys, allowed = (
-        made.get("properties"),
-        {"order": ORDERS, "field": known_fields(), "family": families()},
-    )
+    keys = made.get("properties")
     if isinstance(keys, dict):
         made.pop("title", None)
         made.pop("description", None)

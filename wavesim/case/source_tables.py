@@ -1,14 +1,25 @@
-"""[[sources]] of a case file: a table for each kind, and the sources made of them."""
+"""[[sources]] of a case file: a table for each kind, of its data class, and the sources made."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import operator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast, get_type_hints
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from wavesim.case.table import Finite, NotNegative, Positive, Table
-from wavesim.material.family import is_macro, known_field, known_fields
+from wavesim.material.family import known_field, known_fields
 from wavesim.sources import (
     Chirp,
     GaussianDerivative,
@@ -21,9 +32,10 @@ from wavesim.sources import (
     read_csv,
 )
 from wavesim.sources.source import END_ACTS, SIGNAL_ACTS
-from wavesim.sources.tone_burst import Window
 
 Side = Literal["left", "right"]
+# Keys of kinds whose numbers are above 0.
+_POSITIVE = dict.fromkeys(("peak_frequency", "frequency", "low", "high", "duration"), Positive)
 _KINDS: dict[str, type[Source]] = {
     made.kind: made
     for made in (Ricker, GaussianDerivative, ToneBurst, Chirp, Recorded, InitialField)
@@ -59,13 +71,6 @@ class _SourceTable(Table):
     def _known(cls, value: str) -> str:
         if value not in known_fields():
             raise ValueError(f"must be one of {', '.join(known_fields())}")
-        return value
-
-    @field_validator("amplitude", check_fields=False)
-    @classmethod
-    def _moves(cls, value: float) -> float:
-        if value == 0:
-            raise ValueError("must not be 0, or nothing moves")
         return value
 
 
@@ -104,53 +109,7 @@ class _SignalTable(_SourceTable):
             raise ValueError(
                 f'end: required with drive = "{self.drive}", but not given; add "left" or "right"'
             )
-        if not is_macro(self.field):
-            raise ValueError(
-                f'field = "{self.field}": drive = "{self.drive}" acts on a {family.words[0]}; take '
-                f"one of {', '.join(family.macro)}"
-            )
-        if self.width:
-            raise ValueError(
-                f'width = {self.width:g}: drive = "{self.drive}" acts at an end; leave it out'
-            )
         return self
-
-
-class RickerTable(_SignalTable):
-    """See :class:`wavesim.sources.Ricker`."""
-
-    kind: Literal["ricker"] = "ricker"
-    peak_frequency: Positive
-    delay: Finite | None = None
-
-
-class GaussianDerivativeTable(_SignalTable):
-    """See :class:`wavesim.sources.GaussianDerivative`."""
-
-    kind: Literal["gaussian-derivative"]
-    peak_frequency: Positive
-    delay: Finite | None = None
-
-
-class ToneBurstTable(_SignalTable):
-    """See :class:`wavesim.sources.ToneBurst`."""
-
-    kind: Literal["tone-burst"]
-    frequency: Positive
-    cycles: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 5.0
-    window: Window = "hann"
-    start: NotNegative = 0.0
-
-
-class ChirpTable(_SignalTable):
-    """See :class:`wavesim.sources.Chirp`."""
-
-    kind: Literal["chirp"]
-    low: Positive
-    high: Positive
-    duration: Positive
-    taper: Annotated[float, Field(ge=0.01, le=0.5, allow_inf_nan=False)] = 0.1
-    start: NotNegative = 0.0
 
 
 class RecordedTable(_SignalTable):
@@ -195,13 +154,25 @@ class RecordedTable(_SignalTable):
         return self
 
 
-class InitialTable(_SourceTable):
-    """See :class:`wavesim.sources.InitialField`."""
+def _table_of(made: type[Source], base: type[_SourceTable]) -> Any:
+    """The table of a kind: what its base has, and what else the data class takes, by name."""
+    hints, keys = get_type_hints(made), dict[str, Any]()
+    for one in dataclasses.fields(cast(Any, made)):
+        if one.name in base.model_fields or one.name == "drive":
+            continue
+        kind = _POSITIVE.get(one.name) or {float: Finite}.get(hints[one.name], hints[one.name])
+        keys[one.name] = kind, ... if one.default is dataclasses.MISSING else one.default
+    default = made.kind if made is Ricker else ...
+    keys["kind"] = Literal[made.kind], default
+    return create_model(f"{made.__name__}Table", __base__=base, **keys)
 
-    kind: Literal["initial"]
-    position: NotNegative
-    width: Positive
-    amplitude: Finite = 1.0
+
+_TABLES: dict[str, Any] = {
+    kind: RecordedTable
+    if made is Recorded
+    else _table_of(made, _SourceTable if made is InitialField else _SignalTable)
+    for kind, made in _KINDS.items()
+}
 
 
 def _kind(given: Any) -> str:
@@ -212,12 +183,7 @@ def _kind(given: Any) -> str:
     return kind if isinstance(kind, str) else ""
 
 
-SourceTable = Annotated[
-    Annotated[RickerTable, Tag("ricker")]
-    | Annotated[GaussianDerivativeTable, Tag("gaussian-derivative")]
-    | Annotated[ToneBurstTable, Tag("tone-burst")]
-    | Annotated[ChirpTable, Tag("chirp")]
-    | Annotated[RecordedTable, Tag("recorded")]
-    | Annotated[InitialTable, Tag("initial")],
+SourceTable: Any = Annotated[
+    functools.reduce(operator.or_, (Annotated[one, Tag(kind)] for kind, one in _TABLES.items())),
     Discriminator(_kind),
 ]

@@ -109,11 +109,12 @@ SET = click.option(
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 OUT = click.option(
+    "-o",
     "--out",
     type=click.Path(),
     help="Folder for results; outputs/<case> by default, of a design outputs/<its folder>_design.",
 )
-WRITTEN = click.option("--out", type=click.Path(), help="Folder for numbers and figures.")
+WRITTEN = click.option("-o", "--out", type=click.Path(), help="Folder for numbers and figures.")
 QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 INPUT = click.option(
     "--input",

@@ -80,7 +80,7 @@ def compare(
     if as_json:
         print_json(answer)
     else:
-        from wavesim.report.fit_tables import show_comparison
+        from wavesim.report.tables import show_comparison
 
         show_comparison(console(), found)
     if out:
@@ -90,7 +90,7 @@ def compare(
 
 
 def _write(answer: Any, found: Any, folder: Path, quiet: bool) -> None:
-    from wavesim.figures.comparison import overlay
+    from wavesim.figures.record import overlay
     from wavesim.figures.style import write
 
     with writing(folder):

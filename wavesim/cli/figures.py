@@ -24,7 +24,7 @@ def _incomplete(run: Any) -> None:
 @click.option(
     "--format", "kind", type=click.Choice(("png", "pdf", "svg")), default="png", show_default=True
 )
-@click.option("--out", type=click.Path(), help="Folder for them; FOLDER/figures by default.")
+@click.option("-o", "--out", type=click.Path(), help="Folder for them; FOLDER/figures by default.")
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""
     from wavesim.records.run_folder import open_run
@@ -62,7 +62,7 @@ def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> N
               show_default=True)  # fmt: skip
 @click.option("--frames", type=click.IntRange(2, 2000), default=120, show_default=True)
 @click.option("--rate", type=click.IntRange(1, 60), default=20, show_default=True, help="A second.")
-@click.option("--out", type=click.Path(), help="The file; FOLDER/FIELD.gif by default.")
+@click.option("-o", "--out", type=click.Path(), help="The file; FOLDER/FIELD.gif by default.")
 def animate(
     folder: str, name: str | None, kind: str, frames: int, rate: int, out: str | None
 ) -> None:
@@ -74,8 +74,10 @@ def animate(
 
     run = open_run(folder)
     shown = field_of(run.field, name)
-    path = Path(out) if out else run.folder / f"{shown}.{kind}"
-    if out and path.suffix not in (".gif", ".mp4"):
+    path = Path(out) if out else run.folder
+    if path.is_dir():
+        path = path / f"{shown}.{kind}"
+    elif path.suffix.lower() not in (".gif", ".mp4"):
         path = path.with_name(f"{path.name}.{kind}")
     with writing(path.parent), counted("frames") as tell:
         made(path, run.field, shown, frames, rate, tell)

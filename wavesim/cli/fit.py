@@ -124,7 +124,7 @@ def fit(
     if as_json:
         print_json(answer)
     else:
-        from wavesim.report.fit_tables import show_fit
+        from wavesim.report.tables import show_fit
 
         show_fit(console(), answer)
     if out:
@@ -197,7 +197,7 @@ def _of_series(p: str, s: str, start: Any) -> Any:
 def _show_speeds(answer: dict[str, Any]) -> None:
     """Print a series of fits, a line for each state; of a pair, as any fit."""
     from wavesim.material.shown import with_error
-    from wavesim.report.fit_tables import show_fit
+    from wavesim.report.tables import show_fit
 
     if "series" not in answer:
         one = answer["parameters"]["medium.K_n_a"]
@@ -236,7 +236,7 @@ def _write(
         write_json(folder / "fit.json", answer)
         (folder / "fitted.toml").write_text(_fitted(case, overrides, answer), encoding="utf-8")
         if found is not None and found.comparison is not None:
-            from wavesim.figures.comparison import overlay
+            from wavesim.figures.record import overlay
             from wavesim.figures.style import write
 
             write({"fit": lambda: overlay(found.comparison)}, folder)

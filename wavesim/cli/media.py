@@ -104,7 +104,7 @@ def _leave_out(media: int) -> None:
 
 @click.command(short_help="Branches and gaps of a medium, or of each layer's.")
 @CASE
-@click.option("--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
+@click.option("-o", "--out", type=click.Path(), help="Folder to write bands.json and bands.png to.")
 @JSON
 @SET
 def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:

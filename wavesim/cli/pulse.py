@@ -31,8 +31,8 @@ from wavesim.cli.arguments import (
 from wavesim.cli.states import States, numbers, states
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-# Waves in solids, from loose dust to diamond, m/s; others are of a wrong unit.
-_SLOWEST, _FASTEST = 1.0, 2e4
+# Waves of a pulse test are no slower, m/s: loose dust.
+_SLOWEST = 1.0
 
 
 @dataclass(frozen=True)
@@ -264,14 +264,12 @@ def _readings(
 
 
 def _noted(reading: Any, test: Any) -> Any:
-    doubt = []
-    speed = reading.best.velocity
-    if reading.best.valid and not _SLOWEST <= speed <= _FASTEST:
-        doubt = [
-            f"{speed:.4g} m/s is {'slower' if speed < _SLOWEST else 'faster'} than waves in any "
-            "solid: look at the unit of the distance (m) and of the times (--time-unit)"
-        ]
-    return replace(reading, notes=(*doubt, *test.notes, *reading.notes))
+    from wavesim.records.faults.moveout import of_no_wave
+
+    best = reading.best
+    if best.valid and (why := of_no_wave(best.velocity, best.velocity, _SLOWEST)):
+        best = replace(best, valid=False, reason=f"{why}, or give --distance in m")
+    return replace(reading, best=best, notes=(*test.notes, *reading.notes))
 
 
 def _array(test: Any, expected: tuple[float, float] | None) -> Any:

@@ -25,27 +25,18 @@ import numpy as np
 
 from wavesim.differentiable.coefficients import loss_law
 from wavesim.differentiable.traced_layers import TracedLayers, medium_of
+from wavesim.layered.graded_layer import POINTS, butcher
 from wavesim.material.family import Block
 from wavesim.material.layers import Grading, graded_weight
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import Scales, block_coefficients
 
-POINTS = 8
 _WAVES, _SHARE = 1.5, 0.5
 # From one to the next of so many looks f₀′ shows f₀″, with room; no slice is longer in parts of u.
 _LOOKS, _ROOM, _LONGEST = 48, 1.2, 0.25
 
 
-def _gauss() -> tuple[Any, Any, Any]:
-    """c (8,), a (8, 8), b (8,) of Gauss collocation on [0, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-    series = np.linalg.inv(np.polynomial.legendre.legvander(nodes, POINTS - 1))
-    rows = [np.polynomial.legendre.legint(one, lbnd=-1) for one in np.eye(POINTS)]
-    a = np.polynomial.legendre.legvander(nodes, POINTS) @ np.array(rows).T @ series / 2
-    return (nodes + 1) / 2, a, weights / 2
-
-
-C, A, B = _gauss()
+C, A, B = butcher()
 # Places in w at which coefficients are taken: polynomials of the eleventh degree at most.
 _PLACES = 16
 

@@ -59,7 +59,7 @@ def animate(
     Raises:
         AnimationError: MP4 is asked for and there is no ffmpeg, or it fails.
     """
-    write = _write_mp4 if path.suffix == ".mp4" else _write_gif
+    write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
     with matplotlib.rc_context(STYLE):
         write(path, _images(field, name, frames, tell), rate)
 

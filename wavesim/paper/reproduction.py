@@ -15,9 +15,8 @@ from wavesim.figures import gap_map as surveyfigures
 from wavesim.material.medium import Medium
 from wavesim.paper import figures as paperfigures
 from wavesim.paper.branches_and_gaps import Study
-from wavesim.paper.claims import CLOSURES, judge
 from wavesim.paper.findings import appendix_c_findings, equation_findings
-from wavesim.paper.page import GAPS, SOURCE, page
+from wavesim.paper.page import CLOSURES, GAPS, SOURCE, judge, page
 from wavesim.planewave.gap_map import family_gaps, gap_map
 from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
 

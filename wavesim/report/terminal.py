@@ -76,7 +76,7 @@ def console(quiet: bool = False) -> Any:
     from rich.console import Console
 
     columns = os.environ.get("COLUMNS", "")
-    width = int(columns) if columns.isdigit() and int(columns) else 80
+    width = int(columns) if columns.isdecimal() and int(columns) else 80
     # Without markup: [time] in a message is a table of the case file.
     return Console(
         quiet=quiet, highlight=False, markup=False, width=None if sys.stdout.isatty() else width

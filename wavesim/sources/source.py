@@ -207,13 +207,13 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
     if source.acts in END_ACTS:
         if source.staggered:
             raise ValueError(
-                f"field = {source.field!r}: a drive {source.drive!r} acts on a {family.words[0]} "
+                f'field = "{source.field}": a drive {source.drive!r} acts on a {family.words[0]} '
                 f"at an end; take one of {', '.join(family.macro)}"
             )
         if source.width != 0:
             raise ValueError(
                 f"width = {source.width:g} m: must be 0 for drive {source.drive!r}, which acts at "
-                "an end"
+                "an end; leave it out"
             )
 
 

@@ -1,9 +1,10 @@
-"""A design: from the wishes of a case to a stack that keeps them, with its tolerances."""
+"""A design: from the wishes of a case to a stack that keeps them, and the case that a run takes."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.case.schema import CaseError, parse, tables_of
-from wavesim.case.varied_key import VariedKey
+from wavesim.case.layered_case import BUFFER, BarLayers, VariedKey
+from wavesim.case.schema import HALF_SPACE, CaseError, parse, tables_of
+from wavesim.case.toml_text import lay_over
+from wavesim.planewave.band_edges import asymptotes
 from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem, problem
 from wavesim.studies.design_search import Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
-from wavesim.studies.designed_case import designed_tables
 
 # Digits that a value is written with; what is reached is that of the value as written.
 _DIGITS = 10
@@ -219,3 +221,99 @@ def _why(own: Problem, key: VariedKey) -> str:
         "nor does the thickness of a layer of a half-space's medium, or what Γ alone has; "
         "leave it out"
     )
+
+
+# In branch lengths: where a source stands, and how far receivers are from the specimen.
+_SOURCE, _AWAY = 12, 5
+# Cells to a branch length: waves are short about asymptotes, and where there are none below so many
+# times the highest frequency wished, which is about all that is driven, fewer do.
+_CELLS, _FEWER, _DRIVEN = 20, 14, 1.4
+# A source's width in branch lengths.
+_WIDTH = 0.5
+# A Ricker of this part of the highest frequency wished drives little of what is above that.
+_PEAK = 0.45
+# Periods of the middle of the bands that a run lasts.
+_PERIODS = 80
+
+
+def designed_tables(
+    tables: dict[str, Any], own: Problem, values: Sequence[float]
+) -> dict[str, Any]:
+    """Tables of a case that a run takes as it is.
+
+    Args:
+        tables: of the file, changed in place.
+        own: what was asked in it.
+        values: of the variables.
+
+    Returns:
+        The same without [design], whose bands become those of [analysis], with ends that absorb,
+        and a source, receivers and a duration where it had none.
+    """
+    for varied, value in zip(own.keys, values, strict=True):
+        lay_over(tables, f"{varied.key}={float(value)!r}")
+    analysis = tables.setdefault("analysis", {})
+    asked = [*analysis.get("bands", []), *tables.pop("design")["bands"]]
+    asked = [{key: v for key, v in band.items() if key != "weight"} for band in asked]
+    analysis["bands"] = [band for n, band in enumerate(asked) if band not in asked[:n]]
+    tables["title"] = f"{tables.get('title') or 'Design'} (designed)"
+    unit = float(own.known.medium.length_scale)
+    if any(varied.name == "thickness" for varied in own.keys):
+        for key in ("length", "cells"):
+            tables.get("bar", {}).pop(key, None)
+    first, last = _ends(tables, unit, own.known)
+    inner = own.length(values)
+    low = min(wish.low for wish in own.wishes)
+    high = max(wish.high for wish in own.wishes)
+    middle = (low + high) / 2
+    if "cells" not in tables["bar"]:  # as small as the verdict on signals asks
+        tables["bar"].setdefault("spacing", _short(unit / _cells(own, values, high)))
+    if "sources" not in tables:
+        family = own.known.medium.family
+        sectors = dict.fromkeys(wish.sector for wish in own.wishes)
+        macro = {block.sector: next(iter(block.macro[0])) for block in family.blocks if block.macro}
+        tables["sources"] = [
+            {
+                "field": macro[s],
+                "position": _SOURCE * unit,
+                "peak_frequency": _short(_PEAK * high),
+                "width": _WIDTH * unit,
+            }
+            for s in sectors
+        ]
+    if "receivers" not in tables:
+        tables["receivers"] = [
+            {"name": "before", "position": _short(first - _AWAY * unit)},
+            {"name": "behind", "position": _short(first + inner + min(_AWAY * unit, last / 3))},
+        ]
+    tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
+    order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
+    return {k: tables[k] for k in order if k in tables} | tables
+
+
+def _cells(own: Problem, values: Sequence[float], high: float) -> int:
+    media = {medium for layer in own.layers_at(values).layers for medium in layer.ends}
+    lowest = min(asymptotes(medium, wish.sector).min() for medium in media for wish in own.wishes)
+    return _FEWER if lowest > 2 * math.pi * _DRIVEN * high else _CELLS
+
+
+def _short(value: float, digits: int = 6) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def _ends(tables: dict[str, Any], unit: float, known: BarLayers) -> tuple[float, float]:
+    """Ends that absorb behind buffers long enough, and the lengths of these, m."""
+    bar = tables.setdefault("bar", {})
+    lengths = []
+    for side, index in (("left", 0), ("right", -1)):
+        if bar.get(side) == HALF_SPACE:
+            lengths.append(BUFFER * unit)
+            continue
+        bar[side] = "absorbing"
+        table, length = tables["layers"][index], known.stretches[index].thickness
+        if length < BUFFER * unit and "thickness" in table:
+            length = table["thickness"] = BUFFER * unit
+            for key in ("length", "cells"):
+                bar.pop(key, None)
+        lengths.append(length)
+    return lengths[0], lengths[1]

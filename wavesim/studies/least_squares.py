@@ -16,9 +16,9 @@ tell: it is named, and what lies along it has no error bar. Liang & Zeger, Biome
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,19 +60,6 @@ class Parameter:
     wanted: bool = True
 
 
-class Data(Protocol):
-    """What a fit needs of its data: waveforms, points, velocities. Anything with these will do."""
-
-    @property
-    def parameters(self) -> Sequence[Parameter]:
-        """Parameters and nuisances, in the order of the columns."""
-        ...
-
-    def residuals(self, values: Mapping[str, float]) -> tuple[Float, Float, NDArray[np.int_]]:
-        """Residuals, shape (n,), derivatives by the parameters, shape (n, p), and groups, (n,)."""
-        ...
-
-
 @dataclass(frozen=True)
 class Solution:
     """A fit.
@@ -101,12 +88,13 @@ class Solution:
 
 
 def solve(
-    data: Data, start: Mapping[str, float] | None = None, most: int = _MOST_EVALUATIONS
+    data: Any, start: Mapping[str, float] | None = None, most: int = _MOST_EVALUATIONS
 ) -> Solution:
     """Fit.
 
     Args:
-        data: the data.
+        data: has ``parameters``, and ``residuals(values)``: these, (n,), their derivatives by the
+            parameters, (n, p), and the group of each, (n,).
         start: values to begin with, in place of the parameters' own.
         most: evaluations at most.
 

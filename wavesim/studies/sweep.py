@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from wavesim.io.folder_lock import locked
 from wavesim.planewave.gap_map import all_edges, edge_families
 from wavesim.studies.run_sweep import Judge, run_measure
-from wavesim.studies.sweep_case import SweptCase, check_matters, swept_case
+from wavesim.studies.sweep_case import SweptCase, SweptMedia, check_matters, swept_case, swept_media
 from wavesim.studies.sweep_store import Layout, Store, Variable
 from wavesim.studies.sweep_workers import SweepStoppedError, here, pool
-from wavesim.studies.swept_media import SweptMedia, swept_media
 from wavesim.studies.variation import Axis, Region, SweepError, variation
 
 MEASURES = ("gaps", "transmission", "run")

@@ -200,9 +200,11 @@ def default_band(own: Specimen) -> tuple[float, float]:
 def _gaps(known: BarLayers) -> list[tuple[str, str, str, float, float]]:
     """Open gaps of every medium of the bar, with the layers that have it."""
     media: dict[Any, list[str]] = {}
-    last = len(known.stretches) - 1
-    for number, (layer, place) in enumerate(zip(known.stretches, known.places, strict=True)):
-        name = "half-spaces" if number in (0, last) else ".".join(place.where)
+    places = [".".join(place.where) for place in known.places]
+    alike = set(known.stretches[0].ends) == set(known.stretches[-1].ends)
+    places[0] = "half-spaces" if alike else "left half-space"
+    places[-1] = "half-spaces" if alike else "right half-space"
+    for layer, name in zip(known.stretches, places, strict=True):
         for medium in layer.ends:
             media.setdefault(medium, []).append(name)
     found = []

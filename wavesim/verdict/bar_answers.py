@@ -81,9 +81,11 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         more = to_see_more(field, found.sector, gap) if any(opened) else ""
         edges = low * HERTZ, high * HERTZ, middle * HERTZ
         rows.append(_level_row(where, *edges, level_there, opened, more))
-    top = int(np.argmax(np.where(within & np.isfinite(steady), steady, -np.inf)))
-    best = float(omega[top]) * HERTZ
-    rows.append(_level_row("most passes", None, None, best, float(steady[top])))
+    known = np.flatnonzero(within & np.isfinite(steady))
+    if len(known):
+        top = known[np.argmax(steady[known])]
+        best = float(omega[top]) * HERTZ
+        rows.append(_level_row("most passes", None, None, best, float(steady[top])))
     for row in rows:
         near = np.abs(found.omega * HERTZ - row["frequency"])
         at = int(np.argmin(np.where(judged, near, np.inf)))

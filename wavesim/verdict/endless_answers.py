@@ -99,7 +99,7 @@ def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]
     family = field.medium.family
     if not any(s.field in b.fields for b in family.blocks_of(sector) for s in field.sources):
         return f"no source drives {sector_words(sector, sector)} waves"
-    if sector in family.unlike:
+    if sector not in family.travelling:
         return "these waves do not travel"
     if not measured:
         return "the ring is too short to measure a decay along it"

@@ -13,9 +13,11 @@ import numpy as np
 
 from wavesim.readings.dispersion.decaying_waves import ABOVE_WEAKEST, weakest, while_waves_last
 from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method, in_time
+from wavesim.readings.dispersion.noise_level import excited_frequencies
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.spreading import KINDS
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.faults.moveout import of_no_wave
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency, unclipped
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import Record, RecordError
@@ -93,6 +95,7 @@ def dispersion(
         sure = method == "harmonic" or (method == "auto" and chosen_method(quiet) == "harmonic")
         origin = replace(origin, record=for_frequency_at_k(origin.record, sure))
         points = in_time(origin.record, highest, method, **own)
+        points = points if origin.medium is not None else _plausible(points)
         matched = None
         if origin.theory is not None and unit is not None and origin.block is not None:
             exact, grid = origin.theory
@@ -125,8 +128,8 @@ def attenuation(
 
     Args:
         found: the records.
-        band: lowest and highest frequency, Hz; ω̄ from 0.2 to 2 where a medium is known, else from
-            three periods in the record to half the Nyquist frequency.
+        band: lowest and highest frequency, Hz; ω̄ from 0.2 to 2 where a medium is known, else those
+            at which the record is above its noise, with three periods in it at least.
         frequencies: how many, –.
         damping: σT of the exponential window, –; by the record's noise where None.
         pairs: most pairs ±k at one frequency, –.
@@ -149,7 +152,7 @@ def attenuation(
             low, high = 0.2 / float(medium.time_scale), 2.0 / float(medium.time_scale)
             high = min(high, 0.8 * np.pi / record.interval)
         else:
-            low, high = 6 * np.pi / float(np.ptp(record.t)), 0.5 * np.pi / record.interval
+            low, high = _excited(record)
         keep = clear
         if keep is None:
             keep = float(medium.length_scale) if medium is not None and origin.bar else 0.0
@@ -158,6 +161,7 @@ def attenuation(
         points = in_space(
             record, omega, damping, pairs, component, keep, spreading=KINDS[spreading]
         )
+        points = points if medium is not None else _plausible(points)
         matched = None
         if origin.theory is not None:
             matched = match_in_space(points, *origin.theory)
@@ -165,6 +169,25 @@ def attenuation(
     if not results:
         raise RecordError("no wave travels in any of its sectors: there is no k to measure")
     return results
+
+
+def _excited(record: Record) -> tuple[float, float]:
+    """Frequencies worth asking for, rad/s."""
+    strongest = record.values[int(np.argmax(np.abs(record.values).max(axis=(1, 2))))]
+    quantum = record.quantum if len(record.quantum) else 0.0
+    low, high = excited_frequencies(strongest, record.interval, quantum)
+    low = max(low, 6 * np.pi / float(np.ptp(record.t)))
+    return low, max(min(high, 0.8 * np.pi / record.interval), low)
+
+
+def _plausible(points: BranchPoints) -> BranchPoints:
+    """The points, unless all are faster, or all slower, than waves are."""
+    own = points.take(points.valid)
+    if not len(own):
+        return points
+    speed = own.phase_velocity
+    why = of_no_wave(float(speed.min()), float(speed.max()))
+    return points.refused(points.valid, why) if why else points
 
 
 def _check_band(low: float, record: Record) -> None:

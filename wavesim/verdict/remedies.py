@@ -194,12 +194,19 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
         receiver: its name.
         sent_back: frequencies that absorbing ends send back, which no grid mends; "" for none.
     """
+    bar, layers = field.bar, field.layers
+    low, high = bar.clear
+    caught = [s.position for s in field.sources if not low <= s.position <= high]
+    if caught:
+        return (
+            f"move [[sources]] position = {caught[0]:g} into {low:.4g} to "
+            f"{high:.4g} m: it stands in an absorbing layer, which takes up what it sends"
+        )
     if sent_back:
         return (
             f"take {lower(field)}, or stiffer media at the absorbing ends, which send back some of "
             f"{sent_back}; if that is not it, {of_grid(field)}"
         )
-    bar, layers = field.bar, field.layers
     faces = list(layers.interfaces)
     faces += [] if bar.periodic else [0.0, bar.length]
     reach = ONE_SIDED * bar.spacing

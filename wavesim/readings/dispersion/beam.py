@@ -46,6 +46,8 @@ _STEPS = 12
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 2.0
+# Noise is looked at where there is no more than so many times what is at the highest frequencies.
+_AT_FLOOR = 4.0
 # Noise is common to receivers where it is by so many deviations.
 _SURELY = 3.0
 # Both ends are let down where so much more of the power is then of sure frequency.
@@ -205,17 +207,20 @@ def phase_beam(U: Complex, x: Float, weight: Float, k: Float) -> Float:
 def _in_step(U: Complex, x: Float) -> Callable[[Float], Float]:
     """How much more of the noise's power a wave of given k hears than if receivers shared none.
 
-    A clock that shivers shifts all receivers at once: its noise, seen at the highest frequencies,
-    is as long in x as the signal is, and has the signal's wavenumbers.
+    A clock that shivers shifts all receivers at once: its noise, seen at high frequencies where the
+    signal is not, is as long in x as the signal is, and has the signal's wavenumbers. It is in
+    phases alone, which makes it twice as much.
     """
-    high = U[-max(4, len(U) // 10) : -1]
+    high = U[len(U) // 2 : -1]
+    size = np.mean(np.abs(high) ** 2, axis=1)
+    high = high[size <= _AT_FLOOR * float(np.median(size[-max(4, len(U) // 10) :]))]
     high = high / np.maximum(np.sqrt(np.mean(np.abs(high) ** 2, axis=0)), 1e-290)
     lever = (x - x.mean()) / np.sqrt(np.sum((x - x.mean()) ** 2))
 
     def heard(k: Float) -> Float:
         power = np.abs(high @ (lever[:, None] * np.exp(-1j * np.outer(x, k)))) ** 2
         more = power.mean(axis=0)
-        return np.where(more > 1 + _SURELY / np.sqrt(len(high)), more, 1.0)
+        return np.where(more > 1 + _SURELY / np.sqrt(len(high)), 2 * more, 1.0)
 
     return heard
 
@@ -264,9 +269,9 @@ def beams(
         if i not in fits:
             parts.append([np.array([v]) for v in (row, *(column[i] for column in one))])
             continue
-        ks, errors, sizes, left = fits[i]
+        ks, errors, sizes, left, excess = fits[i]
         errors, m = errors * np.sqrt(together(ks)), len(ks)
-        error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(left) / length[i])
+        error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(excess) / length[i])
         parts.append(
             [np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m), *np.zeros((3, m))]
         )
@@ -324,6 +329,7 @@ def _by_phase(
     noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
     noisy = noisy * np.sqrt(together)
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
+    telling = telling / np.maximum(together / 2, 1)  # of receivers that share theirs, fewer count
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))
     return k, error, size, left, (chance < _BY_CHANCE).astype(float)
@@ -411,8 +417,11 @@ def _fitted(
                 chosen[i] = now.residual[j]
                 ended = (_ENDED * np.abs(U[i][used[i]]).max()) ** 2
                 deviation = np.sqrt(max(now.residual[j], level[i] ** 2) + ended)
-                errors = deviation * now.unit[j]
-                best[int(i)] = (now.k[j].real, errors, size, float(now.unexplained[j]))
+                errors = deviation * now.unit[j] / np.sqrt(2)  # of the real part
+                # What is left over of noise is in these errors.
+                over = 1 - _NOISE_SPREAD * level[i] ** 2 / max(now.residual[j], 1e-290)
+                rest = float(now.unexplained[j])
+                best[int(i)] = (now.k[j].real, errors, size, rest, rest * max(over, 0.0))
         settled |= chosen <= 4 * level**2
     return best
 

@@ -33,7 +33,7 @@ _OF_BAR = 0.6
 # points within so many steps from 1.1 + 2.5/√n on.
 _ALONE, _STEPS, _FEWEST = 8.0, 10, 5
 _KNOWN, _SURE = 1.1, 2.5
-# Two modes closer than this part of the resolution 2π/T are taken for one where nothing shows; what
+# Two modes closer than this part of the resolution are taken for one where nothing shows; what
 # noise hides beyond that is part of the bar.
 CLOSE = 0.3
 # Half-width of a 95 % bar, and the quantile of a one-sided limit, in deviations.

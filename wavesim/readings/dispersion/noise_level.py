@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, ifft
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import gammaincinv
 
 from wavesim.records.windows import noise_density
@@ -139,6 +139,29 @@ def noise_variance(
         own = noise_density(values[:quiet, at], interval, omega / (2 * np.pi)) / interval
         variance[:, at] = np.maximum(variance[:, at], own)
     return np.maximum(variance, (ROUNDING * peak.max(initial=0.0)) ** 2)
+
+
+# A band is where power smoothed over so many bins is above this part of the highest, and so many
+# times the noise's.
+_SMOOTHED, _FAINT, _ABOVE_NOISE = 5, 1e-4, 4.0
+
+
+def excited_frequencies(
+    values: Float, interval: float, quantum: Float | float = 0.0
+) -> tuple[float, float]:
+    """The lowest and the highest frequency at which something is above the noise, rad/s.
+
+    Args:
+        values, interval, quantum: as of :func:`noise_variance`.
+    """
+    omega = 2 * np.pi * np.fft.rfftfreq(len(values), interval)[1:]
+    power = np.mean(np.abs(np.fft.rfft(values, axis=0)[1:] * interval) ** 2, axis=1)
+    noise = np.mean(noise_of_transform(values, interval, omega, quantum) ** 2, axis=1)
+    power = uniform_filter1d(power, _SMOOTHED, mode="nearest")
+    loud = np.flatnonzero((power > _FAINT * power.max()) & (power > _ABOVE_NOISE * noise))
+    if not len(loud):
+        return float(omega[0]), float(omega[-1])
+    return float(omega[loud[0]]), float(omega[loud[-1]])
 
 
 def noise_of_transform(

@@ -74,6 +74,8 @@ _WORTH_CUTTING = 0.1
 _FEET, _RISES, _OF_NOISE = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
 # Parts of so many frames that are louder by so many deviations than what is before are a foot.
 _PART_AT_REST, _LOUDER = 16, 2.0
+# A slope at the beginning is that of so many frames.
+_FIRST = 2
 # A receiver counts where what it shows at the beginning is no more than this part of ωU.
 _BEGUN = 0.1
 # Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
@@ -154,6 +156,10 @@ def in_space(
     noise = _noise(record, values, receivers, omega, sigma)
     # What is there at the beginning acts as a source does: ∂ ln U/∂x = ik + (dk/dω) u₀/U.
     begun = np.maximum(np.abs(values[0]) - _OF_NOISE * np.maximum(deviation, quiet), 0)
+    # … or, where it passes through 0 there, by its slope.
+    slope = np.abs(values[_FIRST] - values[0]) / (_FIRST * record.interval)
+    slope -= _OF_NOISE * np.maximum(deviation, quiet) * np.sqrt(2) / (_FIRST * record.interval)
+    begun = np.hypot(begun, np.maximum(slope, 0) / omega[:, None])
     unsure = begun / np.maximum(np.abs(U), 1e-290) / omega[:, None]
     if spreading:
         along = np.abs(x - _nearest(record, x)) ** spreading

@@ -25,10 +25,14 @@ Float = NDArray[Any]
 
 # Part of the Nyquist frequency or wavenumber up to which a point counts.
 _NYQUIST = 0.97
+# Modes closer than this part of 2π/X are taken for one where nothing shows.
+_CLOSE = 0.1
 # Points are joined within this part of the aperture's resolution 2π/X.
 _CELL = 0.25
 # Largest standard error of k, over k.
 _LARGEST_ERROR = 0.25
+# A tone is the highest of so many bins on either side, so many times higher than all within more.
+_WIDE, _NEAR_TONE, _TONE = 4, 12, 10.0
 # Fewer points left are no mode.
 _FEWEST = 3
 # The slope of a mode is taken over so many points on either side.
@@ -103,15 +107,16 @@ def _as_points(
         branch[clear] = join(
             found.step[clear], found.k[clear], found.amplitude[clear], _CELL * cell
         )
+    tones = _tones(found, branch)
+    branch[tones] = branch.max(initial=-1) + 1 + np.arange(len(tones))
     at = omega[found.step]
     error = np.hypot(found.error, _FLOOR * cell)
-    # As of a transform, bars have the resolution that noise leaves.
-    hides = worth(found.bends, np.abs(found.k), branch, found.step, cell, close=0.0)
+    hides = worth(found.bends, np.abs(found.k), branch, found.step, cell, close=_CLOSE)
     error = np.hypot(error, hides.error)
     error = np.hypot(error, np.abs(found.k) * np.hypot(record.spacing_error, record.interval_error))
     speed = at / np.maximum(np.abs(found.k), 1e-290)
     folded, gap = np.zeros(n, bool), np.pi / highest_wavenumber(x)
-    modes = [np.flatnonzero(branch == b) for b in np.unique(branch[branch >= 0])]
+    modes = [np.flatnonzero(branch == b) for b in np.unique(np.delete(branch, tones)) if b >= 0]
     for own in modes:
         speed[own] = np.abs(slopes(found.k[own], at[own]))
         folded[own] = is_folded(found.k[own], at[own], gap)
@@ -153,10 +158,27 @@ def _as_points(
         )
     points = points.refused(branch < 0, ALONE)
     left = np.bincount(branch[points.valid], minlength=branch.max(initial=0) + 1)
-    points = points.refused((branch >= 0) & (left[branch] < _FEWEST), ALONE)
+    few = (branch >= 0) & (left[branch] < _FEWEST)
+    few[tones] = False
+    points = points.refused(few, ALONE)
     if k_max is not None:
         points = points.take(points.k <= k_max)
     return numbered(points)
+
+
+def _tones(found: Beams, branch: NDArray[Any]) -> NDArray[np.int64]:
+    """Waves of no mode that are lines in frequency: far above those at other frequencies near by.
+
+    Their frequency is known by how far it is off that of the transform (``Beams.unsure``).
+    """
+    tones = []
+    for i in np.flatnonzero(found.clear & ~found.cut & (branch < 0)):
+        away = np.abs(found.step - found.step[i])
+        beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=0.0)
+        near, size = found.amplitude[away <= _WIDE].max(), found.amplitude[i]
+        if size == near > _TONE * beside and not (branch[away <= _WIDE] >= 0).any():
+            tones.append(i)
+    return np.array(tones, int)
 
 
 def numbered(points: BranchPoints) -> BranchPoints:

@@ -23,6 +23,7 @@ from wavesim.readings.pulse.transmission_record import (
 from wavesim.readings.pulse.travel_time import (
     TravelTime,
     open_between,
+    ringing,
     second_cycle,
     slow_rise,
     travel_times,
@@ -37,6 +38,7 @@ from wavesim.readings.pulse.wave_packets import (
     hides_two,
     likelihoods,
     named,
+    nearest,
     packets,
     rises,
 )
@@ -80,6 +82,10 @@ STEP = (
 EARLIER = (
     "it may have begun within the crosstalk or a wave ahead of it; the error holds that: a shorter "
     "pulse would part them"
+)
+RINGING = (
+    "the transducers ring, so that the first cycles may not be seen; the error holds that: "
+    "--face-to-face tells their delay, and a pulse further from their resonance has less of it"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
@@ -264,9 +270,7 @@ def settled(
             + (", and what follows from what was sent taken out of the rest" if known else "")
         )
     notes += _other_readings(told, begins, delay, distance, rivals, wanted)
-    share = float(
-        np.hypot(open_between(found, best.time, record.period), unknown_delay(record, delays))
-    )
+    share = open_between(found, best.time, record.period)
     second = second_cycle(record, begins)
     if np.isfinite(second):
         share = float(np.hypot(share, second))
@@ -274,14 +278,9 @@ def settled(
             f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
             "pulse would tell them apart"
         )
-    early = begun_earlier(record, heard, begins)
-    if early:
-        share = float(np.hypot(share, early))
-        notes.append(EARLIER)
-    slow = slow_rise(record)
-    if slow:
-        share = float(np.hypot(share, slow))
-        notes.append(STEP if record.sent is not None and is_step(record.sent) else SLOW)
+    for more, note in left_open(record, heard, begins, delays):
+        share = float(np.hypot(share, more))
+        notes += [note] if note else []
     error = float(np.hypot(best.error, share))
     others = [time - delay for time in rivals]
     answer = judged(OF_ONE, best.time, error, distance, best.reason, others, wanted)
@@ -318,6 +317,25 @@ def noisy(below: float) -> str:
 def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
     """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
     return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
+
+
+def left_open(
+    record: TransmissionRecord,
+    heard: Sequence[Packet],
+    begins: float,
+    delays: Mapping[str, float],
+) -> list[tuple[float, str]]:
+    """What a record leaves open of a direct wave that seems to break at a time after the start, as
+    standard errors, s, each with a note or ""."""
+    slow = STEP if record.sent is not None and is_step(record.sent) else SLOW
+    own = nearest(heard, begins)
+    parts = [
+        (unknown_delay(record, delays), ""),
+        (ringing(record, own.top, delays) if own else 0.0, RINGING),
+        (begun_earlier(record, heard, begins), EARLIER),
+        (slow_rise(record), slow),
+    ]
+    return [one for one in parts if one[0] > 0]
 
 
 def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: float) -> float:

@@ -15,10 +15,10 @@ from wavesim.readings.pulse.reading import (
     UNKNOWN,
     Reading,
     Wanted,
-    begun_earlier,
     hidden,
     in_crosstalk,
     judged,
+    left_open,
     refused,
     settled,
     spanned,
@@ -32,7 +32,7 @@ from wavesim.readings.pulse.series import (
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
-from wavesim.readings.pulse.travel_time import TravelTime, open_between, slow_rise, unknown_delay
+from wavesim.readings.pulse.travel_time import TravelTime, open_between, ringing
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
@@ -41,6 +41,7 @@ from wavesim.readings.pulse.wave_packets import (
     hidden_by_noise,
     hides_two,
     likelihoods,
+    nearest,
     packets,
 )
 
@@ -267,7 +268,9 @@ def _on_one_line(
     moved = _line(found.time, off, near)
     left = np.abs(off - moved)[near]
     scatter = 1.4826 * float(np.median(left)) if near.any() else 0.0
-    shares = period * _open_in_periods(alone, found.time + moved, period)
+    shares = period * np.hypot(
+        _open_in_periods(alone, found.time + moved, period), _ringing(alone, heard, delays)
+    )
     readings = []
     for i, one in enumerate(alone):
         time = float(found.time[i] + moved[i])
@@ -284,9 +287,8 @@ def _on_one_line(
         reason = ""
         record = one.record
         assert record is not None
-        share = float(np.hypot(share, slow_rise(record)))
-        share = float(np.hypot(share, begun_earlier(record, heard[i], time + one.delay)))
-        share = float(np.hypot(share, unknown_delay(record, delays)))
+        for more, _ in left_open(record, heard[i], time + one.delay, delays):
+            share = float(np.hypot(share, more))
         if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
             reason = UNLIKE
         elif in_crosstalk(record, time):
@@ -317,6 +319,18 @@ def _open_in_periods(alone: list[Reading], time: Float, period: Float) -> float:
         else:
             apart[name] = TravelTime(np.nan, np.nan, next(a.reason for a in own if a.reason))
     return open_between(apart, 0.0, 1.0)
+
+
+def _ringing(
+    alone: Sequence[Reading], heard: Sequence[Sequence[Packet]], delays: Mapping[str, float]
+) -> float:
+    """What transducers leave open that ring, in periods: the same in all records of a series."""
+    rings = [
+        ringing(one.record, own.top, delays) / one.record.period
+        for one, packets in zip(alone, heard, strict=True)
+        if one.record and (own := nearest(packets, one.best.time + one.delay)) is not None
+    ]
+    return float(np.median(rings)) if rings else 0.0
 
 
 def _line(x: Float, y: Float, own: NDArray[np.bool_]) -> Float:

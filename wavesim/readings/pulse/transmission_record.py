@@ -37,6 +37,8 @@ _DOUBTFUL, _SOONEST = 0.15, 0.25
 # A wave of this part of the largest that stands when crosstalk ends, and for this part of a period,
 # began within it.
 _COVERED, _AT_END = 0.45, 0.25
+# A wave on crosstalk that explains itself no further is so many times as large.
+_WAVE = 1.5
 _LENGTHS = 1.5
 # The band about the central frequency, over and in multiples of it.
 _LOW, _HIGH = 5.0, 8.0
@@ -265,12 +267,23 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
                 lambda row: _band(row, dt, rough),
             )  # fmt: skip
         until = None
+        if own is not None and _follows_crosstalk(found, size, rough, own[1]):
+            own = None
         if own is not None:
             until = found.start + own[1]
             found = replace(found, raw=raw - own[0], crosstalk_taken=own[0])
             size = envelope(_band(found.raw, dt, rough))
         blank, unended = _over(found, size, peak, rough, noise, until)
     return blanked(replace(found, crosstalk=part, period=rough, unended=unended), blank)
+
+
+def _follows_crosstalk(found: TransmissionRecord, size: Float, period: float, until: float) -> bool:
+    """Whether crosstalk goes on past what explains it: that ends while the pulse is being sent, and
+    nothing as large as a wave beside it follows."""
+    after = found.t - found.start
+    rest = (after > until) & (after < _LENGTHS * found.length + period)
+    largest = float(size[(after >= 0) & (after <= until)].max())
+    return until < found.length and float(size[rest].max(initial=0.0)) < _WAVE * largest
 
 
 def _at_once(raw: Float, inside: NDArray[np.bool_], dt: float, period: float) -> float:

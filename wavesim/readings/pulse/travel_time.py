@@ -43,6 +43,9 @@ _SLOW = 0.6
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
 _DELAY = 0.14
+# They ring where what is heard rises more slowly than what was sent by so many periods, and by the
+# first of them if it falls more slowly too; they may be unheard for this part of that.
+_RINGS, _RINGS_ON, _NOT_HEARD = (0.25, 0.45), 0.7, 1.1
 NOTHING_ALIKE = "nothing in common with what was sent near the break"
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
@@ -139,6 +142,29 @@ def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> fl
     """What transducers that ring, and cables, may delay all conventions by, where nothing is known
     of it, as one standard error, s."""
     return 0.0 if delays else _DELAY * record.period
+
+
+def ringing(record: TransmissionRecord, own_top: float, delays: Mapping[str, float]) -> float:
+    """What transducers leave open that ring on after a packet whose top is at a time, where nothing
+    is known of their delay, as one standard error, s: they take as long to be heard as they rise
+    more slowly than what was sent."""
+    if record.sent is None or is_step(record.sent) or delays:
+        return 0.0
+    at = round((own_top + record.start - record.t[0]) / record.interval)
+    heard, sent = _about_top(envelope(record.got), at), _about_top(envelope(record.sent))
+    rise, fall = ((heard[i] - sent[i]) * record.interval for i in (0, 1))
+    least = _RINGS[0] if fall > _RINGS_ON * record.period else _RINGS[1]
+    return _NOT_HEARD * rise if rise > least * record.period else 0.0
+
+
+def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
+    """Samples in which an envelope rises from half of a top of it, and falls to half."""
+    at = int(np.argmax(size)) if at is None else at
+    below = size < size[at] / 2
+    before, after = np.flatnonzero(below[:at]), np.flatnonzero(below[at:])
+    return (at - int(before[-1]) if len(before) else at), (
+        int(after[0]) if len(after) else len(size) - at
+    )
 
 
 def slow_rise(record: TransmissionRecord) -> float:

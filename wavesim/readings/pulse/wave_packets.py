@@ -133,6 +133,11 @@ def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packe
     return whole
 
 
+def nearest(found: Sequence[Packet], begins: float) -> Packet | None:
+    """The packet that breaks nearest a time, s."""
+    return min(found, key=lambda one: abs(one.begins - begins), default=None)
+
+
 def hidden_by_noise(record: TransmissionRecord) -> float:
     """Size below which noise hides a packet, over that of the largest, –."""
     largest = float(envelope(record.got).max())

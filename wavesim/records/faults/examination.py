@@ -18,10 +18,10 @@ from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.gains import ring_misfits
 from wavesim.records.faults.moveout import (
-    FASTEST,
     arrivals,
     begun,
     comes_round,
+    of_no_wave,
     source_within,
     speed,
 )
@@ -171,11 +171,8 @@ def together(
         arrival = arrivals(values[strongest], t, own)
         place = source_within(x, arrival)
         v = speed(x, arrival)
-        if v > FASTEST and place is None:
-            raise UnitsError(
-                f"by its times and positions the signal goes at {v:.3g} m/s, faster than light: "
-                "one of them is in another unit; say which with --time-unit or --position-unit"
-            )
+        if place is None and (why := of_no_wave(v, v)):
+            raise UnitsError(why)
     if not ring and even and place is None and comes_round(values[strongest]):
         found.append(
             Finding("comes round", "all receivers", f"{nx} receivers", TOLD,

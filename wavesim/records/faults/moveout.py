@@ -19,8 +19,8 @@ _WITHOUT_REST = 0.4
 _FIRST = 3
 _BLOCKS = 8
 _STEADY, _HISS = 3.0, 2.0
-# Faster than this nothing is: light's phase alone, and not by three times.
-FASTEST = 1e9
+# No wave is slower, m/s, or faster but light, from the slowest of it to its phase in waveguides.
+SLOWEST, FASTEST, _LIGHT = 0.1, 2e4, (1e7, 1e9)
 _ARRIVED = 0.2
 # A source is within where two arms leave less than this part of what one line leaves (squares).
 _BETTER = 0.05
@@ -103,6 +103,24 @@ def speed(x: Float, arrival: Float) -> float:
     left = arrival[seen] - level - slope * x[seen]
     error = np.std(left) / np.sqrt(seen.sum()) / np.std(x[seen])
     return float(1 / abs(slope)) if abs(slope) > 5 * error else float("nan")
+
+
+def of_no_wave(low: float, high: float, slowest: float = SLOWEST) -> str:
+    """Why speeds are those of another unit of time or length, "" where they may be right.
+
+    Args:
+        low, high: from which speed to which, m/s; NaN where not known.
+        slowest: that waves are taken to be, m/s.
+    """
+    fast = low > FASTEST and not (_LIGHT[0] < high and low < _LIGHT[1])
+    if not (fast or high < slowest):
+        return ""
+    what = "faster than waves in any solid" if low < _LIGHT[1] else "faster than light"
+    return (
+        f"by its times and positions the signal goes at {low if fast else high:.3g} m/s, "
+        f"{what if fast else 'slower than any wave'}: one of them is in another unit; say which "
+        "with --time-unit or --position-unit"
+    )
 
 
 def comes_round(component: Float) -> bool | None:
