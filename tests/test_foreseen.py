@@ -10,6 +10,7 @@ from wavesim.case.schema import parse
 from wavesim.timedomain.time_step import time_step
 from wavesim.verdict.foreseen import foreseen as said
 from wavesim.verdict.foreseen_errors import foretold, limit_of
+from wavesim.verdict.judgement import measure
 
 ENDED = """
 [medium]
@@ -175,3 +176,54 @@ def test_what_is_too_much_to_work_out_beforehand_is_none_and_named():
         assert told in limit_of(simulated)
     assert foretold(ws.Simulation(layers, bar, pulse, **known))
     assert not limit_of(ws.Simulation(layers, bar, pulse, **known))
+
+
+AMID_A_SOURCE = """
+[medium]
+closure = "consistent"
+anisotropy = -0.19
+[bar]
+spacing = 2.5e-4
+left = "fixed"
+right = "free"
+[[layers]]
+thickness = 0.012
+[[layers]]
+thickness = 0.012
+density = 1200.0
+[[sources]]
+kind = "tone-burst"
+field = "B22"
+frequency = 2.4e5
+cycles = 3
+position = 0.0171
+width = 8e-4
+[[receivers]]
+name = "in the source"
+position = 0.0179
+[[receivers]]
+name = "by the interface"
+position = 0.0117
+[time]
+duration = 3e-5
+"""
+
+
+def test_a_run_finds_what_was_foreseen_of_it():
+    """At each receiver the same field is furthest off, by as much to a fifth, what moves without
+    travelling included: it is there in the source, and in the size that others are held against."""
+    case = built(AMID_A_SOURCE)
+    foreseen_of = {
+        re.search(r'"(.*)"', one.what)[1]: one
+        for one in foretold(case.simulation, case.analysis, case.k_range)
+        if " at " in one.what
+    }
+    checks = measure(case, ws.integrate(case.simulation)).checks
+    found = {
+        re.search("signal at (.*): ", one.name)[1]: one for one in checks if "signal" in one.name
+    }
+    assert set(found) == set(foreseen_of) == set(case.simulation.receivers)
+    for name, check in found.items():
+        assert foreseen_of[name].what.split()[0] == re.search(r"\((\w+)\)", check.name)[1]
+        assert foreseen_of[name].error == pytest.approx(check.measured, rel=0.2)
+        assert foreseen_of[name].passed == check.passed

@@ -306,7 +306,7 @@ def test_a_worker_that_is_lost_loses_nothing(tmp_path):
         (["medium.anisotropy=1:0:3"], "the range from 1 to 0 is empty"),
         (["medium.anisotropy=0:1"], "a grid needs the number of values"),
         (["medium.anisotropy=0:1:x"], "N = x: must be a whole number"),
-        (["medium.anisotropy=3:4:2"], "anisotropy = 3.0: must be between -1 and 2"),
+        (["medium.anisotropy=3:4:2"], "anisotropy = 3: must be between -1 and 2"),
         (["bar.length=0.1:0.2:3"], "does not matter to --measure gaps"),
         (["medium.density=1:2:2", "--vary", "medium.density=1:2:2"], "given twice"),
         (["medium.density=1:2:2", "--scheduler", "tcp://127.0.0.1:9"], "no scheduler of Dask"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import click
@@ -11,6 +12,7 @@ from click.shell_completion import get_completion_class
 from wavesim.report.terminal import BAD_INPUT, console, stop, unwritable
 
 _SCHEMA = "wavesim.schema.json"
+_LONGEST = 2000
 _WHERE = {
     "bash": 'eval "$(wavesim completion bash)" in ~/.bashrc',
     "zsh": 'eval "$(wavesim completion zsh)" in ~/.zshrc',
@@ -23,6 +25,8 @@ def _write(path: Path, text: str) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
+        if path.is_dir():
+            stop(f"{path}: is a folder; name a file in it, as {path / 'case.toml'}", BAD_INPUT)
         stop(f"{path}: is there already; name another file, or take it away", BAD_INPUT)
     except OSError as error:
         stop(*unwritable(error, path, "name another file"))
@@ -33,14 +37,17 @@ def _write(path: Path, text: str) -> None:
 @click.option("--schema", is_flag=True, help=f"Write {_SCHEMA} beside it, for editors.")
 def init(file: str, schema: bool) -> None:
     """Write a commented case to begin with: FILE, case.toml by default."""
+    from wavesim.material.shown import printable
+
     path = Path(file)
     template = Path(__file__).parents[1] / "case" / "first_case.toml"
-    text = template.read_text(encoding="utf-8").replace("{name}", str(path))
-    beside = path.with_name(_SCHEMA)
+    typed = printable(shlex.quote(str(path)), _LONGEST)
+    text = template.read_text(encoding="utf-8").replace("{name}", typed)
     _write(path, (f"#:schema ./{_SCHEMA}\n" if schema else "") + text)
+    beside = path.parent / _SCHEMA
     if schema and not beside.exists():
         _write(beside, _schema_text())
-    click.echo(f"{path}: a case to change as you like. Run it: wavesim run {path}")
+    click.echo(f"{typed}: a case to change as you like. Run it: wavesim run {typed}")
 
 
 def _schema_text() -> str:

@@ -6,6 +6,7 @@ writing of its results failed; 130 interrupted.
 
 from __future__ import annotations
 
+import gc
 import os
 import shlex
 import sys
@@ -108,6 +109,7 @@ def run(**given: Any) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
     # Its matrices are small: threads that wait for each other's parts keep all cores busy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    gc.disable()  # what is loaded stays: to look through it for garbage takes a twentieth of a run
     from wavesim.report.drawn_beside import begun_beside
 
     # It loads what it needs while this process reads the case.
@@ -176,7 +178,11 @@ def _run(
 
     def go_on(stage: str, part: float) -> None:
         nonlocal done
-        done = max(done, part) if stage == "integrate" else done
+        if stage == "integrate":
+            done = max(done, part)
+            if not gc.isenabled():
+                gc.freeze()
+                gc.enable()
         tell(stage, part)
 
     def stored() -> str:

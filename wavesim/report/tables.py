@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
@@ -33,7 +33,9 @@ from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
-from wavesim.verdict.foreseen_errors import Foretold
+
+if TYPE_CHECKING:  # slow to import, and for most commands nothing but a name
+    from wavesim.verdict.foreseen_errors import Foretold
 
 _MOST_LAYERS = 8
 # Checks that fell short, of which the terminal tells.

@@ -51,16 +51,6 @@ class Wish:
         """So many over the band, made wider at each end by a part of that, both among them, Hz."""
         return np.linspace(self.low * (1 - wider), self.high * (1 + wider), count)
 
-    @property
-    def at_most(self) -> float | None:
-        """The limit from above, if it is one."""
-        return self.limit if self.most else None
-
-    @property
-    def at_least(self) -> float | None:
-        """The limit from below, if it is one."""
-        return None if self.most else self.limit
-
 
 @dataclass(frozen=True)
 class Problem:

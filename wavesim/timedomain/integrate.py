@@ -111,10 +111,9 @@ def stepper_of(
     if step.solver not in ("propagator", "chebyshev"):
         return getattr(diffrax, step.solver)()
     near = driven(equation, step.reach, simulated.bar.periodic)
-    done = work(equation, near, step)
     if step.solver == "chebyshev":
-        return ChebyshevSeries(series(step), done)
-    return propagator(equation, simulated.bar, step, start.y, near, done)
+        return ChebyshevSeries(series(step), work(equation, near, step))
+    return propagator(equation, simulated.bar, step, start.y, near)
 
 
 def advance(

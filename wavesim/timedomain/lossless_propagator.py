@@ -11,6 +11,7 @@ this form rounding grows as the number of steps, not as its square.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import diffrax
@@ -27,7 +28,7 @@ from wavesim.timedomain.propagator_rows import Rows, rows_of
 from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
 from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
 from wavesim.timedomain.within_step import Driven, picked, pushes, series_terms
-from wavesim.timedomain.work_within_step import Work
+from wavesim.timedomain.work_within_step import Work, work
 
 
 class Pulses(eqx.Module):
@@ -160,7 +161,6 @@ def propagator(
     step: TimeStep,
     start: States,
     near: list[Driven],
-    work: Work | None,
 ) -> Propagator:
     """Prepare the stepper.
 
@@ -170,16 +170,25 @@ def propagator(
         step: how it is stepped.
         start: the state at t = 0.
         near: the groups that sources drive, in windows about them.
-        work: tables of their work.
     """
     groups = equation.operator.groups
-    rows = tuple(rows_of(group, bar, step) for group in groups)
-    pulses = tuple(_pulses(part, groups[part.group], step) for part in near)
+    with ThreadPoolExecutor() as side:
+        rows = [side.submit(rows_of, group, bar, step) for group in groups]
+        pulses = [side.submit(_pulses, part, groups[part.group], step) for part in near]
+        done = side.submit(work, equation, near, step)
     nodes, weights = nodes_of(step)
     silent = np.zeros((equation.sources.count, len(nodes)))
     change = tuple(_first_change(g, y, step) for g, y in zip(groups, start, strict=True))
     begun = Memory(change, silent)
-    return Propagator(rows, pulses, nodes, weights, np.asarray(step.step), work, begun)
+    return Propagator(
+        tuple(one.result() for one in rows),
+        tuple(one.result() for one in pulses),
+        nodes,
+        weights,
+        np.asarray(step.step),
+        done.result(),
+        begun,
+    )
 
 
 def _pulses(part: Driven, group: Group, step: TimeStep) -> Pulses:

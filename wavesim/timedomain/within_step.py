@@ -201,15 +201,19 @@ def series_terms(matrix: Any, start: np.ndarray, step: TimeStep, factors: np.nda
     if step.shift:
         X = X + sp.eye_array(X.shape[0]) * (step.shift / step.radius)
     X = sp.csr_array(X)
-    total = np.zeros((len(factors), start.size))
-    before, now, held, first = start, start, [], 0
+    total, held = np.zeros((len(factors), start.size)), np.empty((_AT_ONCE, start.size))
+    before, now, doubled = start, start, 2 * X
     for k in range(factors.shape[1]):
-        if k:
-            before, now = now, X @ now if k == 1 else 2 * (X @ now) + before
-        held.append(now.ravel())
-        if len(held) == _AT_ONCE or k == factors.shape[1] - 1:
-            total += factors[:, first : k + 1] @ np.stack(held)
-            first, held = k + 1, []
+        if k == 1:
+            now = X @ now
+        elif k:
+            after = doubled @ now
+            after += before
+            before, now = now, after
+        at = k % _AT_ONCE
+        held[at] = now.ravel()
+        if at == _AT_ONCE - 1 or k == factors.shape[1] - 1:
+            total += factors[:, k - at : k + 1] @ held[: at + 1]
     return total.reshape(-1, *start.shape)
 
 

@@ -23,7 +23,7 @@ from scipy.sparse import csr_array
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.points import gaussian, sampling, spread
-from wavesim.layered.cross_section import Section, limit
+from wavesim.layered.cross_section import Limit, Section, limit
 from wavesim.layered.signals import named
 from wavesim.layered.source_loads import acts_of, body_loads, components, held_back
 from wavesim.layered.stack import Stack
@@ -43,7 +43,7 @@ _CALM = 1e-3
 def grid_spectra(
     simulated: Simulation, places: Mapping[P, float], omega: Values
 ) -> dict[P, dict[str, Values]]:
-    """Spectra ∫ u e^{iωt} dt of the fields that travel, as the grid has them; Γ is left out.
+    """Spectra ∫ u e^{iωt} dt of the fields, as the grid has them; Γ is left out.
 
     Args:
         simulated: bar, layers and sources.
@@ -54,7 +54,7 @@ def grid_spectra(
         {place: {field: shape (N,)}}, the field's unit times s.
     """
     found: dict[P, dict[str, Values]] = {name: {} for name in places}
-    for block in (block for block in simulated.blocks if block.macro):
+    for block in simulated.blocks:
         for name, fields in _of_block(simulated, block, places, omega).items():
             for field, values in fields.items():
                 found[name][field] = found[name].get(field, 0) + values
@@ -66,14 +66,49 @@ def _of_block(
 ) -> dict[P, dict[str, Values]]:
     bar = simulated.bar
     stack = Stack(simulated.layers, block, omega, False)
-    length, scaled = float(stack.units.length), stack.scaled
     sections = _sections(stack, bar)
-    limits = [(cells, limit(one, scaled)) for cells, one in sections]
+    limits = [(cells, limit(one, stack.scaled)) for cells, one in sections]
+    inertia = _inertia(stack, bar) if block.macro else np.zeros((1, len(bar.nodes)))
+    force, pushed = _forces(simulated, stack, sections, inertia)
+    seen, weights = _sampled(bar, places.values(), True)
+    # A block without a macro-field follows what drives it, each point by itself.
+    values = np.zeros((len(omega), len(places)))
+    kappa = np.zeros((len(omega), len(seen)))
+    if block.macro:
+        near, at_nodes = _sampled(bar, places.values(), False)
+        phi, kappa = _moved(simulated, stack, limits, inertia, (force, pushed), seen)
+        values = phi[:, near] @ at_nodes
+    B = np.zeros((len(block.micro), *kappa.shape), complex)
+    for cells, one in limits:
+        own = (seen >= cells.start) & (seen < cells.stop)
+        if block.macro:
+            B[..., own] = one.Xp.T[:, :, None] * kappa[:, own]
+        for component, total in pushed.items():
+            amount = total[:, seen[own]] / one.modulus[:, None]
+            B[..., own] += one.X[..., component].T[:, :, None] * amount
+    strains = B @ weights
+    found, p = {}, len(block.macro)
+    for place, (name, x) in enumerate(places.items()):
+        held = held_back(stack, simulated.sources, bar.periodic, x)
+        there = values[:, place, None][:, :p] + held[:, :p], strains[:, :, place].T + held[:, p:]
+        found[name] = named(block, *there, stack.units)
+    return found
+
+
+def _moved(
+    simulated: Simulation,
+    stack: Stack,
+    limits: Sequence[tuple[slice, Limit]],
+    inertia: Values,
+    driven: tuple[Values, Mapping[int, Values]],
+    seen: Values,
+) -> tuple[Values, Values]:
+    """φ at nodes, shape (N, nodes), and κ at the half-nodes that are seen; driven as of _forces."""
+    bar, (force, pushed) = simulated.bar, driven
+    length, scaled = float(stack.units.length), stack.scaled
     at_node, at_half = (_stretching(simulated, stack, x) for x in (bar.nodes, bar.half_nodes))
     D, half_norm = bar.difference_matrix * length, bar.differences.half_norm / length
-    inertia = _inertia(stack, bar)
-    stiffness, strained = (np.zeros((len(omega), bar.cells), complex) for _ in range(2))
-    force, pushed = _forces(simulated, stack, sections, inertia)
+    stiffness, strained = (np.zeros((len(scaled), bar.cells), complex) for _ in range(2))
     for cells, one in limits:
         stiffness[:, cells] = one.D[:, None]
         for component, total in pushed.items():
@@ -87,25 +122,7 @@ def _of_block(
     for node, drive in _at_ends(simulated, stack):
         force[:, node] += drive * (stiff if node in held else 1.0)
     phi = _solve(D, stiffness, diagonal, force, bar.periodic)
-
-    near, weights = _sampled(bar, places.values(), False)
-    values = phi[:, near] @ weights
-    seen, weights = _sampled(bar, places.values(), True)
-    kappa = (D[seen] @ phi.T).T / np.broadcast_to(at_half, stiffness.shape)[:, seen]
-    B = np.zeros((len(block.micro), *kappa.shape), complex)
-    for cells, one in limits:
-        own = (seen >= cells.start) & (seen < cells.stop)
-        B[..., own] = one.Xp.T[:, :, None] * kappa[:, own]
-        for component, total in pushed.items():
-            amount = total[:, seen[own]] / one.modulus[:, None]
-            B[..., own] += one.X[..., component].T[:, :, None] * amount
-    strains = B @ weights
-    found = {}
-    for place, (name, x) in enumerate(places.items()):
-        held = held_back(stack, simulated.sources, bar.periodic, x)
-        there = values[:, place, None], strains[:, :, place].T
-        found[name] = named(block, there[0] + held[:, :1], there[1] + held[:, 1:], stack.units)
-    return found
+    return phi, (D[seen] @ phi.T).T / np.broadcast_to(at_half, stiffness.shape)[:, seen]
 
 
 def _sampled(bar: Bar, positions: Iterable[float], staggered: bool) -> tuple[Values, Values]:
@@ -142,16 +159,17 @@ def _forces(
     pushed: dict[int, Values] = {}
     for source in simulated.sources:
         for load in body_loads(stack, [source], False):
-            density, points = _laid(bar, source, bool(load.component))
+            micro = load.component - len(stack.block.macro)
+            density, points = _laid(bar, source, micro >= 0)
             on = np.outer(load.strength, density * length)
-            if not load.component:
+            if micro < 0:
                 force[:, points] += on * (inertia if load.inertial else node_norm[None])[:, points]
                 continue
             for cells, one in sections if load.inertial else ():
                 mine = (points >= cells.start) & (points < cells.stop)
                 on[:, mine] *= (one.own.i_B * one.losses(stack.scaled)[1])[:, None]
             none = np.zeros((len(stack.scaled), bar.cells), complex)
-            pushed.setdefault(load.component - 1, none)[:, points] += on
+            pushed.setdefault(micro, none)[:, points] += on
     return force, pushed
 
 
