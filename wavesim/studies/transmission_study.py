@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesim.case.layered_case import BarLayers
 from wavesim.case.schema import BandTable
-from wavesim.layered.specimen import Specimen, specimen
+from wavesim.layered.transmission import Specimen, specimen
 from wavesim.material.shown import plain
 from wavesim.planewave.band_edges import asymptotes, gaps
 

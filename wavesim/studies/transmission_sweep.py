@@ -22,7 +22,7 @@ from wavesim.case.layered_case import BarLayers, bar_layers
 from wavesim.case.schema import CaseError, CaseFile
 from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
-from wavesim.layered.specimen import specimen
+from wavesim.layered.transmission import specimen
 from wavesim.studies.sweep_case import SweptCase, SweptMedia, check_matters, swept_media
 from wavesim.studies.sweep_store import Layout, Variable
 from wavesim.studies.transmission_study import transmission_study

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.layered.specimen import specimen as between
+from wavesim.layered.transmission import specimen as between
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
 from wavesim.planewave.dispersion_relation import wavenumber
