@@ -1,4 +1,4 @@
-"""The verdict on an endless bar: measured beside the plane-wave solver; and what a reader asks first."""
+"""The verdict on an endless bar, beside the plane-wave solver; and what a reader asks first."""
 
 from __future__ import annotations
 
