@@ -196,10 +196,10 @@ class Specimen:
             R_back=exact.R_back * on**2,
         )
 
-    def at_real(self, sector: str, omega: Any) -> tuple[Transmission, Any]:
-        """The same at real ω, and where there is an answer, shape (n,).
+    def at_real(self, sector: str, omega: Any) -> Transmission:
+        """The same at real ω.
 
-        There is none where a graded layer without losses has its asymptote at ω: waves pile up
+        There is no answer where a graded layer without losses has its asymptote at ω: waves pile up
         there, and where they go is left to whatever loss there is. Values are NaN then.
 
         Args:
@@ -221,7 +221,7 @@ class Specimen:
             return whole
 
         parts = {name: spread(value) for name, value in vars(found).items() if name != "omega"}
-        return Transmission(omega, **parts), open_
+        return Transmission(omega, **parts)
 
     def extremes(self, sector: str, low: float, high: float) -> tuple[Any, Any]:
         """Highest and lowest 20 log₁₀|T| of a band at real ω.
@@ -257,7 +257,7 @@ class Specimen:
         return highest, lowest
 
     def _levels(self, sector: str, frequency: Any) -> Any:
-        exact, _ = self.at_real(sector, 2 * np.pi * frequency)
+        exact = self.at_real(sector, 2 * np.pi * frequency)
         return 20 * np.log10(np.maximum(np.abs(exact.T), 1e-300))
 
 

@@ -42,6 +42,7 @@ _VARIABLES = {
     "transmitted": Variable(_OVER, "1", "transmitted over incident energy"),
     "reflected": Variable(_OVER, "1", "reflected over incident energy"),
 }
+_READ = {"transmitted": "power_T", "reflected": "power_R"}
 
 
 def _file(file: CaseFile, name: str) -> BarLayers:
@@ -165,10 +166,11 @@ class TransmissionMeasure:
                 except ValueError as error:
                     message = f"{self.swept.name}: {error}"
                 else:
-                    curves = {curve.sector: curve for curve in study.curves}
                     for place, sector in enumerate(self.sectors):
                         for name, values in found.items():
-                            values[member, place] = getattr(curves[sector], name)
+                            values[member, place] = getattr(
+                                study.curves[sector], _READ.get(name, name)
+                            )
             messages.append(message)
         return found, messages
 
@@ -264,9 +266,9 @@ def transmission_measure(
     rule, matters = _rule(swept)
     for axis, does in zip(swept.varied.axes, matters, strict=True):
         check_matters(axis.key, does, "transmission", _LOOKED_AT)
-    ends = study.curves[0].frequency
+    ends = study.frequency
     frequency = np.linspace(float(ends[0]), float(ends[-1]), points)
-    sectors = tuple(curve.sector for curve in study.curves)
+    sectors = tuple(study.curves)
     low = study.too_low
     notes = () if low is None else (low,)
     return TransmissionMeasure(swept, swept_media(swept)[0], rule, sectors, frequency, notes)

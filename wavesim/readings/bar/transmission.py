@@ -189,7 +189,7 @@ def specimen(
     k = tuple(wavenumber(layer.medium, block.sector, s) for layer in (first, last))
     carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
     T, R = exact_scattering(layers, block.sector, np.concatenate([s, fine + 1j * sigma]))
-    real, _ = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
+    real = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
     count = len(omega)
     return Specimen(
         block.sector,
