@@ -375,14 +375,17 @@ points, without the rows of close modes {single:.1f} %.
 Without noise a bar is what rounding and the record's end leave open, and holds nearly always.
 Where receivers' gains, places or clocks are off, the error is one for the whole record, so that
 the points of a record are off together. Bars of fft are its resolution, as far as noise leaves it,
-and wider than the errors of lone modes mostly are; so are those of a second mode along a line.
+and wider than the errors of lone modes mostly are; so are those along a line where receivers differ
+in gain, as they would if a second mode were there.
 Two modes that are not told apart bend the logarithm of what stands for both, and a bar holds that
 from where it shows. Modes closer than noise lets a bend be seen pass for one between them. Of
-`--method fft`, along a line too, bars hold that. Those of harmonic inversion and of `attenuation`
-are of single waves: what they leave out stands beside each point as its `splitting`, the distance
-of two waves up to which they pass for one (at 1 % of noise 0.07 to 0.1 of 2π/T in time, 0.16 to 0.5
-of 2π/X along ten receivers, the more the waves lose over them; less where there is less noise), and
-one of the two is within the bar and half the splitting, as is counted in the rows of close modes.
+`--method fft` bars hold that, of modes along a line down to a tenth of 2π/X. Those of harmonic
+inversion and of `attenuation` are of single waves: bars that held such pairs would be ten to thirty
+times as wide, and too wide for all else. What they leave out stands beside each point as its
+`splitting`, the distance of two waves up to which they pass for one (at 1 % of noise 0.07 to 0.1 of
+2π/T in time, 0.16 to 0.5 of 2π/X along ten receivers, the more the waves lose over them; less where
+there is less noise), and one of the two is within the bar and half the splitting, as is counted in
+the rows of close modes.
 
 {about}
 

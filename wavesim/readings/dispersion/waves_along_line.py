@@ -108,7 +108,7 @@ def _as_points(
             found.step[clear], found.k[clear], found.amplitude[clear], _CELL * cell
         )
     tones = _tones(found, branch)
-    branch[tones] = branch.max() + 1 + np.arange(len(tones))
+    branch[tones] = branch.max(initial=-1) + 1 + np.arange(len(tones))
     at = omega[found.step]
     error = np.hypot(found.error, _FLOOR * cell)
     hides = worth(found.bends, np.abs(found.k), branch, found.step, cell, close=_CLOSE)
