@@ -162,10 +162,15 @@ def test_transmission_of_a_sweep_is_that_of_each_stack(G, tmp_path):
         own = [f"{axis}={float(one[axis])}" for axis in data["status"].dims]
         band = (float(data["frequency"][0]), float(data["frequency"][-1]))
         exact = transmission_study(load_layers(case, own), band, 21)
-        for curve in exact.curves:
-            found = one.sel(sector=curve.sector)
-            for name in ("T", "R", "transmitted", "reflected"):
-                values, expected = found[name].values, getattr(curve, name)
+        for sector, curve in exact.curves.items():
+            found = one.sel(sector=sector)
+            for name, expected in (
+                ("T", curve.T),
+                ("R", curve.R),
+                ("transmitted", curve.power_T),
+                ("reflected", curve.power_R),
+            ):
+                values = found[name].values
                 assert np.array_equal(np.isnan(values), np.isnan(expected))
                 assert np.nanmax(np.abs(values - expected)) <= 1e-9
 

@@ -105,7 +105,7 @@ def _draw(found: Any, folder: Path) -> None:
     known = bar_layers(parse(found.text, "design.toml"), "design.toml")
     study = transmission_study(known, band, 800)
     own = {wish.sector for wish in wishes}
-    curves = tuple(curve for curve in study.curves if curve.sector in own)
+    curves = {sector: curve for sector, curve in study.curves.items() if sector in own}
     study = dataclasses.replace(study, curves=curves)
     write({"design": lambda: transmission_figure(study)}, folder)
 

@@ -35,12 +35,11 @@ from wavesim.cli.dispersion import attenuation, dispersion
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.fit import fit
-from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.records import inspect, score, synthesize
 from wavesim.cli.sweep import sweep
-from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import (
     BAD_INPUT,

@@ -16,7 +16,7 @@ from wavesim.case.layered_case import BarLayers, VariedKey, bar_layers, builder,
 from wavesim.case.schema import CaseError, CaseFile, DesignTable, VariableTable
 from wavesim.differentiable.level_slopes import level, level_and_slopes
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
-from wavesim.layered.specimen import specimen
+from wavesim.layered.transmission import specimen
 from wavesim.material.layers import Layers
 from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.band_edges import keeps_gradient
