@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
+from wavesim.case.load import Case
 from wavesim.case.schema import AnalysisTable
 from wavesim.grid.bar import layered_bar
 from wavesim.grid.summation_by_parts import closure
@@ -19,6 +20,8 @@ _ASIDE, _TRIES = 0.6, 3
 # By what power of it errors are taken to fall at first, and at least; by what factor it changes at
 # most and at least in a try.
 _ORDER, _LEAST_ORDER, _FINEST, _COARSEST = 5.0, 1.5, 0.4, 0.9
+# Cells of this part of the size that leave this part of an error: it is not theirs.
+_FINER, _AS_MUCH = 0.8, 0.8
 # Of what order differences serve well: beyond, closures decide.
 WELL = 8
 # Cells of a source's width beyond which it drives hardly any wave that the grid slows down.
@@ -44,6 +47,22 @@ def too_coarse(
         f"{worst.error:.1e} (allowed {worst.allowed:g}){more}; "
         f"{cell_size(simulated, worst, *asked)[0]}"
     ]
+
+
+def serves(case: Case) -> bool:
+    """Whether it is told beforehand that a case's grid leaves much less than is allowed, or what a
+    finer one leaves too, as absorbing ends do."""
+    told = foretold(case.simulation, case.analysis, case.k_range)
+    short = [n for n, one in enumerate(told or ()) if one.error > _ASIDE * one.allowed]
+    if not (told and short):
+        return bool(told)
+    with suppress(ValueError):  # more cells than there may be
+        finer = with_spacing(case.simulation, case.simulation.bar.spacing * _FINER)
+        better = foretold(finer, case.analysis, case.k_range) or []
+        return len(better) == len(told) and all(
+            better[n].error > _AS_MUCH * told[n].error for n in short
+        )
+    return False
 
 
 def cell_size(
