@@ -17,8 +17,7 @@ from wavesim.readings.bar.transmission import Scattered
 from wavesim.report.answers import answers, verdict
 from wavesim.sources import Ricker
 from wavesim.verdict.bar_answers import of_bar
-from wavesim.verdict.endless import endless_notes
-from wavesim.verdict.endless_answers import of_endless
+from wavesim.verdict.endless import endless_notes, of_endless
 
 KHZ = 2e3 * np.pi
 

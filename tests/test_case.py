@@ -199,7 +199,7 @@ def test_bad_override_is_told_as_such(override, remedy):
 def test_index_into_an_array_that_is_not_there():
     message = message_of("receivers.0.name='a'", text=without("receivers"))
     assert message.startswith("my.toml: receivers = ")
-    assert message.endswith("must be an array of tables, [[…]]")
+    assert message.endswith("must be an array of tables, [[receivers]]")
 
 
 @pytest.mark.parametrize("key", ["duration=1e6", "samples=100000000000"])

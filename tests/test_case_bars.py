@@ -338,7 +338,7 @@ BAD = [
     (layered(WHOLE + ", start=0"), LAYER + "start = 0", "unknown key"),
     (layered(WHOLE + ", density=[1500]"), LAYER + "density = [1500]", "a pair [at from, at to]"),
     (layered(WHOLE + ", density='a'"), LAYER + 'density = "a"', "a pair [at from, at to]"),
-    (layered(WHOLE + ", density=[1500, -1]"), LAYER + "density = [1500, -1]", "greater than 0"),
+    (layered(WHOLE + ", density=[1500, -1]"), LAYER + "density = -1", "greater than 0"),
     (layered(WHOLE + ", grading='cubic'"), LAYER + 'grading = "cubic"', '"smooth" or "linear"'),
     (layered(WHOLE + ", mass_damping=[1, 2]"), LAYER + "mass_damping = [1, 2]", "can't be graded"),
     (layered(WHOLE + ", quality_factor=[9, 8]"), LAYER + "quality_factor = [9", "can't be graded"),

@@ -218,8 +218,7 @@ def test_signals_converge():
 def test_reciprocity():
     """Law: with a symmetric closure, losses and absorbers too, source and receiver exchange: a
     moment on φ₁ here felt in B₁₁ there is a double moment on B₁₁ there felt in φ₁ here. Across an
-    interface and a graded layer, off the grid's points; 1e-10 of the peak, measured 4e-13. (Of a
-    ring without losses it is held in test_simulate_rings.)"""
+    interface and a graded layer, off the grid's points; 1e-10 of the peak, measured 4e-13."""
     soft, graded = lossy(SOFT), tuple(lossy(one) for one in GRADED)
     layers = bar_of(soft, graded, soft, edges=(0.0, 0.0053, 0.0104, LENGTH))
     bar = layered(layers, "free", "absorbing")

@@ -18,27 +18,13 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from wavesim.case.table import NotNegative, Positive, Table
+from wavesim.case.table import Finite, NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import Medium, families, medium_of
 from wavesim.material.parameter import PARAMETERS
 from wavesim.material.rotation_equations import Closure
 from wavesim.material.several_families import together
-
-
-def _held(name: str, value: float) -> float:
-    try:
-        PARAMETERS[name].check(name, value)
-    except ValueError as error:
-        raise ValueError(str(error).split(": ", 1)[1]) from None
-    return value
-
-
-def _admissible(value: float | None, info: ValidationInfo) -> float | None:
-    """A parameter in [medium]."""
-    assert info.field_name is not None
-    return value if value is None else _held(info.field_name, value)
 
 
 def _one_number(value: Any, info: ValidationInfo) -> Any:
@@ -48,18 +34,19 @@ def _one_number(value: Any, info: ValidationInfo) -> Any:
     return value
 
 
-def _number_or_pair(value: Any, info: ValidationInfo) -> Any:
+def _number_or_pair(value: Any) -> Any:
     """A parameter in a layer: a number, or one for each end."""
-    assert info.field_name is not None
     graded = isinstance(value, list)
     parts = value if graded else [value]
     real = all(isinstance(p, numbers.Real) and not isinstance(p, bool) for p in parts)
     if not real or (graded and len(parts) != 2):
         raise ValueError("must be a number, or a pair [at from, at to]")
     try:
-        found = [_held(info.field_name, float(part)) for part in parts]
+        found = [float(part) for part in parts]
     except OverflowError:
-        raise ValueError("must be finite") from None
+        found = [math.inf]
+    if not all(map(math.isfinite, found)):
+        raise ValueError("must be finite")
     return found if graded else found[0]
 
 
@@ -106,7 +93,7 @@ LOSSES: dict[str, tuple[Any, Any]] = {
 }
 
 # Parameters of all families, in [medium] and in a layer; what is left out is as the family has it.
-_ONE: Any = Annotated[float | None, AfterValidator(_admissible)]
+_ONE: Any = Finite | None
 _ONE_OR_PAIR: Any = Annotated[Any, BeforeValidator(_number_or_pair)]
 _CLOSURE: dict[str, Any] = {"closure": (Closure | None, None)}
 _KEYS: dict[str, Any] = _CLOSURE | dict.fromkeys(PARAMETERS, (_ONE, None)) | LOSSES

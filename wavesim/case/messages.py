@@ -16,7 +16,6 @@ _PLAIN = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
     "string_type": "must be text in quotes",
-    "list_type": "must be an array of tables, [[…]]",
     "finite_number": "must be finite",
     "greater_than": "must be greater than {gt:g}",
     "greater_than_equal": "must be {ge:g} or greater",
@@ -122,7 +121,7 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
         return f"{where}{what}: required, but not given; add it"
     if kind in ("model_type", "model_attributes_type"):
         if isinstance(parts[-1], int):
-            return f"{place(parts)} {shown(value)}: must be a table, [[{parts[0]}]]"
+            return f"{place(parts)} {shown(value)}: must be a table, [[{_dotted(parts)}]]"
         return f"{given}: must be a table, [{key}]"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
@@ -136,13 +135,20 @@ def _told(schema: type[BaseModel], error: Any, parts: list[Any]) -> str:
     if kind == "union_tag_invalid":
         kinds = _quoted(error["ctx"]["expected_tags"])
         return f"{place(parts)} kind = {shown(value['kind'])}: must be one of {kinds}"
-    if kind == "list_type" and len(parts) > 1:
+    if kind == "list_type" and _is_table(schema, error["loc"]):
+        return f"{given}: must be an array of tables, [[{_dotted(parts)}]]"
+    if kind == "list_type":
         unit = f" in {unit_of(key)}" if unit_of(key) else ""
         return f"{given}: must be an array of numbers{unit}, […]"
     if kind == "literal_error":
         return f"{given}: must be {_quoted(error['ctx']['expected'])}"
     context = error.get("ctx", {})
     return f"{given}: {_PLAIN[kind].format(**context) if kind in _PLAIN else error['msg']}"
+
+
+def _dotted(parts: Sequence[Any]) -> str:
+    """A table's name as its heading has it, without the numbers."""
+    return ".".join(str(part) for part in parts if not isinstance(part, int))
 
 
 def _is_key(schema: type[BaseModel], table: str, key: str) -> bool:
@@ -184,7 +190,7 @@ def _table(annotation: Any) -> Any:
     """The model of a table, or of the tables of an array; {kind: model} where there are several."""
     inner = typing.get_args(annotation)[0] if typing.get_origin(annotation) is list else annotation
     members = typing.get_args(typing.get_args(inner)[0]) if typing.get_args(inner) else ()
-    if not members:
+    if not all(hasattr(member, "__metadata__") for member in members) or not members:
         return inner
     return {member.__metadata__[0].tag: typing.get_args(member)[0] for member in members}
 

@@ -35,12 +35,11 @@ from wavesim.cli.dispersion import attenuation, dispersion
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.fit import fit
-from wavesim.cli.inspect import inspect
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
+from wavesim.cli.records import inspect, score, synthesize
 from wavesim.cli.sweep import sweep
-from wavesim.cli.synthesize import score, synthesize
 from wavesim.cli.transmission import transmission
 from wavesim.report.terminal import (
     BAD_INPUT,
@@ -218,7 +217,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     # Last, and counted with the rest, as the tables before may be long.
     found = foreseen(loaded, steps, errors)
     try:
-        check_cost(loaded.simulation, taken)
+        check_cost(loaded.simulation, taken, folder=folder_for(None, case))
     except ValueError as error:
         found.append(f"[time] {error}")
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")

@@ -80,15 +80,15 @@ def _tell(study: Any) -> None:
     from wavesim.studies.transmission_study import decibels, kept
 
     out = console()
-    alike: dict[bytes, list[Any]] = {}
-    for curve in study.curves:
-        alike.setdefault(curve.T.tobytes(), []).append(curve)
+    alike: dict[bytes, list[str]] = {}
+    for sector, curve in study.curves.items():
+        alike.setdefault(curve.T.tobytes(), []).append(sector)
     # Of several families the family stands above its sectors.
-    names = ["\n".join(curve.sector for curve in own).replace("-", "\n") for own in alike.values()]
-    unit, scale = ("kHz", 1e3) if study.curves[0].frequency[-1] >= 1e3 else ("Hz", 1.0)
+    names = ["\n".join(own).replace("-", "\n") for own in alike.values()]
+    frequency = study.frequency
+    unit, scale = ("kHz", 1e3) if frequency[-1] >= 1e3 else ("Hz", 1.0)
     table = new_table(unit, *(f"{name}\nT, dB" for name in names), words=0)
-    frequency = study.curves[0].frequency
-    levels = [decibels(own[0].T) for own in alike.values()]
+    levels = [decibels(study.curves[own[0]].T) for own in alike.values()]
     for n in np.unique(np.linspace(0, len(frequency) - 1, _ROWS).round().astype(int)):
         values = (f"{one[n]:.2f}" if np.isfinite(one[n]) else "no answer" for one in levels)
         table.add_row(f"{frequency[n] / scale:.1f}", *values)

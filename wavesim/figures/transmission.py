@@ -13,7 +13,8 @@ from wavesim.figures.style import FOUND, THEORY, gap_edges, legend_entries, shad
 from wavesim.material.shown import decibels
 
 if TYPE_CHECKING:  # a run's pictures need none of the studies
-    from wavesim.studies.transmission_study import Curve, Study
+    from wavesim.layered.transmission import Transmission
+    from wavesim.studies.transmission_study import Study
 
 _REFLECTED = "#2f6f9f"
 _DEEPEST = -120.0
@@ -25,23 +26,23 @@ def transmission_figure(study: Study) -> Figure:
     Curves that are alike, as those of the two transverse sectors, share a panel.
     """
     masks = [band for band, *_ in study.bands]
-    panels: list[tuple[list[str], Curve]] = []
-    for curve in study.curves:
+    panels: list[tuple[list[str], Transmission]] = []
+    for sector, curve in study.curves.items():
         for names, other in panels:
             if np.allclose(curve.T, other.T, atol=1e-9, equal_nan=True):
-                names.append(curve.sector)
+                names.append(sector)
                 break
         else:
-            panels.append(([curve.sector], curve))
+            panels.append(([sector], curve))
     figure = Figure(figsize=(6.8, 0.9 + 2.7 * len(panels)))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     inner = {medium for layer in study.specimen.inside for medium in layer.ends}
     for axis, (names, curve) in zip(axes, panels, strict=True):
         if len(inner) == 1 and not masks:  # the gaps of several are no specimen's
-            shade(axis, gap_edges(next(iter(inner)), curve.sector))
-        f = curve.frequency / 1e3
+            shade(axis, gap_edges(next(iter(inner)), names[0]))
+        f = study.frequency / 1e3
         # Where the half-space has a gap no wave comes in, and ratios to one say nothing.
-        dark = curve.told & ~np.isfinite(curve.transmitted) & np.isfinite(curve.transmitted).any()
+        dark = ~np.isfinite(curve.power_T) & np.isfinite(curve.power_T).any()
         T, R = (np.where(dark, np.nan, decibels(value, 1.0)) for value in (curve.T, curve.R))
         axis.plot(f, R, "--", color=_REFLECTED, lw=0.9, label="R")
         axis.plot(f, T, "-", color=THEORY, lw=1.2, label="T")

@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
-from wavesim.planewave.branches import follow
+from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.gap_map import family_gaps
 
@@ -31,14 +31,14 @@ class Study:
 
     @cached_property
     def branch(self) -> dict[str, Float]:
-        """ω̄ of each followed branch, shape (a, k̄), without the second of the transverse sectors."""
+        """ω̄ of each branch, shape (a, k̄), without the second of the transverse sectors."""
         found: dict[str, list[Float]] = {}
         for a in A_VALUES:
             medium = self.medium(float(a))
             k = K_BAR * 2 * math.pi / medium.length_scale
             for block in ROTATION.blocks:
                 if block.sector != "transverse3":
-                    omega = follow(medium, block, k) * medium.time_scale
+                    omega = block_frequencies(medium, block, k) * medium.time_scale
                     for name, values in zip(block.branches, omega.T, strict=True):
                         found.setdefault(name, []).append(values)
         return {name: np.array(values) for name, values in found.items()}

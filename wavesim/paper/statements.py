@@ -14,8 +14,11 @@ import numpy as np
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper.branches_and_gaps import A_VALUES, K_BAR, Study
 from wavesim.planewave.band_edges import full_gaps
-from wavesim.planewave.branches import follow
-from wavesim.planewave.dispersion_relation import group_velocity, long_wave_speed
+from wavesim.planewave.dispersion_relation import (
+    block_frequencies,
+    group_velocity,
+    long_wave_speed,
+)
 from wavesim.planewave.eigenproblem import Float
 
 
@@ -68,7 +71,7 @@ def twelve_waves(study: Study) -> list[Statement]:
     """Claim 1."""
     medium = study.medium(0.5)
     k = K_BAR[1:] * 2 * math.pi / medium.length_scale
-    waves = [w for block in ROTATION.blocks for w in follow(medium, block, k).T]
+    waves = [w for block in ROTATION.blocks for w in block_frequencies(medium, block, k).T]
     distinct: list[Float] = []
     for wave in waves:
         if not any(np.allclose(wave, other, rtol=1e-9, atol=0) for other in distinct):

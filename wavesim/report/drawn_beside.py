@@ -14,7 +14,6 @@ if TYPE_CHECKING:  # the process is begun before they are loaded
     from wavesim.verdict.judgement import Found
 
 _DRAWING, _PAGE_DATA = "wavesim.figures.drawing", "wavesim.report.page_data"
-_OVERVIEW = "wavesim.figures.overview.write_overview"
 
 
 def begun_beside() -> Worker:
@@ -55,7 +54,8 @@ class Pictures:
 
         ask, folder, known = self._beside.ask, self._folder, (self._field, found.shown)
         said = verdict({"checks": [check.row() for check in found.checks]})
-        self._drawn.append(ask(_OVERVIEW, folder / "overview.png", *known, title, said))
+        overview = folder / "overview.png"
+        self._drawn.append(ask(f"{_DRAWING}.write_overview", overview, *known, title, said))
         self._data.append(ask(f"{_PAGE_DATA}.of_found", *known))
         if self._figures:
             named = ask(f"{_DRAWING}.names", *known)

@@ -289,8 +289,12 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         console.print("± is one standard error.")
     for pair in answer["correlations"]:
         a, b = pair["keys"]
-        console.print(f"Errors of {a} and {b} hang together: correlation {pair['value']:.3f}.",
-                      markup=False)  # fmt: skip
+        told = ""
+        if "told" in pair:
+            value = with_error(pair["told"], pair["told_error"])
+            told = f"; told is {a} {pair['factor']:+.4g} × {b} = {value}"
+        tied = f"Errors of {a} and {b} hang together: correlation {pair['value']:.4f}"
+        console.print(f"{tied}{told}.", markup=False)
     if answer["kind"] == "waveforms":
         console.print(f"left over {answer['residual']:.3%} of the record's rms, "
                       f"{answer['evaluations']} runs")  # fmt: skip

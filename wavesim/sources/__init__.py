@@ -1,10 +1,10 @@
 """Sources: signals in time and in frequency, by kind. Jax goes through, but is not needed."""
 
-from wavesim.sources.chirp import Chirp
 from wavesim.sources.gaussian_derivative import GaussianDerivative, Ricker
 from wavesim.sources.initial_field import InitialField
 from wavesim.sources.recorded_signal import Recorded
 from wavesim.sources.signal_file import read_csv
+from wavesim.sources.signal_generator import Chirp, ToneBurst
 from wavesim.sources.source import (
     EXCITED,
     Source,
@@ -12,7 +12,6 @@ from wavesim.sources.source import (
     excited_band,
     parameters,
 )
-from wavesim.sources.tone_burst import ToneBurst
 
 __all__ = [
     "EXCITED",

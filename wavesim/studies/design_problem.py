@@ -16,7 +16,7 @@ from wavesim.case.layered_case import BarLayers, VariedKey, bar_layers, builder,
 from wavesim.case.schema import CaseError, CaseFile, DesignTable, VariableTable
 from wavesim.differentiable.level_slopes import level, level_and_slopes
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
-from wavesim.layered.specimen import specimen
+from wavesim.layered.transmission import specimen
 from wavesim.material.layers import Layers
 from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.band_edges import keeps_gradient
@@ -50,16 +50,6 @@ class Wish:
     def frequencies(self, count: int, wider: float = 0.0) -> Any:
         """So many over the band, made wider at each end by a part of that, both among them, Hz."""
         return np.linspace(self.low * (1 - wider), self.high * (1 + wider), count)
-
-    @property
-    def at_most(self) -> float | None:
-        """The limit from above, if it is one."""
-        return self.limit if self.most else None
-
-    @property
-    def at_least(self) -> float | None:
-        """The limit from below, if it is one."""
-        return None if self.most else self.limit
 
 
 @dataclass(frozen=True)

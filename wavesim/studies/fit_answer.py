@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,23 @@ _LARGEST_RESIDUAL = 0.5
 
 
 @dataclass(frozen=True)
+class Tied:
+    """Two parameters whose errors hang together: the data tell a sum of them better than either.
+
+    Attributes:
+        keys: which, a and b.
+        value: correlation of their errors, –.
+        factor, told, told_error: a + factor · b = told ± told_error, SI.
+    """
+
+    keys: tuple[str, str]
+    value: float
+    factor: float
+    told: float
+    told_error: float
+
+
+@dataclass(frozen=True)
 class FitAnswer:
     """A fit.
 
@@ -34,7 +51,7 @@ class FitAnswer:
         residual: what is left over the record's rms, –; or χ² over degrees of freedom of points.
         kind: "waveforms" or "points".
         evaluations, converged, at_limits, notes: how it went.
-        correlation: {(key, key): correlation} of the strongest pairs.
+        tied: pairs of parameters whose errors hang together.
         comparison: the record beside the fitted case; None for points.
     """
 
@@ -47,7 +64,7 @@ class FitAnswer:
     evaluations: int
     converged: bool
     at_limits: tuple[str, ...]
-    correlation: dict[tuple[str, str], float]
+    tied: tuple[Tied, ...]
     notes: tuple[str, ...]
     comparison: Comparison | None = None
 
@@ -84,9 +101,7 @@ class FitAnswer:
             "parameters": parameters,
             "nuisances": {k: {"value": v, "error": e} for k, (v, e) in self.nuisances.items()},
             "degenerate": [dict(one) for one in self.degenerate],
-            "correlations": [
-                {"keys": list(pair), "value": value} for pair, value in self.correlation.items()
-            ],
+            "correlations": [asdict(one) for one in self.tied],
             "residual": self.residual,
             "evaluations": self.evaluations,
             "valid": all(one["valid"] for one in parameters.values()),
@@ -137,22 +152,26 @@ def of_waveforms(
         solution.evaluations,
         solution.converged,
         solution.at_limits,
-        _correlations(solution),
+        _tied(solution),
         measured.notes,
         beside,
     )
 
 
-def _correlations(solution: Solution) -> dict[tuple[str, str], float]:
+def _tied(solution: Solution) -> tuple[Tied, ...]:
     """Pairs of parameters whose errors hang together by more than 0.9."""
-    keys, cov = list(solution.values), solution.covariance
-    size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    matrix = cov / size[:, None] / size
-    return {
-        (keys[i], keys[j]): float(matrix[i, j])
-        for i in range(len(keys)) for j in range(i)
-        if abs(matrix[i, j]) > 0.9 and np.isfinite([solution.errors[keys[i]]]).all()
-    }  # fmt: skip
+    keys, cov, found = list(solution.values), solution.covariance, []
+    for i, j in zip(*np.tril_indices(len(keys), -1), strict=True):
+        both = keys[i], keys[j]
+        size = float(np.sqrt(max(cov[i, i] * cov[j, j], 0.0)))
+        if not size > 0 or not abs(cov[i, j]) > 0.9 * size:
+            continue
+        if np.isfinite([solution.errors[key] for key in both]).all():
+            factor = -float(cov[i, j] / cov[j, j])
+            told = solution.values[both[0]] + factor * solution.values[both[1]]
+            left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
+            found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
+    return tuple(found)
 
 
 _IN_TIME = ("k_rad_per_m", "omega_rad_per_s", "omega_error_rad_per_s")
@@ -211,7 +230,7 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
     return FitAnswer(
         {keyed[n]: v for n, v in found.values.items()},
         {keyed[n]: v for n, v in found.errors.items()},
-        {}, (), found.chi_square, "points", 0, True, (), {},
+        {}, (), found.chi_square, "points", 0, True, (), (),
         tuple(notes),
     )  # fmt: skip
 

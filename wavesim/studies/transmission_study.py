@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesim.case.layered_case import BarLayers
 from wavesim.case.schema import BandTable
-from wavesim.layered.specimen import Specimen, specimen
+from wavesim.layered.transmission import Specimen, Transmission, specimen
 from wavesim.material.shown import plain
 from wavesim.planewave.band_edges import asymptotes, gaps
 
@@ -19,35 +19,15 @@ _FROM, _TO = 0.05, 0.99
 
 
 @dataclass(frozen=True)
-class Curve:
-    """T and R of one sector at real ω; planes at the specimen's faces.
-
-    Attributes:
-        sector: of the wave.
-        frequency: Hz, shape (n,).
-        T, R: amplitude of the macro-field over the incident one, from the left, complex, (n,).
-        transmitted, reflected: energy over the incident one, (n,); NaN where the incident wave
-            carries none, in a gap of the half-space or with losses in it.
-        told: where there is an answer: not where a graded layer without losses has its asymptote.
-    """
-
-    sector: str
-    frequency: Any
-    T: Any
-    R: Any
-    transmitted: Any
-    reflected: Any
-    told: Any
-
-
-@dataclass(frozen=True)
 class Study:
     """What layers let through.
 
     Attributes:
         title: of the case.
         specimen: with the half-spaces.
-        curves: one for each sector in which waves travel.
+        frequency: of all curves, Hz, shape (n,).
+        curves: T and R at real ω of each sector in which waves travel; planes at the specimen's
+            faces. NaN where there is no answer, as ``Specimen.at_real`` says.
         gaps: [(layers by number from 1, sector, name, lower, upper edge in Hz)], of each medium.
         bands: of each band that the case asks for what it is, and the highest and the lowest level
             of T in it, (dB, Hz).
@@ -55,14 +35,15 @@ class Study:
 
     title: str
     specimen: Specimen
-    curves: tuple[Curve, ...]
+    frequency: Any
+    curves: dict[str, Transmission]
     gaps: tuple[tuple[str, str, str, float, float], ...]
     bands: tuple[tuple[BandTable, tuple[float, float], tuple[float, float]], ...] = ()
 
     @property
     def too_low(self) -> str | None:
         """A note where the band is far below what the half-spaces carry, as kHz taken for Hz is."""
-        low, high = (float(self.curves[0].frequency[n]) for n in (0, -1))
+        low, high = (float(self.frequency[n]) for n in (0, -1))
         usual = default_band(self.specimen)
         if high >= usual[0]:
             return None
@@ -81,16 +62,17 @@ class Study:
                 "a half-space has losses, so that what comes in carries no energy of its own: "
                 "T and R are amplitudes at the faces, and there is no energy"
             )
-        for curve in self.curves:
-            dark = curve.told & ~np.isfinite(curve.transmitted)
+        for sector, curve in self.curves.items():
+            told = np.isfinite(curve.T)
+            dark = told & ~np.isfinite(curve.power_T)
             if dark.any() and not any(medium.damping for medium in ends):
                 found.append(
-                    f"{curve.sector}: in {_spans(curve.frequency, dark)} the half-space that the "
+                    f"{sector}: in {_spans(self.frequency, dark)} the half-space that the "
                     "wave comes from has a gap; nothing travels there"
                 )
-            if not curve.told.all():
+            if not told.all():
                 found.append(
-                    f"{curve.sector}: in {_spans(curve.frequency, ~curve.told)} a graded layer "
+                    f"{sector}: in {_spans(self.frequency, ~told)} a graded layer "
                     "without losses has its asymptote, where waves pile up, and there is no "
                     "answer; give it a quality_factor, or look at a run, at ω + iσ"
                 )
@@ -99,16 +81,16 @@ class Study:
     def summary(self) -> dict[str, Any]:
         """All of it as JSON has it; what is not a number is null."""
         sectors = {
-            curve.sector: {
-                "frequency": curve.frequency,
+            sector: {
+                "frequency": self.frequency,
                 "T": curve.T,
                 "R": curve.R,
                 "T_dB": decibels(curve.T),
                 "R_dB": decibels(curve.R),
-                "transmitted": curve.transmitted,
-                "reflected": curve.reflected,
+                "transmitted": curve.power_T,
+                "reflected": curve.power_R,
             }
-            for curve in self.curves
+            for sector, curve in self.curves.items()
         }
         edges = [
             {"layers": where, "sector": sector, "name": name, "lower": low, "upper": high}
@@ -125,8 +107,8 @@ class Study:
 
     def table(self) -> tuple[list[str], Any]:
         """Headings and columns for a CSV file."""
-        heads, columns = ["frequency_Hz"], [self.curves[0].frequency]
-        for curve in self.curves:
+        heads, columns = ["frequency_Hz"], [self.frequency]
+        for sector, curve in self.curves.items():
             for name, value in (
                 ("T_real", curve.T.real),
                 ("T_imag", curve.T.imag),
@@ -134,10 +116,10 @@ class Study:
                 ("R_imag", curve.R.imag),
                 ("T_dB", decibels(curve.T)),
                 ("R_dB", decibels(curve.R)),
-                ("transmitted", curve.transmitted),
-                ("reflected", curve.reflected),
+                ("transmitted", curve.power_T),
+                ("reflected", curve.power_R),
             ):
-                heads.append(f"{curve.sector}_{name}")
+                heads.append(f"{sector}_{name}")
                 columns.append(value)
         return heads, np.stack(columns, axis=1)
 
@@ -163,12 +145,7 @@ def transmission_study(
     if not 0 < low < high < np.inf:
         raise ValueError(f"band {low:g} {high:g}: must be two frequencies in Hz, 0 < F1 < F2")
     frequency = np.linspace(low, high, points)
-    curves = []
-    for sector in family.travelling:
-        found, told = own.at_real(sector, 2 * np.pi * frequency)
-        curves.append(
-            Curve(sector, frequency, found.T, found.R, found.power_T, found.power_R, told)
-        )
+    curves = {sector: own.at_real(sector, 2 * np.pi * frequency) for sector in family.travelling}
     for asked in known.bands:
         if asked.sector not in family.travelling:
             raise ValueError(
@@ -176,7 +153,7 @@ def transmission_study(
                 f"{', '.join(family.travelling)}; in others nothing travels"
             )
     judged = [(one, *own.extremes(one.sector, one.low, one.high)) for one in known.bands]
-    return Study(known.title, own, tuple(curves), tuple(_gaps(known)), tuple(judged))
+    return Study(known.title, own, frequency, curves, tuple(_gaps(known)), tuple(judged))
 
 
 def kept(band: BandTable, highest: float, lowest: float) -> bool:

@@ -22,7 +22,7 @@ from wavesim.case.layered_case import BarLayers, bar_layers
 from wavesim.case.schema import CaseError, CaseFile
 from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
-from wavesim.layered.specimen import specimen
+from wavesim.layered.transmission import specimen
 from wavesim.studies.sweep_case import SweptCase, SweptMedia, check_matters, swept_media
 from wavesim.studies.sweep_store import Layout, Variable
 from wavesim.studies.transmission_study import transmission_study
@@ -42,6 +42,7 @@ _VARIABLES = {
     "transmitted": Variable(_OVER, "1", "transmitted over incident energy"),
     "reflected": Variable(_OVER, "1", "reflected over incident energy"),
 }
+_READ = {"transmitted": "power_T", "reflected": "power_R"}
 
 
 def _file(file: CaseFile, name: str) -> BarLayers:
@@ -165,10 +166,11 @@ class TransmissionMeasure:
                 except ValueError as error:
                     message = f"{self.swept.name}: {error}"
                 else:
-                    curves = {curve.sector: curve for curve in study.curves}
                     for place, sector in enumerate(self.sectors):
                         for name, values in found.items():
-                            values[member, place] = getattr(curves[sector], name)
+                            values[member, place] = getattr(
+                                study.curves[sector], _READ.get(name, name)
+                            )
             messages.append(message)
         return found, messages
 
@@ -264,9 +266,9 @@ def transmission_measure(
     rule, matters = _rule(swept)
     for axis, does in zip(swept.varied.axes, matters, strict=True):
         check_matters(axis.key, does, "transmission", _LOOKED_AT)
-    ends = study.curves[0].frequency
+    ends = study.frequency
     frequency = np.linspace(float(ends[0]), float(ends[-1]), points)
-    sectors = tuple(curve.sector for curve in study.curves)
+    sectors = tuple(study.curves)
     low = study.too_low
     notes = () if low is None else (low,)
     return TransmissionMeasure(swept, swept_media(swept)[0], rule, sectors, frequency, notes)

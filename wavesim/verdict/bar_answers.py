@@ -32,9 +32,9 @@ def of_bar(field: Field, reading: Reading) -> Answers:
 
     Returns:
         "transmission": each band where T of a steady wave, exact at real ω, is below −20 dB (Hz;
-        open where it goes on past what the run tells of), its level (dB) in the middle, and what
-        was measured there, and is exact, at ω + iσ; where most passes; the worst of bands asked
-        for;
+        open where it goes on past what the run tells of, and then what to set to see more of it),
+        its level (dB) in the middle, and what was measured there, and is exact, at ω + iσ; where
+        most passes; the worst of bands asked for, and whether that keeps the limit;
         "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
         receiver by their first breaks (s), what comes before another as its precursor;
         "velocities": of a pulse by each convention (m/s); "quality": median Q between
@@ -51,7 +51,7 @@ def of_bar(field: Field, reading: Reading) -> Answers:
 
 
 def _levels(field: Field, found: Scattered) -> list[Row]:
-    """Each band that is stopped, where most passes, and the worst of each band asked for."""
+    """The worst of each band asked for, each band that is stopped, and where most passes."""
     judged = found.judged
     if not judged.any():
         return []
@@ -66,13 +66,19 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
     media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))
     names = open_gaps(media[0], found.sector) if len(media) == 1 else []
     rows = []
+    for band in found.bands:
+        if (band.holds(found.omega) & judged).any():
+            rows += _asked(band)
     stopped = _stopped(omega[within], steady[within])
     for number, (low, high, *opened) in enumerate(stopped, start=1):
         own = [gap.name for gap in names if gap.lower < high and low < gap.upper]
         where = f"about {', '.join(own)}" if own else f"stop band {number}"
         middle = (low + high) / 2
         level_there = plain(np.interp(middle, omega, steady))
-        more = to_see_more(field, found.sector, Gap("", found.sector, low, high))
+        # What is told of as a whole needs no other source.
+        shown = low if opened[0] else high, high if opened[1] else low
+        gap = Gap("", found.sector, *shown)
+        more = to_see_more(field, found.sector, gap) if any(opened) else ""
         edges = low * HERTZ, high * HERTZ, middle * HERTZ
         rows.append(_level_row(where, *edges, level_there, opened, more))
     known = np.flatnonzero(within & np.isfinite(steady))
@@ -80,21 +86,6 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         top = known[np.argmax(steady[known])]
         best = float(omega[top]) * HERTZ
         rows.append(_level_row("most passes", None, None, best, float(steady[top])))
-    for band in found.bands:
-        if (band.holds(found.omega) & judged).any():
-            asked = band.asked
-            span = asked.low, asked.high
-            for limit, word, (worst, at) in (
-                (asked.at_most, "most", band.highest),
-                (asked.at_least, "least", band.lowest),
-            ):
-                if limit is not None:
-                    where = f"{word}, of {limit:g} dB asked"
-                    rows.append(_level_row(where, *span, at, plain(worst)))
-            if asked.at_most is None and asked.at_least is None:
-                rows.append(
-                    _level_row("most of a band", *span, band.highest[1], plain(band.highest[0]))
-                )
     for row in rows:
         near = np.abs(found.omega * HERTZ - row["frequency"])
         at = int(np.argmin(np.where(judged, near, np.inf)))
@@ -103,6 +94,25 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
             "level": float(level[at]) if level[at] > _FLOOR else None,
             "level_exact": float(exact[at]),
         }
+    return rows
+
+
+def _asked(band: Any) -> list[Row]:
+    """The worst of a band against each of its limits; the most that passes where it has none."""
+    asked = band.asked
+    span = asked.low, asked.high
+    if asked.at_most is None and asked.at_least is None:
+        worst, at = band.highest
+        return [_level_row("most of a band", *span, at, plain(worst))]
+    rows = []
+    for word, limit, (worst, at), sign in (
+        ("at most", asked.at_most, band.highest, 1),
+        ("at least", asked.at_least, band.lowest, -1),
+    ):
+        if limit is not None:
+            kept = "kept" if sign * (worst - limit) <= 0 else "missed"
+            where = f"{word} {limit:g} dB: {kept}".replace("-", "−")
+            rows.append(_level_row(where, *span, at, plain(worst)))
     return rows
 
 

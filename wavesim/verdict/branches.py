@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.family import Block
 from wavesim.material.scaling import judged_range
-from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
-from wavesim.planewave.driven_waves import driven_waves
+from wavesim.planewave.dispersion_relation import block_oscillations, driven_waves, wavenumber
 from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
 from wavesim.readings.dispersion.extract import Measured
 from wavesim.readings.dispersion.spectrum import (

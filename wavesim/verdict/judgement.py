@@ -57,8 +57,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     if case.simulation.endless:
         from wavesim.readings.dispersion.extract import extract
         from wavesim.verdict.branches import hold, tables
-        from wavesim.verdict.endless import endless_notes, judge
-        from wavesim.verdict.endless_answers import of_endless
+        from wavesim.verdict.endless import endless_notes, judge, of_endless
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]

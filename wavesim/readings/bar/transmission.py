@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.layered.specimen import specimen as between
+from wavesim.layered.transmission import specimen as between
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
 from wavesim.planewave.dispersion_relation import wavenumber
@@ -189,7 +189,7 @@ def specimen(
     k = tuple(wavenumber(layer.medium, block.sector, s) for layer in (first, last))
     carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
     T, R = exact_scattering(layers, block.sector, np.concatenate([s, fine + 1j * sigma]))
-    real, _ = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
+    real = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
     count = len(omega)
     return Specimen(
         block.sector,

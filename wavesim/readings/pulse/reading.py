@@ -51,9 +51,8 @@ OF_ONE = "first break"
 _LARGEST_ERROR = 0.25
 # A faster packet is told of from this part of the largest on.
 _TOLD = 0.27
-# A packet that takes so many times the direct one's time, of this part of its size at least, may be
-# the S wave of a slow P wave too.
-_SLOW_PAIR, _AS_S = (1.12, 1.47), 0.6
+# A larger packet that takes so many times the direct one's time may be the S wave of a slow P wave.
+_SLOW_PAIR = (1.12, 1.47)
 # A speed that is told is meant to be right within this part, as one standard deviation.
 _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
@@ -72,8 +71,8 @@ _SPANS = 0.55
 _LARGEST_OPEN = 0.3
 
 SLOW = (
-    "what was sent rises over more than half a period, so that its first cycle does not stand out; "
-    "the error holds one cycle either way: a pulse that begins at once would tell it"
+    "what was sent takes about half a period or more to rise, so that its first cycle does not "
+    "stand out; the error holds one cycle either way: a pulse that begins at once would tell it"
 )
 STEP = (
     "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
@@ -219,6 +218,9 @@ def read_one(
         begins = risen if later else begins
         if not (wanted.wave or wanted.speed > 0):
             rivals.append(risen)
+    if speeds is None and not rivals:
+        slower = slow_pair(heard, begins, record.period, delay, wanted)
+        rivals += [delay + slower * (begins - delay)] if slower else []
     found = settled(record, heard, begins, distance, delays, speeds, rivals, wanted)
     if found.best.valid and not math.isfinite(risen):
         found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
@@ -296,6 +298,25 @@ def settled(
         common=float(np.hypot(share, spanned(best.time, others))),
         delay=delay,
     )
+
+
+def slow_pair(
+    heard: Sequence[Packet], begins: float, period: float, delay: float, wanted: Wanted
+) -> float:
+    """How many times the direct wave takes a packet needs that may be its S wave as well as guided,
+    of a P wave less than √2 times as fast; 0 where there is none.
+
+    Nothing comes ahead of a P wave, and an S wave that is meant is the larger one.
+    """
+    if not heard or wanted.wave == "P" or wanted.speed > 0:
+        return 0.0
+    first = heard[0]
+    if abs(first.begins - begins) > _APART * period and not first.begins <= begins <= first.top:
+        return 0.0
+    ratios = [
+        1 + (one.top - first.top) / (begins - delay) for one in heard[1:] if one.size > first.size
+    ]
+    return next((r for r in ratios if _SLOW_PAIR[0] < r < _SLOW_PAIR[1]), 0.0)
 
 
 def _with_delay(
@@ -398,22 +419,12 @@ def _other_readings(
                 f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
             )
         follows = own is not None and one.begins > begins and one.name != "direct"
-        if own and follows and one.size > _AS_S * own.size:
-            ratio = (begins - delay + one.top - own.top) / (begins - delay)
-            slow_pair = _SLOW_PAIR[0] < ratio < _SLOW_PAIR[1]
-            # Nothing comes ahead of a P wave.
-            if slow_pair and told[0].name == "direct" and wanted.wave != "P":
-                notes.append(
-                    f"a packet {one.size / own.size:.1f} times as large comes after {ratio:.2f} "
-                    "times the time and is taken for a guided wave; were it an S wave and this its "
-                    f"P wave, the S wave's velocity would be {speed:.4g} m/s: {say_which(wanted)}"
-                )
-            elif one.size > 2 * own.size:
-                notes.append(
-                    f"a packet {one.size / own.size:.1f} times as large follows; were it the "
-                    f"direct one and this a near field, the velocity would be {speed:.4g} m/s: "
-                    f"{say_which(wanted)}"
-                )
+        if own and follows and one.size > 2 * own.size:
+            notes.append(
+                f"a packet {one.size / own.size:.1f} times as large follows; were it the "
+                f"direct one and this a near field, the velocity would be {speed:.4g} m/s: "
+                f"{say_which(wanted)}"
+            )
     return notes
 
 

@@ -21,6 +21,7 @@ from wavesim.readings.pulse.reading import (
     left_open,
     refused,
     settled,
+    slow_pair,
     spanned,
 )
 from wavesim.readings.pulse.series import (
@@ -191,6 +192,12 @@ def _rivals(
 ) -> list[list[float]]:
     """When other waves arrive at each record that may be the direct one as well, s."""
     as_well = [one for one in waves[1:] if one.likely >= RIVAL]
+    slower = [
+        slow_pair(own, time + delay, record.period, delay, wanted)
+        for record, own, time in zip(records, heard, found.time, strict=True)
+    ]
+    pairs = [ratio for ratio in slower if ratio]
+    follows = float(np.median(pairs)) if len(pairs) >= len(records) / 2 else 0.0
     result: list[list[float]] = []
     for i, (record, own, time) in enumerate(zip(records, heard, found.time, strict=True)):
         times = []
@@ -203,6 +210,8 @@ def _rivals(
         if not waves:
             likely = likelihoods(own, delay, wanted.wave)
             times = [q.begins - delay for q, w in zip(own, likely, strict=True) if w >= RIVAL]
+        if follows and not times:
+            times = [time * follows]
         result.append([t for t in times if abs(t - time) > _SAME * record.period and t > 0])
     return result
 

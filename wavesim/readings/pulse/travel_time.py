@@ -38,7 +38,7 @@ _FURTHEST = 0.7
 # Another lag with this part of the largest correlation is a second cycle.
 _SECOND = 0.9
 # What takes longer than this to rise, in periods, has no first cycle that stands out.
-_SLOW = 0.6
+_SLOW = 0.45
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
