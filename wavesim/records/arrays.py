@@ -250,10 +250,17 @@ def _input(content: Content, layout: Layout) -> Float | None:
     if text.isdigit():
         found, _, name = _values(content, layout)
         j = int(text) - 2
-        if found.ndim == 2 and 0 <= j < found.shape[1]:
-            if name in content.arrays:
-                content.arrays[name] = np.delete(found, j, axis=1)
-            return np.asarray(found[:, j], float)
+        if found.ndim == 2:
+            # Positions are the receivers' alone, or the input's too.
+            down, across = (
+                max(_as_long(content, layout, (n, m)) for m in (count, count - 1))
+                for n, count in (found.shape, found.shape[::-1])
+            )
+            axis = 1 if down >= across else 0
+            if 0 <= j < found.shape[axis]:
+                if name in content.arrays:
+                    content.arrays[name] = np.delete(found, j, axis)
+                return np.asarray(np.take(found, j, axis), float)
     raise RecordError(f"--input {text}: no such column; arrays are {_listed(content.arrays)}")
 
 

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from wavesim.case.layered_case import BUFFER, BarLayers, VariedKey
+from wavesim.case.load import Case, build
 from wavesim.case.schema import HALF_SPACE, CaseError, parse, tables_of
 from wavesim.case.toml_text import lay_over
+from wavesim.material.parameter import PARAMETERS
 from wavesim.planewave.band_edges import asymptotes
 from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem, problem
@@ -26,7 +29,7 @@ _DIGITS = 10
 # A variable that moves no level by more (dB) over its range does not matter.
 _MATTERS = 1e-9
 # Longest it may take, s, if nothing is said, and what part of it is the search's.
-_LONGEST, _SEARCHED = 180.0, 0.9
+_LONGEST, _SEARCHED = 600.0, 0.9
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,7 @@ def design(
     seed: int = 0,
     overrides: tuple[str, ...] = (),
     at_most: float | None = None,
+    serves: Callable[[Case], bool] = lambda case: False,
     tell: Tell | None = None,
 ) -> Design:
     """Design the stack that a case file asks for.
@@ -119,7 +123,9 @@ def design(
         path: of the case, with [design].
         seed: of the starts and of the yield's sample.
         overrides: "table.key=value", laid over the case.
-        at_most: how long it may take, s; by default 40 of its own work, and 180.
+        at_most: how long it may take, s; by default 40 of its own work, and 600.
+        serves: whether a case's grid does, as :func:`wavesim.verdict.cell_size.serves`: the design
+            has the coarsest that does, and without this a fine one.
         tell: called with the stage, the first once the case is known to be well, and with the worst
             shortfall so far, dB.
 
@@ -145,6 +151,13 @@ def design(
     values, reached = _written(own, found.values, name)
     met = bool((own.short(reached) == 0).all())
     say("tolerances" if met else "trade-off", float(own.short(reached).max()))
+
+    def by_grid(tables: dict[str, Any]) -> bool:
+        with suppress(CaseError):
+            alike = tables | {"layers": _halves(tables["layers"])}
+            return serves(build(parse(dumps(alike), name, (), folder), name))
+        return False
+
     rows, keeps = ([], None) if met else trade_off(functions, values)
     if keeps is not None:
         values, reached = _written(own, keeps, name)
@@ -161,7 +174,7 @@ def design(
         found.seconds,
         seed,
         found.ended,
-        dumps(designed_tables(tables, own, values.tolist())),
+        dumps(designed_tables(tables, own, values.tolist(), by_grid)),
     )
 
 
@@ -225,9 +238,10 @@ def _why(own: Problem, key: VariedKey) -> str:
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
 _SOURCE, _AWAY = 12, 5
-# Cells to a branch length: waves are short about asymptotes, and where there are none below so many
-# times the highest frequency wished, which is about all that is driven, fewer do.
-_CELLS, _FEWER, _DRIVEN = 20, 14, 1.4
+# Cells to a branch length: those tried first, and what is taken where they do not serve. Waves are
+# short about asymptotes, and where there are none below so many times the highest frequency wished,
+# which is about all that is driven, fewer do.
+_TRIED, _CELLS, _FEWER, _DRIVEN = (10, 12), 20, 14, 1.4
 # A source's width in branch lengths.
 _WIDTH = 0.5
 # A Ricker of this part of the highest frequency wished drives little of what is above that.
@@ -237,7 +251,10 @@ _PERIODS = 80
 
 
 def designed_tables(
-    tables: dict[str, Any], own: Problem, values: Sequence[float]
+    tables: dict[str, Any],
+    own: Problem,
+    values: Sequence[float],
+    serves: Callable[[dict[str, Any]], bool] = lambda tables: False,
 ) -> dict[str, Any]:
     """Tables of a case that a run takes as it is.
 
@@ -245,6 +262,7 @@ def designed_tables(
         tables: of the file, changed in place.
         own: what was asked in it.
         values: of the variables.
+        serves: whether the grid of such tables does.
 
     Returns:
         The same without [design], whose bands become those of [analysis], with ends that absorb,
@@ -266,8 +284,6 @@ def designed_tables(
     low = min(wish.low for wish in own.wishes)
     high = max(wish.high for wish in own.wishes)
     middle = (low + high) / 2
-    if "cells" not in tables["bar"]:  # as small as the verdict on signals asks
-        tables["bar"].setdefault("spacing", _short(unit / _cells(own, values, high)))
     if "sources" not in tables:
         family = own.known.medium.family
         sectors = dict.fromkeys(wish.sector for wish in own.wishes)
@@ -287,8 +303,31 @@ def designed_tables(
             {"name": "behind", "position": _short(first + inner + min(_AWAY * unit, last / 3))},
         ]
     tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
+    bar = tables["bar"]
+    if not {"cells", "spacing"} & set(bar):  # as small as the verdict on signals asks
+        for cells in (*_TRIED, _cells(own, values, high)):
+            bar["spacing"] = _short(unit / cells)
+            if cells in _TRIED and serves(tables):
+                break
     order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
     return {k: tables[k] for k in order if k in tables} | tables
+
+
+def _halves(layers: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Layers with halves of its ends' media in the place of each graded one: these need no finer
+    grid, and what it does to them is soon told."""
+    found: list[dict[str, Any]] = []
+    for table in layers:
+        pairs = {k: v for k, v in table.items() if isinstance(v, list) and k in PARAMETERS}
+        if "layers" in table:
+            found.append(table | {"layers": _halves(table["layers"])})
+        elif pairs and "thickness" in table:
+            plain = {k: v for k, v in table.items() if k != "grading"}
+            plain["thickness"] = table["thickness"] / 2
+            found += [plain | {k: v[end] for k, v in pairs.items()} for end in (0, 1)]
+        else:
+            found.append(table)
+    return found
 
 
 def _cells(own: Problem, values: Sequence[float], high: float) -> int:

@@ -19,18 +19,27 @@ from wavesim.simulation.field import MOST_WAVENUMBERS
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.time_step import RUN, TimeStep, chunk_frames
 
-# Seconds on the machine that was measured on, quiet; products of states in the cache take less.
-_START, _COMPILE = 1.1, {"propagator": 0.9, "chebyshev": 1.1}
-_PER_FLOP, _PER_PRODUCT = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 5.0e-6}
-# Of a series, in more layers than these, a product of states.
+# Seconds on the machine that was measured on, quiet; to compile, between what is compiled anew and
+# what is kept on disk; products of states in the cache take less.
+_START, _COMPILE = 1.1, {"propagator": 1.3, "chebyshev": 2.1}
+_PER_FLOP, _PER_PRODUCT = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 3.5e-6}
+# Of a series with relaxations, in more layers than these, a product of states.
 _MANY_LAYERS, _PER_LAYERED = 3, 1.0e-5
-# A number of a state: within the cache, how much more beyond it, and where that begins.
-_PER_POINT = {"propagator": (4.0e-9, 1.1e-8, 4.0e4), "chebyshev": (6.0e-10, 3.3e-9, 1.2e6)}
+# A number of a state: within the cache, how much more beyond it, where that begins, how sharply.
+_PER_POINT = {
+    "propagator": (4.0e-9, 1.1e-8, 4.0e4, 1.0),
+    "chebyshev": (1.5e-9, 3.5e-9, 3.0e5, 2.0),
+}
+# What a relaxation adds to the work on a number.
+_PER_MEMORY = 1 / 3
+_PER_FRAME = 1.0e-4
 _PER_STORED, _PER_READ = 8.0e-9, 5.0e-9  # a byte
 _ENDLESS, _PER_SPECTRUM, _BAR, _PER_SIGNAL, _PAGE = 0.4, 6.0e-8, 0.4, 2.0e-7, 0.7
 # Bytes: what is loaded and compiled, here and in the process beside; how many times a chunk and a
 # state are held; what a packed number takes where waves are; page and picture.
-_LOADED, _CHUNKS, _STATES, _PACKED, _SHOWN = 0.43e9, 8, 20, 6.9, 5.5e6
+_LOADED, _CHUNKS, _STATES, _PACKED, _SHOWN = 0.48e9, 8, 20, 6.9, 5.5e6
+# What parts of a field hold that is not kept, as it is written, analysed and drawn.
+_READ_AGAIN = 0.25e9
 # So much faster than waves travels what is no more than rounding, but takes as much room.
 _FRONT = 1.5
 _LOOKED_AT = 64
@@ -133,11 +142,11 @@ def cost(
     arithmetic, python = slowness()
     state = float(cells * count)
     memories = max(len(layer.medium.damping.rates) for layer in simulated.layers.layers)
-    worked = state * (1 + memories)
-    near, far, cached = _PER_POINT.get(steps.solver, _PER_POINT["propagator"])
+    worked = state * (1 + memories * _PER_MEMORY)
+    near, far, cached, power = _PER_POINT.get(steps.solver, _PER_POINT["propagator"])
     each = _PER_PRODUCT.get(steps.solver, 1.0e-5)
-    each += worked * (near + far * worked / (worked + cached))
-    if steps.solver == "chebyshev" and len(simulated.layers.layers) > _MANY_LAYERS:
+    each += worked * (near + far / (1 + (cached / worked) ** power))
+    if memories and len(simulated.layers.layers) > _MANY_LAYERS:
         each += _PER_LAYERED
     if steps.solver == "propagator":
         window = RUN + 2 * steps.reach
@@ -146,26 +155,30 @@ def cost(
     stages = {
         "import": python * _START,
         "compile": python * _COMPILE.get(steps.solver, 1.0),
-        "integrate": arithmetic * steps.operator_products * each,
+        "integrate": arithmetic * (steps.operator_products * each + frames * _PER_FRAME),
     }
     memory = _LOADED + 8.0 * state * (_STATES + _CHUNKS * chunk_frames(simulated))
     if not page:
         return Cost(stages, memory + 2 * 8 * numbers, 0.0)
-    if in_memory(simulated):
+    kept = in_memory(simulated)
+    if kept:
         memory += 1.6 * 8 * numbers  # much of it is there twice, in the process beside
+    elif not simulated.endless:
+        memory += _READ_AGAIN
     moving = numbers * _reached(simulated)
     stages["integrate"] += arithmetic * 8 * moving * _PER_STORED
     read = arithmetic * 8 * numbers * _PER_READ
     disk = _PACKED * moving + 0.02 * numbers + _SHOWN
     if simulated.endless:
         stages["analyse"] = read + python * _ENDLESS + arithmetic * _PER_SPECTRUM * numbers
-        held, kept = _of_ring(simulated, k_max)
-        memory, disk = memory + held, disk + kept
+        held, stored = _of_ring(simulated, k_max)
+        memory, disk = memory + held, disk + stored
     else:
         signals = float(frames) * len(simulated.receivers) * len(simulated.layers.layers)
         own = arithmetic * _PER_SIGNAL * signals * len(simulated.blocks)
         stages["analyse"] = read + python * _BAR + own
-    return Cost(stages | {"figures": python * _PAGE}, memory, disk)
+    drawn = python * _PAGE + (0.0 if kept else 1.5 * read)  # the process beside reads it too
+    return Cost(stages | {"figures": drawn}, memory, disk)
 
 
 def _of_ring(simulated: Simulation, k_max: float | None) -> tuple[float, float]:

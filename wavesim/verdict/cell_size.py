@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
+from wavesim.case.load import Case
 from wavesim.case.schema import AnalysisTable
 from wavesim.grid.bar import layered_bar
 from wavesim.grid.summation_by_parts import closure
@@ -19,6 +20,8 @@ _ASIDE, _TRIES = 0.6, 3
 # By what power of it errors are taken to fall at first, and at least; by what factor it changes at
 # most and at least in a try.
 _ORDER, _LEAST_ORDER, _FINEST, _COARSEST = 5.0, 1.5, 0.4, 0.9
+# Cells of this part of the size that leave this part of an error: it is not theirs.
+_FINER, _AS_MUCH = 0.8, 0.8
 # Of what order differences serve well: beyond, closures decide.
 WELL = 8
 # Cells of a source's width beyond which it drives hardly any wave that the grid slows down.
@@ -42,18 +45,37 @@ def too_coarse(
     return [
         f"[bar] spacing = {bar.spacing:.6g}: by this grid {worst.what} will be off by "
         f"{worst.error:.1e} (allowed {worst.allowed:g}){more}; "
-        f"{cell_size(simulated, worst, *asked)}"
+        f"{cell_size(simulated, worst, *asked)[0]}"
     ]
+
+
+def serves(case: Case) -> bool:
+    """Whether it is told beforehand that a case's grid leaves much less than is allowed, or what a
+    finer one leaves too, as absorbing ends do."""
+    told = foretold(case.simulation, case.analysis, case.k_range)
+    short = [n for n, one in enumerate(told or ()) if one.error > _ASIDE * one.allowed]
+    if not (told and short):
+        return bool(told)
+    with suppress(ValueError):  # more cells than there may be
+        finer = with_spacing(case.simulation, case.simulation.bar.spacing * _FINER)
+        better = foretold(finer, case.analysis, case.k_range) or []
+        return len(better) == len(told) and all(
+            better[n].error > _AS_MUCH * told[n].error for n in short
+        )
+    return False
 
 
 def cell_size(
     simulated: Simulation, worst: Foretold, *asked: AnalysisTable | tuple[float, float]
-) -> str:
+) -> tuple[str, bool]:
     """The cell size at which all is allowed, tried out; or what else would do.
 
     Args:
         simulated, asked: as of :func:`too_coarse`.
         worst: what falls short most.
+
+    Returns:
+        In words, and whether it was tried out that all is allowed then.
     """
     spacing, error, order = simulated.bar.spacing, worst.error, _ORDER
     other = ""
@@ -71,13 +93,15 @@ def cell_size(
             finer = with_spacing(simulated, tried)
             told = foretold(finer, *asked)  # type: ignore[arg-type]
         if told is None:
-            return f"take {other}[bar] spacing = {tried:g} or finer (tried out to {spacing:g} m)"
+            text = f"take {other}[bar] spacing = {tried:g} or finer (tried out to {spacing:g} m)"
+            return text, False
         now = max((f.error * worst.allowed / f.allowed for f in told), default=0.0)
         if now <= worst.allowed:
-            return f"take {other}[bar] spacing = {tried:g} ({finer.bar.cells} cells) or finer"
+            return f"take {other}[bar] spacing = {tried:g} ({finer.bar.cells} cells) or finer", True
         order = max(math.log(error / now) / math.log(spacing / tried), _LEAST_ORDER)
         error, spacing = now, tried
-    return f"take {other}{gentler(simulated)}: cells of {spacing:g} m would still leave {error:.1e}"
+    text = f"take {other}{gentler(simulated)}: cells of {spacing:g} m would still leave {error:.1e}"
+    return text, False
 
 
 def with_spacing(simulated: Simulation, spacing: float) -> Simulation:
