@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
 from wavesim.readings.dispersion.branch_joining import join, scatter
-from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, Sinusoids, invert
+from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, Bends, of_lines, worth
 from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
+from wavesim.readings.dispersion.sinusoid_errors import Sinusoids
 from wavesim.readings.dispersion.unread_receivers import put_in
 from wavesim.readings.dispersion.waves_along_line import along_line, numbered
 from wavesim.records.fitness import evened, live

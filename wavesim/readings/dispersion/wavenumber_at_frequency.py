@@ -25,6 +25,7 @@ from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
 from wavesim.readings.dispersion.spreading import spreads
+from wavesim.readings.pulse.first_break import envelope
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -56,6 +57,10 @@ UNLIKE = (
     "receivers are loud, but not as few waves make them: modes that interfere, crosstalk, or "
     "receivers unlike each other; wavesim dispersion reads phases alone, wavesim pulse takes "
     "crosstalk out"
+)
+GROWS = (
+    "amplitudes grow the way that the waves go, by when they come: receivers differ in gain; make "
+    "those equal, or add receivers"
 )
 QUIET = "no wave stands above the noise: drive more of it, or listen nearer"
 _NYQUIST = 0.97
@@ -173,8 +178,10 @@ def in_space(
         used |= (used.sum(axis=1) < len(x))[:, None] & (
             ~cut & (np.abs(U) > _ABOVE_TRUNCATION * left_out[:, None])
         )
-    heard = used.any(axis=0)
-    if heard.sum() >= 2:  # what is heard nowhere makes no spacing shorter
+    heard = np.asarray(used.any(axis=0))
+    if heard.sum() < 2:
+        heard = np.ones(len(x), bool)
+    else:  # what is heard nowhere makes no spacing shorter
         U, x, used, unsure = U[:, heard], x[heard], used[:, heard], unsure[:, heard]
     level = np.hypot(left_out, noise)
     fits = _fits(U, x, used, pairs)
@@ -184,7 +191,8 @@ def in_space(
     points = replace(points, reason=np.where(mostly & ~points.valid, CUT, points.reason))
     begun = np.sum(unsure * used, axis=1) / np.maximum(used.sum(axis=1), 1)
     points = replace(points, error=np.hypot(points.error, begun[step] * np.abs(points.k)))
-    points = _with_coming_back(points, x, stretch, [fits[c][:2] for c in chosen])
+    models = [fits[c] for c in chosen]
+    points = _with_coming_back(points, x, stretch, [model[:2] for model in models])
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
     high = points.omega.real > _BAND * np.pi / record.interval
     reason = np.where(high, "near the Nyquist frequency: sample more often", points.reason)
@@ -194,9 +202,14 @@ def in_space(
     part = np.hypot(record.spacing_error, record.interval_error)
     points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
     points = _with_branches(points, omega)
-    points = _with_hidden(points, U, x, used, level, [fits[c] for c in chosen])
+    points = _with_hidden(points, U, x, used, level, models)
     points = _with_branches(points.known(), omega)
-    return points if record.lattice else _unfolded(points, x, omega)
+    if not record.lattice:
+        points = _unfolded(points, x, omega)
+    if not record.ring:
+        come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
+        points = points.refused(_growing(points, come, x, models), GROWS)
+    return points
 
 
 def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: Any) -> BranchPoints:
@@ -212,6 +225,19 @@ def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: An
     part = np.exp(-np.maximum(points.k.imag, 0) * longer)
     more = np.where(one_way, 2 * part / float(np.ptp(x)) / COMPLEX_BAR, 0.0)
     return replace(points, error=np.hypot(points.error, more))
+
+
+def _growing(points: BranchPoints, come: Float, x: Float, models: Any) -> Any:
+    """Waves that run one way and grow that way, by when they come to receivers, shape (nx,), s."""
+    late = float(np.polyfit(x - x[0], come, 1)[0]) * float(np.ptp(x))
+    if abs(late) < 0.5 / float(np.median(points.omega.real)):
+        return np.zeros(len(points), bool)
+    back = [fit.backward[i, :pairs] > fit.forward[i, :pairs]
+            for i, (pairs, _, fit) in enumerate(models)]  # fmt: skip
+    alone = np.repeat([not both for _, both, _ in models], [pairs for pairs, _, _ in models])
+    against = alone & points.valid & (np.concatenate(back) == (late > 0))
+    against &= points.k.imag > points.bar
+    return against & (2 * against.sum() > points.valid.sum())
 
 
 def _with_hidden(

@@ -33,6 +33,8 @@ _CELL = 0.25
 _LARGEST_ERROR = 0.25
 # A tone is the highest of so many bins on either side, so many times higher than all within more.
 _WIDE, _NEAR_TONE, _TONE = 4, 12, 10.0
+# … and no weaker than this part of the strongest.
+_LOUD = 0.1
 # Fewer points left are no mode.
 _FEWEST = 3
 # The slope of a mode is taken over so many points on either side.
@@ -172,7 +174,8 @@ def _tones(found: Beams, branch: NDArray[Any]) -> NDArray[np.int64]:
     Their frequency is known by how far it is off that of the transform (``Beams.unsure``).
     """
     tones = []
-    for i in np.flatnonzero(found.clear & ~found.cut & (branch < 0)):
+    loud = found.amplitude > _LOUD * found.amplitude.max(initial=0.0)
+    for i in np.flatnonzero(loud & found.clear & ~found.cut & (branch < 0)):
         away = np.abs(found.step - found.step[i])
         beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=0.0)
         near, size = found.amplitude[away <= _WIDE].max(), found.amplitude[i]
