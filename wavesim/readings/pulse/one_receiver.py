@@ -9,9 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesim.readings.pulse.left_open import (
+    hidden,
+    in_crosstalk,
+    left_open,
+    open_between,
+    second_cycle,
+)
 from wavesim.readings.pulse.reading import (
     OF_ONE,
-    SPANS,
     UNKNOWN,
     Reading,
     ReceiverArrivals,
@@ -25,27 +31,16 @@ from wavesim.readings.pulse.reading import (
 from wavesim.readings.pulse.signals import check_distance
 from wavesim.readings.pulse.transmission_record import (
     TransmissionRecord,
-    is_step,
 )
-from wavesim.readings.pulse.travel_time import (
-    TravelTime,
-    open_between,
-    ringing,
-    second_cycle,
-    slow_rise,
-    travel_times,
-    unknown_delay,
-)
+from wavesim.readings.pulse.travel_time import TravelTime, travel_times
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     RIVAL,
     Packet,
-    begun_before,
     hidden_by_noise,
     hides_two,
     likelihoods,
     named,
-    nearest,
     packets,
     rises,
 )
@@ -60,29 +55,6 @@ _ABOUT_AS_FAST = 0.12
 _APART = 0.6
 # Noise that hides a wave of this part of the largest is told of.
 _MAY_HIDE = 0.1
-# A wave that breaks within this part of a period after the crosstalk is hidden by it.
-# … and up to here it may have begun in crosstalk that had not ended, by so much.
-_HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
-# A wave of this part of the next one's size, over for no more than so many periods as that breaks,
-# may cover its break by such a part of one.
-_COVERS, _LEAVES, _COVERED = 0.3, 1.2, 0.35
-
-SLOW = (
-    "what was sent takes about half a period or more to rise, so that its first cycle does not "
-    "stand out; the error holds one cycle either way: a pulse that begins at once would tell it"
-)
-STEP = (
-    "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
-    "sine would tell them apart"
-)
-EARLIER = (
-    "it may have begun within the crosstalk or a wave ahead of it; the error holds that: a shorter "
-    "pulse would part them"
-)
-RINGING = (
-    "the transducers ring, so that the first cycles may not be seen; the error holds that: "
-    "--face-to-face tells their delay, and a pulse further from their resonance has less of it"
-)
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 
@@ -256,61 +228,6 @@ def noisy(below: float) -> str:
         f"noise hides packets of up to {below:.0%} of the largest, and one of them may be the "
         "direct wave: average more, or read the record in a series (--against)"
     )
-
-
-def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
-    """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
-    return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
-
-
-def left_open(
-    record: TransmissionRecord,
-    heard: Sequence[Packet],
-    begins: float,
-    delays: Mapping[str, float],
-) -> list[tuple[float, str]]:
-    """What a record leaves open of a direct wave that seems to break at a time after the start, as
-    standard errors, s, each with a note or ""."""
-    slow = STEP if record.sent is not None and is_step(record.sent) else SLOW
-    own = nearest(heard, begins)
-    parts = [
-        (unknown_delay(record, delays), ""),
-        (ringing(record, own.top, delays) if own else 0.0, RINGING),
-        (begun_earlier(record, heard, begins), EARLIER),
-        (slow_rise(record), slow),
-    ]
-    return [one for one in parts if one[0] > 0]
-
-
-def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: float) -> float:
-    """What a direct wave leaves open that may have begun within a wave ahead of it, or in crosstalk
-    that had not ended where it was cut, as one standard error, s."""
-    early = 0.0
-    own = next((one for one in heard if one.begins <= begins <= one.top), None)
-    if own is not None and begun_before(own, record):
-        early = begins - max(rises(own, record), record.blank - record.start)
-    # What such a wave leaves behind covers the break.
-    covers = (
-        own is not None and one.top < begins < one.top + _LEAVES * record.period
-        and one.size >= _COVERS * own.size
-        for one in heard
-    )  # fmt: skip
-    if any(covers):
-        early = max(early, _COVERED * record.period)
-    after = begins + record.start - record.blank
-    if record.unended and after < _NEAR_UNENDED * record.period:
-        early = max(early, after + _WITHIN * record.period)
-    return SPANS * early
-
-
-def hidden(record: TransmissionRecord) -> str:
-    until = record.blank - record.start
-    if record.crosstalk:
-        return (
-            f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
-            "shield the transducers, or take a longer specimen"
-        )
-    return "it would arrive as what was sent begins: is --input the right column?"
 
 
 def _other_readings(

@@ -8,14 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.one_receiver import (
-    hidden,
-    in_crosstalk,
-    left_open,
-    settled,
-    slow_pair,
-    unheard,
-)
+from wavesim.readings.pulse.left_open import hidden, in_crosstalk, left_open, open_between, ringing
+from wavesim.readings.pulse.one_receiver import settled, slow_pair, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted, judged, spanned
 from wavesim.readings.pulse.series import (
@@ -27,7 +21,7 @@ from wavesim.readings.pulse.series import (
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
-from wavesim.readings.pulse.travel_time import TravelTime, open_between, ringing
+from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
