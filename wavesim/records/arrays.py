@@ -167,6 +167,10 @@ def find(content: Content, layout: Layout) -> Found:
     assumed = [n for n in (t_note, x_note) if n]
     if assumed:
         notes.append("; ".join(assumed))
+    if _falls(content, layout, values.shape[-2:]):
+        t, values = np.array(t[::-1] if t[-1] < t[0] else t), values[..., ::-1, :]
+        signal = None if signal is None else signal[::-1]
+        notes.append("times fall: frames turned round")
     read_in = "; ".join((t_note or "times in s", x_note or "positions in m"))
     if not labels or len(labels) != values.shape[-1]:
         labels = tuple(f"receiver {j}" for j in range(1, values.shape[-1] + 1))
@@ -390,6 +394,13 @@ def _times(
             unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
             start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
     return start + step[0] * np.arange(frames), note, 0.0
+
+
+def _falls(content: Content, layout: Layout, shape: tuple[int, ...]) -> bool:
+    """Whether the last frame is the first in time."""
+    name = _array_of_times(content, layout, shape)
+    stored = np.empty(0) if name is None else content.arrays[name].ravel()
+    return len(stored) == shape[0] > 1 and bool((stored[1:] < stored[:-1]).all())
 
 
 def _numbers(content: Content) -> list[tuple[str, float]]:
