@@ -19,7 +19,7 @@ from scipy.special import betaincinv, stdtrit
 from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
-from wavesim.readings.dispersion.folding import FOLDED, folded_in_pieces
+from wavesim.readings.dispersion.folding import FOLDED, folded_branches
 from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
@@ -205,7 +205,9 @@ def in_space(
     points = _with_hidden(points, U, x, used, level, models)
     points = _with_branches(points.known(), omega)
     if not record.lattice:
-        points = _unfolded(points, x, omega)
+        gap = np.pi / highest_wavenumber(x)
+        folded = folded_branches(points.branch, points.k.real, points.omega.real, gap)
+        points = _with_branches(points.refused(folded, FOLDED), omega)
     if not record.ring:
         come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
         points = points.refused(_growing(points, come, x, models), GROWS)
@@ -312,30 +314,6 @@ def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:
     raise RecordError(
         "waves that spread do so from a source, and none is named: give --source, its position in m"
     )
-
-
-# Points of a mode, at least, that is believed beside others that are folded.
-_FEW = 5
-
-
-def _unfolded(points: BranchPoints, x: Float, omega: Float) -> BranchPoints:
-    """Without the points of branches whose Re k has run through ±π/d."""
-    folded = np.zeros(len(points), bool)
-    gap = np.pi / highest_wavenumber(x)
-    for number in points.branches:
-        own = np.flatnonzero(points.branch == number)
-        own = own[np.argsort(points.omega[own].real)]
-        folded[own] = folded_in_pieces(points.k[own].real, points.omega[own].real, gap)
-    if not folded.any():
-        return points
-    # A few points by themselves are no mode that is not, where many others are.
-    found = folded.copy()
-    for number in points.branches:
-        own = points.branch == number
-        left = (own & ~found).sum()
-        if left < _FEW and 2 * left < found.sum():
-            folded |= own
-    return _with_branches(points.refused(folded, FOLDED), omega)
 
 
 def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float, float]:
