@@ -26,6 +26,7 @@ from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.records.faults.quiet import frames_at_rest
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -72,13 +73,8 @@ _OUTSIDE = 0.05
 _BAND = 0.8
 # A record weighted down to this part at its end does not break off.
 _ENDED = 1e-3
-# Part of the frames at rest that is worth leaving out.
-_WORTH_CUTTING = 0.1
-# A signal is seen from these parts of its peak on, and began so many times as long before as it
-# takes to the second ones; noise is within so many of its deviations.
-_FEET, _RISES, _OF_NOISE = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
-# Parts of so many frames that are louder by so many deviations than what is before are a foot.
-_PART_AT_REST, _LOUDER = 16, 2.0
+# Noise at the beginning is within so many of its deviations.
+_OF_NOISE = 5.5
 # A slope at the beginning is that of so many frames.
 _FIRST = 2
 # A receiver counts where what it shows at the beginning is no more than this part of ωU.
@@ -144,7 +140,7 @@ def in_space(
     receivers, x, stretch = _line(record, clear)
     values = record.values[component][:, receivers]
     # The window begins where something moves, so that it weighs no more noise than it must.
-    rest = _rest(values)
+    rest = frames_at_rest(values)
     quiet = values[:rest].std(axis=0) if rest else 0.0
     record = record.since(record.t[rest])
     values = record.values[component][:, receivers]
@@ -268,39 +264,6 @@ def _with_hidden(
     # A loss that may be none, as of two modes that swell together, tells no direction.
     turned = (hides.error > 0) & (points.k.real < 0) & (points.k.imag < points.bar)
     return replace(points, k=np.where(turned, -points.k.real + 0j, points.k))
-
-
-def _rest(values: Float) -> int:
-    """How many frames there are before anything stands out of the noise, less a margin."""
-    count = len(values)
-    peaks = np.abs(values).max(axis=0)
-
-    def reached(part: float) -> int:
-        return int((np.abs(values) > part * peaks).any(axis=1).argmax())
-
-    for part, later in _FEET:
-        first = reached(part)
-        # A signal that rises slowly begins long before it is seen.
-        cut = first - max(8, first // 8, _RISES * (reached(later) - first))
-        if not _WORTH_CUTTING * count < cut < count // 2:
-            continue
-        before, head = values[:cut], values[: cut // 2]
-        size = np.abs(before - head.mean(axis=0)).max(axis=0)
-        # A signal's foot is no noise: it is all at the end.
-        if (size <= _OF_NOISE * head.std(axis=0) + 1e-12 * peaks).all():
-            return _before_foot(values, cut) if cut > 2 * _PART_AT_REST else cut
-    return 0
-
-
-def _before_foot(values: Float, cut: int) -> int:
-    """Frames before a signal that rises out of the noise: parts at the end louder than the rest."""
-    part, low = max(_PART_AT_REST, cut // 8), cut
-    size = (values[:cut] - values[: cut // 2].mean(axis=0)) ** 2
-    size = size.mean(axis=1) / max(float(size[: cut // 2].mean()), 1e-290)
-    chance = _LOUDER * np.sqrt(2 / (part * values.shape[1]))
-    while low >= cut // 4 and size[low - part : low].mean() > 1 + chance:
-        low -= part
-    return low if low == cut else max(0, low - part)
 
 
 def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:
