@@ -23,6 +23,8 @@ UNLIKE = (
 )
 # Receivers beyond this part of a ring hear at once what came either way.
 _PART_OF_RING = 0.4
+# A test that waves round the ring leave fewer frames of is none.
+_FEWEST_FRAMES = 32
 # More missing frames than this part are no small gap.
 _MOST_MISSING = 0.01
 
@@ -130,7 +132,7 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
     Raises:
         RecordError: there are no receivers to one side of the sources.
     """
-    found = []
+    found, round_at_once = [], False
     for block in field.blocks:
         own = [s for s in field.sources if s.field in block.fields]
         if not (block.macro and own and field.receivers):
@@ -151,11 +153,19 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         notes: tuple[str, ...] = ()
         if end < t[-1]:
             kept = t < end
+            if kept.sum() < _FEWEST_FRAMES:
+                round_at_once = True
+                continue
             t, signals = t[kept], {key: u[kept] for key, u in signals.items()}
             sent = None if sent is None else sent[kept]
             notes = (f"read up to {end:.4g} s, before waves come that have gone round the bar",)
         record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, notes, speeds)
         found.append(record if one else replace(record, unlike=UNLIKE))
+    if round_at_once and not found:
+        raise RecordError(
+            "waves that have gone round the bar come with the first: lengthen [bar] length, or "
+            "move [[receivers]] nearer to the sources"
+        )
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"
