@@ -159,7 +159,7 @@ def _last(v: Float, spread: float, width: int, least: float) -> int:
 
 
 def frames_at_rest(values: Float) -> int:
-    """How many frames there are before anything stands out of the noise, less a margin, of u (nt, nx)."""
+    """How many frames of u (nt, nx) are before anything stands out of its noise, less a margin."""
     count = len(values)
     peaks = np.abs(values).max(axis=0)
 
