@@ -125,3 +125,20 @@ def test_no_single_frequency_of_a_folded_line_is_believed(spacing, receivers, rn
     points = in_space(record(u, t, x, sources=(0.0,)), omega)
     assert any(reason.startswith("folded") for reason in points.reason)
     assert not points.valid.any()
+
+
+def test_a_gain_that_turns_a_wave_round_is_refused(rng):
+    """Two receivers, the nearer of a tenth of the gain: what decays toward the source is no wave
+    that comes from there."""
+    f = 2e4
+    x = SPEED / f * np.array([2.0, 2.3])
+    s = np.arange(400) / f / 25 - x[:, None] / SPEED
+    u = np.where(
+        (s >= 0) & (s <= 4 / f), np.sin(2 * np.pi * f * s) * np.sin(np.pi * f * s / 4) ** 2, 0
+    )
+    u = (u + 1e-3 * rng.normal(size=s.shape)).T
+    omega = 2 * np.pi * f * np.linspace(0.8, 1.2, 9)
+    for gain, reason in ((1.0, ""), (0.1, "amplitudes grow")):
+        points = in_space(record(u * [gain, 1], np.arange(400) / f / 25, x), omega)
+        assert all(r.startswith(reason) for r in points.reason)
+        assert points.valid.all() == (gain == 1)

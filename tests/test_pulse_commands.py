@@ -55,6 +55,17 @@ def test_receivers_on_a_ring_tell_the_phase_velocity_within_their_bars(shipped):
     assert off.max() <= 3.5
 
 
+@pytest.mark.parametrize("size", [0.0, 0.5])
+def test_inspect_tells_crosstalk_where_there_is_some(size, tmp_path):
+    """Beside what was sent, at its size; a record without any has no such finding."""
+    t, sent, got = record(120.0, crosstalk=size)
+    np.savez(tmp_path / "one.npz", t=t, sent=sent, received=got)
+    words = ["inspect", str(tmp_path / "one.npz"), "--input", "sent", "--json"]
+    shown = json.loads(CliRunner().invoke(main, words).output)
+    told = [one for one in shown["findings"] if one["what"] == "crosstalk"]
+    assert [one["size"].endswith("% of the peak") for one in told] == [True] * (size > 0)
+
+
 def test_q_holds_with_one_per_cent_of_noise(shipped, tmp_path):
     """Ten seeds, within two errors in eight or more; those are below 10 %."""
     field = shipped("pulse_test").field

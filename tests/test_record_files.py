@@ -410,6 +410,13 @@ def test_the_sources_signal_is_no_receiver(tmp_path):
         found = read(tmp_path / "a.csv", Layout(input=column, placed=False))
         assert found.labels == ("got",)
         assert np.array_equal(found.input, U[:, 0])
+    for more in ({"t": T, "x": X[1:]}, {"dt": T[1] - T[0], "x": X[1:]}, {"t": T}):
+        for values in (U, U.T):
+            np.savez(tmp_path / "a.npz", u=values, **more)
+            layout = Layout(input=2, spacing=0.01) if "x" not in more else Layout(input=2)
+            found = read(tmp_path / "a.npz", layout)
+            assert np.array_equal(found.input, U[:, 0])
+            assert found.values.shape == (1, len(T), len(X) - 1)
     with pytest.raises(
         RecordError, match=r"--input 9: no such column; there are 2 'sent', 3 'got'"
     ):

@@ -217,7 +217,7 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     # Last, and counted with the rest, as the tables before may be long.
     found = foreseen(loaded, steps, errors)
     try:
-        check_cost(loaded.simulation, taken)
+        check_cost(loaded.simulation, taken, folder=folder_for(None, case))
     except ValueError as error:
         found.append(f"[time] {error}")
     click.echo(f"\n{_count(found) if found else 'No warnings'}.")

@@ -155,6 +155,10 @@ def inspect(
     from wavesim.records.inspection import inspect as look_over
 
     found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
+    if not (found.run or ring):
+        from wavesim.readings.pulse.array_crosstalk import heard
+
+        found = replace(found, findings=(*found.findings, *heard(found.record)))
     summary = {"file": file} | found.summary()
     if as_json:
         print_json(summary)

@@ -75,18 +75,22 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
     workers, address = options["workers"], options["scheduler"]
     if workers is None and address is None and options["measure"] == "run":
         workers = cores()
-    carried_on = f"what was done is in {folder}, --resume carries on"
+    members = 0
+
+    def stored() -> str:
+        return f"what was done is in {folder}, --resume carries on" if members else ""
+
+    def go_on(done: int, failed: int, of: int) -> None:
+        nonlocal members
+        members = done
+        tell(done, of, failed)
+
     try:
-        with counted("members", quiet) as tell, farewell(lambda: carried_on):
-            return asked.go(
-                options["resume"],
-                workers,
-                address,
-                lambda done, failed, of: tell(done, of, failed),
-            )
+        with counted("members", quiet) as tell, farewell(stored):
+            return asked.go(options["resume"], workers, address, go_on)
     except SweepStoppedError as error:
         where = f"--scheduler {address}: " if address else ""
-        stop(f"{where}{error}; {carried_on}", FAILED)
+        stop("; ".join(part for part in (f"{where}{error}", stored()) if part), FAILED)
 
 
 def _tell(asked: Any, data: Any, folder: Path, quiet: bool) -> None:

@@ -167,6 +167,10 @@ def find(content: Content, layout: Layout) -> Found:
     assumed = [n for n in (t_note, x_note) if n]
     if assumed:
         notes.append("; ".join(assumed))
+    if _falls(content, layout, values.shape[-2:]):
+        t, values = np.array(t[::-1] if t[-1] < t[0] else t), values[..., ::-1, :]
+        signal = None if signal is None else signal[::-1]
+        notes.append("times fall: frames turned round")
     read_in = "; ".join((t_note or "times in s", x_note or "positions in m"))
     if not labels or len(labels) != values.shape[-1]:
         labels = tuple(f"receiver {j}" for j in range(1, values.shape[-1] + 1))
@@ -246,10 +250,17 @@ def _input(content: Content, layout: Layout) -> Float | None:
     if text.isdigit():
         found, _, name = _values(content, layout)
         j = int(text) - 2
-        if found.ndim == 2 and 0 <= j < found.shape[1]:
-            if name in content.arrays:
-                content.arrays[name] = np.delete(found, j, axis=1)
-            return np.asarray(found[:, j], float)
+        if found.ndim == 2:
+            # Positions are the receivers' alone, or the input's too.
+            down, across = (
+                max(_as_long(content, layout, (n, m)) for m in (count, count - 1))
+                for n, count in (found.shape, found.shape[::-1])
+            )
+            axis = 1 if down >= across else 0
+            if 0 <= j < found.shape[axis]:
+                if name in content.arrays:
+                    content.arrays[name] = np.delete(found, j, axis)
+                return np.asarray(np.take(found, j, axis), float)
     raise RecordError(f"--input {text}: no such column; arrays are {_listed(content.arrays)}")
 
 
@@ -383,6 +394,13 @@ def _times(
             unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
             start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
     return start + step[0] * np.arange(frames), note, 0.0
+
+
+def _falls(content: Content, layout: Layout, shape: tuple[int, ...]) -> bool:
+    """Whether the last frame is the first in time."""
+    name = _array_of_times(content, layout, shape)
+    stored = np.empty(0) if name is None else content.arrays[name].ravel()
+    return len(stored) == shape[0] > 1 and bool((stored[1:] < stored[:-1]).all())
 
 
 def _numbers(content: Content) -> list[tuple[str, float]]:

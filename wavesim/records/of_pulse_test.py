@@ -14,6 +14,7 @@ from wavesim.planewave.dispersion_relation import block_group_velocity, wave_spe
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
+from wavesim.records.fitness import for_pulse_test
 
 Float = NDArray[Any]
 
@@ -23,8 +24,8 @@ UNLIKE = (
 )
 # Receivers beyond this part of a ring hear at once what came either way.
 _PART_OF_RING = 0.4
-# More missing frames than this part are no small gap.
-_MOST_MISSING = 0.01
+# A test that waves round the ring leave fewer frames of is none.
+_FEWEST_FRAMES = 32
 
 
 @dataclass(frozen=True)
@@ -80,12 +81,11 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
     values, notes = record.values[0], record.notes
     missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
+    try:
+        for_pulse_test(record)
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from None
     if missing.any():
-        if missing.sum() > _MOST_MISSING * len(missing):
-            raise RecordError(
-                f"{path}: {missing.sum()} of {len(missing)} frames are missing; a pulse test needs "
-                "them: leave out what broke off, or record again"
-            )
         own = np.flatnonzero(~missing)
         values = np.stack([np.interp(np.arange(len(missing)), own, u[own]) for u in values.T], 1)
         notes = (*notes, f"{missing.sum()} missing frames bridged by straight lines")
@@ -130,7 +130,7 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
     Raises:
         RecordError: there are no receivers to one side of the sources.
     """
-    found = []
+    found, round_at_once = [], False
     for block in field.blocks:
         own = [s for s in field.sources if s.field in block.fields]
         if not (block.macro and own and field.receivers):
@@ -151,11 +151,19 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         notes: tuple[str, ...] = ()
         if end < t[-1]:
             kept = t < end
+            if kept.sum() < _FEWEST_FRAMES:
+                round_at_once = True
+                continue
             t, signals = t[kept], {key: u[kept] for key, u in signals.items()}
             sent = None if sent is None else sent[kept]
             notes = (f"read up to {end:.4g} s, before waves come that have gone round the bar",)
         record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, notes, speeds)
         found.append(record if one else replace(record, unlike=UNLIKE))
+    if round_at_once and not found:
+        raise RecordError(
+            "waves that have gone round the bar come with the first: lengthen [bar] length, or "
+            "move [[receivers]] nearer to the sources"
+        )
     if not found:
         raise RecordError(
             "holds no receivers beside its sources: add [[receivers]] to the case and run it again"

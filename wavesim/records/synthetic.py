@@ -55,8 +55,10 @@ def driven(omega: Float, t: Float, peak_frequency: float, delay: float) -> Float
     after = tau > 0
     gauss = np.exp(-((c * tau) ** 2))
     # erfc(z) for z = −(cτ + iΩ/2c): where Re z < 0 as 2 − erfc(−z).
-    z = np.where(after, 1, -1) * (c * tau + 0.5j * turned / c)
-    tail = gauss * wofz(1j * z)
+    tail = np.zeros((len(tau), len(turned)), complex)
+    near = gauss[:, 0] > 0
+    z = np.where(after, 1, -1)[near] * (c * tau[near] + 0.5j * turned / c)
+    tail[near] = gauss[near] * wofz(1j * z)
     whole = 2 * np.exp(np.where(after, 1j * turned * tau, 0) - turned**2 / (4 * c**2))
     integral = np.sqrt(np.pi) / (2 * c) * np.where(after, whole - tail, tail)
     slope = -2 * c**2 * tau * gauss

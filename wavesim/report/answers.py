@@ -199,7 +199,9 @@ def shown(value: Any, kind: str) -> str:
         return "–"
     if kind:
         factor, _, digits = KINDS[kind]
-        return f"{value * factor:.{digits}g}"
+        # Rounded twice, so that 160 is not 1.6e+02; a level of less than 1e-4 dB is 0.
+        figure = float(f"{value * factor:.{digits}g}")
+        return f"{round(figure, 4) + 0.0 if kind == 'level' else figure:.6g}"
     return sector_words(str(value))
 
 

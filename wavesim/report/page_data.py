@@ -36,6 +36,8 @@ _ALL_PLACES, _ALL_SAMPLES, _FREQUENCIES, _WAVENUMBERS = 1_000_000, 150_000, 400,
 # Amplitudes and powers are shown so far below their largest, dB.
 _FAINTEST, _FAINTEST_POWER = -60.0, -80.0
 _FINE = 800
+# A field moves where it is this part of its largest in the run.
+_MOVES = 0.2
 
 
 def of_field(field: Field) -> Data:
@@ -113,11 +115,20 @@ def _snapshots(field: Field) -> Data:
         step = int(places[1] - places[0]) if len(places) > 1 else 1
         values = field.part(name, slice(0, len(field.t), frames[1] - frames[0]),
                             slice(0, len(x), step))  # fmt: skip
+        if name == field.names[0]:
+            found["first"] = _on_its_way(values)
         found["fields"][name] = _whole(values) | {
             "x": np.round(x[places], 7 - math.floor(math.log10(field.bar.length))).tolist(),
             "unit": field.unit(name),
         }
     return found
+
+
+def _on_its_way(values: Any) -> int:
+    """The snapshot that is shown first: a third into the run, or before, where it still moves."""
+    size = np.abs(values).max(axis=1)
+    moving = np.flatnonzero(size >= _MOVES * size.max())
+    return int(min(moving[-1], round(len(size) / 3), len(size) - 1))
 
 
 def _some(count: int, most: int) -> NDArray[np.int_]:
@@ -199,10 +210,13 @@ def _spectrum(field: Field, own: Sequence[Held]) -> Data:
     tiles = np.maximum.reduceat(power[:, :top], rows, axis=1)
     tiles = np.maximum.reduceat(tiles, columns, axis=0)
     level = 10 * np.log10(np.maximum(tiles / (float(power.max()) or 1.0), 1e-30))
-    half = (rows[1] - rows[0] - 1) / 2 * (first.omega[1] - first.omega[0]) if top > 1 else 0.0
+    half, beside = (
+        (some[1] - some[0] - 1) / 2 * (axis[1] - axis[0]) if len(some) > 1 else 0.0
+        for some, axis in ((rows, first.omega), (columns, first.k))
+    )
     return {
         "power": _packed(level.T, _FAINTEST_POWER, 80 / 250, np.uint8),
-        "k": first.k[columns].tolist(),
+        "k": (first.k[columns] + beside).tolist(),
         "frequency": ((first.omega[rows] + half) * HERTZ).tolist(),
         "line_k": k.tolist(),
         "branches": branches,

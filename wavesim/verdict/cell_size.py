@@ -45,7 +45,7 @@ def too_coarse(
     return [
         f"[bar] spacing = {bar.spacing:.6g}: by this grid {worst.what} will be off by "
         f"{worst.error:.1e} (allowed {worst.allowed:g}){more}; "
-        f"{cell_size(simulated, worst, *asked)}"
+        f"{cell_size(simulated, worst, *asked)[0]}"
     ]
 
 
@@ -67,12 +67,15 @@ def serves(case: Case) -> bool:
 
 def cell_size(
     simulated: Simulation, worst: Foretold, *asked: AnalysisTable | tuple[float, float]
-) -> str:
+) -> tuple[str, bool]:
     """The cell size at which all is allowed, tried out; or what else would do.
 
     Args:
         simulated, asked: as of :func:`too_coarse`.
         worst: what falls short most.
+
+    Returns:
+        In words, and whether it was tried out that all is allowed then.
     """
     spacing, error, order = simulated.bar.spacing, worst.error, _ORDER
     other = ""
@@ -90,13 +93,15 @@ def cell_size(
             finer = with_spacing(simulated, tried)
             told = foretold(finer, *asked)  # type: ignore[arg-type]
         if told is None:
-            return f"take {other}[bar] spacing = {tried:g} or finer (tried out to {spacing:g} m)"
+            text = f"take {other}[bar] spacing = {tried:g} or finer (tried out to {spacing:g} m)"
+            return text, False
         now = max((f.error * worst.allowed / f.allowed for f in told), default=0.0)
         if now <= worst.allowed:
-            return f"take {other}[bar] spacing = {tried:g} ({finer.bar.cells} cells) or finer"
+            return f"take {other}[bar] spacing = {tried:g} ({finer.bar.cells} cells) or finer", True
         order = max(math.log(error / now) / math.log(spacing / tried), _LEAST_ORDER)
         error, spacing = now, tried
-    return f"take {other}{gentler(simulated)}: cells of {spacing:g} m would still leave {error:.1e}"
+    text = f"take {other}{gentler(simulated)}: cells of {spacing:g} m would still leave {error:.1e}"
+    return text, False
 
 
 def with_spacing(simulated: Simulation, spacing: float) -> Simulation:

@@ -176,17 +176,21 @@ def _on_the_grid(simulated: Simulation) -> Iterator[str]:
     """Waves at a source's strongest frequency that are shorter than the grid carries."""
     bar, told = simulated.bar, set()
     limit = largest_phase(bar.order)
-    sizes = [size for _, size in bar.all_stretches]
-    for layer, size in zip(simulated.layers.layers, sizes, strict=True):
+    media = [
+        (layer, medium, size)
+        for layer, (_, size) in zip(simulated.layers.layers, bar.all_stretches, strict=True)
+        for medium in layer.ends
+    ]
+    for layer, medium, size in media:
         for source in (s for s in simulated.sources if 0 < s.peak_frequency < math.inf):
             omega = np.array([2 * math.pi * source.peak_frequency])
             for block in simulated.blocks:
-                key = layer.medium, size, block.sector, source.peak_frequency
+                key = medium, size, block.sector, source.peak_frequency
                 if source.field not in block.fields or not block.macro or key in told:
                     continue
                 told.add(key)
                 with np.errstate(all="ignore"):
-                    k = complex(wavenumber(layer.medium, block.sector, omega)[0])
+                    k = complex(wavenumber(medium, block.sector, omega)[0])
                 if abs(k.imag) <= _CARRIED * abs(k.real) and abs(k.real) * size > limit:
                     cells = 2 * math.pi / abs(k.real) / size
                     yield (
@@ -226,6 +230,9 @@ def _judged(case: Case) -> Iterator[str]:
     k = np.linspace(low, high, _RANGE)
     for block in simulated.blocks:
         own = [s for s in simulated.sources if s.field in block.fields]
+        moving = (other for other in simulated.blocks if other.macro)
+        if not block.macro and any(s.field in other.fields for other in moving for s in own):
+            continue  # is meant to drive what travels
         omega = block_oscillations(simulated.medium, block, k)
         loud = excitation(own, omega, k[:, None]) >= EXCITED
         seen = omega <= math.pi / simulated.interval

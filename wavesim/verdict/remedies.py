@@ -42,23 +42,23 @@ _BELOW = 0.95
 def finer(field: Field) -> str:
     """A finer grid: the cell size that would do, where what is foreseen tells it, or half of it."""
     now = f"(now {field.bar.spacing:.6g} m)"
-    tried = _tried(field.simulation)
+    tried, _ = _tried(field.simulation)
     if tried:
         return f"{tried} {now}"
     text = f"take [bar] spacing = {field.bar.spacing / 2:.6g} or finer {now}"
     return text + (f", or [bar] order = {WELL}" if field.bar.order < WELL else "")
 
 
-_LAST: list[tuple[Simulation, str]] = []
+_LAST: list[tuple[Simulation, tuple[str, bool]]] = []
 
 
-def _tried(simulated: Simulation) -> str:
-    """The cell size that would do, where the grid is to blame; "" where it is not. Kept, as all
-    checks of a run ask for it."""
+def _tried(simulated: Simulation) -> tuple[str, bool]:
+    """The cell size that would do, and whether it was seen to, where the grid is to blame; "" where
+    it is not. Kept, as all checks of a run ask for it."""
     if not any(known is simulated for known, _ in _LAST):
         short = [one for one in foretold(simulated) or () if not one.passed]
         worst = max(short, key=lambda one: one.error / one.allowed, default=None)
-        _LAST[:] = [(simulated, cell_size(simulated, worst) if worst else "")]
+        _LAST[:] = [(simulated, cell_size(simulated, worst) if worst else ("", False))]
     return _LAST[0][1]
 
 
@@ -180,7 +180,7 @@ def of_grid(field: Field) -> str:
     if told:
         return told
     inexact = field.stepper and field.stepper not in _EXACT_IN_TIME
-    if inexact and not _tried(field.simulation):
+    if inexact and not _tried(field.simulation)[0]:
         return shorter_step(field)
     told, other = finer(field), gentler(field)
     return told if other in told else f"{told}, or {other}"
@@ -192,7 +192,8 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
     Args:
         field: the field.
         receiver: its name.
-        sent_back: frequencies that absorbing ends send back, which no grid mends; "" for none.
+        sent_back: frequencies that absorbing ends send back, to blame where no grid mends it; ""
+            for none.
     """
     bar, layers = field.bar, field.layers
     low, high = bar.clear
@@ -202,7 +203,7 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
             f"move [[sources]] position = {caught[0]:g} into {low:.4g} to "
             f"{high:.4g} m: it stands in an absorbing layer, which takes up what it sends"
         )
-    if sent_back:
+    if sent_back and not _tried(field.simulation)[1]:
         return (
             f"take {lower(field)}, or stiffer media at the absorbing ends, which send back some of "
             f"{sent_back}; if that is not it, {of_grid(field)}"

@@ -13,9 +13,10 @@ that noise need not be white.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from scipy.special import gammainccinv
 
 from wavesim.readings.dispersion.hidden_mode import Bends
 from wavesim.readings.dispersion.noise_level import continuum
-from wavesim.readings.dispersion.sinusoid_errors import Found, Settings, norm_of, report
+from wavesim.readings.dispersion.sinusoid_errors import Settings, Sinusoids, norm_of, report
 from wavesim.readings.dispersion.sinusoids import Fit, Float, fit
 from wavesim.records.windows import blackman_harris, hann
 
@@ -42,40 +43,6 @@ _FEWEST_SAMPLES = 16
 # number of them ends a line that is broad and random.
 _CROWD, _CROWD_BINS, _CROWD_PART = 5, 10.0, 0.01
 _FIRST_STEPS = 6
-
-
-@dataclass(frozen=True)
-class Sinusoids:
-    """Sinusoids found in n series; flat arrays over all of them, (m,) each.
-
-    Attributes:
-        series: which series it is in, ascending.
-        omega, decay: ω and γ, rad/s and 1/s.
-        amplitude: √Σ_c |a_c|² at the start of the record, unit of the series.
-        shape: a_c over its norm at the middle of the record, shape (m, C), complex.
-        omega_error, decay_error: standard errors, rad/s and 1/s.
-        amplitude_error: standard error, unit of the series.
-        resolved: whether the fit holds it apart from its neighbours.
-        residual: part of each series' power that no sinusoid explains, shape (n,).
-        bends: how far from straight ln y is beside one sinusoid's, 1/s².
-        settled: whether no further peak was left in the series, shape (n,).
-        broad: whether many sinusoids crowd about its strongest, as under a line that is broad and
-            random, shape (n,).
-    """
-
-    series: np.ndarray
-    omega: Float
-    decay: Float
-    amplitude: Float
-    shape: np.ndarray
-    omega_error: Float
-    decay_error: Float
-    amplitude_error: Float
-    bends: Bends
-    resolved: np.ndarray
-    residual: Float
-    settled: np.ndarray
-    broad: np.ndarray
 
 
 def padded_length(count: int) -> int:
@@ -130,10 +97,13 @@ def invert(
     size = max(1, _BATCH // (count * max(channels, 4)))
     parts = [slice(start, min(start + size, n)) for start in range(0, n, size)]
 
-    def one(part: slice) -> list[tuple[np.ndarray, Found]]:
+    def one(part: slice) -> list[tuple[np.ndarray, Sinusoids]]:
         clean = np.where(present, series[part] / scale[:, None], 0.0)
         own = replace(settings, leakage=None if leaks is None else leaks[part])
-        return [(part.start + rows, found) for rows, found in _search(clean, own)]
+        return [
+            (part.start + rows, replace(found, series=part.start + found.series))
+            for rows, found in _search(clean, own)
+        ]
 
     with ThreadPoolExecutor(_WORKERS) as pool:
         groups = [group for done in pool.map(one, parts) for group in done]
@@ -156,7 +126,7 @@ def _levels(series: Float, present: np.ndarray) -> Float:
     return np.sqrt(floor / floor.max()) if floor.max() > 0 else np.ones(len(floor))
 
 
-def _search(series: Float, settings: Settings) -> Iterator[tuple[np.ndarray, Found]]:
+def _search(series: Float, settings: Settings) -> Iterator[tuple[np.ndarray, Sinusoids]]:
     """Add one sinusoid at a time to all series that still show a peak."""
     rows = np.arange(len(series))
     power = np.mean(series**2, axis=(1, 2))
@@ -175,9 +145,8 @@ def _search(series: Float, settings: Settings) -> Iterator[tuple[np.ndarray, Fou
         stops = ~goes_on | broad | (p == settings.most)
         if stops.any():
             if last is not None:
-                ended = report(_take(last, stops), series[rows[stops]], settings)
-                ended = replace(ended, settled=~goes_on[stops], broad=broad[stops])
-                yield rows[stops], ended
+                ended = report(_take(last, stops), series[rows[stops]], rows[stops], settings)
+                yield rows[stops], replace(ended, settled=~goes_on[stops], broad=broad[stops])
             rows, peak, size = rows[~stops], peak[~stops], size[~stops]
             omega, decay, strongest = omega[~stops], decay[~stops], strongest[~stops]
         if not len(rows):
@@ -244,42 +213,32 @@ def _take(found: Fit, which: np.ndarray) -> Fit:
 
 
 def _gather(
-    groups: list[tuple[np.ndarray, Found]], n: int, channels: int, interval: float
+    groups: list[tuple[np.ndarray, Sinusoids]], n: int, channels: int, interval: float
 ) -> Sinusoids:
+    """Those of all n series, ascending in series and ω, in time rather than in samples."""
     residual, settled, broad = np.ones(n), np.ones(n, bool), np.zeros(n, bool)
-    columns: dict[str, list[Any]] = {
-        "series": [np.zeros(0, int)],
-        "shape": [np.zeros((0, channels), complex)],
-        "resolved": [np.zeros(0, bool)],
-    }
     for rows, found in groups:
-        residual[rows], settled[rows] = found.residual, found.settled
-        broad[rows] = found.broad
-        p = found.omega.shape[1]
-        flat = {
-            "series": np.repeat(rows, p),
-            "omega": found.omega / interval,
-            "decay": found.decay / interval,
-            "amplitude": found.amplitude,
-            "shape": found.shape.reshape(-1, channels),
-            "omega_error": found.errors[:, :p] / interval,
-            "decay_error": found.errors[:, p:] / interval,
-            "amplitude_error": found.amplitude_error,
-            "bend": found.bends.size / interval**2,
-            "noise": found.bends.noise / interval**2,
-            "over": found.bends.over,
-            "resolved": found.resolved,
-        }
-        for name, values in flat.items():
-            kept = values if name == "shape" else values.ravel()
-            columns.setdefault(name, [np.zeros(0)]).append(kept)
-    for name in (
-        "omega", "decay", "amplitude", "omega_error", "decay_error", "amplitude_error", "bend",
-        "noise", "over",
-    ):  # fmt: skip
-        columns.setdefault(name, [np.zeros(0)])
-    whole = {name: np.concatenate(parts) for name, parts in columns.items()}
+        residual[rows], settled[rows], broad[rows] = found.residual, found.settled, found.broad
+
+    def every(of: Callable[[Sinusoids], Any], none: Any) -> Any:
+        return np.concatenate([none, *(of(found) for _, found in groups)])
+
+    nil = np.zeros(0)
+    bends = (every(attrgetter(f"bends.{name}"), nil) for name in ("size", "noise", "over"))
+    size, noise, over = bends
+    columns = {
+        "series": np.zeros(0, int), "shape": np.zeros((0, channels), complex),
+        "resolved": np.zeros(0, bool), "omega": nil, "decay": nil, "amplitude": nil,
+        "omega_error": nil, "decay_error": nil, "amplitude_error": nil,
+    }  # fmt: skip
+    whole = {name: every(attrgetter(name), none) for name, none in columns.items()}
+    for name in ("omega", "decay", "omega_error", "decay_error"):
+        whole[name] = whole[name] / interval
     order = np.lexsort((whole["omega"], whole["series"]))
-    ordered = {name: values[order] for name, values in whole.items()}
-    bends = Bends(*(ordered.pop(name) for name in ("bend", "noise", "over")))
-    return Sinusoids(**ordered, bends=bends, residual=residual, settled=settled, broad=broad)
+    return Sinusoids(
+        **{name: values[order] for name, values in whole.items()},
+        bends=Bends(size / interval**2, noise / interval**2, over).take(order),
+        residual=residual,
+        settled=settled,
+        broad=broad,
+    )

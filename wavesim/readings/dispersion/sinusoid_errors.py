@@ -45,14 +45,31 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Found:
-    """Result of one group of series with p sinusoids each."""
+class Sinusoids:
+    """Sinusoids found in n series; flat arrays over all of them, (m,) each.
 
+    Attributes:
+        series: which series it is in, ascending.
+        omega, decay: ω and γ, rad/s and 1/s; of a group of series, for a sample.
+        amplitude: √Σ_c |a_c|² at the start of the record, unit of the series.
+        shape: a_c over its norm at the middle of the record, shape (m, C), complex.
+        omega_error, decay_error: standard errors, rad/s and 1/s.
+        amplitude_error: standard error, unit of the series.
+        resolved: whether the fit holds it apart from its neighbours.
+        residual: part of each series' power that no sinusoid explains, shape (n,).
+        bends: how far from straight ln y is beside one sinusoid's, 1/s².
+        settled: whether no further peak was left in the series, shape (n,).
+        broad: whether many sinusoids crowd about its strongest, as under a line that is broad and
+            random, shape (n,).
+    """
+
+    series: np.ndarray
     omega: Float
     decay: Float
     amplitude: Float
     shape: np.ndarray
-    errors: Float
+    omega_error: Float
+    decay_error: Float
     amplitude_error: Float
     bends: Bends
     resolved: np.ndarray
@@ -66,7 +83,7 @@ def norm_of(amplitude: np.ndarray, settings: Settings) -> Float:
     return np.sqrt(np.sum(np.abs(amplitude * settings.scale[:, None]) ** 2, axis=1))
 
 
-def report(found: Fit, series: Float, settings: Settings) -> Found:
+def report(found: Fit, series: Float, rows: np.ndarray, settings: Settings) -> Sinusoids:
     """Sinusoids with their errors, from the residual's level close to each."""
     n, channels, count = series.shape
     p = found.omega.shape[1]
@@ -105,15 +122,21 @@ def report(found: Fit, series: Float, settings: Settings) -> Found:
     resolved = (closest > _CLOSEST_BINS) & (errors[:, :p] * count < np.pi)
     # Of two that are hardly told apart the error is no small one, which it is taken for.
     errors[:, :p] *= 1 + 2 * errors[:, :p] / apart.min(axis=-1)
-    return Found(
-        found.omega,
-        found.decay,
-        norm * start,
-        transposed(found.amplitude * settings.scale[:, None] / np.maximum(norm, 1e-290)[:, None]),
-        errors,
-        amplitude_error * start,
-        of_sinusoids(found, level, settings.scale, settings.weight),
-        resolved & (norm > 4 * amplitude_error),
+    shape = transposed(
+        found.amplitude * settings.scale[:, None] / np.maximum(norm, 1e-290)[:, None]
+    )
+    bends = of_sinusoids(found, level, settings.scale, settings.weight)
+    return Sinusoids(
+        np.repeat(rows, p),
+        found.omega.ravel(),
+        found.decay.ravel(),
+        (norm * start).ravel(),
+        transposed(shape).reshape(-1, channels),
+        errors[:, :p].ravel(),
+        errors[:, p:].ravel(),
+        (amplitude_error * start).ravel(),
+        Bends(bends.size.ravel(), bends.noise.ravel(), bends.over.ravel()),
+        (resolved & (norm > 4 * amplitude_error)).ravel(),
         np.mean(found.residual**2, axis=(1, 2)) / np.mean(series**2, axis=(1, 2)),
         np.ones(n, bool),
         np.zeros(n, bool),

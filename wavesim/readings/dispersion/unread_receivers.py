@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
-from wavesim.readings.dispersion.harmonic_inversion import Sinusoids
+from wavesim.readings.dispersion.sinusoid_errors import Sinusoids
 from wavesim.readings.dispersion.sinusoids import exponentials
 from wavesim.records.record import Record
 

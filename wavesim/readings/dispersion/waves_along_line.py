@@ -19,6 +19,7 @@ from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, is_folded, points_to_zero
 from wavesim.readings.dispersion.hidden_mode import worth
 from wavesim.readings.dispersion.points import ALONE, CUT, BranchPoints
+from wavesim.records.fitness import for_waves_along_line
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -33,6 +34,8 @@ _CELL = 0.25
 _LARGEST_ERROR = 0.25
 # A tone is the highest of so many bins on either side, so many times higher than all within more.
 _WIDE, _NEAR_TONE, _TONE = 4, 12, 10.0
+# … and no weaker than this part of the strongest.
+_LOUD = 0.1
 # Fewer points left are no mode.
 _FEWEST = 3
 # The slope of a mode is taken over so many points on either side.
@@ -64,13 +67,7 @@ def along_line(
     Raises:
         RecordError: frames are missing, or fewer than five receivers stand on one side of sources.
     """
-    record = record.without_gaps()
-    if len(record.missing) and record.missing.any():
-        raise RecordError(
-            f"{record.missing.sum()} frames are missing: a line that waves leave needs them all; "
-            "fill them, or use the part before the first one"
-        )
-    record = one_side(record)
+    record = one_side(for_waves_along_line(record))
     values, x = record.values[0], record.x
     top = _NYQUIST * np.pi / record.interval
     quantum = record.quantum if len(record.quantum) else 0.0
@@ -172,7 +169,8 @@ def _tones(found: Beams, branch: NDArray[Any]) -> NDArray[np.int64]:
     Their frequency is known by how far it is off that of the transform (``Beams.unsure``).
     """
     tones = []
-    for i in np.flatnonzero(found.clear & ~found.cut & (branch < 0)):
+    loud = found.amplitude > _LOUD * found.amplitude.max(initial=0.0)
+    for i in np.flatnonzero(loud & found.clear & ~found.cut & (branch < 0)):
         away = np.abs(found.step - found.step[i])
         beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=0.0)
         near, size = found.amplitude[away <= _WIDE].max(), found.amplitude[i]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.fft import fft
+from numpy.fft import fft, ifft
 from numpy.typing import NDArray
 
 Float = NDArray[Any]
@@ -142,25 +142,28 @@ def _waves(U: Any, good: Mask) -> tuple[Any, Float]:
     n, nx = U.shape
     seen = np.where(good, U, 0)
     V, left = np.zeros_like(U), seen
-    turn = np.exp(2j * np.pi * np.outer(np.arange(nx), np.arange(nx)) / nx)
     floor = _ROUNDING * np.sqrt(nx * np.sum(np.abs(seen) ** 2, axis=1))
-    taken = np.zeros((n, nx), bool)
-    columns = np.zeros((n, nx, 0), complex)
-    goes = np.ones(n, bool)
+    rows, taken = np.arange(n)[:, None], np.zeros((n, nx), bool)
+    # Scalar products over good receivers, of two waves by m − m′, and of a wave and what is seen.
+    product, heard = fft(good), fft(seen, axis=1)
+    waves, goes = np.zeros((n, 0), int), np.ones((n, 1), bool)
+    own = goes[:, :0]
     for _ in range(max(2, int(_WAVES * good.sum()))):
         size = np.abs(fft(left, axis=1))
         above = np.maximum(_ABOVE * np.median(size, axis=1), floor)
         size[taken] = 0
-        goes &= (size.max(axis=1) > above) | (columns.shape[2] == 0)
+        goes &= (size.max(axis=1) > above)[:, None] | (waves.shape[1] == 0)
         if not goes.any():
             break
-        wave = size.argmax(axis=1)
-        taken[goes, wave[goes]] = True
-        columns = np.concatenate([columns, (turn[wave] * goes[:, None])[..., None]], axis=2)
-        own = columns * good[:, None]
-        turned = np.conj(np.swapaxes(own, 1, 2))
-        gram = turned @ own + 1e-13 * nx * np.eye(columns.shape[2])
-        V = (columns @ np.linalg.solve(gram, turned @ seen[..., None]))[..., 0]
+        waves = np.append(waves, size.argmax(axis=1)[:, None], axis=1)
+        own = np.append(own, goes, axis=1)
+        taken[rows[goes], waves[:, -1:][goes]] = True
+        gram = product[waves[:, :, None] - waves[:, None]] * own[:, :, None] * own[:, None]
+        gram += 1e-13 * nx * np.eye(waves.shape[1])
+        told = np.linalg.solve(gram, (heard[rows, waves] * own)[..., None])[..., 0]
+        spectrum = np.zeros_like(V)
+        np.add.at(spectrum, (rows, waves), told)
+        V = nx * ifft(spectrum, axis=1)
         left = np.where(good, U - V, 0)
     spare = np.maximum(good.sum() - taken.sum(axis=1), 1)
     rest = np.sum(np.abs(left) ** 2, axis=1) / spare

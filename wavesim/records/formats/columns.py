@@ -80,6 +80,10 @@ def of_table(table: Table) -> Content:
             settled.add("t")
         notes.append(f"times by {said}")
     labels = [table.headings[c].strip() or f"column {table.columns[c]}" for c in channels]
+    labels = [
+        label if labels.count(label) == 1 else f"{label} (column {table.columns[c]})"
+        for label, c in zip(labels, channels, strict=True)
+    ]
     overload = {label: table.overload[c] for label, c in zip(labels, channels, strict=True)
                 if table.overload[c]}  # fmt: skip
     found = Content(
@@ -212,14 +216,15 @@ def _one_clock(
     moved = 0
     for j, c in enumerate(channels):
         before = [k for k in clocks if k < c]
-        own = table.data[:, before[-1] if before else clocks[0]]
+        clock = before[-1] if before else clocks[0]
+        own = table.data[:, clock] * (_seconds_of(table, clock) / _seconds_of(table, clocks[0]))
         if not np.nanmax(np.abs(own - first)) > 1e-3 * step:
             continue
         there = np.isfinite(own)
         if there.sum() < 4 or not (np.diff(own[there]) > 0).all():
             raise RecordError(
-                f"column {table.columns[before[-1] if before else clocks[0]]}: the times of "
-                f"column {table.columns[c]} do not ascend; sort them, or give --interval"
+                f"column {table.columns[clock]}: the times of column "
+                f"{table.columns[c]} do not ascend; sort them, or give --interval"
             )
         arrays["values"][:, j] = on_clock(arrays["values"][there, j], own[there], first)
         moved += 1
@@ -229,16 +234,24 @@ def _one_clock(
     return [text]
 
 
+def _seconds_of(table: Table, clock: int) -> float:
+    """Unit of a column of times, s; 1 where none is said."""
+    unit = unit_in(table.headings[clock], "time") or table.units[clock]
+    return factor(unit, "time") or 1.0
+
+
 def _positions(found: Content, table: Table, channels: list[int]) -> None:
     """Positions that headings say, or a row of them above the numbers."""
     said = [position_in(table.headings[c]) for c in channels]
+    first = next((n for n, s in zip(found.labels, said, strict=True) if s), "")
+    where = f"the heading {first[:40]!r}"
     if not any(said):
-        said = _row_of_positions(table, channels)
+        said, where = _row_of_positions(table, channels)
     if not any(said):
         return
     placed = [s is not None for s in said]
     keep = [j for j, there in enumerate(placed) if there]
-    found.place([s for s in said if s is not None], f"the heading {found.labels[keep[0]][:40]!r}")
+    found.place([s for s in said if s is not None], where)
     found.unplaced = {
         found.labels[j]: found.arrays["values"][:, j] for j in range(len(placed)) if not placed[j]
     }
@@ -250,8 +263,11 @@ def _positions(found: Content, table: Table, channels: list[int]) -> None:
     found.columns = tuple(found.columns[j] for j in keep)
 
 
-def _row_of_positions(table: Table, channels: list[int]) -> list[tuple[float, str | None] | None]:
-    """Numbers in a row named "x (m)" or "position [mm]", or headings under a corner t_s/x_m."""
+def _row_of_positions(
+    table: Table, channels: list[int]
+) -> tuple[list[tuple[float, str | None] | None], str]:
+    """Numbers in a row named "x (m)" or "position [mm]", or headings under a corner t_s/x_m, and
+    which row says so."""
     nothing: list[tuple[float, str | None] | None] = [None] * len(channels)
     named = re.compile(r"(x|position|positions|pos|offset|offsets|distance|dist)\b[^\d]*$", re.I)
     for row in table.above:
@@ -265,5 +281,5 @@ def _row_of_positions(table: Table, channels: list[int]) -> list[tuple[float, st
         except (ValueError, IndexError):
             continue
         if unit is not None and len(set(numbers)) == len(numbers):
-            return [(n, unit) for n in numbers]
-    return nothing
+            return [(n, unit) for n in numbers], f"the row {corner[:40]!r}"
+    return nothing, ""

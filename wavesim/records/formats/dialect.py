@@ -13,8 +13,9 @@ from collections.abc import Callable, Sequence
 from wavesim.records.content import RecordError
 
 # Marks of a sample out of range, and of one that is not there.
-_OUT_OF_RANGE = """ol +ol -ol o.l. o.l overload over overflow ovf ovfl ovrld ∞ -∞ +∞ inf -inf +inf
-    infinity -infinity clip clipped sat saturated underflow under range 1.#inf -1.#inf *** ****"""
+_OUT_OF_RANGE = """ol +ol -ol o.l. o.l overload over +over -over over+ over- overflow ovf ovfl ovrld
+    ∞ -∞ +∞ inf -inf +inf infinity -infinity clip clipped sat saturated underflow under range
+    1.#inf -1.#inf *** ****"""
 _NOT_THERE = """nan -nan na n/a #n/a null none nil - -- --- missing bad err error #value! #num!
     #div/0! 1.#qnan -1.#ind 1.#nan ?"""
 OVERLOAD = frozenset(_OUT_OF_RANGE.split())

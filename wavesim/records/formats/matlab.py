@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
 import warnings
 from pathlib import Path
 from typing import Any
@@ -15,15 +17,18 @@ _DEEPEST = 4
 
 def from_matlab(path: Path) -> Content:
     """Every array of numbers in a .mat file, with names as structure.field."""
-    from scipy.io import loadmat, whosmat
-
     content = Content({})
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            for name, shape, _ in whosmat(path):
-                check_size(shape, name)
-            loaded = loadmat(path, squeeze_me=False, struct_as_record=True)
+            # Damage may end the process that reads it, as compiled code does: try it in another.
+            if "fork" in multiprocessing.get_all_start_methods():
+                trial = multiprocessing.get_context("fork").Process(target=_tried, args=(path,))
+                trial.start()
+                trial.join()
+                if (trial.exitcode or 0) < 0:
+                    raise RecordError("can't be read as MATLAB's: it is damaged; save it again")
+            loaded = _loaded(path)
     except RecordError:
         raise
     except Exception as error:
@@ -34,6 +39,19 @@ def from_matlab(path: Path) -> Content:
         if not name.startswith("__"):
             _take(content, name, value, 0)
     return content
+
+
+def _loaded(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat, whosmat
+
+    for name, shape, _ in whosmat(path):
+        check_size(shape, name)
+    return dict(loadmat(path, squeeze_me=False, struct_as_record=True))
+
+
+def _tried(path: Path) -> None:
+    with contextlib.suppress(Exception):  # which the reader tells of
+        _loaded(path)
 
 
 def _take(content: Content, name: str, value: Any, depth: int) -> None:

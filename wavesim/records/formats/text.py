@@ -98,7 +98,10 @@ def read_table(path: Path) -> Table:
             "holds no table: no rows of numbers, parted by comma, semicolon, tab or space, were "
             "found; a row for each time is needed"
         )
-    body = numbered[first:]
+    heads = {line.strip() for _, line in numbered[:first] if not is_row(cells(line), decimal)}
+    body = [(n, line) for n, line in numbered[first:] if line.strip() not in heads]
+    if again := len(numbered) - first - len(body):
+        notes.append(f"rows of headings that stand again: {again} left out")
     above = [(n, cells(line)) for n, line in numbered[:first]]
     before = [(n, cells(_uncommented(line))) for n, line in comments if n < body[0][0]]
     if not any(len(row) == width for _, row in above[-1:]):

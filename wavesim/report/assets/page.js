@@ -349,7 +349,7 @@
     state.sector = data.sectors[0];
     if (data.sectors.length < 2) sector.parentElement.style.display = "none";
     state.field = data.fields[state.sector][0];
-    state.frame = Math.min(data.snapshots.t.length - 1, Math.round(data.snapshots.t.length / 3));
+    state.frame = data.snapshots.first;
     if (data.spectrum) place("spectrum", "Dispersion: what travels, and what does not", ["wavenumber", "frequency"], () => spectrum(state.sector));
     if (data.attenuation && Object.keys(data.attenuation).length) place("attenuation", "Attenuation", ["frequency", "decay"], () => attenuation(state.sector));
     if (data.transmission) place("transmission", "Transmission and reflection", ["frequency", null], () => transmission(state.sector));
