@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.central_band import is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.reading import SPANS
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, is_step
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import ELSEWHERE, NOTHING_ALIKE, TravelTime, correlations
 from wavesim.readings.pulse.wave_packets import Packet, begun_before, nearest, rises
 

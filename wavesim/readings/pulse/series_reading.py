@@ -18,9 +18,10 @@ from wavesim.readings.pulse.series import (
     Followed,
     clearest,
     follow,
+    static_until,
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
+from wavesim.readings.pulse.central_band import is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, is_step
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
 from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
 from wavesim.simulation.bandlimited import cross_correlation
 
