@@ -77,3 +77,17 @@ def test_harmonic_inversion_says_that_lines_are_random(thermal):
     found = in_time(thermal, method="harmonic")
     assert not found.valid.any()
     assert any("broad and random" in reason for reason in found.reason)
+
+
+def test_a_wave_of_the_mains_frequency_is_no_hum():
+    """Waves round a ring are steady tones, one of 50 Hz among them: it stays at every receiver."""
+    x, t = np.arange(32.0), np.arange(900) * 2e-3
+    k = 2 * np.pi * np.arange(1, 15) / 32
+    omega = 2 * np.pi * 50 * k / k[6]
+    rng = np.random.default_rng(1)
+    phase = rng.uniform(0, 2 * np.pi, (2, len(k)))
+    size = np.where(np.arange(len(k)) == 6, 1.0, 0.02)
+    waves = [(size * np.cos(s * k * x[:, None] - omega * t[:, None, None] + p)).sum(axis=-1)
+             for s, p in zip((1, -1), phase, strict=True)]  # fmt: skip
+    found = record(sum(waves) + 1e-3 * rng.normal(size=(900, 32)), t, x, ring=True)
+    assert not any(one.what == "hum" for one in found.findings)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from transducers import record
 
+from wavesim.readings.pulse.one_receiver import read_one
 from wavesim.readings.pulse.power_law import power_law
-from wavesim.readings.pulse.reading import Wanted, read_one
+from wavesim.readings.pulse.reading import Wanted
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import transmission_record

@@ -18,7 +18,7 @@ from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.readings.matched_record import matched
 from wavesim.readings.pulse.array_reading import read_array as read_pulses
 from wavesim.readings.pulse.measurement import measure as measure_pulses
-from wavesim.readings.pulse.reading import read_one as read_transmission
+from wavesim.readings.pulse.one_receiver import read_one as read_transmission
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.records.arrays import Layout

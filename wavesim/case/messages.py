@@ -19,6 +19,7 @@ _PLAIN = {
     "finite_number": "must be finite",
     "greater_than": "must be greater than {gt:g}",
     "greater_than_equal": "must be {ge:g} or greater",
+    "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be {le:g} or less",
 }
 _LONGEST = 60

@@ -104,7 +104,7 @@ class DesignTable(Table):
     variables: list[VariableTable] = Field(default_factory=list)
     length_at_most: Positive | None = None
     thickness_at_least: Positive | None = None
-    tolerance: NotNegative = 0.01
+    tolerance: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.01
 
 
 HALF_SPACE = "half-space"

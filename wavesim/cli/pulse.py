@@ -210,7 +210,8 @@ def _readings(
 ) -> tuple[list[Any], Any]:
     import numpy as np
 
-    from wavesim.readings.pulse.reading import Wanted, read_one
+    from wavesim.readings.pulse.one_receiver import read_one
+    from wavesim.readings.pulse.reading import Wanted
     from wavesim.readings.pulse.reading import refused as refusal
     from wavesim.readings.pulse.series_reading import Series, law_of, read_series
     from wavesim.readings.pulse.signals import PulseError

@@ -20,6 +20,8 @@ _BEGINNING = 3
 # this part of the peak.
 _BRIDGED = 2
 _QUIET, _QUIET_PART = 6.0, 1e-4
+# More missing frames than this part are no small gap of a pulse test.
+_SMALL_GAP = 0.01
 # A line's waves are told apart by so many receivers.
 _FEWEST_ALONG = 5
 # So many frames at the end that are all alike are padding.
@@ -46,6 +48,31 @@ def for_k_at_frequency(record: Record) -> Record:
             "begin it before the source does (a pre-trigger), or give receivers farther away",
         )  # fmt: skip
     return unclipped(record)
+
+
+def for_waves_along_line(record: Record) -> Record:
+    """A line of receivers with small gaps bridged.
+
+    Raises:
+        RecordError: frames are missing all the same.
+    """
+    record = record.without_gaps()
+    if len(record.missing) and record.missing.any():
+        raise RecordError(
+            f"{record.missing.sum()} frames are missing: a line that waves leave needs them all; "
+            "fill them, or use the part before the first one"
+        )
+    return record
+
+
+def for_pulse_test(record: Record) -> None:
+    """Refuse a pulse test with more than a small gap."""
+    missing = record.missing
+    if len(missing) and missing.sum() > _SMALL_GAP * len(missing):
+        raise RecordError(
+            f"{missing.sum()} of {len(missing)} frames are missing; a pulse test needs them: "
+            "record again without the gap"
+        )
 
 
 def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:

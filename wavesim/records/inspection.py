@@ -14,7 +14,12 @@ from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quiet import fine_noise
 from wavesim.records.files import own_result, read
-from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
+from wavesim.records.fitness import (
+    for_frequency_at_k,
+    for_k_at_frequency,
+    for_pulse_test,
+    for_waves_along_line,
+)
 from wavesim.records.record import Record
 
 # Receivers along a line, below which waves at one frequency are not told apart.
@@ -154,6 +159,8 @@ def _usable(record: Record) -> tuple[dict[str, str], tuple[str, ...]]:
                     f"{len(record.x)} receivers: at least {_FEWEST_ON_LINE} are needed to tell "
                     "waves along a line apart"
                 )
+            if command == "dispersion" and not record.ring:
+                for_waves_along_line(record)
             needs()
         except RecordError as error:
             reasons[command] = str(error)
@@ -164,6 +171,14 @@ def _usable(record: Record) -> tuple[dict[str, str], tuple[str, ...]]:
         lacking.append("pulse")
         named = "" if record.input is not None else ", and --input if a column is what was sent"
         reasons["pulse"] = f"positions are not known: give --distance, from tip to tip{named}"
+        if len(record.x) > 1:
+            several = "where several columns are receivers of one test"
+            reasons["pulse"] += f"; {several}, --spacing or --positions X1,X2,…"
+    else:
+        try:
+            for_pulse_test(record)
+        except RecordError as error:
+            reasons["pulse"] = str(error)
     return reasons, tuple(lacking)
 
 

@@ -14,6 +14,7 @@ from wavesim.planewave.dispersion_relation import block_group_velocity, wave_spe
 from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
+from wavesim.records.fitness import for_pulse_test
 
 Float = NDArray[Any]
 
@@ -25,8 +26,6 @@ UNLIKE = (
 _PART_OF_RING = 0.4
 # A test that waves round the ring leave fewer frames of is none.
 _FEWEST_FRAMES = 32
-# More missing frames than this part are no small gap.
-_MOST_MISSING = 0.01
 
 
 @dataclass(frozen=True)
@@ -82,12 +81,11 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
     values, notes = record.values[0], record.notes
     missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
+    try:
+        for_pulse_test(record)
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from None
     if missing.any():
-        if missing.sum() > _MOST_MISSING * len(missing):
-            raise RecordError(
-                f"{path}: {missing.sum()} of {len(missing)} frames are missing; a pulse test needs "
-                "them: leave out what broke off, or record again"
-            )
         own = np.flatnonzero(~missing)
         values = np.stack([np.interp(np.arange(len(missing)), own, u[own]) for u in values.T], 1)
         notes = (*notes, f"{missing.sum()} missing frames bridged by straight lines")

@@ -311,7 +311,7 @@ def record(
         values, x, channels = values[..., alive], x[alive], channels.take(alive)
     quiet = np.zeros(values.shape[1:], bool)
     if not trusted:
-        values, resting = levels(values, t, x, channels.labels, channels.quantum, found)
+        values, resting = levels(values, t, x, channels.labels, channels.quantum, ring, found)
         quiet = np.logical_and.reduce([one.mask for one in resting])
     values, missing, broken = bridged(values, t, x, channels.labels, quiet, found)
     whole = values.copy() if broken.any() else None

@@ -121,12 +121,16 @@ def parsed(text: str) -> Axis:
     key, parts = key.strip(), [part.strip() for part in rest.split(":")]
     if not equals or not all(key.split(".")) or len(parts) not in (2, 3):
         raise SweepError(f"--vary {text}: must be {_FORM}")
+    if "*" in key:
+        raise SweepError(
+            f"--vary {text}: * stands for all layers in [[design.variables]] alone; name one number"
+        )
     low, high = (
         _number(text, name, part) for name, part in zip(("FROM", "TO"), parts, strict=False)
     )
     count = 0
     if len(parts) == 3:
-        if not parts[2].isdigit() or int(parts[2]) < 1:
+        if not parts[2].isdecimal() or int(parts[2]) < 1:
             raise SweepError(f"--vary {text}: N = {parts[2]}: must be a whole number, 1 or greater")
         count = int(parts[2])
     if low > high or (low == high and count != 1) or (count == 1 and low != high):

@@ -21,6 +21,8 @@ _ERRORS = 4.0
 # A straight mode points to a multiple of 2π/d to this part of it.
 _NEAR = 0.08
 _FEWEST = 3
+# Points of a mode, at least, that is believed beside others that are folded.
+_FEW = 5
 
 
 def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
@@ -70,7 +72,28 @@ def points_to_zero(k: Float, omega: Float, gap: float) -> bool:
     return bool(abs(offset) + blur < _TO_ZERO * 2 * np.pi / gap)
 
 
-def folded_in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
+def folded_branches(branch: NDArray[Any], k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
+    """Points of branches whose Re k has run through ±π/d, shape (m,).
+
+    Args:
+        branch: of each point, joined by |k|, −1 for none, shape (m,).
+        k, omega, gap: as of :func:`is_folded`, in any order.
+    """
+    folded = np.zeros(len(k), bool)
+    own = [np.flatnonzero(branch == number) for number in np.unique(branch[branch >= 0])]
+    for at in own:
+        at = at[np.argsort(omega[at])]
+        folded[at] = _in_pieces(k[at], omega[at], gap)
+    # A few points by themselves are no mode that is not, where many others are.
+    found = int(folded.sum())
+    for at in own:
+        left = int((~folded[at]).sum())
+        if left < _FEW and 2 * left < found:
+            folded[at] = True
+    return folded
+
+
+def _in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
     """Where a branch joined by |k| is folded: each run of one sign is looked at by itself.
 
     Args:

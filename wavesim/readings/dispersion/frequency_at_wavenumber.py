@@ -150,7 +150,7 @@ def in_time(
         if missing is None and (record.leak.any() or record.quantum.any()):
             # By the window that inversion looks through, so that no side lobe is a wave.
             heights, per_bin = power(channels, hann)
-            leaks = _leaks(record, heights, per_bin, first)
+            leaks = _leaks(record, heights, per_bin, first, hann)
         above = leaks if leaks.any() else None
         found = invert(channels, record.interval, most, dynamic_range, damped, missing, above)
         return found, leaks, per_bin
@@ -326,7 +326,13 @@ def power(channels: Float, shape: Callable[[int], Float] = blackman_harris) -> t
     return total, 2 * np.pi / padded
 
 
-def _leaks(record: Record, heights: Float, per_bin: float, first: int = 1) -> Float:
+def _leaks(
+    record: Record,
+    heights: Float,
+    per_bin: float,
+    first: int = 1,
+    shape: Callable[[int], Float] = blackman_harris,
+) -> Float:
     """Power below which a peak may be none of its wavenumber's waves, shape (n, nω).
 
     It is another wavenumber's, where receivers differ, or of a digitiser: of a signal that repeats
@@ -334,7 +340,12 @@ def _leaks(record: Record, heights: Float, per_bin: float, first: int = 1) -> Fl
     lines at all wavenumbers, of the power q²/12 together.
     """
     density = 2 * np.pi / per_bin / len(record.t)
-    leaks = leakage_of_gains(heights, record.leak, density, first)
+    if first == 1 and record.leak.any():
+        # A hum that all hear alike is at k = 0.
+        alike, _ = power(record.values.mean(axis=2)[None], shape)
+        leaks = leakage_of_gains(np.concatenate([alike, heights]), record.leak, density, 0)[1:]
+    else:
+        leaks = leakage_of_gains(heights, record.leak, density, first)
     steps = record.quantum
     if steps.any() and record.noise < _HIDES * float(np.median(steps[steps > 0])):
         leaks = np.maximum(leaks, 2 * float(np.sum(steps**2)) / 12 / len(record.x) ** 2)

@@ -152,16 +152,20 @@ def fit_line(
 
 def _refined(data: Complex, x: Float, used: Any, k: Complex, both: bool) -> Complex:
     length = float(x[-1] - x[0])
-    k = np.where(np.isfinite(k), k, 1 / length)
+    found = np.where(np.isfinite(k), k, 1 / length).astype(complex)
+    going = np.arange(len(found))
     for _ in range(_STEPS):
-        step = _evaluate(data, x, used, k, both).step
+        k = found[going]
+        step = _evaluate(data[going], x, used[going], k, both).step
         size = np.abs(step)
         most = np.maximum(0.3 / length, 0.1 * np.abs(k))
         k = k + step * np.minimum(1, most / np.maximum(size, 1e-290))
         k = k.real + 1j * np.clip(k.imag, 0 if both else -600 / length, 600 / length)
-        if (size <= 1e-14 * np.abs(k)).all():
+        found[going] = k
+        going = going[~(size <= 1e-14 * np.abs(k)).all(axis=1)]
+        if not len(going):
             break
-    return np.asarray(k)
+    return found
 
 
 def _folded(k: Complex, x: Float) -> Complex:

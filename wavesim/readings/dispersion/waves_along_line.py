@@ -19,6 +19,7 @@ from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, is_folded, points_to_zero
 from wavesim.readings.dispersion.hidden_mode import worth
 from wavesim.readings.dispersion.points import ALONE, CUT, BranchPoints
+from wavesim.records.fitness import for_waves_along_line
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -66,13 +67,7 @@ def along_line(
     Raises:
         RecordError: frames are missing, or fewer than five receivers stand on one side of sources.
     """
-    record = record.without_gaps()
-    if len(record.missing) and record.missing.any():
-        raise RecordError(
-            f"{record.missing.sum()} frames are missing: a line that waves leave needs them all; "
-            "fill them, or use the part before the first one"
-        )
-    record = one_side(record)
+    record = one_side(for_waves_along_line(record))
     values, x = record.values[0], record.x
     top = _NYQUIST * np.pi / record.interval
     quantum = record.quantum if len(record.quantum) else 0.0

@@ -196,7 +196,7 @@ def read_array(
         notes.insert(0, why)
     elif overlap:
         notes.append(overlap)
-    best = _best(result, bool(overlap), notes)
+    best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)
     notes += _dispersion(result)

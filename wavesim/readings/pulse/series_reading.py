@@ -8,32 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.left_open import hidden, in_crosstalk, left_open, open_between, ringing
+from wavesim.readings.pulse.one_receiver import settled, slow_pair, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
-from wavesim.readings.pulse.reading import (
-    NOTHING,
-    OF_ONE,
-    UNKNOWN,
-    Reading,
-    Wanted,
-    hidden,
-    in_crosstalk,
-    judged,
-    left_open,
-    refused,
-    settled,
-    slow_pair,
-    spanned,
-)
+from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted, judged, spanned
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
     STRESS_POWER,
     Followed,
     clearest,
     follow,
+    static_until,
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, static_until
-from wavesim.readings.pulse.travel_time import TravelTime, open_between, ringing
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
@@ -115,10 +104,7 @@ def read_series(
     own, waves = _direct_of_each(records, heard, p, foreseen, grows, delay, L, wanted)
     reference = clearest(records, heard, own)
     if reference is None:
-        none = [
-            replace(refused(one.name, "receiver", float(d), NOTHING), record=one, notes=one.notes)
-            for one, d in zip(records, L, strict=True)
-        ]
+        none = [unheard(one, float(d)) for one, d in zip(records, L, strict=True)]
         return none, Series(parameter, p, None)
     begun = np.array([
         np.nan if k is None else one[k].begins - delay for one, k in zip(heard, own, strict=True)

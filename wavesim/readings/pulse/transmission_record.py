@@ -7,7 +7,6 @@ is what changes more slowly than any wave of the pulse.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import crosstalk, faults
+from wavesim.readings.pulse.central_band import band_about, central_period, sent_period
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import CLIPPED, PulseError, checked, even_time_axis
 
@@ -25,7 +25,7 @@ Float = NDArray[Any]
 _SENT = 0.03
 # Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
 # within that part of a period after the start.
-_HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
+HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
 # Crosstalk is over where it has fallen to this part of its peak, and after 1.5 lengths of what was
 # sent at the latest.
 _OVER = 0.1
@@ -40,8 +40,6 @@ _COVERED, _AT_END = 0.45, 0.25
 # A wave on crosstalk that explains itself no further is so many times as large.
 _WAVE = 1.5
 _LENGTHS = 1.5
-# The band about the central frequency, over and in multiples of it.
-_LOW, _HIGH = 5.0, 8.0
 _FEWEST_BEFORE, _FEWEST_AFTER = 16, 64
 # Samples a period: from which on they stay, up to which they are too few, as made of them, and from
 # which on that needs no word.
@@ -248,8 +246,10 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     """Without crosstalk and creep."""
     t, raw, dt = found.t, found.raw, found.interval
     _check_length(found, found.start + _LENGTHS * found.length)
-    rough = _sent_period(found) or _central_period(found, found.start + _LENGTHS * found.length)
-    band = _band(raw, dt, rough)
+    rough = sent_period(found.sent, dt) or _central_period(
+        found, raw, found.start + _LENGTHS * found.length
+    )
+    band = band_about(raw, dt, rough)
     size = envelope(band)
     quiet = band[: int(np.searchsorted(t, found.start - 0.25 * rough))]
     noise = float(np.std(quiet)) if len(quiet) >= _FEWEST_BEFORE else 0.0
@@ -257,14 +257,14 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     inside = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part, unended = found.start, 0.0, False
-    heard = max(_HEARD * noise, _LEAST * float(size.max()))
+    heard = max(HEARD * noise, _LEAST * float(size.max()))
     if found.start > t[0] and peak > heard and _at_once(raw, inside, dt, rough) > heard:
         part = peak
         own = None
         if found.sent is not None:
             own = crosstalk.modelled(
                 t, found.sent, raw, found.start, found.length, rough, noise,
-                lambda row: _band(row, dt, rough),
+                lambda row: band_about(row, dt, rough),
             )  # fmt: skip
         until = None
         if own is not None and _follows_crosstalk(found, size, rough, own[1]):
@@ -272,7 +272,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
         if own is not None:
             until = found.start + own[1]
             found = replace(found, raw=raw - own[0], crosstalk_taken=own[0])
-            size = envelope(_band(found.raw, dt, rough))
+            size = envelope(band_about(found.raw, dt, rough))
         blank, unended = _over(found, size, peak, rough, noise, until)
     return blanked(replace(found, crosstalk=part, period=rough, unended=unended), blank)
 
@@ -292,7 +292,7 @@ def _at_once(raw: Float, inside: NDArray[np.bool_], dt: float, period: float) ->
     end = int(np.flatnonzero(inside)[-1]) + 1
     held = raw.copy()
     held[end:] = raw[end - max(1, int(0.05 * period / dt)) : end].mean()
-    return float(envelope(_band(held, dt, period))[inside].max())
+    return float(envelope(band_about(held, dt, period))[inside].max())
 
 
 def _over(
@@ -343,21 +343,25 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     level = float(np.median(u[first : first + max(3, int(0.2 * found.period / dt))]))
     if first > early:
         u[early:first] = np.linspace(0.0, level, first - early)
-    period = _central_period(replace(found, raw=u), blank)
-    got = _band(u, dt, period)
+    period = _central_period(found, u, blank)
+    got = band_about(u, dt, period)
     quiet = got[: max(0, early - int(0.25 * period / dt))].copy()
     got[:first] = 0.0
     largest = float(np.abs(got).max() or 1.0)
     part = found.crosstalk / largest if found.crosstalk else 0.0
     covered = False
     if part:
-        size = envelope(_band(found.raw, dt, period))[first:]
+        size = envelope(band_about(found.raw, dt, period))[first:]
         at_end = size[: max(1, int(_AT_END * period / dt))]
         covered = float(at_end.min()) > _COVERED * float(size.max())
     return replace(
         found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period,
         covered=covered,
     )  # fmt: skip
+
+
+def _central_period(found: TransmissionRecord, raw: Float, after: float) -> float:
+    return central_period(found.t, raw, found.sent, found.length, after)
 
 
 def _check_length(found: TransmissionRecord, after: float) -> None:
@@ -367,72 +371,3 @@ def _check_length(found: TransmissionRecord, after: float) -> None:
             f"only {count} samples follow what was sent, at least {_FEWEST_AFTER} are needed: "
             "record longer, or look whether --input is the transmitter's column"
         )
-
-
-def _band(u: Float, dt: float, period: float) -> Float:
-    """A fifth to four times the central frequency, by a filter that shifts no phase."""
-    from scipy.signal import butter, sosfiltfilt  # slow to import, and only a reading needs it
-
-    top = min(_HIGH / period, 0.45 / dt)
-    low = 1 / (_LOW * period)
-    if not low < top:
-        raise PulseError("its signal has no period that the times can show: look at both columns")
-    edge = butter(2, [low, top], "bandpass", fs=1 / dt, output="sos")
-    # The base is continued as it stands at both ends.
-    pad = min(len(u) - 1, int(3 / (low * dt)))
-    return np.asarray(sosfiltfilt(edge, u, padtype="odd", padlen=pad))
-
-
-def _central_period(found: TransmissionRecord, after: float) -> float:
-    """1/f of the mean of the power over frequency after a time, where that stands above noise.
-
-    Power is weighted by f, so that a creeping base does not count, and noise is the level of the
-    highest frequencies.
-    """
-    t, dt = found.t, found.interval
-    u = found.raw[t >= after]
-    u = u - np.linspace(u[0], u[-1], len(u))
-    f = np.fft.rfftfreq(len(u), dt)
-    power = np.abs(np.fft.rfft(u * np.hanning(len(u)))) ** 2
-    smooth = np.convolve(power, np.ones(5) / 5, "same")
-    level = float(np.median(power[len(power) // 2 :])) / np.log(2)
-    own = (f > 4 / (len(u) * dt)) & (smooth > 10 * level) & (f < 0.4 / dt)
-    weight = np.where(own, power * f, 0.0)
-    if found.sent is not None:
-        sent = np.abs(np.fft.rfft(np.gradient(found.sent), len(found.sent))) ** 2
-        fs = np.fft.rfftfreq(len(found.sent), dt)
-        # Nothing comes through at frequencies far above those sent.
-        weight *= f < 3 * float(np.sum(fs * sent) / np.sum(sent))
-    if not weight.sum() > 0:
-        return max(found.length, 20 * dt)
-    centre = float(np.sum(f * weight) / weight.sum())
-    return float(np.clip(1 / centre, 4 * dt, 0.2 * len(t) * dt))
-
-
-def _sent_period(found: TransmissionRecord) -> float:
-    """1/f of the mean of the power sent; 0 where none was recorded, or it does not end."""
-    if found.sent is None or is_step(found.sent):
-        return 0.0
-    power = np.abs(np.fft.rfft(found.sent)) ** 2
-    f = np.fft.rfftfreq(len(found.sent), found.interval)
-    return max(float(power.sum() / np.sum(f * power)), 4 * found.interval)
-
-
-def is_step(sent: Float) -> bool:
-    """Whether what is sent stays."""
-    return abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())
-
-
-def static_until(records: Sequence[TransmissionRecord]) -> float:
-    """Time after the start up to which all records hold the same crosstalk, s.
-
-    Args:
-        records: of one set-up and several states, three or more.
-    """
-    least = min(len(r.t[r.t >= r.start]) for r in records)
-    dt = max(r.interval for r in records)
-    after = np.arange(least - 1) * dt
-    rows = [np.interp(r.start + after, r.t, r.raw) for r in records]
-    period = float(np.median([r.period for r in records]))
-    noise = float(np.nan_to_num(np.median([r.noise for r in records])))
-    return crosstalk.static_until(rows, dt, period, noise, _HEARD)

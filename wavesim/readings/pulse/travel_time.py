@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
+from wavesim.readings.pulse.central_band import is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked, is_step
+from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
 from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
 from wavesim.simulation.bandlimited import cross_correlation
 
@@ -34,18 +35,6 @@ _ABOUT = (0.8, 0.5)
 _PACKET = (0.5, 2.0)
 # A convention that lies further off than this, in periods, does not tell of the direct wave.
 _ELSEWHERE = 0.6
-_FURTHEST = 0.7
-# Another lag with this part of the largest correlation is a second cycle.
-_SECOND = 0.9
-# What takes longer than this to rise, in periods, has no first cycle that stands out.
-_SLOW = 0.45
-# A step's near field begins this far ahead of its wave, in periods, as one standard error.
-_OF_A_STEP = 0.6
-# Transducers that ring delay what they pass on, in periods.
-_DELAY = 0.14
-# They ring where what is heard rises more slowly than what was sent by so many periods, and by the
-# first of them if it falls more slowly too; they may be unheard for this part of that.
-_RINGS, _RINGS_ON, _NOT_HEARD = (0.25, 0.45), 0.7, 1.1
 NOTHING_ALIKE = "nothing in common with what was sent near the break"
 NOT_SENT = "what was sent was not recorded: name its column with --input"
 STEP = "what was sent is a step, not a pulse: it has no such time"
@@ -121,72 +110,6 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     first = found["first break"].time
     # A convention that tells nothing here is put right by what the first break tells.
     return {name: one.time if np.isfinite(one.time) else first for name, one in found.items()}
-
-
-def open_between(found: Mapping[str, TravelTime], time: float, period: float) -> float:
-    """What the conventions leave open about a time, as one standard error, s.
-
-    Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
-    1.2 times that; an eighth of a period more where only one or two tell; half of one where others
-    were read and none bears it out.
-    """
-    known = [one.time for one in found.values() if np.isfinite(one.time)]
-    if len(known) < 2:
-        alone = sum(one.reason in (ELSEWHERE, NOTHING_ALIKE) for one in found.values()) > 1
-        return period / 2 if alone else period / 8
-    apart = _FURTHEST * float(np.abs(np.array(known) - time).max())
-    return apart if len(known) > 2 else float(np.hypot(apart, period / 8))
-
-
-def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> float:
-    """What transducers that ring, and cables, may delay all conventions by, where nothing is known
-    of it, as one standard error, s."""
-    return 0.0 if delays else _DELAY * record.period
-
-
-def ringing(record: TransmissionRecord, own_top: float, delays: Mapping[str, float]) -> float:
-    """What transducers leave open that ring on after a packet whose top is at a time, where nothing
-    is known of their delay, as one standard error, s: they take as long to be heard as they rise
-    more slowly than what was sent."""
-    if record.sent is None or is_step(record.sent) or delays:
-        return 0.0
-    at = round((own_top + record.start - record.t[0]) / record.interval)
-    heard, sent = _about_top(envelope(record.got), at), _about_top(envelope(record.sent))
-    rise, fall = ((heard[i] - sent[i]) * record.interval for i in (0, 1))
-    least = _RINGS[0] if fall > _RINGS_ON * record.period else _RINGS[1]
-    return _NOT_HEARD * rise if rise > least * record.period else 0.0
-
-
-def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
-    """Samples in which an envelope rises from half of a top of it, and falls to half."""
-    at = int(np.argmax(size)) if at is None else at
-    below = size < size[at] / 2
-    before, after = np.flatnonzero(below[:at]), np.flatnonzero(below[at:])
-    return (at - int(before[-1]) if len(before) else at), (
-        int(after[0]) if len(after) else len(size) - at
-    )
-
-
-def slow_rise(record: TransmissionRecord) -> float:
-    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
-    field runs into its wave; 0 of what does neither."""
-    if record.sent is not None and is_step(record.sent):
-        return _OF_A_STEP * record.period
-    return record.period if record.rise > _SLOW * record.period else 0.0
-
-
-def second_cycle(record: TransmissionRecord, begins: float) -> float:
-    """How far from the best lag another lies that correlates as well, s; NaN where none does."""
-    if record.sent is None or is_step(record.sent):
-        return float("nan")
-    lags, c = _correlations(record, record.sent, begins)
-    size = np.abs(c)
-    best = int(np.argmax(size))
-    tops = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
-    other = [i for i in tops if i != best and c[i] * c[best] > 0 and size[i] > _SECOND * size[best]]
-    if not other:
-        return float("nan")
-    return float(min(abs(lags[i] - lags[best]) for i in other))
 
 
 def _window(record: TransmissionRecord, begins: float, before: float, after: float) -> slice:
@@ -271,7 +194,7 @@ def top_of(size: Float, at: int) -> float:
 
 
 def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> TravelTime:
-    lags, c = _correlations(record, sent, begins)
+    lags, c = correlations(record, sent, begins)
     # A later packet may be larger: the first top of the correlation's envelope counts.
     first = _first_top(envelope(c))
     reach = 0.3 * record.period / record.interval
@@ -287,7 +210,7 @@ def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> Trav
     return TravelTime(float(time), min(float(error), 0.5) * record.interval)
 
 
-def _correlations(record: TransmissionRecord, sent: Float, begins: float) -> tuple[Float, Float]:
+def correlations(record: TransmissionRecord, sent: Float, begins: float) -> tuple[Float, Float]:
     """Lags about the direct wave, s, and the correlation of its packet with what was sent."""
     own = _packet(record, begins)
     packet = np.zeros(len(record.t))

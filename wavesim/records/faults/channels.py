@@ -303,9 +303,9 @@ def _delays(phase: Float, omega: Float) -> Float:
     reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
     tau = np.arange(-min(200.0, np.floor(reach / step)), min(200.0, np.floor(reach / step)) + 1)
     tau = tau * step
-    match = np.abs(np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau)))
-    near = np.real(np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau)))
-    found = tau[np.argmax(near + 1e-3 * match - 1e-3 * len(omega) * np.abs(tau) / tau[-1], axis=1)]
+    match = np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau))
+    worth = match.real + 1e-3 * np.abs(match) - 1e-3 * len(omega) * np.abs(tau) / tau[-1]
+    found = tau[np.argmax(worth, axis=1)]
     left = np.angle(np.exp(1j * (phase - omega[:, None] * found)))
     return np.asarray(found + (omega[:, None] * left).sum(axis=0) / np.sum(omega**2))
 

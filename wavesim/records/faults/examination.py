@@ -92,12 +92,17 @@ def levels(
     x: Float,
     labels: tuple[str, ...],
     quantum: Float,
+    ring: bool,
     found: list[Finding],
 ) -> tuple[Float, list[Rest]]:
-    """Offset, drift and hum taken out; where each channel is at rest."""
+    """Offset, drift and hum taken out; where each channel is at rest.
+
+    Waves round a ring are steady tones, as a hum is, which all hear alike there: at k = 0.
+    """
     resting = []
     for c in range(len(values)):
-        values[c] = without_early_hum(values[c], t, x, labels, found)
+        if not ring:
+            values[c] = without_early_hum(values[c], t, x, labels, found)
         own = rest(values[c], quantum)
         before = len(found)
         values[c] = without_baseline(values[c], t, x, labels, quantum, own, found)

@@ -51,6 +51,9 @@ _LESS = 0.8
 _ROUNDS, _STEPS = 12, 60
 # Before anything is known receivers may be off by so much, and no receiver by so many spacings.
 _WIDEST, _FARTHEST = 0.3, 0.3
+# What varies but once round a ring is known so much worse: waves of neighbouring wavenumbers, which
+# it mixes, overlap in frequency.
+_ONCE_ROUND = 10.0
 # What is left above so many times the noise is the receivers' own.
 _NOISY = 2.0
 # A gain that is −1 to within this is a polarity.
@@ -152,6 +155,7 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
         about = precision + nx / (spread**2 * _unit(now, omega))[:, None]
         left = np.sum(1 / about[kinds], axis=0)
         left[0] = 0  # common to all, it leaks nothing
+        left[[1, -1]] *= _ONCE_ROUND
     return Gains(1 + off[0], off[1], off[2], odd, alone, left)
 
 

@@ -30,6 +30,14 @@ _TAIL = 1.6
 # Rounding is a noise too, of this part of the peak.
 _ROUNDING = 1e-9
 
+# Part of the frames at rest that is worth leaving out.
+_WORTH_CUTTING = 0.1
+# A signal is seen from these parts of its peak on, and began so many times as long before as it
+# takes to the second ones; noise is within so many of its deviations.
+_FEET, _RISES, _WITHIN = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
+# Parts of so many frames that are louder by so many deviations than what is before are a foot.
+_PART_AT_REST, _LOUDER = 16, 2.0
+
 
 @dataclass(frozen=True)
 class Rest:
@@ -148,3 +156,36 @@ def _last(v: Float, spread: float, width: int, least: float) -> int:
         stop -= width
     # A signal fades: leave out as much again as a quarter of what is quiet.
     return stop + (len(v) - stop) // 4
+
+
+def frames_at_rest(values: Float) -> int:
+    """How many frames of u (nt, nx) are before anything stands out of its noise, less a margin."""
+    count = len(values)
+    peaks = np.abs(values).max(axis=0)
+
+    def reached(part: float) -> int:
+        return int((np.abs(values) > part * peaks).any(axis=1).argmax())
+
+    for part, later in _FEET:
+        first = reached(part)
+        # A signal that rises slowly begins long before it is seen.
+        cut = first - max(8, first // 8, _RISES * (reached(later) - first))
+        if not _WORTH_CUTTING * count < cut < count // 2:
+            continue
+        before, head = values[:cut], values[: cut // 2]
+        size = np.abs(before - head.mean(axis=0)).max(axis=0)
+        # A signal's foot is no noise: it is all at the end.
+        if (size <= _WITHIN * head.std(axis=0) + 1e-12 * peaks).all():
+            return _before_foot(values, cut) if cut > 2 * _PART_AT_REST else cut
+    return 0
+
+
+def _before_foot(values: Float, cut: int) -> int:
+    """Frames before a signal that rises out of the noise: parts at the end louder than the rest."""
+    part, low = max(_PART_AT_REST, cut // 8), cut
+    size = (values[:cut] - values[: cut // 2].mean(axis=0)) ** 2
+    size = size.mean(axis=1) / max(float(size[: cut // 2].mean()), 1e-290)
+    chance = _LOUDER * np.sqrt(2 / (part * values.shape[1]))
+    while low >= cut // 4 and size[low - part : low].mean() > 1 + chance:
+        low -= part
+    return low if low == cut else max(0, low - part)

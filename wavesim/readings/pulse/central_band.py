@@ -1,0 +1,71 @@
+"""The central frequency of what came through, and the band about it that counts as signal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.signals import PulseError
+
+Float = NDArray[Any]
+
+# The band about the central frequency, over and in multiples of it.
+_LOW, _HIGH = 5.0, 8.0
+
+
+def band_about(u: Float, dt: float, period: float) -> Float:
+    """A fifth to four times the central frequency, by a filter that shifts no phase."""
+    from scipy.signal import butter, sosfiltfilt  # slow to import, and only a reading needs it
+
+    top = min(_HIGH / period, 0.45 / dt)
+    low = 1 / (_LOW * period)
+    if not low < top:
+        raise PulseError("its signal has no period that the times can show: look at both columns")
+    edge = butter(2, [low, top], "bandpass", fs=1 / dt, output="sos")
+    # The base is continued as it stands at both ends.
+    pad = min(len(u) - 1, int(3 / (low * dt)))
+    return np.asarray(sosfiltfilt(edge, u, padtype="odd", padlen=pad))
+
+
+def central_period(
+    t: Float, raw: Float, sent: Float | None, otherwise: float, after: float
+) -> float:
+    """1/f of the mean of the power over frequency after a time, where that stands above noise.
+
+    Power is weighted by f, so that a creeping base does not count, and noise is the level of the
+    highest frequencies.
+    """
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+    u = raw[t >= after]
+    u = u - np.linspace(u[0], u[-1], len(u))
+    f = np.fft.rfftfreq(len(u), dt)
+    power = np.abs(np.fft.rfft(u * np.hanning(len(u)))) ** 2
+    smooth = np.convolve(power, np.ones(5) / 5, "same")
+    level = float(np.median(power[len(power) // 2 :])) / np.log(2)
+    own = (f > 4 / (len(u) * dt)) & (smooth > 10 * level) & (f < 0.4 / dt)
+    weight = np.where(own, power * f, 0.0)
+    if sent is not None:
+        power_sent = np.abs(np.fft.rfft(np.gradient(sent), len(sent))) ** 2
+        fs = np.fft.rfftfreq(len(sent), dt)
+        # Nothing comes through at frequencies far above those sent.
+        weight *= f < 3 * float(np.sum(fs * power_sent) / np.sum(power_sent))
+    if not weight.sum() > 0:
+        return max(otherwise, 20 * dt)
+    centre = float(np.sum(f * weight) / weight.sum())
+    return float(np.clip(1 / centre, 4 * dt, 0.2 * len(t) * dt))
+
+
+def sent_period(sent: Float | None, interval: float) -> float:
+    """1/f of the mean of the power sent; 0 where none was recorded, or it does not end."""
+    if sent is None or is_step(sent):
+        return 0.0
+    power = np.abs(np.fft.rfft(sent)) ** 2
+    f = np.fft.rfftfreq(len(sent), interval)
+    return max(float(power.sum() / np.sum(f * power)), 4 * interval)
+
+
+def is_step(sent: Float) -> bool:
+    """Whether what is sent stays."""
+    return abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())

@@ -1,0 +1,180 @@
+"""What a record of one receiver leaves open of a time, beside its noise, as standard errors.
+
+A wave may have begun in crosstalk, or in the tail of one ahead of it; what was sent may rise
+slowly; transducers ring and delay; conventions are apart; two cycles may be as likely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.central_band import is_step
+from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.reading import SPANS
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
+from wavesim.readings.pulse.travel_time import ELSEWHERE, NOTHING_ALIKE, TravelTime, correlations
+from wavesim.readings.pulse.wave_packets import Packet, begun_before, nearest, rises
+
+Float = NDArray[Any]
+
+# Of the distance to the convention that lies furthest this part is a standard error.
+_FURTHEST = 0.7
+# Another lag with this part of the largest correlation is a second cycle.
+_SECOND = 0.9
+# What takes longer than this to rise, in periods, has no first cycle that stands out.
+_SLOW = 0.45
+# A step's near field begins this far ahead of its wave, in periods, as one standard error.
+_OF_A_STEP = 0.6
+# Transducers that ring delay what they pass on, in periods.
+_DELAY = 0.14
+# They ring where what is heard rises more slowly than what was sent by so many periods, and by the
+# first of them if it falls more slowly too; they may be unheard for this part of that.
+_RINGS, _RINGS_ON, _NOT_HEARD = (0.25, 0.45), 0.7, 1.1
+# A wave that breaks within this part of a period after the crosstalk is hidden by it.
+# … and up to here it may have begun in crosstalk that had not ended, by so much.
+_HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
+# A wave of this part of the next one's size, over for no more than so many periods as that breaks,
+# may cover its break by such a part of one.
+_COVERS, _LEAVES, _COVERED = 0.3, 1.2, 0.35
+
+SLOW = (
+    "what was sent takes about half a period or more to rise, so that its first cycle does not "
+    "stand out; the error holds one cycle either way: a pulse that begins at once would tell it"
+)
+STEP = (
+    "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
+    "sine would tell them apart"
+)
+EARLIER = (
+    "it may have begun within the crosstalk or a wave ahead of it; the error holds that: a shorter "
+    "pulse would part them"
+)
+RINGING = (
+    "the transducers ring, so that the first cycles may not be seen; the error holds that: "
+    "--face-to-face tells their delay, and a pulse further from their resonance has less of it"
+)
+
+
+def left_open(
+    record: TransmissionRecord,
+    heard: Sequence[Packet],
+    begins: float,
+    delays: Mapping[str, float],
+) -> list[tuple[float, str]]:
+    """What a record leaves open of a direct wave that seems to break at a time after the start, as
+    standard errors, s, each with a note or ""."""
+    slow = STEP if record.sent is not None and is_step(record.sent) else SLOW
+    own = nearest(heard, begins)
+    parts = [
+        (unknown_delay(record, delays), ""),
+        (ringing(record, own.top, delays) if own else 0.0, RINGING),
+        (begun_earlier(record, heard, begins), EARLIER),
+        (slow_rise(record), slow),
+    ]
+    return [one for one in parts if one[0] > 0]
+
+
+def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: float) -> float:
+    """What a direct wave leaves open that may have begun within a wave ahead of it, or in crosstalk
+    that had not ended where it was cut, as one standard error, s."""
+    early = 0.0
+    own = next((one for one in heard if one.begins <= begins <= one.top), None)
+    if own is not None and begun_before(own, record):
+        early = begins - max(rises(own, record), record.blank - record.start)
+    # What such a wave leaves behind covers the break.
+    covers = (
+        own is not None and one.top < begins < one.top + _LEAVES * record.period
+        and one.size >= _COVERS * own.size
+        for one in heard
+    )  # fmt: skip
+    if any(covers):
+        early = max(early, _COVERED * record.period)
+    after = begins + record.start - record.blank
+    if record.unended and after < _NEAR_UNENDED * record.period:
+        early = max(early, after + _WITHIN * record.period)
+    return SPANS * early
+
+
+def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
+    """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
+    return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
+
+
+def hidden(record: TransmissionRecord) -> str:
+    until = record.blank - record.start
+    if record.crosstalk:
+        return (
+            f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
+            "shield the transducers, or take a longer specimen"
+        )
+    return "it would arrive as what was sent begins: is --input the right column?"
+
+
+def open_between(found: Mapping[str, TravelTime], time: float, period: float) -> float:
+    """What the conventions leave open about a time, as one standard error, s.
+
+    Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
+    1.2 times that; an eighth of a period more where only one or two tell; half of one where others
+    were read and none bears it out.
+    """
+    known = [one.time for one in found.values() if np.isfinite(one.time)]
+    if len(known) < 2:
+        alone = sum(one.reason in (ELSEWHERE, NOTHING_ALIKE) for one in found.values()) > 1
+        return period / 2 if alone else period / 8
+    apart = _FURTHEST * float(np.abs(np.array(known) - time).max())
+    return apart if len(known) > 2 else float(np.hypot(apart, period / 8))
+
+
+def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> float:
+    """What transducers that ring, and cables, may delay all conventions by, where nothing is known
+    of it, as one standard error, s."""
+    return 0.0 if delays else _DELAY * record.period
+
+
+def ringing(record: TransmissionRecord, own_top: float, delays: Mapping[str, float]) -> float:
+    """What transducers leave open that ring on after a packet whose top is at a time, where nothing
+    is known of their delay, as one standard error, s: they take as long to be heard as they rise
+    more slowly than what was sent."""
+    if record.sent is None or is_step(record.sent) or delays:
+        return 0.0
+    at = round((own_top + record.start - record.t[0]) / record.interval)
+    heard, sent = _about_top(envelope(record.got), at), _about_top(envelope(record.sent))
+    rise, fall = ((heard[i] - sent[i]) * record.interval for i in (0, 1))
+    least = _RINGS[0] if fall > _RINGS_ON * record.period else _RINGS[1]
+    return _NOT_HEARD * rise if rise > least * record.period else 0.0
+
+
+def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
+    """Samples in which an envelope rises from half of a top of it, and falls to half."""
+    at = int(np.argmax(size)) if at is None else at
+    below = size < size[at] / 2
+    before, after = np.flatnonzero(below[:at]), np.flatnonzero(below[at:])
+    return (at - int(before[-1]) if len(before) else at), (
+        int(after[0]) if len(after) else len(size) - at
+    )
+
+
+def slow_rise(record: TransmissionRecord) -> float:
+    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
+    field runs into its wave; 0 of what does neither."""
+    if record.sent is not None and is_step(record.sent):
+        return _OF_A_STEP * record.period
+    return record.period if record.rise > _SLOW * record.period else 0.0
+
+
+def second_cycle(record: TransmissionRecord, begins: float) -> float:
+    """How far from the best lag another lies that correlates as well, s; NaN where none does."""
+    if record.sent is None or is_step(record.sent):
+        return float("nan")
+    lags, c = correlations(record, record.sent, begins)
+    size = np.abs(c)
+    best = int(np.argmax(size))
+    tops = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
+    other = [i for i in tops if i != best and c[i] * c[best] > 0 and size[i] > _SECOND * size[best]]
+    if not other:
+        return float("nan")
+    return float(min(abs(lags[i] - lags[best]) for i in other))
