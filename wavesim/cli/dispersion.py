@@ -269,7 +269,7 @@ def _show_branches(shown: Any, points: Any) -> None:
         text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
                 f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
                 " of ω")  # fmt: skip
-        shown.print(f"  branch {branch + 1}: {len(own)} points, {text}")
+        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {text}")
 
 
 def _decays(own: Any) -> Any:

@@ -95,7 +95,8 @@ def dispersion(
         sure = method == "harmonic" or (method == "auto" and chosen_method(quiet) == "harmonic")
         origin = replace(origin, record=for_frequency_at_k(origin.record, sure))
         points = in_time(origin.record, highest, method, **own)
-        points = points if origin.medium is not None else _plausible(points)
+        if origin.medium is None:
+            _check_speeds(points)
         matched = None
         if origin.theory is not None and unit is not None and origin.block is not None:
             exact, grid = origin.theory
@@ -161,7 +162,8 @@ def attenuation(
         points = in_space(
             record, omega, damping, pairs, component, keep, spreading=KINDS[spreading]
         )
-        points = points if medium is not None else _plausible(points)
+        if medium is None:
+            _check_speeds(points)
         matched = None
         if origin.theory is not None:
             matched = match_in_space(points, *origin.theory)
@@ -180,14 +182,11 @@ def _excited(record: Record) -> tuple[float, float]:
     return low, max(min(high, 0.8 * np.pi / record.interval), low)
 
 
-def _plausible(points: BranchPoints) -> BranchPoints:
-    """The points, unless all are faster, or all slower, than waves are."""
-    own = points.take(points.valid)
-    if not len(own):
-        return points
-    speed = own.phase_velocity
-    why = of_no_wave(float(speed.min()), float(speed.max()))
-    return points.refused(points.valid, why) if why else points
+def _check_speeds(points: BranchPoints) -> None:
+    """Refuse points that are all faster, or all slower, than waves are."""
+    speed = points.phase_velocity[points.valid]
+    if len(speed) and (why := of_no_wave(float(speed.min()), float(speed.max()))):
+        raise RecordError(why)
 
 
 def _check_band(low: float, record: Record) -> None:
