@@ -7,8 +7,13 @@ import pytest
 from click.testing import CliRunner
 from transducers import record
 
+import wavesim as ws
 from wavesim.cli.main import main
+from wavesim.material.layers import as_layers
 from wavesim.planewave.dispersion_relation import frequencies
+from wavesim.records.content import RecordError
+from wavesim.records.of_pulse_test import of_field
+from wavesim.simulation.field import Field
 
 STRESS = np.array([5, 10, 20, 40, 80.0])
 SPEED = 60 * STRESS**0.27
@@ -199,3 +204,14 @@ def test_a_column_headed_as_the_transmitter_is_what_was_sent_and_a_series_goes_b
     assert answer.exit_code == 2
     assert "is named 200; in the order of the files: 200,50" in answer.output
     assert pulse(*files, *given, "--against", "stress=200,50").exit_code == 0
+
+
+def test_where_waves_go_round_a_ring_at_once_there_is_no_pulse_test():
+    """Sources either side of the seam, receivers between them: no frame is of waves one way."""
+    layers = as_layers(ws.Medium(), 0.064)
+    sources = tuple(ws.Ricker("phi1", x, 4e5) for x in (0.004, 0.056))
+    places = {"a": 0.0575, "b": 0.059}
+    made = ws.Simulation(layers, ws.Bar(512, 1.25e-4), sources, 2e-5, receivers=places)
+    still = {name: np.zeros((made.frames, 512)) for name in made.fields}
+    with pytest.raises(RecordError, match=r"gone round the bar.* lengthen"):
+        of_field(Field(made, made.times, still), "run")
