@@ -215,3 +215,14 @@ def test_where_waves_go_round_a_ring_at_once_there_is_no_pulse_test():
     still = {name: np.zeros((made.frames, 512)) for name in made.fields}
     with pytest.raises(RecordError, match=r"gone round the bar.* lengthen"):
         of_field(Field(made, made.times, still), "run")
+
+
+def test_a_receiver_that_waves_reach_either_way_round_a_ring_has_no_part_in_a_pulse_test():
+    """One at 0.42 of the ring is left out, one at 0.6 too; what is nearer is read as it was."""
+    layers, bar = as_layers(ws.Medium(), 0.064), ws.Bar(512, 1.25e-4)
+    places = {"a": 0.012, "b": 0.02, "c": 0.031, "d": 0.0424}
+    made = ws.Simulation(layers, bar, (ws.Ricker("phi1", 0.004, 4e5),), 2e-5, receivers=places)
+    still = {name: np.zeros((made.frames, 512)) for name in made.fields}
+    (test,) = of_field(Field(made, made.times, still), "run")
+    assert test.positions == pytest.approx({"a": 0.008, "b": 0.016})
+    assert "c, d: left out, as waves come there either way" in test.notes[0]
