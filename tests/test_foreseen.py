@@ -8,9 +8,9 @@ import wavesim as ws
 from wavesim.case.load import build
 from wavesim.case.schema import parse
 from wavesim.timedomain.time_step import time_step
-from wavesim.verdict.foreseen import foreseen as said
 from wavesim.verdict.foreseen_errors import foretold, limit_of
 from wavesim.verdict.judgement import measure
+from wavesim.verdict.warnings_before_run import foreseen as said
 
 ENDED = """
 [medium]

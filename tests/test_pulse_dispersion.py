@@ -11,9 +11,9 @@ from wavesim.readings.pulse.attenuation_and_quality import (
 )
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
-from wavesim.readings.pulse.phase_velocity import dispersion
 from wavesim.readings.pulse.signals import PulseError, pulse_record
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate, spectra
+from wavesim.readings.pulse.wavenumber_from_spectra import dispersion
 
 C, F = 2000.0, 5e5
 STEP = 1e-7

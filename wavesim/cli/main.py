@@ -28,15 +28,15 @@ from wavesim.cli.arguments import (
     planned,
     read_case,
 )
-from wavesim.cli.begin import cases, completion, init, schema
+from wavesim.cli.bands_and_gaps import bands, gaps, print_all_bands
 from wavesim.cli.compare import compare
 from wavesim.cli.design import design
 from wavesim.cli.dispersion import attenuation, dispersion
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
 from wavesim.cli.fit import fit
+from wavesim.cli.init_and_cases import cases, completion, init, schema
 from wavesim.cli.interrupts import farewell
-from wavesim.cli.media import bands, gaps, print_all_bands
 from wavesim.cli.pulse import pulse
 from wavesim.cli.records import inspect, score, synthesize
 from wavesim.cli.sweep import sweep
@@ -132,7 +132,7 @@ def _whole(
     taken = affordable(case, loaded, steps, at_most, folder)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress
-    from wavesim.verdict.foreseen import foreseen
+    from wavesim.verdict.warnings_before_run import foreseen
 
     errors = None
     if taken.seconds >= _WORTH_IT:
@@ -207,8 +207,8 @@ def check(case: str, overrides: tuple[str, ...]) -> None:
     steps = planned(case, loaded)
     from wavesim.report import tables as report
     from wavesim.timedomain.cost import check_cost, cost
-    from wavesim.verdict.foreseen import foreseen
     from wavesim.verdict.foreseen_errors import foretold
+    from wavesim.verdict.warnings_before_run import foreseen
 
     taken = cost(loaded.simulation, steps, k_max=loaded.k_range[1] or None)
     errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)

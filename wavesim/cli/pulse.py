@@ -28,7 +28,7 @@ from wavesim.cli.arguments import (
     write_json,
     writing,
 )
-from wavesim.cli.states import States, numbers, states
+from wavesim.cli.series_values import States, numbers, states
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 # Waves of a pulse test are no slower, m/s: loose dust.

@@ -35,7 +35,7 @@ from wavesim.differentiable.coefficients import (
     waves,
 )
 from wavesim.differentiable.graded_slices import System, coefficients_along, through_graded
-from wavesim.differentiable.gradient_waves import with_gradient
+from wavesim.differentiable.stack_with_gradient_term import with_gradient
 from wavesim.differentiable.traced_layers import TracedLayers
 from wavesim.material.family import Block, travelling_block
 from wavesim.material.layers import Grading

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from wavesim.material.family import Family, granular_blocks
-from wavesim.material.granular import GranularMedium
+from wavesim.material.granular_equations import GranularMedium
 from wavesim.material.medium import FluxForm, Medium
 from wavesim.material.parameter import Parameter
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from wavesim.material.family import Family, granular_blocks
-from wavesim.material.granular import GranularMedium
+from wavesim.material.granular_equations import GranularMedium
 from wavesim.material.parameter import Parameter
 
 TRANSLATION = Family(

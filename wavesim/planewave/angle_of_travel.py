@@ -20,7 +20,7 @@ from wavesim.material.contact_tensors import (
     gradient_stiffness,
     relative_stiffness,
 )
-from wavesim.material.granular import GranularMedium
+from wavesim.material.granular_equations import GranularMedium
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import Complex, Float

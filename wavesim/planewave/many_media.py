@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.family import Block
-from wavesim.material.granular import GranularMedium
+from wavesim.material.granular_equations import GranularMedium
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import spectral_form, stiffness

@@ -8,8 +8,8 @@ import numpy as np
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.gains import gains
 from wavesim.records.faults.neighbours import unevenness
+from wavesim.records.faults.ring_misfits import gains
 from wavesim.records.faults.unfit_receivers import PART
 from wavesim.records.record import FEWEST_FRAMES, Record
 

@@ -79,7 +79,7 @@ class Record:
         source_seen: where a source that nobody named stands among the receivers, by the earliest
             arrivals, m; None where none does.
         leak: variance of what receivers' gains are still off by at each wavenumber (``faults/
-            gains.py``), shape (nx,), –; empty where gains have not been looked at.
+            ring_misfits.py``), shape (nx,), –; empty where gains have not been looked at.
         driven: whether it is not known from when on no source acts.
         findings: what was wrong, and what was done.
     """

@@ -29,8 +29,8 @@ from wavesim.timedomain.lossless_propagator import Propagator, propagator
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
+from wavesim.timedomain.sources_within_step import driven
 from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
-from wavesim.timedomain.within_step import driven
 from wavesim.timedomain.work_within_step import work
 
 _TERM = diffrax.ODETerm(lambda steps, motion, run: run.rate(steps, motion))

@@ -17,8 +17,8 @@ import numpy as np
 from wavesim.grid.bar import Bar
 from wavesim.timedomain.cosine_rows import Runs, cosine_rows
 from wavesim.timedomain.operator import Group
+from wavesim.timedomain.sources_within_step import picked
 from wavesim.timedomain.time_step import RUN, TimeStep
-from wavesim.timedomain.within_step import picked
 
 # Rows of fewer runs than these are held for each run by itself, though they be equal.
 _FEW = 4

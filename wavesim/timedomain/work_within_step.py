@@ -22,8 +22,8 @@ import numpy as np
 from wavesim.timedomain.energy import rates
 from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import States
+from wavesim.timedomain.sources_within_step import Driven, picked, readings
 from wavesim.timedomain.time_step import TimeStep, gauss_nodes, nodes_of
-from wavesim.timedomain.within_step import Driven, picked, readings
 
 
 class Felt(eqx.Module):

@@ -21,11 +21,11 @@ from wavesim.readings.pulse.attenuation_and_quality import (
     mean_quality,
     under_its_assumption,
 )
-from wavesim.readings.pulse.phase_velocity import Dispersion, dispersion
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
+from wavesim.readings.pulse.wavenumber_from_spectra import Dispersion, dispersion
 
 Float = NDArray[Any]
 

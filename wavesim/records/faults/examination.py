@@ -16,7 +16,6 @@ from wavesim.records.faults.clipping import clipped, once_each, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
-from wavesim.records.faults.gains import ring_misfits
 from wavesim.records.faults.moveout import (
     arrivals,
     begun,
@@ -27,6 +26,7 @@ from wavesim.records.faults.moveout import (
 )
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import FEWEST, Rest, rest
+from wavesim.records.faults.ring_misfits import ring_misfits
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
