@@ -1,6 +1,7 @@
 """Waves of one medium where the gradient term counts, at each ω, as pure jax functions.
 
-The roots K of det(G₀ + K G₁) of ``stack_with_gradient_term.py``, and for each a column of the adjugate.
+The roots K of det(G₀ + K G₁) of ``stack_with_gradient_term.py``, and for each a column of the
+adjugate.
 """
 
 from __future__ import annotations
