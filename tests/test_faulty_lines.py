@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_waves_along_line import passing
 
+from wavesim.readings.dispersion.folding import folded_branches
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.spreading import exponent
@@ -125,6 +126,16 @@ def test_no_single_frequency_of_a_folded_line_is_believed(spacing, receivers, rn
     points = in_space(record(u, t, x, sources=(0.0,)), omega)
     assert any(reason.startswith("folded") for reason in points.reason)
     assert not points.valid.any()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_where_waves_run_both_ways_a_mode_folds_by_its_modulus(sign):
+    """|k| rises to π/d and falls from there; below nothing is folded."""
+    true = np.linspace(0.2, 1.5, 40) * np.pi
+    seen = sign * np.abs((true + np.pi) % (2 * np.pi) - np.pi)
+    there = np.abs(seen) < 0.97 * np.pi
+    folded = folded_branches(np.zeros(there.sum(), int), seen[there], 2e3 * true[there], 1.0)
+    assert np.array_equal(folded, true[there] > np.pi)
 
 
 def test_a_gain_that_turns_a_wave_round_is_refused(rng):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.records.fitness import for_frequency_at_k
 from wavesim.records.record import record
 
 X, T = np.arange(64) * 1e-3, np.arange(600) * 2e-7
@@ -91,3 +92,22 @@ def test_a_wave_of_the_mains_frequency_is_no_hum():
              for s, p in zip((1, -1), phase, strict=True)]  # fmt: skip
     found = record(sum(waves) + 1e-3 * rng.normal(size=(900, 32)), t, x, ring=True)
     assert not any(one.what == "hum" for one in found.findings)
+
+
+def test_a_dead_receiver_s_waves_are_read_from_the_others_as_well_as_from_all():
+    """Waves of two branches; bars are no more than three times those of the whole ring."""
+    x, t, k = np.arange(32) * 1e-3, np.arange(400) * 2e-7, 2 * np.pi * np.arange(1, 14) / 0.032
+    rng, u = np.random.default_rng(2), np.zeros((400, 32))
+    for omega in (2000 * k, np.sqrt(2e6**2 + (1500 * k) ** 2)):
+        for sign in (1, -1):
+            phase = 1j * rng.uniform(0, 2 * np.pi, (len(k), 1))
+            waves = np.exp(1j * sign * np.outer(k, x) + phase)
+            u += (np.exp(-1j * np.outer(t, omega)) @ waves).real
+    u = u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape)
+    bars = []
+    for spoilt in (u, np.where(np.arange(32) == 9, 0.0, u)):
+        points = in_time(for_frequency_at_k(record(spoilt, t, x, ring=True)))
+        own = points.take(points.valid)
+        assert len(own) >= 25
+        bars.append(np.median(own.bar))
+    assert bars[1] < 3 * bars[0]

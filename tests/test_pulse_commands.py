@@ -7,8 +7,13 @@ import pytest
 from click.testing import CliRunner
 from transducers import record
 
+import wavesim as ws
 from wavesim.cli.main import main
+from wavesim.material.layers import as_layers
 from wavesim.planewave.dispersion_relation import frequencies
+from wavesim.records.content import RecordError
+from wavesim.records.of_pulse_test import of_field
+from wavesim.simulation.field import Field
 
 STRESS = np.array([5, 10, 20, 40, 80.0])
 SPEED = 60 * STRESS**0.27
@@ -199,3 +204,25 @@ def test_a_column_headed_as_the_transmitter_is_what_was_sent_and_a_series_goes_b
     assert answer.exit_code == 2
     assert "is named 200; in the order of the files: 200,50" in answer.output
     assert pulse(*files, *given, "--against", "stress=200,50").exit_code == 0
+
+
+def test_where_waves_go_round_a_ring_at_once_there_is_no_pulse_test():
+    """Sources either side of the seam, receivers between them: no frame is of waves one way."""
+    layers = as_layers(ws.Medium(), 0.064)
+    sources = tuple(ws.Ricker("phi1", x, 4e5) for x in (0.004, 0.056))
+    places = {"a": 0.0575, "b": 0.059}
+    made = ws.Simulation(layers, ws.Bar(512, 1.25e-4), sources, 2e-5, receivers=places)
+    still = {name: np.zeros((made.frames, 512)) for name in made.fields}
+    with pytest.raises(RecordError, match=r"gone round the bar.* lengthen"):
+        of_field(Field(made, made.times, still), "run")
+
+
+def test_a_receiver_that_waves_reach_either_way_round_a_ring_has_no_part_in_a_pulse_test():
+    """One at 0.42 of the ring is left out, one at 0.6 too; what is nearer is read as it was."""
+    layers, bar = as_layers(ws.Medium(), 0.064), ws.Bar(512, 1.25e-4)
+    places = {"a": 0.012, "b": 0.02, "c": 0.031, "d": 0.0424}
+    made = ws.Simulation(layers, bar, (ws.Ricker("phi1", 0.004, 4e5),), 2e-5, receivers=places)
+    still = {name: np.zeros((made.frames, 512)) for name in made.fields}
+    (test,) = of_field(Field(made, made.times, still), "run")
+    assert test.positions == pytest.approx({"a": 0.008, "b": 0.016})
+    assert "c, d: left out, as waves come there either way" in test.notes[0]

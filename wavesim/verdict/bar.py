@@ -152,7 +152,7 @@ def _cell_checks(field: Field, found: Cells) -> list[Check]:
     size = np.maximum(np.abs(found.cosine_exact), 1.0)
     worst = float((np.abs(found.cosine - found.cosine_exact) / size)[counted].max())
     label = f"{found.sector} Bloch wave: |Δcos qL|, {counted.sum()} frequencies"
-    return [judged(label, worst, BLOCH_TOLERANCE, remedies.of_grid, field)]
+    return [judged(label, worst, BLOCH_TOLERANCE, remedies.of_spectra, field)]
 
 
 def _ringing_checks(field: Field, found: Ringing) -> list[Check]:
@@ -192,13 +192,15 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             f"{pulse.name} {'loss' if pulse.medium is not None else 'level'}, {loss.first} to "
             f"{loss.last}: difference, {both.sum()} frequencies"
         )
-        checks.append(judged(label, worst, DECIBEL_TOLERANCE, remedies.of_grid, field, unit="dB"))
+        checks.append(
+            judged(label, worst, DECIBEL_TOLERANCE, remedies.of_spectra, field, unit="dB")
+        )
     if pulse.k_exact is not None:
         error, told = _wavenumbers(pulse)
         if told.any():
             label = f"{pulse.name} k between receivers: |Δk|/|k|, {told.sum()} frequencies"
             worst = float(error[told].max())
-            checks.append(judged(label, worst, WAVENUMBER_TOLERANCE, remedies.of_grid, field))
+            checks.append(judged(label, worst, WAVENUMBER_TOLERANCE, remedies.of_spectra, field))
         checks += _quality_checks(field, pulse)
     return checks
 
@@ -255,7 +257,7 @@ def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
     label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
     if not abs(same - 1) <= _TOLD_BY_EXACT * QUALITY_TOLERANCE:
         return []
-    return [judged(label, ratio, QUALITY_TOLERANCE, remedies.of_grid, field, reference=1.0)]
+    return [judged(label, ratio, QUALITY_TOLERANCE, remedies.of_spectra, field, reference=1.0)]
 
 
 def bar_notes(reading: Reading, field: Field) -> list[str]:

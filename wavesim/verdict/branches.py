@@ -70,8 +70,10 @@ class Branch:
 
     @property
     def present(self) -> bool:
-        """Whether it was found at nine tenths of the wavenumbers where it is judged."""
-        return self.expected > 0 and int(self.judged.sum()) >= _PRESENT * self.expected
+        """Whether it was found at nine tenths of the wavenumbers where it is judged, rounded down:
+        of a few one may lack."""
+        least = max(1, math.floor(_PRESENT * self.expected))
+        return self.expected > 0 and int(self.judged.sum()) >= least
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     A ridge is taken for the branch that it lies nearest to; a branch is judged where its
     frequency was excited, where it is driven so strongly that a spectrum shows it, where it stands
     the window's main lobe clear of its neighbours and of ω = 0, and its wavenumber is in
-    the judged range.
+    the judged range; none where sources act as long as the record lasts.
 
     Args:
         field: the field.
@@ -155,6 +157,8 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     covered = (excitation(sources, exact, found.k[:, None]) >= EXCITED) & (exact <= found.omega[-1])
     loudness = np.where(clear & covered, _seen(field, block, found.k), 0.0)
     judged = _long_enough(loudness >= _SEEN) & inside[:, None]
+    if field.t[analysed_from(field)] < min(field.quiet_from, field.t[-1]):
+        judged[:] = False  # what is driven all along has no frequencies of its own
     loudness *= inside[:, None]
     branches = []
     nyquist = np.pi / field.interval

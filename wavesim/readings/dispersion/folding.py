@@ -102,6 +102,11 @@ def _in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
         gap: as of :func:`is_folded`.
     """
     edges = np.flatnonzero(np.diff(np.sign(k)) != 0) + 1
+    # Of waves that run both ways |k| alone is known: it turns back where it comes to π/d.
+    top = int(np.abs(k).argmax())
+    back = abs(k[-1]) < _BACK * abs(k[top]) and abs(k[top]) > _TURNS * np.pi / gap
+    if back and len(k) - top > _FEWEST:
+        edges = np.union1d(edges, top + 1)
     result = np.zeros(len(k), bool)
     beyond = False
     pieces = np.split(np.arange(len(k)), edges)
@@ -120,3 +125,5 @@ def _in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
 
 # A step from near π/d to near −π/d passes through it.
 _EDGE = 0.7
+# |k| turns back above this part of π/d, to this part of where it was.
+_TURNS, _BACK = 0.85, 0.95

@@ -131,7 +131,7 @@ def report(found: Fit, series: Float, rows: np.ndarray, settings: Settings) -> S
         found.omega.ravel(),
         found.decay.ravel(),
         (norm * start).ravel(),
-        transposed(shape).reshape(-1, channels),
+        shape.reshape(-1, channels),
         errors[:, :p].ravel(),
         errors[:, p:].ravel(),
         (amplitude_error * start).ravel(),

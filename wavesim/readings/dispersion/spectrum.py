@@ -23,6 +23,8 @@ Float = NDArray[Any]
 # 4-term Blackman–Harris: side lobes at −92 dB, main lobe of ±4 bins (Harris, Proc. IEEE 66, 51
 # (1978)). A peak counts above −80 dB of the strongest at its wavenumber.
 LOBE_BINS = 4
+# Of an analysis, in time.
+_FEWEST_FRAMES = 32
 FLOOR = 1e-8
 _PADDING = 8
 # … above what rounding leaves of the strongest of all,
@@ -76,9 +78,9 @@ class Ridge:
 
 
 def analysed_from(field: Field) -> int:
-    """First frame of the analysis: the first without a source, if that leaves half the record."""
+    """First frame of the analysis: the first without a source, if that leaves enough of them."""
     quiet = int(np.searchsorted(field.t, field.quiet_from))
-    return quiet if quiet <= len(field.t) // 2 else 0
+    return quiet if quiet <= len(field.t) - _FEWEST_FRAMES else 0
 
 
 def spectrum(field: Field, block: Block, k_max: float, omega_max: float | None = None) -> Spectrum:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -11,24 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import crosstalk
-from wavesim.readings.pulse.signals import (
-    BEGUN,
-    WANDERS,
-    PulseError,
-    PulseRecord,
-    pulse_record,
-)
+from wavesim.readings.pulse.signals import BEGUN, WANDERS, PulseError, PulseRecord
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, transmission_record
-from wavesim.records.faults.finding import TOLD, Finding, beside_peak
-from wavesim.records.record import Record
 from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
 
 # Crosstalk is known by its coming to so many receivers at once, this many deviations high.
 _FEWEST_AT_ONCE, _HEARD = 2, 4.5
-# Receivers that are looked at one by one.
-_MOST_LOOKED_AT = 16
 # Crosstalk of all receivers has this part of its power in common.
 _ONE = 0.8
 # Noise is taken to be at least this part of the peak.
@@ -89,36 +78,6 @@ def without_crosstalk(
         for key in known
     )
     return result, CROSSTALK if rest else ""
-
-
-def heard(record: Record) -> list[Finding]:
-    """Crosstalk of a record, receiver by receiver where what was sent is known, else of all at
-    once; a pulse test leaves it out, other readings take it for waves."""
-    own = dict(zip(record.labels, record.values[0].T, strict=False))
-    found = []
-    if record.input is not None:
-        for label, u in list(own.items())[:_MOST_LOOKED_AT]:
-            with contextlib.suppress(PulseError):
-                one = transmission_record(record.t, u, record.input, label)
-                size, until = beside_peak(one.crosstalk), one.blank - one.start
-                said = f"crosstalk up to {until:.3g} s after what was sent begins ({label})"
-                if one.crosstalk:
-                    found.append(Finding("crosstalk", label, size, TOLD, said))
-        return found
-    notes: list[str] = []
-    try:
-        looked_at = pulse_record(record.t, own, dict(zip(own, record.x.tolist(), strict=False)))
-        period = 1 / float(np.median([_strongest(u) for u in own.values()])) * record.interval
-        without_what_all_hear_at_once(looked_at, own, period, notes)
-    except PulseError as error:
-        notes = [str(error)] if "hear the same" in str(error) else []
-    return [Finding("crosstalk", "all receivers", "at once", TOLD, said) for said in notes]
-
-
-def _strongest(u: Float) -> float:
-    """Frequency of the largest amplitude, over that of the samples."""
-    power = np.abs(np.fft.rfft(u - u.mean()))
-    return max(int(np.argmax(power)), 1) / len(u)
 
 
 def _as_given(one: TransmissionRecord, u: Float) -> slice:
