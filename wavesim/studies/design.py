@@ -241,7 +241,7 @@ _SOURCE, _AWAY = 12, 5
 # Cells to a branch length: those tried first, and what is taken where they do not serve. Waves are
 # short about asymptotes, and where there are none below so many times the highest frequency wished,
 # which is about all that is driven, fewer do.
-_TRIED, _CELLS, _FEWER, _DRIVEN = (10, 12), 20, 14, 1.4
+_TRIED, _CELLS, _FEWER, _DRIVEN = (10, 14), 20, 14, 1.4
 # A source's width in branch lengths.
 _WIDTH = 0.5
 # A Ricker of this part of the highest frequency wished drives little of what is above that.
