@@ -63,8 +63,8 @@ def leakage_of_gains(power: Float, left: Float, per_bin: float, first: int = 1) 
 
     Args:
         power: at the wavenumbers 2πm/X of a ring, m from the first on, shape (n, nω).
-        left: D(q), variance of what gains are off by (``records/faults/ring_misfits.py``), shape (nx,),
-            –.
+        left: D(q), variance of what gains are off by (``records/faults/ring_misfits.py``), shape
+            (nx,), –.
         per_bin: points of the power per bin 2π/T, –.
         first: m of the first, 0 or 1.
 
