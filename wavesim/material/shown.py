@@ -79,6 +79,14 @@ _PREFIXES: dict[str, Sequence[tuple[float, str]]] = {
 }
 
 
+def in_time(value: float) -> tuple[float, str]:
+    """A unit in which a time is a number of few digits: its factor and name."""
+    size = abs(value)
+    if not math.isfinite(size) or size >= 1:
+        return 1.0, "s"
+    return (1e3, "ms") if size >= 2e-4 else (1e6, "µs")
+
+
 def with_error(value: float, error: float = math.nan, unit: str = "") -> str:
     """A value to two digits of its error, "3000.8 ± 1.3 m/s"; "–" where there is none."""
     if not math.isfinite(value):

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from wavesim.material.shown import DECIBELS, KHZ, with_error
+from wavesim.material.shown import DECIBELS, KHZ, in_time, with_error
 from wavesim.readings.pulse.reading import Reading, ReceiverArrivals
 from wavesim.readings.pulse.series_reading import Series
 from wavesim.report.terminal import new_table
@@ -24,14 +24,6 @@ _MOST_RECEIVERS = 8
 _LONGEST_NAME = 16
 # An error of this part of a value has no digit beside it.
 _NO_DIGIT = 1e-6
-
-
-def in_time(value: float) -> tuple[float, str]:
-    """A unit in which a time is a number of few digits: its factor and name."""
-    size = abs(value)
-    if not math.isfinite(size) or size >= 1:
-        return 1.0, "s"
-    return (1e3, "ms") if size >= 2e-4 else (1e6, "µs")
 
 
 def show(console: Console, readings: Sequence[Reading], series: Series | None) -> None:

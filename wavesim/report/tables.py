@@ -16,8 +16,7 @@ from wavesim.material.damping import quality
 from wavesim.material.family import sector_words
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import scales
-from wavesim.material.shown import KHZ, with_error
-from wavesim.readings.misfit import Comparison
+from wavesim.material.shown import KHZ, in_time, with_error
 from wavesim.report.answers import (
     answers,
     explained,
@@ -26,7 +25,6 @@ from wavesim.report.answers import (
     short_name,
 )
 from wavesim.report.answers import verdict as sentence
-from wavesim.report.pulse_tables import in_time
 from wavesim.report.terminal import new_table
 from wavesim.simulation.resolution import highest_carried, largest_phase
 from wavesim.simulation.simulation import Simulation
@@ -35,6 +33,7 @@ from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
 
 if TYPE_CHECKING:  # slow to import, and for most commands nothing but a name
+    from wavesim.readings.misfit import Comparison
     from wavesim.verdict.foreseen_errors import Foretold
 
 _MOST_LAYERS = 8
