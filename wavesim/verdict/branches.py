@@ -275,7 +275,7 @@ def faint(held: Sequence[Held]) -> str | None:
         f"{h.measured.block.sector} {b.name} (−{-10 * math.log10(b.loudness):.0f} dB)"
         for h in held
         for b in h.branches
-        if not b.expected and b.loudness
+        if not b.expected and 0 < b.loudness < _SEEN
     ]
     if not lost:
         return None
