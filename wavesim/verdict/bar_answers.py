@@ -180,7 +180,7 @@ def _speeds(test: PulseTest) -> list[Row]:
             "velocity_exact": plain(test.exact.velocities[convention].velocity),
         }
         for convention, one in test.result.velocities.items()
-        if math.isfinite(one.velocity)
+        if 0 < one.velocity < math.inf  # where waves run both ways it may be of neither
     ]
 
 

@@ -93,8 +93,8 @@ def cell_size(
             finer = with_spacing(simulated, tried)
             told = foretold(finer, *asked)  # type: ignore[arg-type]
         if told is None:
-            text = f"take {other}[bar] spacing = {tried:g} or finer (tried out to {spacing:g} m)"
-            return text, False
+            seen = f" (tried out to {spacing:g} m)" if spacing < simulated.bar.spacing else ""
+            return f"take {other}[bar] spacing = {tried:g} or finer{seen}", False
         now = max((f.error * worst.allowed / f.allowed for f in told), default=0.0)
         if now <= worst.allowed:
             return f"take {other}[bar] spacing = {tried:g} ({finer.bar.cells} cells) or finer", True
