@@ -174,22 +174,6 @@ def absorber(field: Field) -> str | None:
     )
 
 
-def more_frames(field: Field) -> str:
-    """More frames, where the sources' band is folded at their Nyquist frequency; "" else."""
-    if math.pi / field.interval >= field.band * (1 - 1e-9):
-        return ""
-    needed = math.ceil(float(field.t[-1]) * field.band / math.pi) + 1
-    return (
-        f"take [time] samples = {needed} or more (now {len(field.t)}): the frames alias the "
-        "sources' band, and spectra with it"
-    )
-
-
-def of_spectra(field: Field) -> str:
-    """Where what is read off spectra is off: too few frames, or else the grid."""
-    return more_frames(field) or of_grid(field)
-
-
 def of_grid(field: Field) -> str:
     """An absorber that is too short, or else a finer grid or a band that it carries better."""
     told = absorber(field)
@@ -249,9 +233,6 @@ def of_scattering(field: Field, found: Scattered, error: Any) -> str:
     worst = int(np.argmax(np.where(found.judged & np.isfinite(error), error, -1.0)))
     omega = float(found.omega[worst])
     at = f"furthest off at {omega * KHZ:.4g} kHz"
-    told = more_frames(field)
-    if told:
-        return f"{at}: {told}"
     ends = {field.layers.layers[0].medium, field.layers.layers[-1].medium}
     for medium in ends:
         for edge in asymptotes(medium, found.sector):
@@ -293,7 +274,7 @@ def of_arrival(field: Field, found: Any, known: Any) -> str:
     lost = np.isfinite(known) & ~np.isfinite(found)
     if lost.any() and np.asarray(known)[lost].max() >= _AT_THE_END * field.t[-1]:
         return longer_run(field, "an arrival comes as the record ends")
-    return of_spectra(field)
+    return of_grid(field)
 
 
 def of_window(field: Field, test: PulseTest) -> str:
