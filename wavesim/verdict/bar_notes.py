@@ -49,7 +49,7 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
         these = [name for name, one in near.items() if one == why]
         found.append(
             f"receiver {_some(these)}: stands {why}, where the grid has a lower order, and its "
-            f"signals were not compared; move it {remedies.ONE_SIDED} cells away to have them"
+            f"signals were not compared; move it {field.bar.order} cells away to have them"
         )
     low, high = field.bar.clear
     hidden = [name for name, x in field.receivers.items() if not low <= x <= high]

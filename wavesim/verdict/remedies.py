@@ -22,6 +22,7 @@ from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
 from wavesim.verdict.foreseen_errors import foretold
+from wavesim.verdict.warnings_before_run import graded_into_absorber
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
@@ -161,8 +162,10 @@ def wavenumber_grid_error(
 
 
 def absorber(field: Field) -> str | None:
-    """A longer absorber, where it is short."""
+    """A longer absorber, where it is short, or one in a uniform layer."""
     bar = field.bar
+    if graded := graded_into_absorber(field):
+        return graded
     if not bar.absorber:
         return None
     least = least_absorber(field.layers)
