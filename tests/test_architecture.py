@@ -218,7 +218,7 @@ CASE = str(ROOT / "cases" / "isotropic.toml")
         ("import wavesim", (), {*HEAVY, "numpy", "scipy"}),
         ("import wavesim as ws; ws.load", (), {*HEAVY, "h5py", "rich"}),
         ("import wavesim as ws; ws.planewave; ws.Medium; ws.Bar", (), {*HEAVY, "h5py"}),
-        ("import wavesim.paper.page, wavesim.planewave.gaps_of_many_media", (), {*HEAVY, "h5py"}),
+        ("import wavesim.paper.page, wavesim.planewave.gap_map", (), {*HEAVY, "h5py"}),
         ("import wavesim.io.result_writer", (), HEAVY),
         (COMMAND, ("--help",), {*HEAVY, "numpy", "h5py", "pydantic"}),
         (COMMAND, ("check", CASE), {*HEAVY, "h5py"}),

@@ -3,7 +3,6 @@
 Beads on a string, each with two pendulums: one macro-field, two micro-fields, one sector.
 """
 
-import dataclasses
 import json
 import math
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ import pytest
 from runs import call
 
 import wavesim as ws
-from wavesim.planewave.gaps_of_many_media import all_edges
+from wavesim.planewave.gap_map import gap_map
 
 
 @dataclass(frozen=True)
@@ -118,10 +117,9 @@ def test_a_case_file_of_it_runs_to_its_verdict(tmp_path):
 
 def test_maps_of_its_gaps_hold_those_of_each_medium():
     """Over both of its parameters; 1e-12 of planewave.gaps."""
-    plane = {"tension": np.array([30.0, 60.0]), "springs": np.array([[8.0], [12.0], [16.0]])}
-    lower, upper = all_edges(dataclasses.replace(MEDIUM, **plane))
+    found = gap_map(MEDIUM, ("tension", [30.0, 60.0]), ("springs", [8.0, 12.0, 16.0]))
     for i, springs in enumerate((8.0, 12.0, 16.0)):
         for j, tension in enumerate((30.0, 60.0)):
             for gap in ws.planewave.gaps(Beads(tension=tension, springs=springs), "sway"):
-                assert lower[gap.name][i, j] == pytest.approx(gap.lower, rel=1e-12)
-                assert upper[gap.name][i, j] == pytest.approx(gap.upper, rel=1e-12)
+                assert found.lower[gap.name][i, j] == pytest.approx(gap.lower, rel=1e-12)
+                assert found.upper[gap.name][i, j] == pytest.approx(gap.upper, rel=1e-12)

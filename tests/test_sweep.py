@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import signal
 import subprocess
@@ -20,7 +19,6 @@ import wavesim as ws
 from wavesim import planewave
 from wavesim.case.layered_case import load_layers
 from wavesim.material.medium import Medium
-from wavesim.planewave.gaps_of_many_media import room
 from wavesim.planewave.many_media import growing
 from wavesim.studies.sweep_store import Layout, Store, Variable
 from wavesim.studies.sweep_workers import pool
@@ -145,34 +143,6 @@ def test_gaps_of_a_sweep_of_two_families_bear_their_names(tmp_path):
                         assert edges["family"] == medium.family.name
                         assert float(edges["lower"]) == pytest.approx(gap.lower, rel=1e-12)
                         assert float(edges["upper"]) == pytest.approx(gap.upper, rel=1e-12)
-
-
-def test_a_gap_holds_a_band_where_the_medium_s_own_does(tmp_path):
-    """By planewave.gaps and full_gaps of each medium, one by one; the command names the best."""
-    vary = ["medium.G_n_a=0.05:0.4:5", "medium.stiffness_ratio=0.2:0.9:4"]
-    band = 2e3 * np.pi * 200, 2e3 * np.pi * 300
-    words = [word for one in vary for word in ("--vary", one)]
-    said = call("sweep", "isotropic", *words, "--band", "200kHz", "3e5", "--out", tmp_path).stdout
-    data = xarray.open_zarr(tmp_path / "sweep.zarr").load()
-    held = room(data["lower"], data["upper"], (2e5, 3e5)) >= 0
-    for name, sector in (("RLB1", "longitudinal"), ("RTB1", "transverse2"), ("full", "")):
-        own = held.sel(gap=name)
-        assert own.any()
-        assert not own.all()
-        assert f"{name} holds 200 to 300 kHz in {100 * float(own.mean()):.3g} %" in said
-        for at in own.stack(member=own.dims).member.values:
-            values = dict(zip(("G_n_a", "stiffness_ratio"), map(float, at), strict=True))
-            medium = ws.load("isotropic").simulation.medium
-            medium = dataclasses.replace(medium, **values)
-            edges = planewave.full_gaps(medium)
-            if sector:
-                edges = [
-                    (g.lower, g.upper) for g in planewave.gaps(medium, sector) if g.name == name
-                ]
-            one = own.sel({f"medium.{key}": value for key, value in values.items()})
-            assert bool(one) == any(a <= band[0] and band[1] <= b for a, b in edges)
-    none = call("sweep", "isotropic", *words, "--band", "1", "9e9", "--out", tmp_path).stdout
-    assert "No gap holds all of" in none
 
 
 @pytest.mark.parametrize("G", ["10.0", "[10.0, 12.0]"], ids=["uniform", "graded"])

@@ -267,8 +267,8 @@ def write_json(path: Path, answer: Any, indent: int | None = 1) -> None:
     path.write_text(text + "\n", encoding="utf-8")
 
 
-def write_table(path: Path, heads: Sequence[str], rows: Any) -> None:
+def write_table(path: Path, heads: Sequence[str], rows: Any, fmt: str = "%.18e") -> None:
     """Numbers as CSV under a line of headings."""
     import numpy as np
 
-    np.savetxt(path, rows, delimiter=",", header=",".join(heads), comments="")
+    np.savetxt(path, rows, fmt=fmt, delimiter=",", header=",".join(heads), comments="")

@@ -28,7 +28,7 @@ from wavesim.cli.arguments import (
     planned,
     read_case,
 )
-from wavesim.cli.bands import bands, print_all_bands
+from wavesim.cli.bands_and_gaps import bands, gaps, print_all_bands
 from wavesim.cli.compare import compare
 from wavesim.cli.design import design
 from wavesim.cli.dispersion import attenuation, dispersion
@@ -297,6 +297,7 @@ _COMMANDS = (
     dispersion,
     figures_of,
     fit,
+    gaps,
     init,
     inspect,
     pulse,

@@ -65,7 +65,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
         data = _measured(asked, options, quiet, folder)
     except OSError as error:
         stop(*unwritable(error, f"--out {error.filename or folder}"))
-    _tell(asked, data, options, folder, quiet)
+    _tell(asked, data, folder, quiet)
 
 
 def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) -> Any:
@@ -93,7 +93,7 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
         stop("; ".join(part for part in (f"{where}{error}", stored()) if part), FAILED)
 
 
-def _tell(asked: Any, data: Any, options: dict[str, Any], folder: Path, quiet: bool) -> None:
+def _tell(asked: Any, data: Any, folder: Path, quiet: bool) -> None:
     """What came of it, the maps, and the exit code."""
     from wavesim.figures.style import write
     from wavesim.figures.sweep import sweep_figures
@@ -104,8 +104,6 @@ def _tell(asked: Any, data: Any, options: dict[str, Any], folder: Path, quiet: b
         shown.print(f"Map {path}")
     if "fell_short" in data:
         short = int((data["fell_short"].values > 0).sum())
-    if options["measure"] == "gaps" and options["band"]:
-        _tell_holding(asked, data, options["band"], shown)
     for note in getattr(asked.measure, "notes", ()):
         shown.print(f"Note: {note}.")
     shown.print(f"{asked.count - failed} of {asked.count} members in {asked.store.path}")
@@ -117,33 +115,3 @@ def _tell(asked: Any, data: Any, options: dict[str, Any], folder: Path, quiet: b
         shown.print(f"{failed} members failed; the variable message says why. The first: {first}")
     if failed or short:
         sys.exit(FELL_SHORT)
-
-
-def _tell_holding(asked: Any, data: Any, band: tuple[float, float], shown: Any) -> None:
-    """Which gaps hold all of a band, at how many members, and where with the most room."""
-    import numpy as np
-
-    from wavesim.material.shown import KHZ
-    from wavesim.planewave.gaps_of_many_media import room
-
-    media = data["medium"].values if "medium" in data.dims else [""]
-    names = [
-        f"{medium}: {gap}".removeprefix(": ") for medium in media for gap in data["gap"].values
-    ]
-    edges = data["lower"], data["upper"]
-    # The members first, then a column for each gap of each medium.
-    inside, lower, upper = (
-        part.values.reshape(asked.count, -1) for part in (room(*edges, band), *edges)
-    )
-    varied, ends = asked.case.varied, "{:g} to {:g} kHz".format(*(end * 1e-3 for end in band))
-    for j in np.flatnonzero((inside >= 0).any(axis=0)):
-        best = int(np.nanargmax(inside[:, j]))
-        at = ", ".join(
-            f"{k} = {v:.4g}" for k, v in zip(varied.keys, varied.values[best], strict=True)
-        )
-        shown.print(
-            f"{names[j]} holds {ends} in {100 * np.mean(inside[:, j] >= 0):.3g} % of the members; "
-            f"best at {at}: {KHZ * lower[best, j]:.4g} to {KHZ * upper[best, j]:.4g} kHz"
-        )
-    if not (inside >= 0).any():
-        shown.print(f"No gap holds all of {ends} in any member: vary other keys, or further.")

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import FOUND, Drawings, symbol
 from wavesim.material.family import known_field
 from wavesim.material.shown import KHZ, decibels
-from wavesim.planewave.gaps_of_many_media import room
 
 _MAP = matplotlib.colormaps["viridis"]
 # Levels below this are one colour, dB.
@@ -30,8 +29,7 @@ def sweep_figures(data: Any) -> Drawings:
 
     A quantity is drawn over the one or two keys of a grid; of three or more over the first two, at
     the middle of the others; of a sample as points over its first two keys. Members that failed
-    are left white, or are grey crosses; those whose gap holds the band asked for are hatched, or
-    ringed.
+    are left white, or are grey crosses.
 
     Args:
         data: the dataset (xarray) of ``wavesim.studies.sweep``.
@@ -152,21 +150,6 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
         )
         return
     axes.figure.colorbar(image, ax=axes, label=unit)
-    inside = _inside(data, values)
-    if inside is not None:
-        over = _along(data, x), _along(data, y), inside.transpose(y, x).values.astype(float)
-        axes.contourf(*over, [0.5, 1.5], colors="none", hatches=["xx"])
-        axes.contour(*over, [0.5], colors=FOUND, linewidths=1.8)
-
-
-def _inside(data: Any, values: Any) -> Any:
-    """Where a gap whose widths are given holds all of the band asked for; None if nowhere."""
-    if not data.attrs.get("band") or "gap" not in values.coords:
-        return None
-    there = room(data["lower"], data["upper"], data.attrs["band"])
-    own = {name: values[name] for name in there.dims if name in values.coords}
-    inside = there.sel(own) >= 0
-    return inside if bool(inside.any()) else None
 
 
 def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> None:
@@ -180,9 +163,6 @@ def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> N
     x, y = (_along(data, key) for key in keys[:2])
     axes.plot(x[~there], y[~there], "x", ms=4, color="0.6")
     image = axes.scatter(x[there], y[there], c=values.values[there], s=14, cmap=_MAP)
-    inside = _inside(data, values)
-    if inside is not None:
-        axes.plot(x[inside], y[inside], "o", ms=6, mfc="none", mec=FOUND)
     axes.figure.colorbar(image, ax=axes, label=unit)
 
 

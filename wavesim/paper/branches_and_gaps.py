@@ -12,7 +12,7 @@ from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
-from wavesim.planewave.gaps_of_many_media import family_gaps
+from wavesim.planewave.gap_map import family_gaps
 
 A_VALUES = np.linspace(0.0, 1.0, 21)
 ETA_VALUES = np.linspace(0.0, 1.0, 61) ** 2  # denser near 0, where edges go as √η

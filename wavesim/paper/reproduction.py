@@ -15,7 +15,7 @@ from wavesim.material.medium import Medium
 from wavesim.paper import figures as paperfigures
 from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.page import CLOSURES, GAPS, SOURCE, judge, page
-from wavesim.planewave.gaps_of_many_media import family_gaps
+from wavesim.planewave.gap_map import family_gaps
 
 
 def gap_rows() -> list[dict[str, Any]]:

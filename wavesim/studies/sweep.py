@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.io.folder_lock import locked
-from wavesim.planewave.gaps_of_many_media import all_edges, edge_families
+from wavesim.planewave.gap_map import all_edges, edge_families
 from wavesim.studies.run_sweep import Judge, run_measure
 from wavesim.studies.sweep_case import SweptCase, SweptMedia, check_matters, swept_case, swept_media
 from wavesim.studies.sweep_store import Layout, Store, Variable
@@ -143,8 +143,7 @@ def sweep(
         folder: where the dataset, sweep.zarr, goes.
         overrides: "table.key=value", laid over every member.
         judge: of runs, as :func:`wavesim.verdict.judgement.measure`; None stores signals alone.
-        band: of transmission, Hz; by default what the half-spaces' first band holds. Of gaps, that
-            which they are to hold.
+        band: of transmission, Hz; by default what the half-spaces' first band holds.
         points: of transmission, number of frequencies.
 
     Raises:
@@ -153,9 +152,10 @@ def sweep(
     """
     if measure not in MEASURES:
         raise SweepError(f"--measure {measure}: must be one of {', '.join(MEASURES)}")
-    if band is not None and measure == "run":
+    if band is not None and measure != "transmission":
         raise SweepError(
             f"--band {band[0]:g} {band[1]:g}: of no matter to --measure {measure}; leave it out"
+            + ("; wavesim gaps CASE --band shows where a gap holds it" if measure == "gaps" else "")
         )
     varied = variation(vary, sample, sampler, seed)
     swept = swept_case(case, varied, overrides)

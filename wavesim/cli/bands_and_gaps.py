@@ -1,4 +1,4 @@
-"""wavesim bands: what the plane-wave solver says of the media of a case.
+"""wavesim bands and wavesim gaps: what the plane-wave solver says of the media of a case.
 
 A case needs no more than its [medium] for that, or its [[layers]].
 """
@@ -12,16 +12,22 @@ from typing import Any
 import click
 
 from wavesim.cli.arguments import (
+    BAND,
     CASE,
     JSON,
+    NUMBER,
+    OUT,
     SET,
+    folder_for,
     print_json,
     read_layers,
     write_json,
+    write_table,
     writing,
 )
-from wavesim.report.terminal import console
+from wavesim.report.terminal import BAD_INPUT, console, stop
 
+_POINTS = 101
 # Media of one case whose bands are told; nobody reads more.
 _TOLD, _STORED = 12, 200
 
@@ -132,3 +138,99 @@ def bands(case: str, out: str | None, as_json: bool, overrides: tuple[str, ...])
             for number, (_, _, medium) in enumerate(media[:_TOLD], start=1):
                 name = "bands" if len(media) == 1 else f"bands_{number}"
                 write({name: partial(band_figure, medium)}, folder)
+
+
+def _tell_covering(found: Any, band: tuple[float, float]) -> None:
+    """Which gaps hold all of a band, over how much of the map, and the best place of each."""
+    import numpy as np
+
+    from wavesim.material.shown import KHZ
+
+    ends = "{:g} to {:g} kHz".format(*(end * KHZ for end in band))
+    covering = {name: found.covers(name, band) for name in (*found.lower, "full")}
+    covering = {name: held for name, held in covering.items() if held.any()}
+    for name, held in covering.items():
+        lower, upper = found.edges(name)
+        room = np.where(held, np.minimum(band[0] - lower, upper - band[1]), -np.inf)
+        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
+        x = np.ravel(getattr(found.medium, found.x))[column]
+        y = np.ravel(getattr(found.medium, found.y))[row]
+        edges = [KHZ * float(edge[row, column]) for edge in (lower, upper)]
+        click.echo(
+            f"{name} holds {ends} over {100 * held.mean():.3g} % of the map; best at {found.x} = "
+            f"{x:.4g}, {found.y} = {y:.4g}: {edges[0]:.4g} to {edges[1]:.4g} kHz"
+        )
+    if not covering:
+        click.echo(f"no gap holds all of {ends} anywhere on the map: take other keys or ranges")
+
+
+_AXIS = (str, NUMBER, NUMBER)
+
+
+@click.command(short_help="Map the gaps of a medium over two parameters.")
+@CASE
+@click.option(
+    "--x",
+    type=_AXIS,
+    default=("anisotropy", 0.0, 1.0),
+    show_default="anisotropy 0 1",
+    metavar="KEY FROM TO",
+    help="Abscissa.",
+)
+@click.option(
+    "--y",
+    type=_AXIS,
+    default=("stiffness_ratio", 0.0, 1.0),
+    show_default="stiffness_ratio 0 1",
+    metavar="KEY FROM TO",
+    help="Ordinate.",
+)
+@click.option("--points", type=click.IntRange(2, 2000), default=_POINTS, show_default=True)
+@BAND
+@OUT
+@SET
+def gaps(
+    case: str,
+    x: tuple[str, float, float],
+    y: tuple[str, float, float],
+    points: int,
+    band: tuple[float, float] | None,
+    out: str | None,
+    overrides: tuple[str, ...],
+) -> None:
+    """Map the gaps of CASE's medium over two parameters: gap_map.csv and gap_map.png.
+
+    With --band each gap is told, and hatched in the map, where it holds all of that band.
+
+    CASE needs no more than [medium]. Where there are layers each distinct medium has a map of its
+    own: gap_map_1, gap_map_2, …
+    """
+    media = distinct(read_layers(case, overrides))
+    import numpy as np
+
+    from wavesim.figures.gap_map import gap_map_figure
+    from wavesim.figures.style import write
+    from wavesim.material.shown import HERTZ
+    from wavesim.planewave.gap_map import gap_map, table
+
+    wanted = None if band is None else (band[0] / HERTZ, band[1] / HERTZ)
+    folder = folder_for(out, case)
+    for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):
+        try:
+            found = gap_map(
+                medium,
+                (x[0].removeprefix("medium."), np.linspace(x[1], x[2], points)),
+                (y[0].removeprefix("medium."), np.linspace(y[1], y[2], points)),
+            )
+        except ValueError as error:
+            stop(str(error), BAD_INPUT)
+        header, rows = table(found)
+        name = "gap_map" if len(media) == 1 else f"gap_map_{number}"
+        with writing(folder):
+            write_table(folder / f"{name}.csv", header, rows, fmt="%.6g")
+            write({name: partial(gap_map_figure, found, wanted)}, folder)
+        told = f"{place}: " if place else ""
+        click.echo(f"{told}{name}.csv and {name}.png in {folder}")
+        if wanted is not None:
+            _tell_covering(found, wanted)
+    _leave_out(len(media))
