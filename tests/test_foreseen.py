@@ -77,6 +77,12 @@ from = 0.016
 to = 0.032
 anisotropy = 0.25
 """
+# Graded to its right end, which absorbs over the last 8 mm.
+GRADED_END = (
+    (ENDED + LAYERS)
+    .replace('"free"', '"absorbing"')
+    .replace("anisotropy = 0.25", "anisotropy = [0.0, 0.25]")
+)
 
 
 def built(text, *overrides):
@@ -99,6 +105,8 @@ def foreseen(text, *overrides):
         (ENDED, ("receivers.0.position=0.032", "time.duration=6e-6"), ("nothing reaches it",)),
         (ENDED, ("sources.0.delay=1e-3",), ("begins only at", "nothing moves", "delay")),
         (ENDED, ("sources.0.delay=2.8e-5",), ("acts until", "lengthen the run")),
+        (ENDED, ("sources.0.position=0.0175",), ('"near" position', "cells of a point source")),
+        (GRADED_END, (), ("a graded layer lies in the absorbing layer", "0.024 to 0.032 m")),
         (ENDED, ("time.samples=30",), ("alias", "take at least")),
         (
             ENDED,

@@ -1,21 +1,14 @@
-"""Figures beyond the paper's: gap maps over two parameters, and waves over directions."""
+"""Maps of the gaps over two parameters of a medium."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from wavesim.figures.style import FOUND
-from wavesim.material.medium import Medium
 from wavesim.material.parameter import PARAMETERS
 from wavesim.material.shown import KHZ
-from wavesim.planewave.angle_of_travel import POLARISATIONS, directed_waves
 from wavesim.planewave.gap_map import GapMap, edge_families
 
 
@@ -74,59 +67,5 @@ def gap_map_figure(gaps: GapMap, band: tuple[float, float] | None = None) -> Fig
         told += f"; hatched: holds all of {low:g} to {high:g} kHz"
     figure.suptitle(
         f"{gaps.medium.family.name}, closure {gaps.medium.closure}; {told}", fontsize=10
-    )
-    return figure
-
-
-# Slowness is shown up to so many times the least: near an asymptote it has no bound.
-_SHOWN = 4.0
-
-
-def direction_figure(medium: Medium, omega_bars: tuple[float, ...] = (0.2, 0.6, 0.75)) -> Figure:
-    """Slowness and group velocity of the three waves over directions, one column a frequency.
-
-    Args:
-        medium: the medium, as closure "consistent".
-        omega_bars: frequencies ω̄; a wave that is evanescent in a direction leaves a break there.
-    """
-    theta = np.linspace(0.0, 2 * math.pi, 721)
-    colours = colormaps["viridis"]((0.05, 0.45, 0.72))
-    figure = Figure(figsize=(3.6 * len(omega_bars) + 0.6, 7.4), layout="constrained")
-    panels = figure.subplots(2, len(omega_bars), squeeze=False)
-    handles: list[Line2D] = []
-    for column, omega_bar in zip(panels.T, omega_bars, strict=True):
-        waves = directed_waves(medium, omega_bar / float(medium.time_scale), theta)
-        slowness = np.where(waves.slowness.imag == 0, waves.slowness.real, np.nan) * 1e6
-        shown = min(_SHOWN * float(np.nanmin(slowness)), 1.1 * float(np.nanmax(slowness)))
-        slowness = np.where(slowness < _SHOWN * np.nanmin(slowness), slowness, np.nan)
-        handles = []
-        for i, (colour, dash) in enumerate(zip(colours, ("-", "--", "-."), strict=True)):
-            label = POLARISATIONS[i]
-            handles += column[0].plot(
-                slowness[:, i] * np.cos(theta),
-                slowness[:, i] * np.sin(theta),
-                color=colour,
-                ls=dash,
-                lw=1.5,
-                label=label,
-            )
-            column[1].plot(*waves.group_velocity[:, i].T, color=colour, ls=dash, lw=1.5)
-        column[0].set_title(f"$\\bar\\omega$ = {omega_bar:g}", fontsize=10)
-        for axes, quantity in zip(
-            column, ("slowness {} (µs/m)", "group velocity {} (m/s)"), strict=True
-        ):
-            axes.set_aspect("equal", "box")
-            axes.set_xlabel(quantity.format("$x_1$"))
-            axes.axhline(0.0, color="0.85", lw=0.6, zorder=0)
-            axes.axvline(0.0, color="0.85", lw=0.6, zorder=0)
-        column[0].set(xlim=(-shown, shown), ylim=(-shown, shown))
-        reach = 1.1 * float(np.nanmax(np.abs(waves.group_velocity)))
-        column[1].set(xlim=(-reach, reach), ylim=(-reach, reach))
-        column[0].set_ylabel("slowness $x_2$ (µs/m)")
-        column[1].set_ylabel("group velocity $x_2$ (m/s)")
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    figure.suptitle(
-        f"{replace(medium, closure='consistent').in_words}; $x_1$ is the axis of symmetry",
-        fontsize=10,
     )
     return figure
