@@ -182,7 +182,7 @@ def _errors(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
         from wavesim.verdict.foreseen_errors import limit_of
 
         why = limit_of(simulated) or "too many cells and frequencies to work out"
-        return f"not known beforehand, as {why}; the run's checks tell, where the bar is solved exactly"
+        return f"not known beforehand, as {why}; the run's checks tell, if it is solved exactly"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:
