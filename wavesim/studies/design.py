@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,9 +17,9 @@ from wavesim.case.load import Case, build
 from wavesim.case.schema import HALF_SPACE, CaseError, parse, tables_of
 from wavesim.case.toml_text import lay_over
 from wavesim.material.parameter import PARAMETERS
-from wavesim.planewave.band_edges import asymptotes
+from wavesim.studies.design_asked import problem
 from wavesim.studies.design_descent import Search
-from wavesim.studies.design_problem import Problem, problem
+from wavesim.studies.design_problem import Problem
 from wavesim.studies.design_search import Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
 
@@ -149,8 +148,14 @@ def design(
     found = search(functions, seed, at_most, tell)
     functions.until = begun + longest
     values, reached = _written(own, found.values, name)
-    met = bool((own.short(reached) == 0).all())
-    say("tolerances" if met else "trade-off", float(own.short(reached).max()))
+    short, rows = float(own.short(reached).max()), list[dict[str, Any]]()
+    if short:
+        say("trade-off", short)
+        rows, values = trade_off(functions, values)
+        values, reached = _written(own, values, name)
+        short = float(own.short(reached).max())
+    if met := short == 0:
+        say("tolerances", short)
 
     def by_grid(tables: dict[str, Any]) -> bool:
         with suppress(CaseError):
@@ -158,10 +163,6 @@ def design(
             return serves(build(parse(dumps(alike), name, (), folder), name))
         return False
 
-    rows, keeps = ([], None) if met else trade_off(functions, values)
-    if keeps is not None:
-        values, reached = _written(own, keeps, name)
-        met = bool((own.short(reached) == 0).all())
     return Design(
         own,
         values,
@@ -238,10 +239,8 @@ def _why(own: Problem, key: VariedKey) -> str:
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
 _SOURCE, _AWAY = 12, 5
-# Cells to a branch length: those tried first, and what is taken where they do not serve. Waves are
-# short about asymptotes, and where there are none below so many times the highest frequency wished,
-# which is about all that is driven, fewer do.
-_TRIED, _CELLS, _FEWER, _DRIVEN = (10, 14), 20, 14, 1.4
+# Cells to a branch length: those tried first, and what is taken where they do not serve.
+_TRIED, _CELLS = (10, 14), 20
 # A source's width in branch lengths.
 _WIDTH = 0.5
 # A Ricker of this part of the highest frequency wished drives little of what is above that.
@@ -283,7 +282,6 @@ def designed_tables(
     inner = own.length(values)
     low = min(wish.low for wish in own.wishes)
     high = max(wish.high for wish in own.wishes)
-    middle = (low + high) / 2
     if "sources" not in tables:
         family = own.known.medium.family
         sectors = dict.fromkeys(wish.sector for wish in own.wishes)
@@ -302,10 +300,10 @@ def designed_tables(
             {"name": "before", "position": _short(first - _AWAY * unit)},
             {"name": "behind", "position": _short(first + inner + min(_AWAY * unit, last / 3))},
         ]
-    tables.setdefault("time", {"duration": _short(_PERIODS / middle, 2)})
+    tables.setdefault("time", {"duration": _short(2 * _PERIODS / (low + high), 2)})
     bar = tables["bar"]
     if not {"cells", "spacing"} & set(bar):  # as small as the verdict on signals asks
-        for cells in (*_TRIED, _cells(own, values, high)):
+        for cells in (*_TRIED, _CELLS):
             bar["spacing"] = _short(unit / cells)
             if cells in _TRIED and serves(tables):
                 break
@@ -328,12 +326,6 @@ def _halves(layers: list[dict[str, Any]]) -> list[dict[str, Any]]:
         else:
             found.append(table)
     return found
-
-
-def _cells(own: Problem, values: Sequence[float], high: float) -> int:
-    media = {medium for layer in own.layers_at(values).layers for medium in layer.ends}
-    lowest = min(asymptotes(medium, wish.sector).min() for medium in media for wish in own.wishes)
-    return _FEWER if lowest > 2 * math.pi * _DRIVEN * high else _CELLS
 
 
 def _short(value: float, digits: int = 6) -> float:
