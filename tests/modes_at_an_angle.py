@@ -16,9 +16,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavesim.material.contact_tensors import (
+    average_stiffness,
+    gradient_stiffness,
+    relative_stiffness,
+)
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import BlockCoefficients
-from wavesim.planewave.angle_of_travel import scaled_tensors
+from wavesim.material.scaling import BlockCoefficients, scales
 from wavesim.planewave.eigenproblem import Eigenmodes, Float, solve
 
 # The mirror x₃ → −x₃ changes the sign of the fields with an odd number of indices 3 and no others,
@@ -26,6 +30,13 @@ from wavesim.planewave.eigenproblem import Eigenmodes, Float, solve
 # other.
 KINDS: tuple[str, ...] = ("in-plane", "out-of-plane")
 _TWO = list(itertools.product(range(3), repeat=2))
+
+
+def scaled_tensors(medium: Medium) -> BlockCoefficients:
+    """The tensors of Appendix B, scaled: J + M as c_pp, M as c_pb, c_bp, c_bb, and N as gamma."""
+    J, M = average_stiffness(medium), relative_stiffness(medium)
+    tensors = BlockCoefficients(J + M, M, M, M, gradient_stiffness(medium), *medium.inertias)
+    return tensors.scaled(scales(medium))
 
 
 def _normal(theta: float) -> Float:
@@ -88,38 +99,3 @@ def frequencies(medium: Medium, theta: float, k: ArrayLike) -> Float:
     """
     _, modes = _modes(medium, theta, k)
     return np.sqrt(np.maximum(modes.squares, 0.0)) / float(medium.time_scale)
-
-
-def group_velocity(medium: Medium, theta: float, k: ArrayLike) -> Float:
-    """∂ω/∂(k₁, k₂) of the twelve waves along n(θ), in the order of :func:`frequencies`.
-
-    Each is vᵀ (∂K/∂k_j) v / 2ω. Where waves share a frequency their velocities are those of the
-    modes that the eigenproblem happens to give.
-
-    Args:
-        medium: the medium, as closure "consistent".
-        theta: θ, rad.
-        k: wavenumbers, shape (n,), not 0, rad/m.
-
-    Returns:
-        Velocities, shape (n, 12, 2), m/s.
-
-    Raises:
-        ValueError: a k is 0, where no direction of travel is defined.
-    """
-    scaled, modes = _modes(medium, theta, k)
-    if (scaled == 0).any():
-        raise ValueError("k = 0: must not be 0; the direction of travel is lost there")
-    tensors = scaled_tensors(medium)
-    wave = scaled[:, None] * _normal(theta)
-    slopes = np.zeros((len(scaled), 3, 12, 12))
-    travelling = np.einsum("ijkl,nl->njik", tensors.c_pp, wave)
-    slopes[:, :, :3, :3] = travelling + np.swapaxes(travelling, -1, -2)
-    coupling = tensors.c_pb.transpose(1, 0, 2, 3).reshape(3, 3, 9)
-    slopes[:, :, :3, 3:] = -coupling
-    slopes[:, :, 3:, :3] = -np.swapaxes(coupling, -1, -2)
-    gradient = np.einsum("ijklmx,nx->nkijlm", tensors.gamma, wave).reshape(-1, 3, 9, 9)
-    slopes[:, :, 3:, 3:] = gradient + np.swapaxes(gradient, -1, -2)
-    rising = np.einsum("nam,njab,nbm->nmj", modes.left, slopes[:, :2], modes.right)
-    omega = np.sqrt(np.maximum(modes.squares, 0.0))[..., None]
-    return rising / (2 * omega) * float(medium.length_scale) / float(medium.time_scale)

@@ -1,10 +1,9 @@
-"""Waves at an angle: rotated tensors, isotropy, and two routes to group velocity."""
+"""Waves at an angle: the tensors turned, isotropy, the mirror, and the sectors along the axis."""
 
 from __future__ import annotations
 
 import modes_at_an_angle as every
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from media import media
@@ -19,13 +18,11 @@ from wavesim.material.contact_tensors import (
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import BlockCoefficients
-from wavesim.planewave import angle_of_travel as direction
 from wavesim.planewave.eigenproblem import solve
 
 property_test = settings(deadline=None, derandomize=True, max_examples=40)
 angles = st.floats(-np.pi, np.pi)
 MEDIUM = Medium(anisotropy=1.0, closure="consistent")
-BAR = MEDIUM.time_scale
 
 
 def turn(theta):
@@ -73,7 +70,7 @@ def test_tensors_turned_by_hand_are_those_of_the_turned_fabric(medium, theta):
 @given(media(), angles, st.floats(0.02, 1.0))
 def test_contraction_with_the_direction_is_the_turned_body_along_its_axis(medium, theta, k_bar):
     """Waves along n(θ) = waves along x₁ of the body turned by −θ: ω² to 1e-13 of the largest."""
-    tensors = direction.scaled_tensors(medium)
+    tensors = every.scaled_tensors(medium)
     Q = turn(-theta)
     names = ("c_pp", "c_pb", "c_bp", "c_bb", "gamma")
     back = BlockCoefficients(*(turned(getattr(tensors, name), Q) for name in names))
@@ -120,57 +117,3 @@ def test_the_mirror_splits_the_twelve_fields_at_every_angle(medium, theta, k_bar
     np.testing.assert_allclose(
         np.sort(np.concatenate(parts)), np.sort(whole), rtol=0, atol=1e-13 * whole.max()
     )
-
-
-@pytest.mark.parametrize("omega_bar", [0.3, 0.6, 1.24])
-def test_group_velocity_by_two_routes(omega_bar):
-    """Eigenvectors of all twelve fields at (k, θ), and the implicit derivative of the Christoffel
-    equation at (ω, θ), which leaves Γ out: they differ by Γ, 1e-12 of M. Tolerance 1e-9 of c∞."""
-    waves = direction.directed_waves(MEDIUM, omega_bar / BAR, [0.3, 0.9, 1.4])
-    checked = 0
-    for i, theta in enumerate(waves.theta):
-        for j in range(3):
-            slowness = waves.slowness[i, j]
-            if slowness.imag == 0:
-                k = slowness.real * waves.omega
-                omega = every.frequencies(MEDIUM, theta, k)[0]
-                velocity = every.group_velocity(MEDIUM, theta, k)[0]
-                same = np.argmin(np.abs(omega - waves.omega))
-                assert omega[same] == pytest.approx(waves.omega, rel=1e-9)
-                assert np.abs(velocity[same] - waves.group_velocity[i, j]).max() <= 1e-9 * 4121
-                checked += 1
-    assert checked >= 3
-
-
-def test_group_velocity_is_normal_to_the_slowness_curve():
-    """Law: V · ds/dθ = 0 with s(θ) = s n(θ). The closed curve is differentiated by FFT, 256
-    points, exact to rounding for so smooth a curve. Tolerance 1e-10 of |V||s|."""
-    theta = np.arange(256) * 2 * np.pi / 256
-    waves = direction.directed_waves(MEDIUM, 0.4 / BAR, theta)
-    assert (waves.slowness.imag == 0).all()
-    normal = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
-    curve = waves.slowness.real[..., None] * normal[:, None]
-    order = np.fft.fftfreq(256, 1 / 256)[:, None, None]
-    slope = np.fft.ifft(1j * order * np.fft.fft(curve, axis=0), axis=0).real
-    across = np.sum(waves.group_velocity * slope, axis=-1)
-    size = np.linalg.norm(waves.group_velocity, axis=-1) * np.linalg.norm(curve, axis=-1)
-    assert np.abs(across / size).max() <= 1e-10
-
-
-def test_along_the_axis_slowness_is_that_of_the_plane_wave_solver():
-    omega = 0.5 / BAR
-    waves = direction.directed_waves(MEDIUM, omega, [0.0])
-    expected = [planewave.wavenumber(MEDIUM, name, omega)[0] for name in waves.polarisations]
-    np.testing.assert_allclose(waves.slowness[0] * omega, expected, rtol=1e-12)
-    speeds = [
-        planewave.group_velocity(MEDIUM, name, k.real)[0, 0]
-        for name, k in zip(waves.polarisations, expected, strict=True)
-    ]
-    np.testing.assert_allclose(waves.group_velocity[0, :, 0], speeds, rtol=1e-9)
-
-
-def test_what_has_no_direction_is_refused():
-    with pytest.raises(ValueError, match="k = 0"):
-        every.group_velocity(MEDIUM, 0.1, [0.0])
-    with pytest.raises(ValueError, match="omega = 0"):
-        direction.directed_waves(MEDIUM, 0.0, [0.1])

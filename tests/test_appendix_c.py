@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import misprints as findings
 import numpy as np
 import pytest
 
 from wavesim import planewave
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
-from wavesim.paper import findings
 from wavesim.planewave import appendix_c
 from wavesim.planewave import eigenproblem as spectral
 
@@ -160,3 +162,19 @@ def test_findings_on_the_wave_equations():
     by_name = {finding.name: finding for finding in found}
     first = by_name["(29) B11 in the equation of B11"]
     assert (first.printed, first.tensors) == ((5, 16, 4, 8), (5, 16, 2, 10))
+
+
+@pytest.mark.parametrize(
+    "finding",
+    [f for f in (*findings.appendix_c_findings(), *findings.equation_findings()) if not f.agrees],
+    ids=lambda finding: finding.name,
+)
+def test_what_is_misprinted_is_told_as_it_is_derived(finding):
+    """Each coefficient that differs has its row in docs/physics.md."""
+    told = (Path(__file__).parents[1] / "docs" / "physics.md").read_text(encoding="utf-8")
+    found = (finding.printed, finding.equations, finding.tensors)
+    written = [finding.text(factors) for factors in found]
+    if finding.name.startswith("("):  # of an equation: the coefficient of a field in its own
+        del written[1]
+    cells = " | ".join(written)
+    assert f"| {finding.name.partition(' in ')[0]} | {cells} |" in told

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from madeup import (
@@ -28,8 +30,9 @@ from wavesim.readings.bar.bloch import cells, repeated, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import audible, ringing
 from wavesim.readings.bar.transmission import scattered, specimen
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
-from wavesim.sources import InitialField, Ricker
+from wavesim.sources import InitialField, Ricker, unfolded
 from wavesim.verdict.bar import judge_bar
+from wavesim.verdict.bar_notes import bar_notes
 
 
 def transforming(monkeypatch, module, made):
@@ -106,6 +109,26 @@ def test_transmission_through_a_single_face(monkeypatch):
     judged = found.judged
     assert np.abs(1 + found.R_exact - found.T_exact)[judged].max() <= 1e-5
     assert np.abs(found.R_exact)[judged].min() > 0.01
+
+
+def test_no_transmission_at_frequencies_that_frames_fold_something_onto(monkeypatch):
+    """And the reason is told, with frames that leave none."""
+    transforming(monkeypatch, twowaves, two_waves(SPECIMEN, 0.5, 0.5))
+    source, bar = Ricker("phi1", 0.012, 3e5), buffered(SPECIMEN)
+
+    def told(frames):
+        field = field_of(SPECIMEN, bar, [source], {"1": 0.02}, t=np.linspace(0, 1e-4, frames))
+        found = scattered(field, LONGITUDINAL, specimen(field, LONGITUDINAL, 40, 18.0))
+        reading = reading_of(scattered=(found,), exact={"1": {}})
+        notes = [note for note in bar_notes(reading, field) if "fold" in note]
+        folded = ~unfolded([source], found.omega, field.interval)
+        assert not (found.judged & folded).any()
+        return found.judged.sum(), notes
+
+    few, (note,) = told(160)
+    enough, none = told(int(re.search(r"samples = (\d+)", note)[1]))
+    assert 0 < few < enough
+    assert none == []
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,8 @@ from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.simulation.field import Energy
-from wavesim.verdict.bar import bar_notes, judge_bar
+from wavesim.verdict.bar import judge_bar
+from wavesim.verdict.bar_notes import bar_notes
 
 OMEGA = np.linspace(1e5, 2e6, 12)
 JUDGED = OMEGA < 1.5e6

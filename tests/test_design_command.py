@@ -12,9 +12,10 @@ from test_transmission_command import transfer
 
 from wavesim.case.layered_case import load_layers
 from wavesim.case.load import load
-from wavesim.case.schema import read
+from wavesim.case.schema import CaseError, read
+from wavesim.material.layers import Layers
+from wavesim.studies.design_asked import problem
 from wavesim.studies.design_descent import Search
-from wavesim.studies.design_problem import problem
 from wavesim.studies.design_tolerance import allowed_offsets
 
 CASE = """\
@@ -57,6 +58,14 @@ to = 40.0
 key = "layers.1.layers.0.G_n_r"
 from = 3.0
 to = 40.0
+"""
+
+
+SOFTER = """\
+[[layers]]
+thickness = 0.024
+G_n_a = 10.0
+G_n_r = 10.0
 """
 
 
@@ -163,6 +172,31 @@ def test_bad_input_gives_2_and_one_line(override, path, tmp_path):
     assert len(result.stderr.splitlines()) == 1
     assert BAD[override] in result.stderr
     assert not (tmp_path / "design.toml").exists()
+
+
+def test_what_passes_is_bounded_by_energy(path):
+    """|T|² Z₂/Z₁ ≤ 1: into softer grains the amplitude rises, and no wish beyond that is taken.
+
+    Z₁/Z₂ = (1 + R)/(1 − R) by R of a transfer matrix, where the two half-spaces meet.
+    """
+    inner = CASE[CASE.index("[[layers]]") : CASE.index("[design]")]
+    text = (
+        CASE.replace("half-space", "absorbing")
+        .replace(inner, "[[layers]]\nthickness = 0.024\n" + inner + SOFTER)
+        .replace("layers.1.layers", "layers.2.layers")
+        .replace("length_at_most", "# length_at_most")
+    )
+    path.write_text(text)
+    one, *_, two = load_layers(path).layers.layers
+    sides = Layers((one, replace(two, start=one.end, end=one.end + two.thickness)))
+    R = transfer(sides, "longitudinal", 2 * np.pi * np.linspace(2e5, 3e5, 400))[1].real
+    most = (10 * np.log10((1 + R) / (1 - R))).min()
+    assert most > 1
+    path.write_text(text.replace("at_least = -3", f"at_least = {most - 1e-6}"))
+    problem(read(path), str(path))
+    path.write_text(text.replace("at_least = -3", f"at_least = {most + 1e-6}"))
+    with pytest.raises(CaseError, match="a stack gives no energy"):
+        problem(read(path), str(path))
 
 
 def test_a_variable_of_value_0_may_be_off_absolutely(path):

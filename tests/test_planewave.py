@@ -195,7 +195,8 @@ def test_gap_edges_to_the_digits_of_the_table(a, closure):
 
 
 def test_findings_on_the_paper_in_numbers():
-    """With the paper's own tensors: TO(B[12]) falls, RTB2 widens, RLB1 stays open at a = 1."""
+    """With the paper's own tensors: TO(B[12]) falls, RTB2 widens, RLB1 stays open at a = 1.
+    With the printed coefficients longitudinal waves of k̄ = 0.45 grow at 8e4 1/s for η = 0.6."""
     medium = Medium(anisotropy=1.0, closure="consistent")
     rlb1, _ = planewave.gaps(medium, "longitudinal")
     _, rtb2 = planewave.gaps(medium, "transverse2")
@@ -204,6 +205,12 @@ def test_findings_on_the_paper_in_numbers():
     assert f"{(rtb2_before.upper - rtb2_before.lower) * BAR:.3f}" == "0.089"
     assert f"{(rtb2.upper - rtb2.lower) * BAR:.3f}" == "0.277"
     assert f"{rlb1.lower * BAR:.4f}–{rlb1.upper * BAR:.4f}" == "1.0466–1.1388"
+    with pytest.raises(planewave.NotHyperbolicError) as error:
+        planewave.check_hyperbolic(
+            Medium(anisotropy=1.0, stiffness_ratio=0.6, closure="appendix_c")
+        )
+    assert error.value.k * 1e-3 / (2 * np.pi) == pytest.approx(0.45, abs=5e-3)
+    assert error.value.growth_rate == pytest.approx(8e4, rel=0.05)
 
 
 def test_speeds_and_the_unit_of_frequency():

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from wavesim.grid.bar import Bar
 from wavesim.grid.points import sampling, spread
-from wavesim.sources import Ricker, excitation, excited_band
+from wavesim.sources import Ricker, ToneBurst, excitation, excited_band, unfolded
 
 frequencies = st.floats(1e4, 2e6)
 
@@ -277,3 +277,24 @@ def test_a_width_going_to_nothing_is_a_point():
     density, indices = spread(bar, 8.1e-3, 1e-12, staggered=False)
     np.testing.assert_array_equal(indices, at)
     np.testing.assert_allclose(density, known, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "source", [Ricker("phi1", 0.0, 1e6), ToneBurst("phi1", 0.0, 1e6, 4, "cos4")], ids=str
+)
+@pytest.mark.parametrize("per_period", [3.0, 4.0, 5.2, 9.0])
+def test_what_frames_fold_onto_a_frequency(source, per_period):
+    """Poisson: Δt Σ s(jΔt) e^{iωjΔt} = Σ S(ω − 2πn/Δt). Where nothing is said to be folded the sum
+    over the frames is the spectrum to 1e-3, elsewhere not to 5e-4."""
+    interval = 1 / per_period / 1e6
+    t = np.arange(0, source.end + interval, interval)
+    omega = np.linspace(0.2, min(0.95 * per_period / 2, 2.2), 60) * 2e6 * np.pi
+    omega = omega[excitation([source], omega) >= 0.01]
+    exact = source.spectrum(omega)
+    seen = interval * np.exp(1j * np.outer(omega, t)) @ source.signal(t)
+    off = np.abs(seen / exact - 1)
+    told = unfolded([source], omega, interval)
+    assert off[told].max(initial=0.0) <= 1.05e-3
+    assert off[~told].min(initial=1.0) >= 5e-4
+    assert told.all() or per_period < 6
+    assert not told.all() or per_period > 4.5

@@ -156,6 +156,15 @@ def test_a_ridge_that_goes_straight_on_where_branches_avoid_each_other():
         assert held.branches[number].error.max() < 1e-12
 
 
+def test_what_creeps_is_no_ridge_of_a_wave():
+    """A strain that a loss law lets go on for longer than the record is a peak within one bin of
+    ω = 0, as e^{−t/τ} cos 0t is; what swings more than once is one that no branch explains."""
+    k, width = BAR.wavenumbers[20:60], 2 * np.pi / 5e-5
+    for turns, strays in ((0.2, 0), (3.0, 1)):
+        ridge = Ridge(k, np.full(len(k), turns * width), np.ones(len(k)))
+        assert len(hold(field(), measured(exact(0), ridge), K_RANGE).strays) == strays
+
+
 def test_a_branch_beyond_the_frames_is_no_ridge_of_another():
     """Of LO2 frames of a Nyquist frequency ω_N below it show 2ω_N − ω: no branch, and no fault."""
     there, made = exact(2), field()

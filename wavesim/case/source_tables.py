@@ -31,7 +31,7 @@ from wavesim.sources import (
     parameters,
     read_csv,
 )
-from wavesim.sources.source import END_ACTS, SIGNAL_ACTS
+from wavesim.sources.admissible import END_ACTS, SIGNAL_ACTS
 
 Side = Literal["left", "right"]
 # Keys of kinds whose numbers are above 0.

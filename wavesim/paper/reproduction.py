@@ -1,4 +1,4 @@
-"""The paper reproduced: its figures, its claims judged, and findings, as a page and as JSON."""
+"""The paper reproduced: its figures, and its claims judged, as a page and as JSON."""
 
 from __future__ import annotations
 
@@ -11,26 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from wavesim.figures import gap_map as surveyfigures
 from wavesim.material.medium import Medium
 from wavesim.paper import figures as paperfigures
 from wavesim.paper.branches_and_gaps import Study
-from wavesim.paper.findings import appendix_c_findings, equation_findings
 from wavesim.paper.page import CLOSURES, GAPS, SOURCE, judge, page
-from wavesim.planewave.gap_map import family_gaps, gap_map
-from wavesim.planewave.hyperbolicity import NotHyperbolicError, check_hyperbolic
-
-# Media that are tried for waves that grow: the default closure outside the range that the paper
-# studies, and the printed dispersion coefficients inside it.
-_TRIED: tuple[tuple[str, float, float], ...] = (
-    ("printed", 1.0, 0.5),
-    ("printed", 1.0, 1.0),
-    ("printed", 2.0, 1.3),
-    ("appendix_c", 1.0, 0.5),
-    ("appendix_c", 1.0, 0.6),
-    ("appendix_c", 1.0, 0.8),
-    ("appendix_c", 0.7, 0.8),
-)
+from wavesim.planewave.gap_map import family_gaps
 
 
 def gap_rows() -> list[dict[str, Any]]:
@@ -47,25 +32,6 @@ def gap_rows() -> list[dict[str, Any]]:
                 for name in GAPS
             }
             rows.append({"a": float(a), "closure": closure, "edges": edges})
-    return rows
-
-
-def stability_rows() -> list[dict[str, Any]]:
-    """Media of Table 1 with other a and η: whether all ω(k) are real, and if not the growth."""
-    rows = []
-    for closure, a, eta in _TRIED:
-        row: dict[str, Any] = {"closure": closure, "a": a, "eta": eta, "stable": True}
-        medium = Medium(anisotropy=a, stiffness_ratio=eta, closure=closure)
-        try:
-            check_hyperbolic(medium)
-        except NotHyperbolicError as error:
-            row.update(
-                stable=False,
-                sector=error.sector,
-                k_bar=error.k * medium.length_scale / (2 * np.pi),
-                growth_per_second=error.growth_rate,
-            )
-        rows.append(row)
     return rows
 
 
@@ -95,20 +61,6 @@ def figures() -> dict[str, tuple[str, Figure]]:
         "Figure 6: gap edges against a, η = 0.5.",
         paperfigures.anisotropy_figure(studies),
     )
-    plane = gap_map(
-        Medium(closure="consistent"),
-        ("anisotropy", np.linspace(0.0, 1.0, 201)),
-        ("stiffness_ratio", np.linspace(0.0, 1.0, 201)),
-    )
-    drawn["gap_map.png"] = (
-        "Beyond the paper: width of each gap over a and η, closure consistent.",
-        surveyfigures.gap_map_figure(plane),
-    )
-    drawn["directions.png"] = (
-        "Beyond the paper: slowness and group velocity over the direction of travel, a = 1, "
-        "closure consistent.",
-        surveyfigures.direction_figure(Medium(anisotropy=1.0, closure="consistent")),
-    )
     return drawn
 
 
@@ -125,8 +77,7 @@ def reproduce(
     Returns:
         What paper.json holds: {"source", "figures": {file: caption}, "gaps": [...], "claims":
         [{"number", "claim", "verdicts": {closure: "holds" | "in part" | "fails"}, "statements":
-        {closure: [{"text", "values", "holds"}]}}], "findings": {"coefficients", "equations"},
-        "stability": [...]}.
+        {closure: [{"text", "values", "holds"}]}}]}.
 
     Raises:
         OSError: the folder can't be written.
@@ -139,8 +90,8 @@ def reproduce(
         figure.savefig(out / name, dpi=dpi)
         captions[name] = caption
     tell(len(drawn), len(drawn) + 1)
-    claims, gaps, stability = judge(), gap_rows(), stability_rows()
-    (out / "paper.md").write_text(page(captions, claims, gaps, stability), encoding="utf-8")
+    claims, gaps = judge(), gap_rows()
+    (out / "paper.md").write_text(page(captions, claims, gaps), encoding="utf-8")
     result = {
         "source": SOURCE,
         "figures": captions,
@@ -157,11 +108,6 @@ def reproduce(
             }
             for claim in claims
         ],
-        "findings": {
-            "coefficients": [dataclasses.asdict(finding) for finding in appendix_c_findings()],
-            "equations": [dataclasses.asdict(finding) for finding in equation_findings()],
-        },
-        "stability": stability,
     }
     text = json.dumps(result, indent=1, ensure_ascii=False)
     (out / "paper.json").write_text(text + "\n", encoding="utf-8")

@@ -7,6 +7,7 @@ of a particle, where no continuum is meant. ``gradient_share`` says whether that
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from dataclasses import dataclass
@@ -132,6 +133,14 @@ def gradient_share(medium: Medium) -> float:
 
     max (2π/l)² Γ / C_BB over the blocks, –. Gap edges, which neglect Γ, are good to about this.
     """
+    try:
+        return _share(medium)
+    except TypeError:  # numbers that jax holds have no hash
+        return _share.__wrapped__(medium)
+
+
+@functools.lru_cache(maxsize=1000)
+def _share(medium: Medium) -> float:
     share = 0.0
     for block in medium.family.blocks:
         form = spectral_form(medium, block)

@@ -123,9 +123,9 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("record:\nsimulated", "level", "level"),
             Column("record:\nexact", "level_exact", "level"),
         ),
-        "Steady wave: T at that frequency, exact; stop bands are where it is below −20 dB, with or "
-        "less, or more where they go on past what the run tells of. A record that ends tells T at "
-        "ω + iσ: simulated, beside what is exact there.",
+        "Steady wave: T at that frequency, exact. A stop band is where it is below −20 dB; an edge "
+        "past what the run tells of is marked “or less” or “or more”. A record that ends tells T "
+        "at ω + iσ: simulated, beside what is exact there.",
     ),
     "mode": (
         "Eigenfrequencies, the lowest",

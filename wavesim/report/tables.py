@@ -62,7 +62,8 @@ def found(console: Console, summary: dict[str, Any]) -> None:
     """Print what a run found, of its summary.json: gaps, velocities, T, Q, beside exact values."""
     for answer in answers(summary):
         columns = answer.columns
-        table = new_table(*(column.name for column in columns), title=answer.title)
+        table = new_table(*(column.name for column in columns))
+        console.print(answer.title, style="italic")  # a table would break it at its own width
         if len(columns) >= _MANY:
             table.padding = (0, 0)
         for one, column in zip(table.columns, columns, strict=True):
@@ -182,7 +183,7 @@ def _errors(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
         from wavesim.verdict.foreseen_errors import limit_of
 
         why = limit_of(simulated) or "too many cells and frequencies to work out"
-        return f"not known beforehand, as {why}; the run's checks tell"
+        return f"not known beforehand, as {why}; the run's checks tell, if it is solved exactly"
     worst: dict[float, Foretold] = {}
     for one in errors:
         if one.error >= worst.get(one.allowed, one).error:

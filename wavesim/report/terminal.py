@@ -83,15 +83,13 @@ def console(quiet: bool = False) -> Any:
     )
 
 
-def new_table(*headings: str, words: int = 1, title: str = "") -> Any:
+def new_table(*headings: str, words: int = 1) -> Any:
     """A table to print: words in its first columns, which may be broken, and numbers in the others,
     whose digits never are."""
     from rich import box
     from rich.table import Table
 
-    made = Table(
-        box=box.SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
-    )
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
         word = number < words
         made.add_column(

@@ -11,6 +11,7 @@ from wavesim.sources.source import (
     excitation,
     excited_band,
     parameters,
+    unfolded,
 )
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "excited_band",
     "parameters",
     "read_csv",
+    "unfolded",
 ]

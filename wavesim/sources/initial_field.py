@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from wavesim.material.arguments import checked
+from wavesim.sources.admissible import check_place, check_positive
 from wavesim.sources.source import (
     IN_BAND,
     Extent,
     Source,
-    check_place,
-    check_positive,
     namespace,
 )
 

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.material.arguments import checked
+from wavesim.sources.admissible import check_place, check_size
 from wavesim.sources.signal_file import check_samples
 from wavesim.sources.source import (
     Extent,
     Source,
-    check_place,
-    check_size,
     extent_on,
     namespace,
     transform,

@@ -11,12 +11,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from wavesim.material.arguments import checked
+from wavesim.sources.admissible import check_place, check_positive, check_start
 from wavesim.sources.source import (
     Extent,
     Source,
-    check_place,
-    check_positive,
-    check_start,
     extent_on,
     extent_to,
     namespace,

@@ -23,6 +23,7 @@ stop bands' floor, L there is its average over a Lorentzian of half-width σ, an
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -34,8 +35,8 @@ from wavesim.studies.design_problem import Problem
 COARSE, FINE, _FINE_GRADED = 96, 801, 201
 # Of the coarse ones, where the peaks of the finer net are followed: those even over the band.
 _EVEN = 32
-# Stacks whose T is computed at once, with slopes and without.
-_TOGETHER, _MEMBERS = 4, 8
+# Stacks whose T is computed at once.
+_TOGETHER = 4
 _MARGIN = 0.4
 # Radius of the first linear program, in x; those beyond these are ended.
 RADIUS, _WIDEST, _LEAST = 0.05, 0.3, 1e-6
@@ -55,14 +56,12 @@ class Stack:
 
     Attributes:
         x: from 0 to 1, (n,).
-        net: frequencies of each wish that it is asked at, Hz, (wishes, COARSE).
-        e, J: there, (M,) and (M, n).
+        e, J: at some frequencies, (M,) and (M, n).
         worst: e, over the finer net too where its peaks are followed.
         radius: of its steps.
     """
 
     x: Any
-    net: Any
     e: Any
     J: Any
     worst: float
@@ -111,8 +110,8 @@ class Search:
         """The same, and where, Hz; (members, wishes) each."""
         net = self.problem.net(self._fine)
         found, where = [], []
-        for first in range(0, len(values), _MEMBERS):  # all levels of all are too many
-            level = self._levels_of(np.asarray(values)[first : first + _MEMBERS], net)
+        for first in range(0, len(values), _TOGETHER):  # all levels of all are too many
+            level = self._levels_of(np.asarray(values)[first : first + _TOGETHER], net)
             at = (self._sign[:, None] * level).argmax(axis=2)
             found.append(np.take_along_axis(level, at[..., None], axis=2)[..., 0])
             where.append(net[np.arange(len(net)), at])
@@ -122,9 +121,9 @@ class Search:
         """L of stacks, (members, wishes, count), dB; arguments as of ``Problem.levels``."""
         self._asked_of.append(len(values))
         parts = []
-        for first in range(0, len(values), _MEMBERS):
-            some = values[first : first + _MEMBERS]
-            found = self._levels(_padded(some, _MEMBERS), frequency.astype(complex))
+        for first in range(0, len(values), _TOGETHER):
+            some = values[first : first + _TOGETHER]
+            found = self._levels(_padded(some, _TOGETHER), frequency.astype(complex))
             parts.append(np.asarray(found)[: len(some)])
         return np.concatenate(parts)
 
@@ -212,35 +211,40 @@ class Search:
         most = (limit * (1 - _ROOM) - self._shortest) / np.maximum(x @ self._by_x, 1e-300)
         return np.where(self._by_x > 0, x * np.minimum(most, 1.0)[:, None], x)
 
-    def begun(
-        self, x: Any, scale: Any, blur: float = 0.0, nets: Any = None, radius: Any = RADIUS
-    ) -> list[Stack]:
-        """Stacks at x (members, n), cut to their length, to go down from; others as of errors."""
+    def begun(self, x: Any, scale: Any, blur: float = 0.0) -> list[Stack]:
+        """Stacks at x (members, n), cut to their length, at even frequencies; others as of
+        errors."""
         over = self.too_long(x)
         x = np.where((over > 0)[:, None], self.cut(x), x)
-        nets = self.everywhere(len(x)) if nets is None else nets
-        e, J = self.errors(x, nets, scale, blur)
-        radii = np.broadcast_to(radius, len(x)).tolist()
-        return [
-            Stack(*one) for one in zip(x, nets, e, J, e.max(axis=1).tolist(), radii, strict=True)
-        ]
+        e, J = self.errors(x, self.everywhere(len(x)), scale, blur)
+        return [Stack(*one) for one in zip(x, e, J, e.max(axis=1).tolist(), strict=True)]
 
     def down_the_worst(
         self, stacks: list[Stack], scale: Any, steps: int, blur: float = 0.0
     ) -> list[Stack]:
         """Stacks after some steps down the worst of their e, the best first."""
+        found = self._down(stacks, steps, lambda x, _: self.begun(x, scale, blur))
+        return sorted(found, key=lambda one: one.worst)
+
+    def _down(
+        self,
+        stacks: list[Stack],
+        steps: int,
+        at: Callable[[Any, list[int]], list[Stack]],
+        enough: float = -np.inf,
+    ) -> list[Stack]:
+        """Stacks after some steps; at has the new ones at x (members, n), and which they are of."""
+        stacks = list(stacks)
         for _ in range(steps):
             going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
-            if not going or self.ended:
+            if not going or self.ended or min(one.worst for one in stacks) < enough:
                 break
-            ways = [self._step(stacks[n]) for n in going]
-            x = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)
-            nets = np.array([stacks[n].net for n in going])
-            e, J = self.errors(x, nets, scale, blur)
-            new = (Stack(*one) for one in zip(x, nets, e, J, e.max(axis=1).tolist(), strict=True))
+            ways = self._steps([stacks[n] for n in going])
+            x = [stacks[n].x + d for n, (d, _) in zip(going, ways, strict=True)]
+            new = at(np.clip(x, 0.0, 1.0), going)
             for n, one, (_, foretold) in zip(going, new, ways, strict=True):
                 stacks[n] = _moved(stacks[n], one, foretold)
-        return sorted(stacks, key=lambda one: one.worst)
+        return stacks
 
     def down_the_peaks(
         self,
@@ -279,43 +283,39 @@ class Search:
             if sure:  # there s is not known
                 worst = np.where(worst > 0, worst / _STILL, -np.inf)
             worst = np.maximum(worst, found.max(axis=1))
-            return [Stack(*one) for one in zip(x, nets, found, J, worst.tolist(), strict=True)]
+            return [Stack(*one) for one in zip(x, found, J, worst.tolist(), strict=True)]
 
         begun = at(np.array([one.x for one in stacks]), asked)
         stacks = [
             replace(new, radius=max(one.radius, _ANEW))
             for one, new in zip(stacks, begun, strict=True)
         ]
-        for _ in range(steps):
-            going = [n for n, one in enumerate(stacks) if one.radius > _LEAST]
-            if not going or self.ended or min(one.worst for one in stacks) < enough:
-                break
-            ways = [self._step(stacks[n]) for n in going]
-            x = np.clip([stacks[n].x + ways[m][0] for m, n in enumerate(going)], 0.0, 1.0)
-            for n, new, (_, foretold) in zip(
-                going, at(x, [asked[n] for n in going]), ways, strict=True
-            ):
-                stacks[n] = _moved(stacks[n], new, foretold)
-        return stacks
+        return self._down(stacks, steps, lambda x, n: at(x, [asked[m] for m in n]), enough)
 
-    def _step(self, one: Stack) -> tuple[Any, float]:
-        """d of the linear program, and the worst e that it foretells."""
+    def _steps(self, stacks: list[Stack]) -> list[tuple[Any, float]]:
+        """d of each stack's linear program, and the worst e that it foretells: all are one program,
+        whose parts share nothing, as most of a small one's time is spent around it."""
         from scipy.optimize import linprog
+        from scipy.sparse import block_diag
 
-        near = one.e > one.worst - _FAR
-        A, b = np.hstack([one.J[near], -np.ones((near.sum(), 1))]), -one.e[near]
-        limit = self.problem.length_at_most
-        if limit is not None:
-            A = np.vstack([A, np.append(self._by_x / limit, 0.0)])
-            b = np.append(b, -self.too_long(one.x) - _ROOM / 2)
-        low = np.append(np.maximum(-one.radius, -one.x), -np.inf)
-        high = np.append(np.minimum(one.radius, 1 - one.x), np.inf)
-        goal = np.append(np.zeros(len(one.x)), 1.0)
-        found = linprog(goal, A, b, bounds=np.stack([low, high], axis=1), method="highs-ds",
-                        options={"presolve": False})  # fmt: skip
-        if found.x is None:
-            return np.zeros(len(one.x)), one.worst
-        return found.x[:-1], float(found.x[-1])
+        n, limit, parts, least, bounds = len(self._by_x), self.problem.length_at_most, [], [], []
+        for one in stacks:
+            near = one.e > one.worst - _FAR
+            parts.append(np.hstack([one.J[near], -np.ones((near.sum(), 1))]))
+            least.append(-one.e[near])
+            if limit is not None:
+                parts[-1] = np.vstack([parts[-1], np.append(self._by_x / limit, 0.0)])
+                least.append(-self.too_long(one.x[None]) - _ROOM / 2)
+            low, high = np.maximum(-one.radius, -one.x), np.minimum(one.radius, 1 - one.x)
+            bounds += [*zip(low, high, strict=True), (None, None)]
+        goal = np.tile(np.append(np.zeros(n), 1.0), len(stacks))
+        found = linprog(goal, block_diag(parts, format="csc"), np.concatenate(least), bounds=bounds,
+                        method="highs-ds", options={"presolve": False})  # fmt: skip
+        if found.x is not None:
+            return [(d[:-1], float(d[-1])) for d in found.x.reshape(len(stacks), -1)]
+        if len(stacks) > 1:
+            return [way for one in stacks for way in self._steps([one])]
+        return [(np.zeros(n), stacks[0].worst)]
 
 
 def _moved(old: Stack, new: Stack, foretold: float) -> Stack:

@@ -45,8 +45,6 @@ _SIDE_BY_SIDE = 2
 # tolerance, then down e/s in the widest had, so many steps each, until this part
 # of so many made keep all.
 _SURER, _STEPS, _SURE, _MADE = ((0.3, False), (1.0, False), (1.0, True)), 16, 0.95, 128
-# Of a stack that is less, so many more rounds are begun, within this part of the time.
-_MORE, _PART = 1, 0.5
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
     points = qmc.Sobol(len(own.problem.keys), seed=seed)
     rng = np.random.default_rng(seed)
     found: list[Kept] = []
-    done = more = 0
+    done = 0
     with ThreadPoolExecutor(_SIDE_BY_SIDE) as pool:
         while done < _MOST:
             starts = [points.random(_SCREENED) for _ in range(_SIDE_BY_SIDE)]
@@ -120,13 +118,8 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
             say("search", best.short)
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
-            if best.short == 0:
-                if best.made >= _SURE or more == _MORE or taken > _PART * enough:
-                    break
-                more += 1
-            elif taken > (nearly if best.short < _NEARLY else enough):
-                break
-            if own.ended:
+            kept = best.short == 0 and best.made >= _SURE
+            if kept or own.ended or taken > (nearly if 0 < best.short < _NEARLY else enough):
                 break
     values, taken = own.problem.values(best.x), time.perf_counter() - begun
     return Found(values, own.evaluations, done, taken, own.ended)

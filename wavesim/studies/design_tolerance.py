@@ -13,7 +13,7 @@ from wavesim.studies.design_descent import Search
 _OFFSETS = np.geomspace(1e-4, 0.3, 25)
 MEMBERS = 1000
 # By what the weight of one side of a trade-off is multiplied.
-_FACTORS = (0.03, 0.3, 3.0, 30.0)
+_FACTORS = (0.03, 0.3, 1.0, 3.0, 30.0)
 # Steps from one to the next.
 _STEPS = 24
 
@@ -102,30 +102,30 @@ def trade_off(own: Search, values: Any) -> tuple[list[dict[str, Any]], Any]:
     Returns:
         [{"weights": …, "reached": worst levels in dB, "short": shortfalls in dB}], from the stack
         that favours what is to be stopped to that which favours what is to pass; where all
-        wishes are of one kind, each is favoured in turn. All by the exact solver. And the values of
-        the variables of a stack among them that keeps every wish; None where none does.
+        wishes are of one kind, all count alike and then each is favoured in turn. All by the exact
+        solver. And the values of the variables of the stack whose worst wish lacks least.
     """
     problem = own.problem
     x = (values - problem.low) / (problem.high - problem.low)
     most = np.array([wish.most for wish in problem.wishes])
     if most.any() and not most.all():
         scales = [np.where(most, 1.0, factor) for factor in _FACTORS]
-    elif len(most) > 1:
-        scales = [np.where(np.arange(len(most)) == n, _FACTORS[-1], 1.0) for n in range(len(most))]
     else:
-        return [], None
-    rows, keeps = [], None
+        favoured = np.where(np.eye(len(most)), _FACTORS[-1], 1.0)
+        scales = [np.ones(len(most)), *(favoured if len(most) > 1 else ())]
+    rows, ends = [], [values]
+    least = [problem.short(problem.exact(values)[0]).max()]
     for scale in scales:
         begun = own.begun(np.clip(x, 0, 1)[None], own.scale * scale)
-        end = own.down_the_peaks(begun, own.scale * scale, _STEPS)[0].x
-        reached, _ = problem.exact(problem.values(end))
-        if (problem.short(reached) == 0).all():
-            keeps = problem.values(end)
+        ends.append(problem.values(own.down_the_peaks(begun, own.scale * scale, _STEPS)[0].x))
+        reached, _ = problem.exact(ends[-1])
+        short = problem.short(reached)
+        least.append(np.nan_to_num(short, nan=np.inf).max())
         rows.append(
             {
                 "weights": [wish.weight * f for wish, f in zip(problem.wishes, scale, strict=True)],
                 "reached": reached.tolist(),
-                "short": problem.short(reached).tolist(),
+                "short": short.tolist(),
             }
         )
-    return rows, keeps
+    return rows if len(most) > 1 else [], ends[int(np.argmin(least))]

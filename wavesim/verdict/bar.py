@@ -14,7 +14,6 @@ from wavesim.planewave.dispersion_relation import cutoffs, wavenumber
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.excited_band import JUDGED, pulses
-from wavesim.readings.bar.loudness import blurred
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
@@ -60,11 +59,11 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     if not reading.moved:
         return []
     checks = []
-    sent_back = _sent_back(field)
+    comes_back = sent_back(field)
     for receiver, errors in reading.error.items():
         worst = _worst(errors)
         label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
-        known = field, receiver, sent_back
+        known = field, receiver, comes_back
         checks.append(judged(label, errors[worst], SIGNAL_TOLERANCE, remedies.of_signal, *known))
     for scattered in reading.scattered:
         checks += _scattered_checks(field, scattered) + _band_checks(field, scattered)
@@ -152,7 +151,7 @@ def _cell_checks(field: Field, found: Cells) -> list[Check]:
     size = np.maximum(np.abs(found.cosine_exact), 1.0)
     worst = float((np.abs(found.cosine - found.cosine_exact) / size)[counted].max())
     label = f"{found.sector} Bloch wave: |Δcos qL|, {counted.sum()} frequencies"
-    return [judged(label, worst, BLOCH_TOLERANCE, remedies.of_spectra, field)]
+    return [judged(label, worst, BLOCH_TOLERANCE, remedies.of_grid, field)]
 
 
 def _ringing_checks(field: Field, found: Ringing) -> list[Check]:
@@ -192,40 +191,23 @@ def _pulse_checks(field: Field, pulse: PulseTest) -> list[Check]:
             f"{pulse.name} {'loss' if pulse.medium is not None else 'level'}, {loss.first} to "
             f"{loss.last}: difference, {both.sum()} frequencies"
         )
-        checks.append(
-            judged(label, worst, DECIBEL_TOLERANCE, remedies.of_spectra, field, unit="dB")
-        )
+        checks.append(judged(label, worst, DECIBEL_TOLERANCE, remedies.of_grid, field, unit="dB"))
     if pulse.k_exact is not None:
-        error, told = _wavenumbers(pulse)
+        error, told = wavenumbers(pulse)
         if told.any():
             label = f"{pulse.name} k between receivers: |Δk|/|k|, {told.sum()} frequencies"
             worst = float(error[told].max())
-            checks.append(judged(label, worst, WAVENUMBER_TOLERANCE, remedies.of_spectra, field))
+            checks.append(judged(label, worst, WAVENUMBER_TOLERANCE, remedies.of_grid, field))
         checks += _quality_checks(field, pulse)
     return checks
 
 
-def _wavenumbers(pulse: PulseTest) -> tuple[Float, NDArray[np.bool_]]:
+def wavenumbers(pulse: PulseTest) -> tuple[Float, NDArray[np.bool_]]:
     """|Δk|/|k| between receivers, shape (n,), and where the signals tell k that well: where the
     same reading of the exact signals does, which no grid has a part in."""
     k = np.asarray(pulse.k_exact)
     error, of_exact = (np.abs(own.dispersion.damped / k - 1) for own in (pulse.result, pulse.exact))
     return error, np.isfinite(error) & (of_exact <= _TOLD_BY_EXACT * WAVENUMBER_TOLERANCE)
-
-
-def _blind(field: Field, pulse: PulseTest) -> str:
-    """The note on frequencies at which k between receivers is not that of one wave, or ""."""
-    if pulse.k_exact is None:
-        return ""
-    error, told = _wavenumbers(pulse)
-    read, off = np.isfinite(error).sum(), (np.isfinite(error) & ~told).sum()
-    if 2 * off <= read:
-        return ""
-    return (
-        f"{pulse.name} k between receivers is not that of one wave at {off} of {read} frequencies, "
-        f"nor is it in the exact signals, and was not judged there; "
-        f"{remedies.of_window(field, pulse)}"
-    )
 
 
 def _loud(pulse: PulseTest) -> NDArray[np.bool_]:
@@ -257,85 +239,10 @@ def _quality_checks(field: Field, pulse: PulseTest) -> list[Check]:
     label = f"{pulse.name} Q between receivers over that of the law, median of {passes.sum()}"
     if not abs(same - 1) <= _TOLD_BY_EXACT * QUALITY_TOLERANCE:
         return []
-    return [judged(label, ratio, QUALITY_TOLERANCE, remedies.of_spectra, field, reference=1.0)]
+    return [judged(label, ratio, QUALITY_TOLERANCE, remedies.of_grid, field, reference=1.0)]
 
 
-def bar_notes(reading: Reading, field: Field) -> list[str]:
-    """What a reader should know beside the checks."""
-    if not reading.moved:
-        return [
-            "nothing moved: nothing could be checked; begin a source before the end ([[sources]] "
-            "delay or start), and away from fixed ends"
-        ]
-    found = []
-    if not field.receivers:
-        found.append(
-            "no receiver: nothing was held against the exact solver; add [[receivers]] to compare "
-            "signals"
-        )
-    heard = reading.heard
-    found += [
-        f"the exact solver does not have this bar, and less was checked: {why}"
-        for why in reading.refused
-    ]
-    silent = [name for name in reading.exact if heard is not None and not heard.get(name)]
-    if silent:
-        found.append(
-            f"receiver {_some(silent)}: next to nothing arrived, and it was not compared; lengthen "
-            "[time] duration, or move it"
-        )
-    near = {name: blurred(field, x) for name, x in field.receivers.items()}
-    for why in dict.fromkeys(near[name] for name in near if near[name]):
-        these = [name for name, one in near.items() if one == why]
-        found.append(
-            f"receiver {_some(these)}: stands {why}, where the grid has a lower order, and its "
-            f"signals were not compared; move it {remedies.ONE_SIDED} cells away to have them"
-        )
-    low, high = field.bar.clear
-    hidden = [name for name, x in field.receivers.items() if not low <= x <= high]
-    if hidden:
-        found.append(
-            f"receiver {hidden[0]} stands in an absorbing layer and was not compared; move it into "
-            f"{field.bar.clear[0]:.4g} to {field.bar.clear[1]:.4g} m"
-        )
-    if field.energy is not None and not field.layers.conserves_energy:
-        found.append(
-            'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
-            'take "consistent" to have it judged'
-        )
-    found += [note for pulse in reading.pulses if (note := _blind(field, pulse))]
-    return found + _too_short(reading, field) + _near_cutoffs(field)
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-
-
-def _too_short(reading: Reading, field: Field) -> list[str]:
-    """Bars that ring, of which the receivers hear no eigenfrequency apart from the next."""
-    if field.simulation.lossy or not field.receivers or reading.ringing:
-        return []
-    if not any(block.macro for block in field.blocks):
-        return []
-    last = float(field.t[-1])
-    return [
-        f"no eigenfrequency was judged: none that a record of {last:.3g} s tells from the next is "
-        "heard at the receivers; lengthen [time] duration, or move a receiver"
-    ]
-
-
-def _near_cutoffs(field: Field) -> list[str]:
-    """The note on what absorbing ends send back."""
-    told = _sent_back(field)
-    if not told:
-        return []
-    return [
-        "an absorbing end sends back more than 1e-3 of waves just above a cutoff, which are long: "
-        f"{told}; keep the sources' band off them, or take stiffer media at the ends"
-    ]
-
-
-def _sent_back(field: Field) -> str:
+def sent_back(field: Field) -> str:
     """Where absorbing ends send back more than a thousandth of what the sources drive, or "".
 
     A wave of phase velocity c comes back with R^(c_∞/c): a long wave just above a cutoff, whose

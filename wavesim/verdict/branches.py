@@ -162,7 +162,9 @@ def hold(field: Field, measured: Measured, k_range: tuple[float, float] | None =
     loudness *= inside[:, None]
     branches = []
     nyquist = np.pi / field.interval
-    kept = [r for r in measured.ridges if not _folded(r, found, exact, nyquist)]
+    # What does not swing once in the record is no wave: losses let strains creep.
+    swings = [r for r in measured.ridges if np.median(r.omega) >= found.bin]
+    kept = [r for r in swings if not _folded(r, found, exact, nyquist)]
     owners = [_owners(ridge, found, exact) for ridge in kept]
     for number, name in enumerate(block.branches):
         points = sorted(

@@ -9,11 +9,9 @@ from dataclasses import replace
 
 from wavesim.case.load import Case
 from wavesim.case.schema import AnalysisTable
-from wavesim.grid.bar import layered_bar
-from wavesim.grid.summation_by_parts import closure
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
-from wavesim.verdict.foreseen_errors import Foretold, foretold
+from wavesim.verdict.foreseen_errors import Foretold, foretold, with_spacing
 
 # A size is looked for that leaves this part of what is allowed, in so many tries.
 _ASIDE, _TRIES = 0.6, 3
@@ -50,8 +48,10 @@ def too_coarse(
 
 
 def serves(case: Case) -> bool:
-    """Whether it is told beforehand that a case's grid leaves much less than is allowed, or what a
-    finer one leaves too, as absorbing ends do."""
+    """Whether it is told beforehand that a case's grid leaves much less than is allowed, T and R
+    included, or what a finer one leaves too, as absorbing ends do."""
+    if case.simulation.layers.graded:
+        return False
     told = foretold(case.simulation, case.analysis, case.k_range)
     short = [n for n, one in enumerate(told or ()) if one.error > _ASIDE * one.allowed]
     if not (told and short):
@@ -102,19 +102,6 @@ def cell_size(
         error, spacing = now, tried
     text = f"take {other}{gentler(simulated)}: cells of {spacing:g} m would still leave {error:.1e}"
     return text, False
-
-
-def with_spacing(simulated: Simulation, spacing: float) -> Simulation:
-    """The same on a grid of other cells (m), as a case with that [bar] spacing has it."""
-    bar, layers = simulated.bar, simulated.layers
-    if bar.stretches:
-        least = closure(bar.order).cells
-        sizes = [min(spacing, layer.thickness / least) for layer in layers.layers]
-        made = layered_bar(layers, sizes, bar.order, bar.left, bar.right, bar.absorber)
-    else:
-        cells = round(bar.length / spacing)
-        made = replace(bar, cells=cells, spacing=bar.length / cells)
-    return replace(simulated, bar=made)
 
 
 def rounded(length: float) -> float:

@@ -1,7 +1,8 @@
 """By how much the grid of a run will miss what is exact, found before it.
 
 Of a bar with layers or ends, signals at receivers, T and R as its grid has them stand beside those
-of the exact solver (``grid_signals.py``); of a ring, ω(k) at the grid's modified wavenumbers.
+of the exact solver (``grid_signals.py``), of graded layers, which take that long, signals alone
+beside those of a grid of half the cells; of a ring, ω(k) at the grid's modified wavenumbers.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesim.case.schema import AnalysisTable
+from wavesim.grid.bar import layered_bar
 from wavesim.grid.stencils import modified_wavenumber
+from wavesim.grid.summation_by_parts import closure
 from wavesim.layered.inverse_transform import BeyondNumbersError, Contour
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.family import Block
@@ -41,9 +44,9 @@ _ABOUT, _NODES = 8, 24
 # A spectrum is left out below this part of its peak, softly, over this part of the rest.
 _SMALL, _TAPER = 1e-5, 0.03
 _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
-# Wavenumbers of a ring's judged range; how much more a folded band takes; the least part of a run
-# that tells of all of it.
-_RANGE, _FOLDED, _LEAST_PART = 129, 4, 0.3
+# Wavenumbers of a ring's judged range; how much more a folded band takes, and a graded bar and the
+# finer one beside it; the least part of a run that tells of all of it.
+_RANGE, _FOLDED, _GRADED, _LEAST_PART = 129, 4, 4, 0.3
 # A transform has this many frequencies at least.
 _MOST_CELLS = BUDGET / _LEAST_PART / 64
 # So long a signal (rad of the highest frequency) takes long to transform.
@@ -94,6 +97,19 @@ def foretold(
     return found and [one for one in found if math.isfinite(one.error)]
 
 
+def with_spacing(simulated: Simulation, spacing: float) -> Simulation:
+    """The same on a grid of other cells (m), as a case with that [bar] spacing has it."""
+    bar, layers = simulated.bar, simulated.layers
+    if bar.stretches:
+        least = closure(bar.order).cells
+        sizes = [min(spacing, layer.thickness / least) for layer in layers.layers]
+        made = layered_bar(layers, sizes, bar.order, bar.left, bar.right, bar.absorber)
+    else:
+        cells = round(bar.length / spacing)
+        made = replace(bar, cells=cells, spacing=bar.length / cells)
+    return replace(simulated, bar=made)
+
+
 def limit_of(simulated: Simulation) -> str:
     """Why :func:`foretold` does not work out what the grid of a simulation does; "" where it may.
 
@@ -103,9 +119,6 @@ def limit_of(simulated: Simulation) -> str:
         return ""
     if simulated.bar.cells > _MOST_CELLS:
         return f"{simulated.bar.cells} cells are more than {_MOST_CELLS:.0f}"
-    # The exact solver takes half a second for a graded layer.
-    if any(layer.last is not None for layer in simulated.layers.layers):
-        return "a layer is graded"
     if simulated.gradient_felt:
         return "the gradient term Γ counts here"
     for one in simulated.sources:
@@ -169,12 +182,13 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         for name, x in simulated.receivers.items()
         if low <= x <= high and not at_double_moment(simulated, x) and not blurred(simulated, x)
     }
-    specimens = list(_specimens(simulated, table))
+    graded = simulated.layers.graded
+    specimens = [] if graded else list(_specimens(simulated, table))
     blocks = sum(bool(block.macro) for block in simulated.blocks)
     if not blocks or not (seen or specimens):
         return []
     t = simulated.times
-    each = bar.cells * blocks * (_FOLDED if bar.periodic else 1)
+    each = bar.cells * blocks * (_FOLDED if bar.periodic else 1) * (_GRADED if graded else 1)
     sent = simulated.layers, tuple(sources)
     grid = _contour(*sent, float(t[-1]))
     share = min(1.0, BUDGET / (each * len(grid.omega)))
@@ -216,7 +230,10 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
     }
     found = []
     ends, part = (bar.left, bar.right), f", by the first {share:.0%} of the time" * (share < 1)
-    exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
+    if graded:
+        exact = grid_spectra(with_spacing(simulated, bar.spacing / 2), seen, grid.omega)
+    else:
+        exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
     for name in seen:
         worst = Foretold(f'the signal at "{name}"{part}', 0.0, SIGNAL_TOLERANCE)
         for field, on_grid in record[name, 0].items():

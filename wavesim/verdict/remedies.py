@@ -22,6 +22,7 @@ from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
 from wavesim.verdict.foreseen_errors import foretold
+from wavesim.verdict.warnings_before_run import graded_into_absorber
 
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
@@ -161,8 +162,10 @@ def wavenumber_grid_error(
 
 
 def absorber(field: Field) -> str | None:
-    """A longer absorber, where it is short."""
+    """A longer absorber, where it is short, or one in a uniform layer."""
     bar = field.bar
+    if graded := graded_into_absorber(field):
+        return graded
     if not bar.absorber:
         return None
     least = least_absorber(field.layers)
@@ -172,22 +175,6 @@ def absorber(field: Field) -> str | None:
         f"lengthen [bar] absorber to {2 * least:g} (now {bar.absorber:g} m): below {least:g} it "
         "reflects too much"
     )
-
-
-def more_frames(field: Field) -> str:
-    """More frames, where the sources' band is folded at their Nyquist frequency; "" else."""
-    if math.pi / field.interval >= field.band * (1 - 1e-9):
-        return ""
-    needed = math.ceil(float(field.t[-1]) * field.band / math.pi) + 1
-    return (
-        f"take [time] samples = {needed} or more (now {len(field.t)}): the frames alias the "
-        "sources' band, and spectra with it"
-    )
-
-
-def of_spectra(field: Field) -> str:
-    """Where what is read off spectra is off: too few frames, or else the grid."""
-    return more_frames(field) or of_grid(field)
 
 
 def of_grid(field: Field) -> str:
@@ -249,9 +236,6 @@ def of_scattering(field: Field, found: Scattered, error: Any) -> str:
     worst = int(np.argmax(np.where(found.judged & np.isfinite(error), error, -1.0)))
     omega = float(found.omega[worst])
     at = f"furthest off at {omega * KHZ:.4g} kHz"
-    told = more_frames(field)
-    if told:
-        return f"{at}: {told}"
     ends = {field.layers.layers[0].medium, field.layers.layers[-1].medium}
     for medium in ends:
         for edge in asymptotes(medium, found.sector):
@@ -293,7 +277,7 @@ def of_arrival(field: Field, found: Any, known: Any) -> str:
     lost = np.isfinite(known) & ~np.isfinite(found)
     if lost.any() and np.asarray(known)[lost].max() >= _AT_THE_END * field.t[-1]:
         return longer_run(field, "an arrival comes as the record ends")
-    return of_spectra(field)
+    return of_grid(field)
 
 
 def of_window(field: Field, test: PulseTest) -> str:

@@ -14,6 +14,8 @@ from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
+from wavesim.readings.bar.loudness import beside_a_source
+from wavesim.simulation.field import Field
 from wavesim.simulation.resolution import largest_phase
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
@@ -138,6 +140,12 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
                     f"{where} stands on the interface at {face:g} m, where {micro} jumps: "
                     "it is that to its right; move it into a layer"
                 )
+        if not simulated.endless and beside_a_source(simulated, position):
+            yield (
+                f"{where} stands within {bar.order} cells of a point source, where the grid has a "
+                "lower order, and its signals will not be compared; move it farther away, or give "
+                "the source a width"
+            )
         reached = min((_reached(simulated, s, position) for s in simulated.sources), default=0.0)
         if reached > simulated.duration:
             yield (
@@ -276,6 +284,8 @@ def _absorbed(simulated: Simulation) -> Iterator[str]:
                 f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
                 f"the medium; move it into {low:g} to {high:g} m"
             )
+    if graded := graded_into_absorber(simulated):
+        yield f"[bar] absorber = {bar.absorber:g}: {graded}"
     room = 2 * float(simulated.medium.length_scale)
     free = (
         low + room if bar.left == "absorbing" else 0.0,
@@ -293,6 +303,23 @@ def _absorbed(simulated: Simulation) -> Iterator[str]:
             f"[bar] absorber = {bar.absorber:g}: below four branch lengths it reflects more than "
             f"1e-4; take at least {least:g}"
         )
+
+
+def graded_into_absorber(simulated: Field | Simulation) -> str:
+    """What to change where a graded layer reaches into an absorbing one, which takes up what the
+    grading in it would send back; "" where none does."""
+    bar, (first, *_, last) = simulated.bar, (*simulated.layers.layers, simulated.layers.layers[-1])
+    low, high = bar.clear
+    if low > 0 and first.last is not None and first.start < low:
+        within, uniform = f"0 to {low:g}", "before"
+    elif high < bar.length and last.last is not None and last.end > high:
+        within, uniform = f"{high:g} to {bar.length:g}", "behind"
+    else:
+        return ""
+    return (
+        f"a graded layer lies in the absorbing layer, {within} m, which takes up what it would "
+        f"send back from there; put a uniform [[layers]] of that length {uniform} the graded one"
+    )
 
 
 def _begins_with_a_jump(source: Source) -> Iterator[str]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.family import Block
 from wavesim.simulation.field import Field
-from wavesim.sources import Source, excitation, excited_band
+from wavesim.sources import Source, excitation, excited_band, unfolded
 
 # A frequency is judged where a source has this part of its peak spectrum.
 JUDGED = 0.01
@@ -43,7 +43,8 @@ def contour(
         also: further ω, rad/s, an array each; those beyond what the frames show are left out.
 
     Returns:
-        ω, shape (n,), and σ, rad/s; the largest |spectrum| of a source over its own peak at each ω.
+        ω, shape (n,), and σ, rad/s; the largest |spectrum| of a source over its own peak at each ω,
+        0 where the frames fold on it what is driven beyond them.
     """
     low, high = excited_band(sources)
     # From the first bin on, where a signal has a mean value.
@@ -53,7 +54,8 @@ def contour(
     if also:
         omega = np.unique(np.concatenate([omega, *also]))
         omega = omega[omega <= max(end, low)]
-    return omega, damping / float(field.t[-1]), excitation(sources, omega)
+    size = excitation(sources, omega) * unfolded(sources, omega, field.interval)
+    return omega, damping / float(field.t[-1]), size
 
 
 def line(omega: NDArray[Any], sigma: float) -> NDArray[Any]:
