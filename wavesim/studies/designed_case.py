@@ -47,7 +47,8 @@ def designed_tables(
     asked = [*analysis.get("bands", []), *tables.pop("design")["bands"]]
     asked = [{key: v for key, v in band.items() if key != "weight"} for band in asked]
     analysis["bands"] = [band for n, band in enumerate(asked) if band not in asked[:n]]
-    tables["title"] = f"{tables.get('title') or 'Design'} (designed)"
+    title = tables.get("title")
+    tables["title"] = f"{title} (designed)" if title else "A designed stack"
     unit = float(own.known.medium.length_scale)
     if any(varied.name == "thickness" for varied in own.keys):
         for key in ("length", "cells"):
