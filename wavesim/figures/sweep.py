@@ -19,6 +19,8 @@ from wavesim.planewave.gap_map import room
 _MAP = matplotlib.colormaps["viridis"]
 # Levels below this are one colour, dB.
 _LOW = -60.0
+# What differs by less, relatively, is the same.
+_ROUNDING = 1e-9
 # Panels of one figure.
 _MOST_PANELS = 12
 # Units of axes: what one of SI is in that shown.
@@ -124,6 +126,7 @@ def _figure(data: Any, panels: Mapping[str, tuple[Any, str]]) -> Figure:
 def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
     members = data["status"].dims
     keys = [str(name) for name in data.coords if data[name].dims and data[name].dims[0] in members]
+    values = _even(values)
     if "member" in data["status"].dims:
         _points(axes, data, keys, values, unit)
         return
@@ -159,6 +162,17 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
             over = _along(data, x), _along(data, y), inside
             axes.contourf(*over, [0.5, 1.5], colors="none", hatches=["xx"])
             axes.contour(*over, [0.5], colors=FOUND, linewidths=1.8)
+
+
+def _even(values: Any) -> Any:
+    """The values; their mean throughout where they differ by rounding alone, which an axis or a bar
+    of colours would spread over all its length."""
+    if not np.isfinite(values).any():
+        return values
+    low, high = float(values.min()), float(values.max())
+    if high - low > _ROUNDING * max(abs(low), abs(high)):
+        return values
+    return values.where(~np.isfinite(values), float(values.mean()))
 
 
 def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> None:
