@@ -153,3 +153,63 @@ def test_a_gain_that_turns_a_wave_round_is_refused(rng):
         points = in_space(record(u * [gain, 1], np.arange(400) / f / 25, x), omega)
         assert all(r.startswith(reason) for r in points.reason)
         assert points.valid.all() == (gain == 1)
+
+
+@pytest.mark.parametrize("turn", [1.2, 1.6])
+def test_a_wave_whose_phases_run_against_its_decay_is_folded(turn, rng):
+    """Receivers turn/2 of a wavelength apart: phases seem to run back while amplitudes fall.
+
+    Energy goes the way that a wave fades, so that k = turn·π/d is seen at (turn − 2)π/d: at two
+    frequencies as at forty none may pass for a wave.
+    """
+    f = 2e4
+    x = 0.1 + turn / 2 * SPEED / f * np.arange(19)
+    t = np.arange(4000) / f / 40
+    s = t[:, None] - x / SPEED - 3 / f
+    u = (
+        np.exp(-0.4 * turn * np.arange(19))
+        * np.cos(2 * np.pi * f * s)
+        * np.exp(-((f * s / 3) ** 2))
+    )
+    u = u + 1e-4 * rng.normal(size=s.shape)
+    for count in (2, 40):
+        points = in_space(record(u, t, x), 2 * np.pi * f * np.linspace(0.9, 1.1, count))
+        assert not points.valid.any()
+
+
+def test_a_mode_that_shows_at_some_frequencies_is_in_the_bars_of_all(rng):
+    """c₁ = 3000 m/s beside a guided mode, k₂ = √(ω² − ω_c²)/c₂, which comes as near as 2π/X to it.
+
+    Where both are too close to be told apart one k is found, between theirs. Bars that count the
+    second only where it shows hold either of them at 66 % of the frequencies.
+    """
+    n, dt, f0 = 8192, 1e-6, 4e4
+    x = 0.1 + 0.008 * np.arange(40)
+    z = 2 * np.pi * np.fft.rfftfreq(n, dt) + 12j / (n * dt)
+    s = (z / f0) ** 2 * np.exp(-((z / f0 / 2 / np.pi) ** 2) + 3j * z / f0)
+    ks = [lambda w: w / 3000, lambda w: np.sqrt((w + 2e3j) ** 2 - 1.2e5**2 + 0j) / 2850]
+    U = sum(
+        a * np.exp(1j * k(z)[:, None] * x) * s[:, None] for a, k in zip((1, 0.6), ks, strict=True)
+    )
+    u = np.fft.irfft(np.conj(U), n, axis=0) * np.exp(12 * np.arange(n) / n)[:, None]
+    u = (u / np.abs(u).max())[:1200]
+    u = np.round(64 * u) / 64
+    omega = 2 * np.pi * f0 * np.linspace(0.3, 2, 40)
+    points = in_space(record(u, np.arange(len(u)) * dt, x), omega)
+    own = points.take(points.valid)
+    off = np.min([np.abs(own.k - k(own.omega)) for k in ks], axis=0)
+    assert points.valid.sum() >= 10
+    assert np.mean(off <= own.bar) >= 0.9
+
+
+def test_receivers_as_good_as_at_one_place_are_read_as_a_line_without_one(rng):
+    """One more receiver, 1e-9 of the line beside another, changes no k by more than its bar."""
+    x, t = 0.1 + 0.01 * np.arange(8), np.arange(1500) * 1e-6
+    x = np.sort(np.append(x, x[3] + 1e-10))
+    s = (2e4 * (t[:, None] - x / SPEED - 2e-4) * np.pi) ** 2
+    points = in_space(
+        record((1 - 2 * s) * np.exp(-s) + 1e-4 * rng.normal(size=s.shape), t, x),
+        2 * np.pi * np.linspace(1e4, 4e4, 10),
+    )
+    assert points.valid.all()
+    assert (np.abs(points.k - points.omega / SPEED) < 1.5 * points.bar).all()

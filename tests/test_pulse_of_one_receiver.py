@@ -158,6 +158,47 @@ def test_a_wave_that_begins_in_crosstalk_nobody_knows_is_refused():
     assert not best.valid or abs(best.velocity - 900) <= 1.96 * best.velocity_error
 
 
+@pytest.mark.parametrize("resonance", [0.95, 1.0, 1.1])
+@pytest.mark.parametrize(
+    ("cycles", "distance", "precursor"), [(1, 0.05, 0.15), (4, L, 0.05)], ids=["P ahead", "burst"]
+)
+def test_where_both_transducers_ring_the_bar_holds_the_cycles_that_are_not_heard(
+    resonance, cycles, distance, precursor
+):
+    """Two of Q = 3, ẍ + (ω₀/Q) ẋ + ω₀² x = ω₀² u each, put every convention up to a period late, as
+    the first cycles are lost in what a P wave left; two far above the drive (Q of 1/2) leave a bar
+    of 0.7 periods at most of a single sine."""
+    t, sent, got = record(
+        120.0, distance, precursor=precursor, quality=14.0, guided=0.0, crosstalk=0.0, creep=0.0,
+        noise=0.002, cycles=cycles,
+    )  # fmt: skip
+    f = np.fft.rfftfreq(4 * len(t), t[1] - t[0]) / 1e4
+
+    def read(at, quality):
+        each = 1 / (1 - (f / at) ** 2 + 1j * f / at / quality)
+        heard = np.fft.irfft(np.fft.rfft(got, 4 * len(t)) * each**2)[: len(t)]
+        best = read_one(transmission_record(t, heard, sent, "rings"), distance, {}).best
+        assert best.valid, best.reason
+        assert abs(best.time - distance / 120) <= 1.96 * best.error
+        return best.error
+
+    read(resonance, 3.0)
+    error = read(20.0, 0.5)
+    if cycles == 1:
+        assert 1.96 * error <= 0.7e-4
+
+
+def test_a_step_that_the_transmitter_takes_slowly_begins_where_it_rises():
+    """Ten samples to rise, and a digit of the digitiser up or down after it: what is sent ends as
+    it has risen."""
+    t, _, got = record(120.0)
+    flicker = np.random.default_rng(3).choice([-2.0, 0.0, 2.0], len(t))
+    sent = 100 * np.clip(t / (10 * (t[1] - t[0])), 0, 1) + np.where(t > 0, flicker, 0.0)
+    found = transmission_record(t, got, sent, "step")
+    assert abs(found.start) <= 2.6e-6
+    assert found.length <= 12 * 2.6e-6
+
+
 def test_a_series_is_followed_and_no_pick_jumps():
     """V = 60 σ^0.27: speeds within 5 %, in order of stress; a within 5 %, b within 0.02."""
     speed = 60 * STRESS**0.27

@@ -18,6 +18,7 @@ from runs import SHIPPED, call
 import wavesim as ws
 from wavesim import planewave
 from wavesim.case.layered_case import load_layers
+from wavesim.figures.sweep import sweep_figures
 from wavesim.material.medium import Medium
 from wavesim.planewave.many_media import growing
 from wavesim.studies.sweep_store import Layout, Store, Variable
@@ -122,6 +123,17 @@ family = ["rotation", "translation"]
 closure = "consistent"
 K_n_a = 8.0e6
 """
+
+
+def test_what_does_not_change_is_drawn_so(tmp_path):
+    """RSB knows no G_n^a: its width differs by rounding, over which no axis spreads."""
+    data = ws.sweep(MAIN, ["medium.G_n_a=5:40:3"], folder=tmp_path).go()
+    panels = {axes.get_title(): axes for axes in sweep_figures(data)["gaps"]().axes}
+    low, high = panels["width of RSB"].get_ylim()
+    assert high - low > 1e-3 * high
+    drawn = panels["width of RLB1"].lines[0].get_ydata()
+    width = (data["upper"] - data["lower"]).sel(gap="RLB1").values / (2e3 * np.pi)
+    assert np.abs(drawn / width - 1).max() <= 1e-12
 
 
 def test_gaps_of_a_sweep_of_two_families_bear_their_names(tmp_path):

@@ -145,22 +145,23 @@ def _tell_covering(found: Any, band: tuple[float, float]) -> None:
     import numpy as np
 
     from wavesim.material.shown import KHZ
+    from wavesim.planewave.gap_map import room
 
-    ends = "{:g} to {:g} kHz".format(*(end * KHZ for end in band))
-    covering = {name: found.covers(name, band) for name in (*found.lower, "full")}
-    covering = {name: held for name, held in covering.items() if held.any()}
-    for name, held in covering.items():
-        lower, upper = found.edges(name)
-        room = np.where(held, np.minimum(band[0] - lower, upper - band[1]), -np.inf)
-        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
-        x = np.ravel(getattr(found.medium, found.x))[column]
-        y = np.ravel(getattr(found.medium, found.y))[row]
-        edges = [KHZ * float(edge[row, column]) for edge in (lower, upper)]
+    ends = "{:g} to {:g} kHz".format(*(end * 1e-3 for end in band))
+    keys, inside = found["status"].dims, room(found, band)
+    for name in found["gap"].values:
+        own = inside.sel(gap=name).values
+        if not (own >= 0).any():
+            continue
+        at = dict(zip(keys, np.unravel_index(int(np.nanargmax(own)), own.shape), strict=True))
+        there = found.isel(at).sel(gap=name)
+        place = ", ".join(f"{key} = {float(there[key]):.4g}" for key in keys)
+        low, high = (KHZ * float(there[side]) for side in ("lower", "upper"))
         click.echo(
-            f"{name} holds {ends} over {100 * held.mean():.3g} % of the map; best at {found.x} = "
-            f"{x:.4g}, {found.y} = {y:.4g}: {edges[0]:.4g} to {edges[1]:.4g} kHz"
+            f"{name} holds {ends} over {100 * np.mean(own >= 0):.3g} % of the map; best at "
+            f"{place}: {low:.4g} to {high:.4g} kHz"
         )
-    if not covering:
+    if not (inside >= 0).any():
         click.echo(f"no gap holds all of {ends} anywhere on the map: take other keys or ranges")
 
 
@@ -208,12 +209,10 @@ def gaps(
     media = distinct(read_layers(case, overrides))
     import numpy as np
 
-    from wavesim.figures.gap_map import gap_map_figure
     from wavesim.figures.style import write
-    from wavesim.material.shown import HERTZ
+    from wavesim.figures.sweep import sweep_figures
     from wavesim.planewave.gap_map import gap_map, table
 
-    wanted = None if band is None else (band[0] / HERTZ, band[1] / HERTZ)
     folder = folder_for(out, case)
     for number, (place, _, medium) in enumerate(media[:_TOLD], start=1):
         try:
@@ -224,13 +223,14 @@ def gaps(
             )
         except ValueError as error:
             stop(str(error), BAD_INPUT)
+        found.attrs["band"] = band
         header, rows = table(found)
         name = "gap_map" if len(media) == 1 else f"gap_map_{number}"
         with writing(folder):
             write_table(folder / f"{name}.csv", header, rows, fmt="%.6g")
-            write({name: partial(gap_map_figure, found, wanted)}, folder)
+            write({name: sweep_figures(found)["gaps"]}, folder)
         told = f"{place}: " if place else ""
         click.echo(f"{told}{name}.csv and {name}.png in {folder}")
-        if wanted is not None:
-            _tell_covering(found, wanted)
+        if band is not None:
+            _tell_covering(found, band)
     _leave_out(len(media))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import sys
 import textwrap
@@ -25,9 +24,6 @@ from wavesim.cli.arguments import (
 )
 from wavesim.cli.dispersion import medium_of
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
-
-# Receivers whose crosstalk is looked for one by one.
-_LOOKED_AT = 16
 
 
 def _relation(medium: str | None, sector: str, function: str | None) -> Any:
@@ -156,11 +152,12 @@ def inspect(
     Exit code 0: some can, as it is or with an option that is named; 1: none can; 2: it can't be
     read.
     """
+    from wavesim.readings.pulse.crosstalk_findings import crosstalk_findings
     from wavesim.records.inspection import inspect as look_over
 
     found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
     if not (found.run or ring):
-        found = replace(found, findings=(*found.findings, *_crosstalk(found.record)))
+        found = replace(found, findings=(*found.findings, *crosstalk_findings(found.record)))
     summary = {"file": file} | found.summary()
     if as_json:
         print_json(summary)
@@ -202,39 +199,3 @@ def _show(summary: dict[str, Any]) -> None:
 
 def _say(text: str) -> None:
     click.echo(textwrap.fill(text, _WIDTH, subsequent_indent="  ", break_on_hyphens=False))
-
-
-def _crosstalk(record: Any) -> list[Any]:
-    """Crosstalk of a record, receiver by receiver where what was sent is known, else of all at
-    once; a pulse test leaves it out, other readings take it for waves."""
-    import numpy as np
-
-    from wavesim.readings.pulse.array_crosstalk import without_what_all_hear_at_once
-    from wavesim.readings.pulse.signals import PulseError, pulse_record
-    from wavesim.readings.pulse.transmission_record import transmission_record
-    from wavesim.records.faults.finding import TOLD, Finding, beside_peak
-
-    own = dict(zip(record.labels, record.values[0].T, strict=False))
-    found = []
-    if record.input is not None:
-        for label, u in list(own.items())[:_LOOKED_AT]:
-            with contextlib.suppress(PulseError):
-                one = transmission_record(record.t, u, record.input, label)
-                size, until = beside_peak(one.crosstalk), one.blank - one.start
-                said = f"crosstalk up to {until:.3g} s after what was sent begins ({label})"
-                if one.crosstalk:
-                    found.append(Finding("crosstalk", label, size, TOLD, said))
-        return found
-    notes: list[str] = []
-
-    def strongest(u: Any) -> float:
-        power = np.abs(np.fft.rfft(u - u.mean()))
-        return max(int(np.argmax(power)), 1) / len(u)
-
-    try:
-        looked_at = pulse_record(record.t, own, dict(zip(own, record.x.tolist(), strict=False)))
-        period = 1 / float(np.median([strongest(u) for u in own.values()])) * record.interval
-        without_what_all_hear_at_once(looked_at, own, period, notes)
-    except PulseError as error:
-        notes = [str(error)] if "hear the same" in str(error) else []
-    return [Finding("crosstalk", "all receivers", "at once", TOLD, said) for said in notes]

@@ -221,7 +221,7 @@ def _section(axes: Axes, field: Field, name: str, own: Section) -> None:
             color=shades[number], transform=axes.get_yaxis_transform(), **beside,
         )  # fmt: skip
     if not placed or len(x) <= _MOST_LABELS:
-        axes.set_yticks(base[::every], [f"{value:g}" for value in x[::every]])
+        axes.set_yticks(base[::every], [f"{value:.4g}" for value in x[::every]])
     factor, exponent = _power_of_ten(own.peaks)
     low, high = (f"{value * factor:.3g}" for value in (own.peaks.min(), own.peaks.max()))
     unit = f"{'× ' + exponent if exponent else ''}{field.unit(name)}"

@@ -25,9 +25,10 @@ from wavesim.figures.style import (
     shade,
 )
 from wavesim.material.shown import DECIBELS, HERTZ, KHZ
-from wavesim.readings.dispersion.beam import highest_wavenumber, phase_beam, spectra
 from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
+from wavesim.readings.dispersion.phase_beam import highest_wavenumber, phase_beam
 from wavesim.readings.dispersion.points import BAR
+from wavesim.readings.dispersion.receiver_spectra import spectra
 from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.readings.misfit import Comparison
 from wavesim.verdict.record import Recovered

@@ -14,10 +14,13 @@ from matplotlib.figure import Figure
 from wavesim.figures.style import FOUND, Drawings, symbol
 from wavesim.material.family import known_field
 from wavesim.material.shown import KHZ, decibels
+from wavesim.planewave.gap_map import room
 
 _MAP = matplotlib.colormaps["viridis"]
 # Levels below this are one colour, dB.
 _LOW = -60.0
+# What differs by less, relatively, is the same.
+_ROUNDING = 1e-9
 # Panels of one figure.
 _MOST_PANELS = 12
 # Units of axes: what one of SI is in that shown.
@@ -29,7 +32,7 @@ def sweep_figures(data: Any) -> Drawings:
 
     A quantity is drawn over the one or two keys of a grid; of three or more over the first two, at
     the middle of the others; of a sample as points over its first two keys. Members that failed
-    are left white, or are grey crosses.
+    are left white, or are grey crosses. Gaps that hold the band asked for are hatched on a grid.
 
     Args:
         data: the dataset (xarray) of ``wavesim.studies.sweep``.
@@ -123,6 +126,7 @@ def _figure(data: Any, panels: Mapping[str, tuple[Any, str]]) -> Figure:
 def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
     members = data["status"].dims
     keys = [str(name) for name in data.coords if data[name].dims and data[name].dims[0] in members]
+    values = _even(values)
     if "member" in data["status"].dims:
         _points(axes, data, keys, values, unit)
         return
@@ -150,6 +154,25 @@ def _panel(axes: Axes, data: Any, values: Any, unit: str) -> None:
         )
         return
     axes.figure.colorbar(image, ax=axes, label=unit)
+    if data.attrs.get("band") and "gap" in values.coords:
+        there = room(data, data.attrs["band"])
+        own = {name: values[name] for name in there.dims if name in values.coords}
+        inside = (there.sel(own) >= 0).transpose(y, x).values.astype(float)
+        if inside.any():
+            over = _along(data, x), _along(data, y), inside
+            axes.contourf(*over, [0.5, 1.5], colors="none", hatches=["xx"])
+            axes.contour(*over, [0.5], colors=FOUND, linewidths=1.8)
+
+
+def _even(values: Any) -> Any:
+    """The values; their mean throughout where they differ by rounding alone, which an axis or a bar
+    of colours would spread over all its length."""
+    if not np.isfinite(values).any():
+        return values
+    low, high = float(values.min()), float(values.max())
+    if high - low > _ROUNDING * max(abs(low), abs(high)):
+        return values
+    return values.where(~np.isfinite(values), float(values.mean()))
 
 
 def _points(axes: Axes, data: Any, keys: list[str], values: Any, unit: str) -> None:

@@ -1,64 +1,28 @@
-"""Gap edges over a plane of any two parameters, all media at once."""
+"""Gap edges of many media at once, and over a plane of any two of their parameters."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wavesim.material.medium import Medium
+from wavesim.material.shown import KHZ
 from wavesim.planewave.band_edges import form_asymptotes, form_cutoffs
 from wavesim.planewave.eigenproblem import Float
 from wavesim.planewave.many_media import block_forms, time_scales
 
 
-@dataclass(frozen=True)
-class GapMap:
-    """Gap edges over a family of media of shape S, rad/s.
-
-    Attributes:
-        medium: the family; parameters that were varied are arrays that broadcast to S.
-        lower, upper: edges by name of the gap, such as RLB1, each of shape S;
-            upper = lower where closed, NaN where an edge is not real (an unstable medium). Where
-            waves of several families run, "translation-full" is the widest interval in which none
-            of one family propagates.
-        full_lower, full_upper: the widest interval in which no wave of any kind propagates,
-            shape S; equal where there is none.
-        x, y: names of the parameters along the last and the last but one axis.
-    """
-
-    medium: Medium
-    lower: dict[str, Float]
-    upper: dict[str, Float]
-    full_lower: Float
-    full_upper: Float
-    x: str
-    y: str
-
-    def edges(self, name: str) -> tuple[Float, Float]:
-        """Lower and upper edge of a gap, or of the widest "full" gap, shape S each, rad/s."""
-        if name == "full":
-            return self.full_lower, self.full_upper
-        return self.lower[name], self.upper[name]
-
-    def width(self, name: str) -> Float:
-        """Width of a gap, or of the widest "full" gap, shape S, rad/s."""
-        lower, upper = self.edges(name)
-        return upper - lower
-
-    def covers(self, name: str, band: tuple[float, float]) -> Any:
-        """Where a gap, or the widest "full" one, holds all of a band (rad/s), mask of shape S."""
-        lower, upper = self.edges(name)
-        return (lower <= band[0]) & (band[1] <= upper)
-
-
 def family_gaps(medium: Medium) -> tuple[dict[str, Float], dict[str, Float]]:
-    """Lower and upper edges, rad/s, of every gap of a family of media; see :class:`GapMap`."""
+    """Lower and upper edges, rad/s, of every gap of a family of media, by name, such as RLB1.
+
+    Parameters may be arrays, and edges are of the shape to which they broadcast: upper = lower
+    where a gap is closed, NaN where an edge is not real (an unstable medium).
+    """
     lower: dict[str, Float] = {}
     upper: dict[str, Float] = {}
     family = medium.family
@@ -131,7 +95,7 @@ def edge_families(medium: Medium) -> dict[str, str]:
     return found | own_full | {"full": " and ".join(names)}
 
 
-def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) -> GapMap:
+def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) -> Any:
     """Edges of every gap over a plane of two parameters.
 
     Args:
@@ -140,45 +104,59 @@ def gap_map(medium: Medium, x: tuple[str, ArrayLike], y: tuple[str, ArrayLike]) 
             parameter's unit; of several families it is varied in each that has it.
 
     Returns:
-        The map, arrays of shape (ny, nx).
+        A dataset (xarray) as that of a sweep of gaps: "lower" and "upper", rad/s, over x, y and
+        "gap", of those of :func:`all_edges`.
 
     Raises:
         ValueError: a name is unknown or used twice, or a value is not admissible.
     """
+    from xarray import Dataset  # slow to import
+
+    known = medium.known()
     for name, _ in (x, y):
-        if name not in medium.known():
-            raise ValueError(f"parameter {name!r}: must be one of {', '.join(medium.known())}")
+        if name not in known:
+            raise ValueError(f"parameter {name!r}: must be one of {', '.join(known)}")
     if x[0] == y[0]:
         raise ValueError(f"parameter {x[0]!r} is given for both axes: take two different ones")
-    varied: dict[str, Any] = {
-        x[0]: np.asarray(x[1], dtype=float)[None, :],
-        y[0]: np.asarray(y[1], dtype=float)[:, None],
-    }
-    family = dataclasses.replace(medium, **varied)
-    shape = (varied[y[0]].shape[0], varied[x[0]].shape[1])
-    lower, upper = (
-        {name: np.broadcast_to(edge, shape) for name, edge in edges.items()}
-        for edges in all_edges(family)
+    axes = {name: np.asarray(values, dtype=float) for name, values in (x, y)}
+    plane: dict[str, Any] = dict(zip(axes, np.ix_(*axes.values()), strict=True))
+    whose, shape = edge_families(medium), tuple(map(len, axes.values()))
+    stacked = (
+        np.stack([np.broadcast_to(side[name], shape) for name in whose], axis=-1)
+        for side in all_edges(dataclasses.replace(medium, **plane))
     )
-    return GapMap(family, lower, upper, lower.pop("full"), upper.pop("full"), x[0], y[0])
+    variables: dict[str, Any] = {"status": (tuple(axes), np.ones(shape, np.int8))}
+    for side, edges in zip(_SIDES, stacked, strict=True):
+        variables[side] = (*axes, "gap"), edges, {"units": "rad/s"}
+    coordinates: dict[str, Any] = {
+        name: (name, values, {"units": known[name].unit or "1"}) for name, values in axes.items()
+    }
+    coordinates |= {"gap": list(whose), "family": ("gap", list(whose.values()))}
+    return Dataset(variables, coordinates)
 
 
-def table(gaps: GapMap) -> tuple[list[str], Float]:
-    """The map as one row for each medium, for a file.
+_SIDES = ("lower", "upper")
+
+
+def table(gaps: Any) -> tuple[list[str], Float]:
+    """A map as one row for each medium, for a file.
 
     Returns:
         Names of the columns, each with its unit: the two parameters, then lower and upper edge of
-        each gap and of the widest full gap (kHz); and the rows, shape (ny·nx, columns).
+        each gap and of the widest full gap (kHz); and the rows, shape (nx·ny, columns).
     """
-    shape = gaps.full_lower.shape
-    columns = {}
-    for name in (gaps.x, gaps.y):
-        unit = gaps.medium.known()[name].unit
-        heading = f"{name} ({unit})" if unit else name
-        columns[heading] = np.broadcast_to(getattr(gaps.medium, name), shape)
-    edges = {name: (gaps.lower[name], gaps.upper[name]) for name in gaps.lower}
-    edges["full"] = gaps.full_lower, gaps.full_upper
-    for name, pair in edges.items():
-        for side, edge in zip(("lower", "upper"), pair, strict=True):
-            columns[f"{name}_{side} (kHz)"] = edge * 1e-3 / (2 * math.pi)
+    columns, keys = {}, gaps["status"].dims
+    grids = np.meshgrid(*(gaps[name] for name in keys), indexing="ij")
+    for name, values in zip(keys, grids, strict=True):
+        unit = gaps[name].attrs["units"]
+        columns[name if unit == "1" else f"{name} ({unit})"] = values
+    for name in gaps["gap"].values:
+        for side in _SIDES:
+            columns[f"{name}_{side} (kHz)"] = KHZ * gaps[side].sel(gap=name).values
     return list(columns), np.column_stack([np.ravel(column) for column in columns.values()])
+
+
+def room(gaps: Any, band: tuple[float, float]) -> Any:
+    """How far inside each gap a band (Hz) is, rad/s, as ``gaps["lower"]``; held where ≥ 0."""
+    low, high = (2 * math.pi * end for end in band)
+    return np.minimum(low - gaps["lower"], gaps["upper"] - high)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.case.layered_case import BUFFER, BarLayers, VariedKey
+from wavesim.case.layered_case import VariedKey, builder
 from wavesim.case.load import Case, build
-from wavesim.case.schema import HALF_SPACE, CaseError, parse, tables_of
-from wavesim.case.toml_text import lay_over
-from wavesim.material.parameter import PARAMETERS
+from wavesim.case.schema import CaseError, parse, tables_of
+from wavesim.layered.graded_layer import at_most as at_most_steps
 from wavesim.studies.design_asked import problem
 from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem
 from wavesim.studies.design_search import Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
+from wavesim.studies.designed_case import designed_tables, halves
 
 # Digits that a value is written with; what is reached is that of the value as written.
 _DIGITS = 10
@@ -29,6 +29,8 @@ _DIGITS = 10
 _MATTERS = 1e-9
 # Longest it may take, s, if nothing is said, and what part of it is the search's.
 _LONGEST, _SEARCHED = 600.0, 0.9
+# Steps through graded layers, of 8 μs, that one look of the exact solver may take in the middle.
+_STEPS = 5e5
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def design(
     say: Callable[[str, float], None] = tell or (lambda stage, short: None)
     tables, folder = tables_of(path, overrides)
     own = problem(parse(dumps(tables), name, (), folder), name)
-    _exact(own, (own.low + own.high) / 2, name)
+    _exact(own, (own.low + own.high) / 2, name, _STEPS)
     longest = _LONGEST if at_most is None else at_most
     functions = Search(own, begun + _SEARCHED * longest)
     with ThreadPoolExecutor(1) as beside:  # both compile at once
@@ -159,7 +161,7 @@ def design(
 
     def by_grid(tables: dict[str, Any]) -> bool:
         with suppress(CaseError):
-            alike = tables | {"layers": _halves(tables["layers"])}
+            alike = tables | {"layers": halves(tables["layers"])}
             return serves(build(parse(dumps(alike), name, (), folder), name))
         return False
 
@@ -186,13 +188,14 @@ def _written(own: Problem, values: Any, name: str) -> tuple[Any, Any]:
     return values, _exact(own, values, name)
 
 
-def _exact(own: Problem, values: Any, name: str) -> Any:
-    """Worst level of each wish, dB, (wishes,).
+def _exact(own: Problem, values: Any, name: str, steps: float = np.inf) -> Any:
+    """Worst level of each wish, dB, (wishes,), in so many steps through graded layers.
 
     Raises:
-        CaseError: there is no answer somewhere in a band.
+        CaseError: there is no answer somewhere in a band, or it takes more.
     """
-    found, _ = own.exact(values)
+    with at_most_steps(steps):
+        found, _ = builder(name)(("design", "variables"), own.exact, values)
     for wish, level in zip(own.wishes, found, strict=True):
         if np.isnan(level):
             raise CaseError(
@@ -235,116 +238,3 @@ def _why(own: Problem, key: VariedKey) -> str:
         "nor does the thickness of a layer of a half-space's medium, or what Γ alone has; "
         "leave it out"
     )
-
-
-# In branch lengths: where a source stands, and how far receivers are from the specimen.
-_SOURCE, _AWAY = 12, 5
-# Cells to a branch length: those tried first, and what is taken where they do not serve.
-_TRIED, _CELLS = (10, 14), 20
-# A source's width in branch lengths.
-_WIDTH = 0.5
-# A Ricker of this part of the highest frequency wished drives little of what is above that.
-_PEAK = 0.45
-# Periods of the middle of the bands that a run lasts.
-_PERIODS = 80
-
-
-def designed_tables(
-    tables: dict[str, Any],
-    own: Problem,
-    values: Sequence[float],
-    serves: Callable[[dict[str, Any]], bool] = lambda tables: False,
-) -> dict[str, Any]:
-    """Tables of a case that a run takes as it is.
-
-    Args:
-        tables: of the file, changed in place.
-        own: what was asked in it.
-        values: of the variables.
-        serves: whether the grid of such tables does.
-
-    Returns:
-        The same without [design], whose bands become those of [analysis], with ends that absorb,
-        and a source, receivers and a duration where it had none.
-    """
-    for varied, value in zip(own.keys, values, strict=True):
-        lay_over(tables, f"{varied.key}={float(value)!r}")
-    analysis = tables.setdefault("analysis", {})
-    asked = [*analysis.get("bands", []), *tables.pop("design")["bands"]]
-    asked = [{key: v for key, v in band.items() if key != "weight"} for band in asked]
-    analysis["bands"] = [band for n, band in enumerate(asked) if band not in asked[:n]]
-    tables["title"] = f"{tables.get('title') or 'Design'} (designed)"
-    unit = float(own.known.medium.length_scale)
-    if any(varied.name == "thickness" for varied in own.keys):
-        for key in ("length", "cells"):
-            tables.get("bar", {}).pop(key, None)
-    first, last = _ends(tables, unit, own.known)
-    inner = own.length(values)
-    low = min(wish.low for wish in own.wishes)
-    high = max(wish.high for wish in own.wishes)
-    if "sources" not in tables:
-        family = own.known.medium.family
-        sectors = dict.fromkeys(wish.sector for wish in own.wishes)
-        macro = {block.sector: next(iter(block.macro[0])) for block in family.blocks if block.macro}
-        tables["sources"] = [
-            {
-                "field": macro[s],
-                "position": _SOURCE * unit,
-                "peak_frequency": _short(_PEAK * high),
-                "width": _WIDTH * unit,
-            }
-            for s in sectors
-        ]
-    if "receivers" not in tables:
-        tables["receivers"] = [
-            {"name": "before", "position": _short(first - _AWAY * unit)},
-            {"name": "behind", "position": _short(first + inner + min(_AWAY * unit, last / 3))},
-        ]
-    tables.setdefault("time", {"duration": _short(2 * _PERIODS / (low + high), 2)})
-    bar = tables["bar"]
-    if not {"cells", "spacing"} & set(bar):  # as small as the verdict on signals asks
-        for cells in (*_TRIED, _CELLS):
-            bar["spacing"] = _short(unit / cells)
-            if cells in _TRIED and serves(tables):
-                break
-    order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
-    return {k: tables[k] for k in order if k in tables} | tables
-
-
-def _halves(layers: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Layers with halves of its ends' media in the place of each graded one: these need no finer
-    grid, and what it does to them is soon told."""
-    found: list[dict[str, Any]] = []
-    for table in layers:
-        pairs = {k: v for k, v in table.items() if isinstance(v, list) and k in PARAMETERS}
-        if "layers" in table:
-            found.append(table | {"layers": _halves(table["layers"])})
-        elif pairs and "thickness" in table:
-            plain = {k: v for k, v in table.items() if k != "grading"}
-            plain["thickness"] = table["thickness"] / 2
-            found += [plain | {k: v[end] for k, v in pairs.items()} for end in (0, 1)]
-        else:
-            found.append(table)
-    return found
-
-
-def _short(value: float, digits: int = 6) -> float:
-    return float(f"{value:.{digits}g}")
-
-
-def _ends(tables: dict[str, Any], unit: float, known: BarLayers) -> tuple[float, float]:
-    """Ends that absorb behind buffers long enough, and the lengths of these, m."""
-    bar = tables.setdefault("bar", {})
-    lengths = []
-    for side, index in (("left", 0), ("right", -1)):
-        if bar.get(side) == HALF_SPACE:
-            lengths.append(BUFFER * unit)
-            continue
-        bar[side] = "absorbing"
-        table, length = tables["layers"][index], known.stretches[index].thickness
-        if length < BUFFER * unit and "thickness" in table:
-            length = table["thickness"] = BUFFER * unit
-            for key in ("length", "cells"):
-                bar.pop(key, None)
-        lengths.append(length)
-    return lengths[0], lengths[1]

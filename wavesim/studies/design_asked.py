@@ -121,8 +121,8 @@ def _check_energy(wish: Wish, layers: Layers) -> None:
     if wish.limit > level[least] + 1e-9:
         raise ValueError(
             f"bands: at_least = {wish.limit:g}: a stack gives no energy, so that between these "
-            f"half-spaces it lets {level[least]:.4g} dB pass at most at {frequency[least]:.6g} Hz; "
-            "take that or less"
+            f"half-spaces it lets {round(level[least], 3) + 0:g} dB pass at most at "
+            f"{frequency[least]:.6g} Hz; take that or less"
         )
 
 

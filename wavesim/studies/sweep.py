@@ -90,8 +90,6 @@ class Sweep:
                     found, messages, seconds = {}, [_why(result)] * members, float("nan")
                 else:
                     (found, messages), seconds = result
-                if members == len(messages) and any(messages) and members == 1:
-                    found = {}
                 try:
                     store.write(region, found, messages, seconds / members, time.time())
                 except OSError as error:

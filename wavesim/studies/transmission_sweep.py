@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.case.layered_case import BarLayers, bar_layers
-from wavesim.case.schema import CaseError, CaseFile
+from wavesim.case.schema import CaseError
 from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import TracedLayers, traced_layers
 from wavesim.layered.transmission import specimen
@@ -43,10 +43,6 @@ _VARIABLES = {
     "reflected": Variable(_OVER, "1", "reflected over incident energy"),
 }
 _READ = {"transmitted": "power_T", "reflected": "power_R"}
-
-
-def _file(file: CaseFile, name: str) -> BarLayers:
-    return bar_layers(file, name)
 
 
 @dataclass(frozen=True)
@@ -197,8 +193,8 @@ def _stack(bar: BarLayers) -> TracedLayers | None:
 
 def _rule(swept: SweptCase) -> tuple[_Rule | None, list[bool]]:
     """How stacks depend on the keys, None where not linearly; and which keys matter to them."""
-    anchor, first = swept.anchor(_file)
-    others = [swept.other(_file, anchor, number) for number in range(len(anchor))]
+    anchor, first = swept.anchor(bar_layers)
+    others = [swept.other(bar_layers, anchor, number) for number in range(len(anchor))]
     matters = [
         other is None or (other[1].stretches != first.stretches or other[1].medium != first.medium)
         for other in others
@@ -255,7 +251,7 @@ def transmission_measure(
         SweepError: no member can be made, nothing stands between half-spaces, a key does not matter
             to the stack, or there is no such band.
     """
-    _, first = swept.anchor(_file)
+    _, first = swept.anchor(bar_layers)
     if points < 2:
         raise SweepError(f"--points {points}: must be 2 or greater")
     try:

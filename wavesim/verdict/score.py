@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method
+from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record, RecordError
 from wavesim.verdict.recovered_points import own_waves, present_waves

@@ -5,7 +5,8 @@
 k is fitted by variable projection (Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973)), from
 first guesses that evenly spaced receivers give in closed form: Prony's relation in its symmetric
 form, where w = 2 cos(kd) solves w = c₀ of U₊₁ + U₋₁ = c₀ U₀ for one pair and
-w² − 2 = c₁ w + c₀ of U₊₂ + U₋₂ = c₁(U₊₁ + U₋₁) + c₀ U₀ for two. Uneven ones are searched over.
+w² − 2 = c₁ w + c₀ of U₊₂ + U₋₂ = c₁(U₊₁ + U₋₁) + c₀ U₀ for two. Uneven ones
+begin at the highest beams of their phases.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.dispersion.phase_beam import beams_by_height, highest_wavenumber
+
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
 _STEPS = 80
-# First guesses of Re k for uneven receivers, over ±π of the least spacing.
-_GUESSES = 65
+# So many beams of uneven receivers are first guesses of Re k; of two pairs, of each of so many.
+_BEAMS, _OF_TWO = 8, 4
 # Receivers closer than this part of their spacing to even count as even.
 _EVEN = 1e-6
 # A later guess must leave less than this part of what an earlier one leaves.
@@ -38,6 +41,10 @@ class LineFit:
         forward, backward: √ of the mean square over the receivers of each wave, shape (n, P).
         residual: mean square left over, of those receivers, per free parameter, shape (n,).
         unexplained: part of the power left over, shape (n,).
+        rival: square, of all receivers, that waves at least π/X off these leave over besides, shape
+            (n,); NaN where there are none such.
+        alike: how much more of what is left over is heard by the wave that hears most than of noise
+            of each receiver's own, –: about 1 of such, more of another wave, shape (n,).
     """
 
     k: Complex
@@ -46,6 +53,8 @@ class LineFit:
     backward: Float
     residual: Float
     unexplained: Float
+    rival: Float
+    alike: Float
 
 
 def unknowns(pairs: int, both: bool) -> int:
@@ -122,10 +131,12 @@ def fit_line(
     data = np.where(used, U, 0) / np.maximum(scale, 1e-290)[:, None]
     best = np.full(len(U), np.inf)
     k = np.ones((len(U), pairs), complex)
+    tried = []
     for guess in _guesses(data, x, used, pairs) if start is None else [start]:
         trial = _refined(data, x, used, guess, both)
         trial = _folded(trial, x) if start is None else trial
         left = np.sum(np.abs(_evaluate(data, x, used, trial, both).residual) ** 2, axis=1)
+        tried.append((trial, left))
         # As good a fit at a shorter wave is an alias: the guesses ascend in |Re k|.
         better = np.isfinite(left) & (left < _BETTER * best)
         best[better], k[better] = left[better], trial[better]
@@ -140,6 +151,13 @@ def fit_line(
     back = size[:, pairs:] if both else np.zeros_like(ahead)
     flip = (k.imag < 0) & (start is None)
     spare = np.maximum(count - unknowns(pairs, both), 1)
+    reach = _span(x, used)
+    rival = np.full(len(U), np.nan)
+    edge = highest_wavenumber(x) + np.pi / float(np.ptp(x))
+    for trial, left in tried:
+        other = _apart(trial, k, both) * reach > np.pi
+        other &= (np.abs(trial.real) < edge).all(axis=1)  # an alias is no rival
+        rival[other] = np.fmin(rival[other], left[other])
     return LineFit(
         np.where(enough[:, None], np.where(flip, -k, k), np.nan),
         unit / np.maximum(scale, 1e-290)[:, None],
@@ -147,7 +165,34 @@ def fit_line(
         np.where(flip, ahead, back),
         best * scale**2 / spare,
         best,
+        (rival - best) * scale**2,
+        _alike(state.residual, x, used),
     )
+
+
+def _alike(left: Complex, x: Float, used: Any) -> Float:
+    """How much more of what is left over the wave hears that hears most than one of noise alone.
+
+    Of noise the highest beam hears ln m times the mean of m wavenumbers told apart.
+    """
+    edge = np.pi / float(np.diff(x).mean())
+    cells = max(2, len(x))
+    steer = np.exp(-1j * np.multiply.outer(x, np.linspace(-edge, edge, 4 * cells)))
+    heard = (np.abs((left * used) @ steer) ** 2).max(axis=1)
+    own = np.sum(np.abs(left) ** 2 * used, axis=1)
+    return np.asarray(heard / np.maximum(own, 1e-290) / max(np.log(cells), 1.0))
+
+
+def _span(x: Float, used: Any) -> Float:
+    """From the first to the last receiver that counts, shape (n,), m."""
+    last = used.shape[1] - 1 - used[:, ::-1].argmax(axis=1)
+    return np.asarray(x[last] - x[used.argmax(axis=1)])
+
+
+def _apart(k: Complex, other: Complex, both: bool) -> Float:
+    """How far that Re k of one fit is that is farthest off any of another's, shape (n,), rad/m."""
+    a, b = (np.abs(v.real) if both else v.real for v in (k, other))
+    return np.asarray(np.abs(a[:, :, None] - b[:, None, :]).min(axis=2).max(axis=1))
 
 
 def _refined(data: Complex, x: Float, used: Any, k: Complex, both: bool) -> Complex:
@@ -194,13 +239,15 @@ def _guesses(U: Complex, x: Float, used: Any, pairs: int) -> list[Complex]:
     loss = np.maximum(one.imag, 0)
     singles = [one]
     if not even:
-        reals = np.linspace(-np.pi, np.pi, _GUESSES) / gaps.min()
-        reals = reals[np.argsort(np.abs(reals))]
-        singles += [real + 1j * loss for real in reals]
+        edge = highest_wavenumber(x)
+        reals = beams_by_height(U, x, used.astype(float), edge, _BEAMS)
+        highest = reals[:, :_OF_TWO].T + 1j * loss
+        reals = np.take_along_axis(reals, np.abs(reals).argsort(axis=1), axis=1)
+        singles += list(reals.T + 1j * loss)
     if pairs == 1:
         return [*found, *(s[:, None] for s in singles)]
     others = (lambda s: 1j * np.abs(s), lambda s: 0.5 * s, lambda s: 2 * s)
-    first = [one] if even else singles[1::4]
+    first = [one] if even else [one, *highest]
     return [*found, *(np.stack([s, other(s)], axis=1) for s in first for other in others)]
 
 

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv, stdtrit
 
 from wavesim.readings.damped_transform import damped_transform, truncation
-from wavesim.readings.dispersion.beam import highest_wavenumber
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
 from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
+from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse.first_break import envelope
@@ -63,10 +63,29 @@ GROWS = (
     "amplitudes grow the way that the waves go, by when they come: receivers differ in gain; make "
     "those equal, or add receivers"
 )
+FEW = (
+    "too few receivers above the record's truncation and noise: place some nearer to the source, "
+    "or lengthen the record"
+)
+ANY = (
+    "the receivers heard fit another wavenumber as well: drive more of it, listen nearer, or space "
+    "receivers closer"
+)
+MORE = "unexplained power: more waves than sought, or uneven noise"
 QUIET = "no wave stands above the noise: drive more of it, or listen nearer"
 _NYQUIST = 0.97
-# Left over up to so many times the noise's power is noise; of more, this part is added.
-_NOISE_SPREAD, _ALIKE = 1.5, 3.0
+# Of two wavenumbers one is told by so many times the noise's power less that it leaves over.
+_RIVAL = 20.0
+# Left over up to so many times the noise's power is noise.
+_NOISE_SPREAD = 1.5
+# … and of more, so much of what one wave hears of it is added.
+_HEARD = 2.0
+# Fewer points, of less than this part of the power heard, are no wave where the rest is none.
+_FEW, _OF_POWER = 5, 0.2
+# Where so many frequencies show more than one mode, a record holds several.
+_SEVERAL = 2
+# Arrivals tell a direction by so many errors.
+_SURELY = 4.0
 # What a 95 % bar leaves out.
 _OUTSIDE = 0.05
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
@@ -200,14 +219,32 @@ def in_space(
     points = _with_branches(points, omega)
     points = _with_hidden(points, U, x, used, level, models)
     points = _with_branches(points.known(), omega)
+    # A loss that may be none tells no direction.
+    turned = (points.k.real < 0) & (points.k.imag < points.bar)
+    seen, points = points, replace(points, k=np.where(turned, -points.k.real + 0j, points.k))
     if not record.lattice:
         gap = np.pi / highest_wavenumber(x)
         folded = folded_branches(points.branch, points.k.real, points.omega.real, gap)
-        points = _with_branches(points.refused(folded, FOLDED), omega)
+        points = points.refused(folded, FOLDED)
     if not record.ring:
         come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
-        points = points.refused(_growing(points, come, x, models), GROWS)
-    return points
+        folded, grows = _against(seen, come, x, models)
+        points = points.refused(folded & (not record.lattice), FOLDED).refused(grows, GROWS)
+    return _with_branches(_enough(points, U * used, models), omega)
+
+
+def _enough(points: BranchPoints, heard: Any, models: Any) -> BranchPoints:
+    """Refuse a few points where nearly all that receivers heard, (nω, nx), is no such wave.
+
+    The reason is that of what is strongest.
+    """
+    step = np.repeat(np.arange(len(heard)), [pairs for pairs, _, _ in models])
+    power, read = np.sum(np.abs(heard) ** 2, axis=1), np.unique(step[points.valid])
+    few = len(read) < min(_FEW, len(heard) / 2)
+    few = few and power[read].sum() < _OF_POWER * power.sum()
+    if not few:
+        return points
+    return points.refused(points.valid, points.reason[np.argmax(power[step] * ~points.valid)])
 
 
 def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: Any) -> BranchPoints:
@@ -225,17 +262,35 @@ def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: An
     return replace(points, error=np.hypot(points.error, more))
 
 
-def _growing(points: BranchPoints, come: Float, x: Float, models: Any) -> Any:
-    """Waves that run one way and grow that way, by when they come to receivers, shape (nx,), s."""
-    late = float(np.polyfit(x - x[0], come, 1)[0]) * float(np.ptp(x))
-    if abs(late) < 0.5 / float(np.median(points.omega.real)):
-        return np.zeros(len(points), bool)
-    back = [fit.backward[i, :pairs] > fit.forward[i, :pairs]
-            for i, (pairs, _, fit) in enumerate(models)]  # fmt: skip
+def _direction(come: Float, x: Float, period: float) -> float:
+    """1 where the signal goes along x by when it comes to receivers, shape (nx,), s; −1 against."""
+    away = x - x.mean()
+    late = float(away @ come / (away @ away))
+    left = come - come.mean() - late * away
+    error = float(np.sqrt(left @ left / max(len(x) - 2, 1) / (away @ away)))
+    sure = abs(late) > _SURELY * error and abs(late) * np.ptp(x) > period / 12
+    return float(np.sign(late)) if sure else 0.0
+
+
+def _against(points: BranchPoints, come: Float, x: Float, models: Any) -> tuple[Any, Any]:
+    """Waves one way, of which phases run another than they come; of which amplitudes grow so.
+
+    Args:
+        points: in the order of the models.
+        come: when the signal comes to receivers, shape (nx,), s.
+        x: positions, shape (nx,), m.
+        models: number of pairs, whether both ways, and the fit of each frequency.
+    """
+    goes = _direction(come, x, 2 * np.pi / float(np.median(points.omega.real)))
+    turned = np.concatenate([fit.backward[i, :pairs] > fit.forward[i, :pairs]
+                             for i, (pairs, _, fit) in enumerate(models)])  # fmt: skip
     alone = np.repeat([not both for _, both, _ in models], [pairs for pairs, _, _ in models])
-    against = alone & points.valid & (np.concatenate(back) == (late > 0))
-    against &= points.k.imag > points.bar
-    return against & (2 * against.sum() > points.valid.sum())
+    fades = np.where(turned, -1, 1)
+    # Where arrivals tell nothing, a wave goes the way that it fades.
+    along = points.k.real * (fades * goes if goes else points.k.imag > points.bar)
+    folded = alone & (along < -points.bar)
+    grows = alone & points.valid & bool(goes) & (fades != goes) & (points.k.imag > points.bar)
+    return folded, grows & (2 * grows.sum() > points.valid.sum())
 
 
 def _with_hidden(
@@ -256,14 +311,14 @@ def _with_hidden(
             told, unlike = of_receivers(U[rows], x, used[rows], k, both, level[rows])
             bends = bends.put(own, told)
             close[own[unlike]] = _CLOSE_UNLIKE
+    # A mode that shows at some frequencies is there at others, where it may not.
+    several = step[(points.reason == MORE) | (bends.over > 2 * _EXCESS)]
+    if len(np.unique(several)) >= _SEVERAL:
+        close[:] = 0.0
     cell = 2 * np.pi / float(np.ptp(x))
     alike = max(1.0, 2 * np.pi * sigma / float(np.median(np.diff(omega)))) if len(U) > 1 else 1.0
     hides = worth(bends, points.k.real, points.branch, step, cell, points.k.imag, close, alike)
-    error = np.hypot(points.error, hides.error)
-    points = replace(points, error=error, splitting=hides.splitting)
-    # A loss that may be none, as of two modes that swell together, tells no direction.
-    turned = (hides.error > 0) & (points.k.real < 0) & (points.k.imag < points.bar)
-    return replace(points, k=np.where(turned, -points.k.real + 0j, points.k))
+    return replace(points, error=np.hypot(points.error, hides.error), splitting=hides.splitting)
 
 
 def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:
@@ -362,13 +417,14 @@ def _chosen(
             "excess",
             "weak",
             "loud",
+            "alike",
         )
     }
     for i in range(n):
         pairs, both, one = fits[chosen[i]]
-        # What noise does not explain may be alike at neighbouring receivers.
+        # What noise does not explain may be another wave, which receivers hear together.
         excess = max(one.residual[i] - _NOISE_SPREAD * level[i] ** 2, 0.0)
-        noise = np.sqrt(max(one.residual[i], level[i] ** 2) + _ALIKE * excess)
+        noise = np.sqrt(max(one.residual[i], level[i] ** 2) + _HEARD * one.alike[i] * excess)
         few = count[i] < unknowns(pairs, both)
         if excess:
             # … and is known from no more receivers than there are to spare.
@@ -384,10 +440,8 @@ def _chosen(
             columns["weak"].append(_weak(one, i, count[i], unknowns(pairs, both), level[i]))
             columns["loud"].append(one.residual[i] > _LOUD * level[i] ** 2)
             columns["excess"].append(one.residual[i] > _EXCESS * level[i] ** 2)
-            columns["reason"].append(
-                "too few receivers above the record's truncation and noise: place some nearer to "
-                "the source, or lengthen the record" if few else ""
-            )  # fmt: skip
+            columns["alike"].append(one.rival[i] < _RIVAL * max(one.residual[i], level[i] ** 2))
+            columns["reason"].append(FEW if few else "")
     reason = np.array(columns["reason"], object)
     unexplained = np.array(columns["residual"]) > _UNEXPLAINED
     more = unexplained & np.array(columns["excess"], bool) & (reason == "")
@@ -396,7 +450,8 @@ def _chosen(
     reason[weak & ~loud] = QUIET
     reason[weak & loud] = UNLIKE
     more &= ~weak
-    reason[more] = "unexplained power: more waves than sought, or uneven noise"
+    reason[more] = MORE
+    reason[np.array(columns["alike"], bool) & (reason == "")] = ANY
     points = BranchPoints(
         "space",
         np.array(columns["k"]),
@@ -433,7 +488,7 @@ def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints
     )
     if len(x):
         points = points.refused(
-            np.abs(points.k.real) > _NYQUIST * np.pi / np.diff(x).min(),
+            np.abs(points.k.real) > _NYQUIST * highest_wavenumber(x),
             "at the receivers' Nyquist wavenumber: space them closer",
         )
     if k_max is not None:

@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.dispersion.beam import FEWEST, Beams, beams, highest_wavenumber
+from wavesim.readings.dispersion.beam import Beams, beams
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.folding import FOLDED, is_folded, points_to_zero
 from wavesim.readings.dispersion.hidden_mode import worth
+from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import ALONE, CUT, BranchPoints
+from wavesim.readings.dispersion.receiver_spectra import FEWEST
 from wavesim.records.fitness import for_waves_along_line
 from wavesim.records.record import Record, RecordError
 

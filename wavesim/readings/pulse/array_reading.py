@@ -1,8 +1,4 @@
-"""A pulse test with several receivers: one velocity of all conventions, Q, and what is doubtful.
-
-After the direct wave each receiver is quiet for a while, until an echo comes. A time gate that
-closes in the quiet of all of them keeps the one and leaves out the other.
-"""
+"""A pulse test with several receivers: one velocity of all conventions, Q, and what is doubtful."""
 
 from __future__ import annotations
 
@@ -19,7 +15,7 @@ from wavesim.readings.pulse.array_crosstalk import (
     without_crosstalk,
     without_what_all_hear_at_once,
 )
-from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.echo_gate import common_period, echo_gate
 from wavesim.readings.pulse.measurement import PulseResult, measure
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
 from wavesim.readings.pulse.several_waves import (
@@ -29,82 +25,16 @@ from wavesim.readings.pulse.several_waves import (
     waves_passing,
 )
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
-from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
-from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
-
-# The direct wave is over below this part of its peak, and an echo is one from that part on; or
-# these many deviations of the noise, whose envelope has a mean of 1.25.
-_QUIET, _ECHO = 0.02, 0.04
-_OVER_NOISE, _ABOVE_NOISE = 2.2, 3.0
-# The direct wave's top is the first that has this part of the largest.
-_FIRST = 0.5
-# The longest flank, over the gate.
-_TAPER = 0.15
 
 VAGUE = (
     "no convention reads a velocity to 20 %: add a receiver, place them further apart, or begin "
     "the record earlier, so that its noise is seen"
 )
 _Speed = tuple[str, Velocity]
-
-OVERLAP = (
-    "an echo, or a wave of another speed, reaches a receiver before the direct wave has passed "
-    "another: place receivers further from the far end, or take a longer specimen; until then "
-    "spectra mix both"
-)
-
-
-def echo_gate(record: PulseRecord) -> tuple[Gate | None, str]:
-    """A gate that ends before the first echo.
-
-    Args:
-        record: the signals.
-
-    Returns:
-        (gate, ""); (None, "") where no echo is seen; (None, why) where none can be told from the
-        direct wave.
-    """
-    t, ends, echoes = record.t, [], []
-    for u, noise, unusable in zip(record.values.T, record.noise, record.unusable, strict=True):
-        if unusable or not np.abs(u).max() > 0:
-            continue
-        size = moving_mean(envelope(u), max(3, _period(u) // 2))
-        # Where nothing before the arrival tells the noise, the quietest tenth of the record does.
-        least = noise if np.isfinite(noise) else float(np.percentile(size, 10)) / 1.25
-        peak, s = float(size.max()), float(least)
-        top = int(np.argmax(size >= _FIRST * peak))
-        top += int(np.argmax(size[top : top + _period(u)]))
-        peak = float(size[top])
-        over = np.flatnonzero(size[top:] < max(_QUIET * peak, _OVER_NOISE * s))
-        if not len(over):
-            ends.append(float(t[-1]))
-            continue
-        end = top + int(over[0])
-        ends.append(float(t[end]))
-        again = np.flatnonzero(size[end:] > max(_ECHO * peak, _ABOVE_NOISE * s))
-        if len(again):
-            # An echo grows from below what tells it.
-            rise = end + int(again[0])
-            low = np.flatnonzero(size[end:rise] < max(_QUIET * peak, _OVER_NOISE * s))
-            echoes.append(float(t[end + int(low[-1])]) if len(low) else float(t[rise]))
-    if not echoes:
-        return None, ""
-    over_all, first = max(ends), min(echoes)
-    if not over_all < first:
-        return None, OVERLAP
-    start = float(t[0])
-    flank = min(first - over_all, _TAPER * (first - start))
-    return Gate(start - flank, first, flank / (first - start + flank)), ""
-
-
-def _period(u: Float) -> int:
-    """Samples in a period of the strongest frequency."""
-    power = np.abs(np.fft.rfft(u))
-    return int(np.clip(len(u) / max(int(np.argmax(power[1:])) + 1, 1), 4, len(u) // 4))
 
 
 # The first of them that there is: where the medium disperses all are right, each of another speed.
@@ -161,7 +91,7 @@ def read_array(
         notes += [f"{key}: dead, no signal beside the others': left out" for key in dead]
     looked_at = pulse_record(t, given, positions)
     try:
-        cleared = without_what_all_hear_at_once(looked_at, given, _common_period(looked_at), notes)
+        cleared = without_what_all_hear_at_once(looked_at, given, common_period(looked_at), notes)
     except PulseError:
         if sent is None:
             raise
@@ -182,16 +112,12 @@ def read_array(
         source=None if sent is None else np.asarray(sent, float),
     )  # fmt: skip
     if unlike:
-        ratio = replace(result.constant_quality, quality=math.nan, error=math.nan, reason=unlike)
-        refused = result.dispersion.refused(unlike)
-        result = replace(result, dispersion=refused, constant_quality=ratio)
+        result = _without_spectra(result, unlike)
         notes.append(unlike)
     notes = [*result.record.notes, *notes]
     waves, why = _several(result, looked_at)
     if why and not unlike:
-        ratio = replace(result.constant_quality, quality=math.nan, error=math.nan, reason=why)
-        refused = result.dispersion.refused(why)
-        result = replace(result, dispersion=refused, constant_quality=ratio)
+        result = _without_spectra(result, why)
     if why:
         notes.insert(0, why)
     elif overlap:
@@ -207,9 +133,10 @@ def read_array(
     return Reading(name, receivers, best, notes=tuple(notes), result=result)
 
 
-def _common_period(record: PulseRecord) -> float:
-    """Period of the strongest frequency that the receivers have in common, s."""
-    return float(np.median([_period(u) for u in record.values.T])) * record.interval
+def _without_spectra(result: PulseResult, why: str) -> PulseResult:
+    """A result whose spectra tell nothing, neither c, α nor Q, for a reason."""
+    ratio = replace(result.constant_quality, quality=math.nan, error=math.nan, reason=why)
+    return replace(result, dispersion=result.dispersion.refused(why), constant_quality=ratio)
 
 
 def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed]], str]:
@@ -219,7 +146,7 @@ def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed
     share = noise_share(result.spectra, result.dispersion)
     if left <= max(_UNEXPLAINED, _OVER_SHARE * share):
         return [], ""
-    period = _common_period(record)
+    period = common_period(record)
     lines = waves_passing(record, period)
     if len(lines) > 1:
         waves = _groups([*_read(result).items(), *(_line(one, record, period) for one in lines)])
@@ -279,7 +206,7 @@ def _of_several(
         reason = f"no wave is about as fast as --expected says, but {speeds} m/s"
     time = span / one.velocity
     # The other wave may lie beneath what is read.
-    beneath = _TOP * _common_period(result.record)
+    beneath = _TOP * common_period(result.record)
     error = math.hypot(time * bar / one.velocity, beneath)
     return judged(name, time, error, span, reason)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.central_band import is_step
+from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.reading import SPANS
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
@@ -31,15 +31,17 @@ _SLOW = 0.45
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
 _DELAY = 0.14
-# They ring where what is heard rises more slowly than what was sent by so many periods, and by the
-# first of them if it falls more slowly too; they may be unheard for this part of that.
-_RINGS, _RINGS_ON, _NOT_HEARD = (0.25, 0.45), 0.7, 1.1
+# They ring where the envelope of what is heard takes so many periods more from half of its top to
+# this part of it than that of what was sent, by the first of them if it takes that many more to
+# fall to half, too; their first cycles are unheard for about a constant and a part of that.
+_RINGS, _RINGS_ON, _NEAR_TOP = (0.15, 0.3), 0.45, 0.9
+_NOT_HEARD = (0.35, 0.6)
 # A wave that breaks within this part of a period after the crosstalk is hidden by it.
 # … and up to here it may have begun in crosstalk that had not ended, by so much.
 _HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
-# may cover its break by such a part of one.
-_COVERS, _LEAVES, _COVERED = 0.3, 1.2, 0.35
+# may cover its break by such a part of one; and where transducers ring on.
+_COVERS, _LEAVES, _COVERED = (0.3, 0.15), (1.2, 1.5), (0.35, 0.9)
 
 SLOW = (
     "what was sent takes about half a period or more to rise, so that its first cycle does not "
@@ -71,7 +73,7 @@ def left_open(
     own = nearest(heard, begins)
     parts = [
         (unknown_delay(record, delays), ""),
-        (ringing(record, own.top, delays) if own else 0.0, RINGING),
+        (ringing(record, own, heard, delays) if own else 0.0, RINGING),
         (begun_earlier(record, heard, begins), EARLIER),
         (slow_rise(record), slow),
     ]
@@ -86,13 +88,15 @@ def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: f
     if own is not None and begun_before(own, record):
         early = begins - max(rises(own, record), record.blank - record.start)
     # What such a wave leaves behind covers the break.
+    rise, fall = slower(record, own, heard) if own else (0.0, 0.0)
+    rings = rise > _RINGS[0] / 2 and fall > _RINGS_ON
     covers = (
-        own is not None and one.top < begins < one.top + _LEAVES * record.period
-        and one.size >= _COVERS * own.size
+        own is not None and one.top < begins < one.top + _LEAVES[rings] * record.period
+        and one.size >= _COVERS[rings] * own.size
         for one in heard
     )  # fmt: skip
     if any(covers):
-        early = max(early, _COVERED * record.period)
+        early = max(early, _COVERED[rings] * record.period)
     after = begins + record.start - record.blank
     if record.unended and after < _NEAR_UNENDED * record.period:
         early = max(early, after + _WITHIN * record.period)
@@ -135,27 +139,40 @@ def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> fl
     return 0.0 if delays else _DELAY * record.period
 
 
-def ringing(record: TransmissionRecord, own_top: float, delays: Mapping[str, float]) -> float:
-    """What transducers leave open that ring on after a packet whose top is at a time, where nothing
-    is known of their delay, as one standard error, s: they take as long to be heard as they rise
-    more slowly than what was sent."""
-    if record.sent is None or is_step(record.sent) or delays:
-        return 0.0
-    at = round((own_top + record.start - record.t[0]) / record.interval)
-    heard, sent = _about_top(envelope(record.got), at), _about_top(envelope(record.sent))
-    rise, fall = ((heard[i] - sent[i]) * record.interval for i in (0, 1))
-    least = _RINGS[0] if fall > _RINGS_ON * record.period else _RINGS[1]
-    return _NOT_HEARD * rise if rise > least * record.period else 0.0
+def ringing(
+    record: TransmissionRecord, own: Packet, heard: Sequence[Packet], delays: Mapping[str, float]
+) -> float:
+    """What transducers leave open that ring on after one of the packets heard, where nothing is
+    known of their delay, as one standard error, s: they take as long to be heard as they rise more
+    slowly than what was sent."""
+    rise, fall = slower(record, own, heard)
+    rings = not delays and rise > _RINGS[0 if fall > _RINGS_ON else 1]
+    return (_NOT_HEARD[0] + _NOT_HEARD[1] * rise) * record.period if rings else 0.0
+
+
+def slower(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> tuple[float, float]:
+    """How much more slowly one of the packets heard rises, and falls, than what was sent, in
+    periods; 0 where that is not known, as of a step, or of what another follows before it falls."""
+    if record.sent is None or is_step(record.sent):
+        return 0.0, 0.0
+    dt, period = record.interval, record.period
+    rise, fall = _about_top(
+        envelope(record.got), round((own.top + record.start - record.t[0]) / dt)
+    )
+    sent = _about_top(envelope(band_about(record.sent, dt, period)))
+    alone = not any(own.top < one.top <= own.top + fall * dt for one in heard)
+    return (rise - sent[0]) * dt / period, (fall - sent[1]) * dt / period * alone
 
 
 def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
-    """Samples in which an envelope rises from half of a top of it, and falls to half."""
+    """Samples in which an envelope rises from half of a top of it to near that, and falls to half
+    from there."""
     at = int(np.argmax(size)) if at is None else at
-    below = size < size[at] / 2
-    before, after = np.flatnonzero(below[:at]), np.flatnonzero(below[at:])
-    return (at - int(before[-1]) if len(before) else at), (
-        int(after[0]) if len(after) else len(size) - at
-    )
+    before = np.flatnonzero(size[:at] < size[at] / 2)
+    first = int(before[-1]) if len(before) else 0
+    after = np.flatnonzero(size[at:] < size[at] / 2)
+    near = int(np.argmax(size[first : at + 1] >= _NEAR_TOP * size[at]))
+    return near, int(after[0]) if len(after) else len(size) - at
 
 
 def slow_rise(record: TransmissionRecord) -> float:

@@ -321,7 +321,7 @@ def _ringing(
 ) -> float:
     """What transducers leave open that ring, in periods: the same in all records of a series."""
     rings = [
-        ringing(one.record, own.top, delays) / one.record.period
+        ringing(one.record, own, packets, delays) / one.record.period
         for one, packets in zip(alone, heard, strict=True)
         if one.record and (own := nearest(packets, one.best.time + one.delay)) is not None
     ]

@@ -26,6 +26,10 @@ FEWEST_SAMPLES = 32
 _EVEN, _AS_WRITTEN = 1e-3, 1e-6
 # Rounding is a noise too, of this part of the peak: a simulated signal has no other.
 _ROUNDING = 2.0**-53
+# Samples a period: from which on they stay, up to which they are too few, as made of them, and from
+# which on that needs no word.
+_FEWEST_PER_PERIOD, _TOO_FEW, _PER_PERIOD, _ENOUGH = 24, 3.5, 32, 10
+_STRONG = 0.05
 CLIPPED = "flat tops: the signal is clipped; lower the gain"
 MARKED = "it holds a mark of overload: record it again with less gain"
 WANDERS = "its base wanders before the arrival: take drift or hum out, or record longer before it"
@@ -244,6 +248,35 @@ def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
         return time, []
     said = f"times written to {found.digit:.0e} s are taken as even, {found.step:.6g} s apart"
     return found.values(len(time)), [said]
+
+
+def finely(t: Float, u: Float, v: Float | None) -> tuple[Float, Float, Float | None, list[str]]:
+    """Signals with some thirty samples a period, by cubic splines, and what was done.
+
+    Raises:
+        PulseError: a period has too few samples for that.
+    """
+    power = np.abs(np.fft.rfft(u - np.linspace(u[0], u[-1], len(u)))) ** 2
+    f = np.fft.rfftfreq(len(u))
+    power = np.where(power > _STRONG * power.max(), power, 0.0)
+    period = float(power.sum() / max(np.sum(f * power), 1e-300))
+    if not power.any() or period >= _FEWEST_PER_PERIOD:
+        return t, u, v, []
+    if period < _TOO_FEW:
+        raise PulseError(
+            f"a period has {period:.2g} samples, too few to tell when it arrives: sample at least "
+            f"{_ENOUGH / period:.2g} times as fast"
+        )
+    from scipy.interpolate import CubicSpline  # slow to import, and only few records need it
+
+    times = int(np.ceil(_PER_PERIOD / period))
+    place = np.arange((len(t) - 1) * times + 1) / times
+    own = np.arange(len(t))
+    fine = [None if row is None else CubicSpline(own, row)(place) for row in (u, v)]
+    said = []
+    if period < _ENOUGH:
+        said = [f"a period has {period:.2g} samples: {times} times as many by cubic splines"]
+    return t[0] + (t[-1] - t[0]) * place / own[-1], np.asarray(fine[0]), fine[1], said
 
 
 def check_distance(distance: ArrayLike) -> None:

@@ -17,7 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse import crosstalk, faults
 from wavesim.readings.pulse.central_band import band_about, central_period, sent_period
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.readings.pulse.signals import CLIPPED, PulseError, checked, even_time_axis
+from wavesim.readings.pulse.signals import (
+    CLIPPED,
+    PulseError,
+    checked,
+    even_time_axis,
+    finely,
+)
 
 Float = NDArray[Any]
 
@@ -41,10 +47,6 @@ _COVERED, _AT_END = 0.45, 0.25
 _WAVE = 1.5
 _LENGTHS = 1.5
 _FEWEST_BEFORE, _FEWEST_AFTER = 16, 64
-# Samples a period: from which on they stay, up to which they are too few, as made of them, and from
-# which on that needs no word.
-_FEWEST_PER_PERIOD, _TOO_FEW, _PER_PERIOD, _ENOUGH = 24, 3.5, 32, 10
-_STRONG = 0.05
 # Larger values no instrument gives, and squares of them overflow.
 _LARGEST = 1e100
 
@@ -153,7 +155,7 @@ def transmission_record(
             )
     step = faults.step_of_digitiser(u)
     clipped = bool(faults.flat_tops(u))
-    time, u, v, said = _finely(time, u, v)
+    time, u, v, said = finely(time, u, v)
     notes += said
     if v is not None:
         start, length, v = _sent(time, v)
@@ -188,35 +190,6 @@ def transmission_record(
     return _ready(found)
 
 
-def _finely(t: Float, u: Float, v: Float | None) -> tuple[Float, Float, Float | None, list[str]]:
-    """Signals with some thirty samples a period, by cubic splines, and what was done.
-
-    Raises:
-        PulseError: a period has too few samples for that.
-    """
-    power = np.abs(np.fft.rfft(u - np.linspace(u[0], u[-1], len(u)))) ** 2
-    f = np.fft.rfftfreq(len(u))
-    power = np.where(power > _STRONG * power.max(), power, 0.0)
-    period = float(power.sum() / max(np.sum(f * power), 1e-300))
-    if not power.any() or period >= _FEWEST_PER_PERIOD:
-        return t, u, v, []
-    if period < _TOO_FEW:
-        raise PulseError(
-            f"a period has {period:.2g} samples, too few to tell when it arrives: sample at least "
-            f"{_ENOUGH / period:.2g} times as fast"
-        )
-    from scipy.interpolate import CubicSpline  # slow to import, and only few records need it
-
-    times = int(np.ceil(_PER_PERIOD / period))
-    place = np.arange((len(t) - 1) * times + 1) / times
-    own = np.arange(len(t))
-    fine = [None if row is None else CubicSpline(own, row)(place) for row in (u, v)]
-    said = []
-    if period < _ENOUGH:
-        said = [f"a period has {period:.2g} samples: {times} times as many by cubic splines"]
-    return t[0] + (t[-1] - t[0]) * place / own[-1], np.asarray(fine[0]), fine[1], said
-
-
 def _deviation(part: Float) -> float:
     """Standard deviation about a parabola, so that a creeping base counts for none."""
     n = np.arange(len(part), dtype=float)
@@ -233,8 +206,8 @@ def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
     first, last = int(above[0]), int(above[-1])
     if last > 0.8 * len(v):
         # A step stays: what it sends, it sends as it rises.
-        rate = np.abs(np.diff(v))
-        last = int(np.flatnonzero(rate >= 0.1 * rate.max())[-1]) + 1
+        level = float(np.median(v[-max(4, len(v) // 50) :]))
+        last = int(np.flatnonzero(np.abs(v - level) >= 0.1 * peak)[-1]) + 1
     # The start lies before the first sample above the part, by how fast it rises there.
     rise = abs(v[min(first + 1, len(v) - 1)] - v[first])
     back = min(abs(v[first]) / rise, 1.0) if rise > 0 else 0.0

@@ -1,11 +1,10 @@
 """Tables of text as instruments and spreadsheets write them: where the numbers begin, how parted.
 
-Metadata, comments, a row of headings, a row of units, then numbers, which pandas reads.
+Metadata, comments, a row of headings, a row of units, then numbers (``cells.py``).
 """
 
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.content import RecordError, check_size
+from wavesim.records.content import RecordError
+from wavesim.records.formats.cells import numbers_of, uneven
 from wavesim.records.formats.dialect import (
     CLOCK,
-    MARKS,
-    NUMBERS,
-    OVERLOAD,
     decoded,
     dialect,
     is_number,
@@ -114,7 +111,7 @@ def read_table(path: Path) -> Table:
     if len(body) > 2 and not _whole(body[-1][1], cells, decimal, width):
         body = body[:-1]
         notes.append("the last row is not whole: left out")
-    data, overload, dated = _numbers(body, cells, separator, decimal, width, headings)
+    data, overload, dated = numbers_of(body, cells, separator, decimal, width, headings)
     units = [unit or ("s" if c in dated else "") for c, unit in enumerate(units)]
     kept = [c for c in range(width) if np.isfinite(data[:, c]).any() or headings[c].strip()]
     if len(kept) > 1 and kept[0] == 0 and not any(cells(line)[0] for _, line in body):
@@ -201,8 +198,7 @@ def _headings(
     blank = [""] * width
 
     def fitted(row: list[str]) -> list[str] | None:
-        while len(row) > width and (not row[-1].strip() or _is_aside(row[-1])):
-            row = row[:-1]
+        row = _trimmed(row, width)
         if len(row) == width + 1 and row[0].endswith(":"):
             row = row[1:]  # "columns: time[us] sent[V]"
         if len(row) == width - 1 and width > 1 and not any(is_number(c, ".") for c in row):
@@ -230,19 +226,25 @@ def _check_heading(
     if len(above) > 1 and len(above[-2][1]) == width and is_time(above[-2][1][0]):
         number, row = above[-1]
         if len(row) != width and is_row(row, decimal):
-            raise RecordError(_uneven(number, len(row), width, separator))
+            raise RecordError(uneven(number, len(row), width, separator))
     if not above or not is_time(above[-1][1][0]):
         return
-    row = list(above[-1][1])
+    row = above[-1][1]
     if len(row) > 1 and all(CLOCK.fullmatch(c.strip(' "')) for c in row[1:] if c.strip()):
         return  # when each channel was recorded
-    while len(row) > width and (not row[-1].strip() or _is_aside(row[-1])):
-        row.pop()
+    row = _trimmed(row, width)
     if len(row) not in (width, width - 1):
         raise RecordError(
             f"row {line} has {width} cells; the heading has {len(row)}: give each column a "
             "heading, and each row a cell for each"
         )
+
+
+def _trimmed(row: list[str], width: int) -> list[str]:
+    """A row without what stands behind its last column and is of none."""
+    while len(row) > width and (not row[-1].strip() or _is_aside(row[-1])):
+        row = row[:-1]
+    return row
 
 
 def _is_aside(cell: str) -> bool:
@@ -253,134 +255,3 @@ def _is_aside(cell: str) -> bool:
 def _all_units(row: list[str]) -> bool:
     said = [c for c in row if c.strip()]
     return bool(said) and all(is_unit(c) for c in said) and len(said) * 2 >= len(row)
-
-
-def _numbers(
-    body: list[tuple[int, str]],
-    cells: Any,
-    separator: str | None,
-    decimal: str,
-    width: int,
-    headings: list[str],
-) -> tuple[NDArray[Any], list[int], list[int]]:
-    """The body as numbers, by pandas; a cell that is none is named by row and column.
-
-    Returns:
-        (numbers, how many cells of each column are marked as out of range, columns of dates).
-    """
-    import pandas
-
-    check_size((len(body), width), "table")
-    _check_widths(body, cells, separator, width)
-    text = "\n".join(line.strip() if separator is None else line for _, line in body)
-    text = text.replace("−", "-")
-    table = pandas.read_csv(
-        io.StringIO(text),
-        sep=r"\s+" if separator is None else separator,
-        decimal=decimal,
-        header=None,
-        names=list(range(width)),
-        index_col=False,
-        na_values=sorted({form for m in MARKS for form in (m, m.upper(), m.capitalize())}),
-        keep_default_na=False,
-        skipinitialspace=True,
-        engine="c",
-    )
-    data = np.full((len(body), width), np.nan)
-    overload, dated = [0] * width, []
-    for c in range(width):
-        column = table[c]
-        if column.dtype.kind in "fiu":
-            data[:, c] = column
-        elif column.dtype.kind == "b" or not len(column):
-            raise RecordError(f"{_column(c, headings)}: holds no numbers")
-        else:
-            text_of = ["" if cell != cell else str(cell) for cell in column.tolist()]
-            data[:, c], dates = _odd_column(text_of, c, body, decimal, headings)
-            dated += [c] * dates
-        infinite = np.isinf(data[:, c])
-        data[infinite, c] = np.nan
-    gone = np.argwhere(~np.isfinite(data))
-    for r, c in gone[:100_000]:
-        overload[c] += cells(body[r][1])[c].strip().lower() in OVERLOAD
-    return data, overload, dated
-
-
-def _odd_column(
-    column: list[str], c: int, body: list[tuple[int, str]], decimal: str, headings: list[str]
-) -> tuple[NDArray[Any], bool]:
-    """A column that pandas did not take for numbers: Fortran's exponents, clocks, or wrong.
-
-    Returns:
-        (numbers, whether they were dates or times of day).
-    """
-    result = np.full(len(column), np.nan)
-    dated = 0
-    for r, cell in enumerate(column):
-        text = cell.strip().strip('"').strip()
-        if text.lower() in MARKS:
-            continue
-        if NUMBERS[decimal].fullmatch(text):
-            result[r] = float(text.replace(",", ".").replace("D", "e").replace("d", "e"))
-        elif CLOCK.fullmatch(text):
-            dated += 1
-        else:
-            remedy = "correct the cell, or leave it blank for a sample that is missing"
-            if any(form.fullmatch(text) for form in NUMBERS.values()):
-                remedy = "rows differ in their decimal mark; write all alike"
-            raise RecordError(
-                f"row {body[r][0]}, {_column(c, headings)}: {text[:30]!r} is no number: {remedy}"
-            )
-    return (_since_first(column, c, body, headings), True) if dated else (result, False)
-
-
-def _since_first(
-    column: list[str], c: int, body: list[tuple[int, str]], headings: list[str]
-) -> NDArray[Any]:
-    """Dates or times of day as seconds from the first."""
-    import pandas
-
-    text = [cell.strip().strip('"').replace(",", ".") for cell in column]
-    of_day = all(re.fullmatch(r"\d\d?:\d\d:\d\d(?:\.\d+)?", cell) for cell in text)
-    try:
-        if of_day:
-            elapsed = pandas.to_timedelta(text)
-            return np.asarray((elapsed - elapsed[0]) / pandas.Timedelta(seconds=1), float)
-        dates = pandas.to_datetime(text, format="ISO8601", utc=True)
-        return np.asarray((dates - dates[0]) / pandas.Timedelta(seconds=1), float)
-    except (ValueError, TypeError, OverflowError) as error:
-        bad = next((r for r, cell in enumerate(text) if not CLOCK.fullmatch(cell)), 0)
-        raise RecordError(
-            f"row {body[bad][0]}, {_column(c, headings)}: {text[bad][:30]!r} can't be read as a "
-            f"date ({str(error).splitlines()[0][:60]}): write times in seconds"
-        ) from None
-
-
-def _check_widths(
-    body: list[tuple[int, str]], cells: Any, separator: str | None, width: int
-) -> None:
-    for number, line in body:
-        if line.count('"') % 2:
-            raise RecordError(f"row {number}: a quotation mark has no other: take it out")
-        quick = len(line.split()) if separator is None else line.count(separator) + 1
-        if quick == width and '"' not in line:
-            continue
-        found = len(cells(line))
-        if found == width:
-            continue
-        raise RecordError(_uneven(number, found, width, separator))
-
-
-def _uneven(number: int, found: int, width: int, separator: str | None) -> str:
-    hint = ""
-    if separator == ",":
-        hint = "; if commas are decimal marks, part the columns by semicolons or tabs"
-    return (
-        f"row {number} has {found} cells; the heading has {width}: give each row one cell for "
-        f"each column{hint}"
-    )
-
-
-def _column(c: int, headings: list[str]) -> str:
-    name = headings[c].strip() if c < len(headings) else ""
-    return f"column {c + 1}" + (f" ({name[:40]!r})" if name else "")
