@@ -33,6 +33,8 @@ _STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
 _TRUTH = "truth_"
+# Seconds since 1970 are fewer: this is the year 5138.
+_NO_DATE = 1e11
 # Spots further off a straight line than this part of it are on none.
 _CROOKED = 0.1
 _SENT = re.compile(r"transmit|\bsent\b|\binput\b|\bexcit|\bdrive\b|\bgenerator\b", re.IGNORECASE)
@@ -390,7 +392,7 @@ def _times(
         return None
     start, note = 0.0, f"times by {step[1]}"
     for key, number in _numbers(content):
-        if _bare(key) in _STARTS or re.split(r"[/.]", key)[-1].lower() == "t0":
+        if _bare(key) in _STARTS or re.search(r"(^|[/.])t0(_|$)", key.lower()):
             unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
             start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
     return start + step[0] * np.arange(frames), note, 0.0
@@ -453,6 +455,11 @@ def _seconds(
         scale = factor(said.split()[0], "time")
     if scale is None:
         scale = 1.0
+        if np.abs(stored[np.isfinite(stored)]).max(initial=0.0) > _NO_DATE:
+            raise RecordError(
+                f"{name}: times of {stored.ravel()[0]:.6g} are no seconds since 1970: say what "
+                "they are in, with --time-unit (ms, us or ns)"
+            )
         note = (
             "no unit of time is said: taken as s"
             if not said
