@@ -11,8 +11,10 @@ from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
+from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading
+from wavesim.readings.bar.transmission import Scattered
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import simulation
 from wavesim.sources import Ricker
@@ -77,3 +79,22 @@ def plain_field(energy=None, receivers=PLACES, absorbing=False, lossy=False):
 
 def reading_of(error=None, scattered=(), cells=(), ringing=(), pulses=(), exact=None):
     return Reading(exact or {}, error or {}, scattered, cells, ringing, pulses)
+
+
+def scattered_of(omega, sigma, T, R, T_exact, R_exact, judged, line=None, real=None):
+    """T and R of longitudinal waves, made up; at real ω as at ω + iσ unless given."""
+    real = T_exact if real is None else real
+    return Scattered(
+        sector="longitudinal", before=slice(0), behind=slice(0), faces=(0.0, 0.0), k=(omega, omega),
+        omega=omega, sigma=sigma, T=T, R=R, T_exact=T_exact, R_exact=R_exact, judged=judged,
+        line=line or (omega, T_exact, R_exact, real), T_real=real, R_real=real,
+    )  # fmt: skip
+
+
+def cells_of(period, omega, sigma, q, cosine, judged, line=None):
+    """Bloch waves of a longitudinal stack, made up, as they should be."""
+    return Cells(
+        sector="longitudinal", period=period, nodes=slice(0), step=1, omega=omega, sigma=sigma,
+        cosine_exact=cosine, driven=judged, line=line or (omega, q), q=q, q_exact=q, cosine=cosine,
+        judged=judged,
+    )  # fmt: skip

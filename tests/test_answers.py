@@ -7,13 +7,12 @@ import shlex
 
 import numpy as np
 import pytest
-from madeup import SOFT, STIFF, chain, field_of, reading_of
+from madeup import SOFT, STIFF, chain, field_of, reading_of, scattered_of
 
 from wavesim import planewave
 from wavesim.case.load import load
 from wavesim.grid.bar import layered_bar
 from wavesim.material.shown import with_error
-from wavesim.readings.bar.transmission import Scattered
 from wavesim.report.answers import answers, verdict
 from wavesim.sources import Ricker
 from wavesim.verdict.bar_answers import of_bar
@@ -131,7 +130,7 @@ def test_stop_bands_are_where_a_level_crosses_20_decibels():
     for depth, seen in ((1.0, True), (5.0, False)):
         T = 10 ** (depth * level / 20) + 0j
         known = np.ones(len(omega), bool)
-        found = Scattered("longitudinal", omega, 1e5, T, T, T, T, known)
+        found = scattered_of(omega, 1e5, T, T, T, T, known)
         band, most = of_bar(field, reading_of(scattered=(found,)))["transmission"]
         half = 50 + 50 * (1 - 1 / depth)
         assert band["lower"] == pytest.approx((500 - half) * 1e3, rel=2e-3)
@@ -152,7 +151,7 @@ def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends():
     bar = layered_bar(layers, 1.25e-4, 8, "absorbing", "absorbing", 8e-3)
     field = field_of(layers, bar, [Ricker("phi1", 0.008, 5e5)], {"a": 0.015})
     T, judged = real / 10, omega <= 800 * KHZ
-    found = Scattered("longitudinal", omega, 1e5, T, T, T, T, judged, (), real, real)
+    found = scattered_of(omega, 1e5, T, T, T, T, judged, real=real)
     band, most = of_bar(field, reading_of(scattered=(found,)))["transmission"]
     assert band["lower"] == pytest.approx(5e5, abs=5e3)
     assert band["upper"] == pytest.approx(8e5, rel=1e-9)

@@ -13,10 +13,12 @@ from madeup import (
     PLACES,
     SOFT,
     STIFF,
+    cells_of,
     chain,
     field_of,
     plain_field,
     reading_of,
+    scattered_of,
 )
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -29,9 +31,9 @@ from wavesim.layered.bloch import bloch
 from wavesim.layered.transmission import transmission
 from wavesim.material.layers import Layers
 from wavesim.planewave.dispersion_relation import gaps, wavenumber
-from wavesim.readings.bar.bloch import Cells, repeated_stretch
+from wavesim.readings.bar.bloch import repeated_stretch
 from wavesim.readings.bar.excited_band import line
-from wavesim.readings.bar.transmission import Scattered, exact_scattering
+from wavesim.readings.bar.transmission import exact_scattering
 from wavesim.sources import Ricker
 from wavesim.verdict.bar import SIGNAL_TOLERANCE
 
@@ -82,9 +84,8 @@ def test_line_of_transmission_is_that_of_the_exact_solver():
     sigma = 1e5
     fine = line(omega, sigma)
     T, R = exact_scattering(SLAB, "longitudinal", fine + 1j * sigma)
-    found = Scattered(
-        "longitudinal", omega, sigma, *(np.full(20, 0.5 + 0j),) * 4, np.ones(20, bool), (fine, T, R)
-    )
+    half = np.full(20, 0.5 + 0j)
+    found = scattered_of(omega, sigma, *(half,) * 4, np.ones(20, bool), (fine, T, R, T))
     figure = drawn(barfigures.transmission, slab_field(), found)
     lines = {one.get_label(): one for one in figure.axes[0].lines}
     f, level = lines["T, record (ω + iσ): exact"].get_data()
@@ -109,17 +110,15 @@ def test_line_of_bloch_waves_is_dense():
     known = repeated_stretch(field, LONGITUDINAL, 20, 18.0)
     fine, q = known.line
     cell = Layers(tuple(chain((0.002, SOFT), (0.002, STIFF)).layers))
-    for omega, cosine in ((known.omega, known.cosine), (fine, np.cos(q * 4e-3))):
+    for omega, cosine in ((known.omega, known.cosine_exact), (fine, np.cos(q * 4e-3))):
         exact = np.cos(bloch(cell, "longitudinal", omega + 1j * known.sigma) * 4e-3)
         # Folded: of ±q that which decays, |Re q| for Re q, so that cos qL may be the conjugate.
         np.testing.assert_allclose(cosine.real, exact.real, rtol=1e-9)
         np.testing.assert_allclose(np.abs(cosine.imag), np.abs(exact.imag), rtol=1e-9)
     assert (q.imag >= 0).all()
     measured = np.interp(known.omega, fine, q)
-    found = Cells(
-        "longitudinal", 4e-3, known.omega, known.sigma, measured, measured, known.cosine,
-        known.cosine, np.ones(20, bool), known.line,
-    )  # fmt: skip
+    told = known.cosine_exact, np.ones(20, bool), known.line
+    found = cells_of(4e-3, known.omega, known.sigma, measured, *told)
     figure = drawn(barfigures.bloch, field, found)
     for axes, part in zip(figure.axes, (np.real, np.imag), strict=True):
         line_of, points = axes.lines

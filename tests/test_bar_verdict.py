@@ -10,17 +10,18 @@ from madeup import (
     LOSSY,
     PLACES,
     T,
+    cells_of,
     chain,
     plain_field,
     pulsed,
     reading_of,
+    scattered_of,
 )
 
 from wavesim.case.schema import BandTable
 from wavesim.material.damping import quality
-from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
-from wavesim.readings.bar.transmission import Band, Scattered
+from wavesim.readings.bar.transmission import Band
 from wavesim.simulation.field import Energy
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.bar_notes import bar_notes
@@ -28,9 +29,9 @@ from wavesim.verdict.bar_notes import bar_notes
 OMEGA = np.linspace(1e5, 2e6, 12)
 JUDGED = OMEGA < 1.5e6
 DEEP = np.where(OMEGA > 1.2e6, 1e-4, 0.5) * np.exp(1j * OMEGA / 1e6)
-RIGHT_T = Scattered("longitudinal", OMEGA, 1.8e5, DEEP, 0.3 * DEEP, DEEP, 0.3 * DEEP, JUDGED)
+RIGHT_T = scattered_of(OMEGA, 1.8e5, DEEP, 0.3 * DEEP, DEEP, 0.3 * DEEP, JUDGED)
 COSINE = np.linspace(-3, 3, 12) + 0.1j
-RIGHT_Q = Cells("longitudinal", 5e-3, OMEGA, 1.8e5, COSINE, COSINE, COSINE, COSINE, JUDGED)
+RIGHT_Q = cells_of(5e-3, OMEGA, 1.8e5, COSINE, COSINE, JUDGED)
 RIGHT_RING = Ringing("longitudinal", OMEGA, OMEGA, OMEGA, np.ones(12), 1e3)
 
 
@@ -221,8 +222,8 @@ UNITS = {
     "period": "m", "q": "rad/m", "q_exact": "rad/m", "damped": "rad/m", "k_exact": "rad/m",
     "phase_velocity": "m/s", "group_velocity": "m/s", "attenuation": "1/m", "loss": "dB",
 } | dict.fromkeys(
-    ("T", "R", "T_exact", "R_exact", "judged", "cosine", "cosine_exact", "level", "quality"), "–"
-)  # fmt: skip
+    ("T", "R", "T_exact", "R_exact", "T_real", "R_real", "judged", "cosine", "cosine_exact"), "–"
+) | dict.fromkeys(("level", "quality"), "–")  # fmt: skip
 
 
 def test_every_table_has_a_path_and_a_unit(pulse):

@@ -53,6 +53,10 @@ TEXTS = {
     "us in the row of units": f"Time,{PLACED}\n(us),(V),(V),(V),(V)\n" + rows(T * 1e6),
     "us in the heading": HEAD.replace("t_s", "Time (us)") + rows(T * 1e6),
     "ms": HEAD.replace("t_s", "t_ms") + rows(T * 1e3),
+    "us in a row of metadata": "X Units,us\nY Units,V\n" + HEAD.replace("t_s", "t") + rows(T * 1e6),
+    "ms in a comment": "# time in ms, voltages in mV\n" + HEAD.replace("t_s", "t") + rows(T * 1e3),
+    "units of all in a comment": "# Units: us, V\n" + HEAD.replace("t_s", "t") + rows(T * 1e6),
+    "ms in Russian": HEAD.replace("t_s", "Время (мс)") + rows(T * 1e3),
     "metadata above": "".join(f"Key {i},Value\n" for i in range(20)) + HEAD + rows(),
     "comments above": "% Model, bar\n% Version, 6\n" + HEAD + rows(),
     "heading in a comment": "# written by hand\n# " + HEAD + rows(),
@@ -86,6 +90,12 @@ def test_a_table_of_text_whoever_wrote_it(tmp_path, name):
 def test_a_table_in_another_encoding(tmp_path, encoding):
     path = tmp_path / "a.txt"
     path.write_text(HEAD.replace("t_s", "Zeit/µs") + rows(T * 1e6), encoding=encoding)
+    same(read(path))
+
+
+def test_a_table_in_cyrillic_letters_of_one_byte(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(HEAD.replace("t_s,", "Время (мкс),") + rows(T * 1e6), encoding="cp1251")
     same(read(path))
 
 
@@ -185,6 +195,26 @@ def test_options_say_what_a_file_does_not(tmp_path):
         (tmp_path / "e.csv").write_text(f"{said}\n{','.join(PLACES)}\n{values}")
         same(read(tmp_path / "e.csv"))
         same(read(tmp_path / "e.csv", Layout(time_unit="us")))
+
+
+def test_units_are_read_wherever_arrays_say_them(tmp_path):
+    """As an entry or an attribute of another name, in a long name, in the name of a start."""
+    import xarray
+
+    paths = [tmp_path / name for name in ("a.npz", "b.mat", "c.h5", "d.h5", "e.nc", "f.npz")]
+    np.savez(paths[0], time=T * 1e3, timeUnits="ms", x=X, u=U)
+    scipy.io.savemat(paths[1], {"time": T * 1e3, "timeUnits": "ms", "x": X, "u": U})
+    with h5py.File(paths[2], "w") as file:
+        file.create_group("scan").attrs["time_units"] = "ms"
+        file["scan/time"], file["scan/x"], file["scan/u"] = T * 1e3, X, U
+    with h5py.File(paths[3], "w") as file:
+        file["x"], file["u"] = X, U
+        file.attrs.update({"dt": 0.5, "dt_unit": "us"})
+    long = {"time": ("time", T * 1e6, {"long_name": "time [us]"}), "x": X}
+    xarray.Dataset({"u": (("time", "x"), U)}, long).to_netcdf(paths[4], engine="h5netcdf")
+    np.savez(paths[5], fs_kHz=2e3, t0_us=0.0, x=X, u=U)
+    for path in paths:
+        same(read(path))
 
 
 def test_rates_are_in_the_unit_that_is_said(tmp_path):
@@ -395,8 +425,13 @@ def test_tables_of_oscilloscopes_are_read_with_their_own_times(tmp_path, kind):
         ("#CLOCK=2.5uS\n" + "".join(f"{v}\n" for v in GOT), "no times of 200"),
         ("Time,A\n" + 2 * "".join(f"{t:.7f},{v:.4f}\n" for t, v in zip(SCOPE, GOT, strict=True)),
          "times begin anew 1 times"),
+        ("Frequency (kHz),A,B\n" + rows(u=U[:, :2]), "column 1 .* holds frequencies"),
+        ("Distance (mm),A,B\n" + rows(u=U[:, :2]), "column 1 .* holds places"),
+        ("timestamp,A,B\n" + rows(1.7e12 + 2 * np.arange(N), U[:, :2], form="%.13g"),
+         "no seconds since 1970: .*--time-unit"),
     ],
-    ids=["samples counted", "a clock without a start", "segments"],
+    ids=["samples counted", "a clock without a start", "segments", "frequencies", "places",
+         "milliseconds since 1970"],
 )  # fmt: skip
 def test_what_holds_no_times_is_refused(tmp_path, text, message):
     (tmp_path / "a.csv").write_text(text)

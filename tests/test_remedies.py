@@ -21,6 +21,7 @@ from madeup import (
     plain_field,
     pulsed,
     reading_of,
+    scattered_of,
 )
 
 from wavesim import planewave
@@ -29,7 +30,6 @@ from wavesim.grid.bar import Bar, layered_bar
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.bar.eigenfrequencies import Ringing
-from wavesim.readings.bar.transmission import Scattered
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Energy
 from wavesim.sources import Ricker, ToneBurst
@@ -157,7 +157,7 @@ def test_transmission_that_is_off_close_below_an_asymptote_of_a_buffer():
     edge = planewave.asymptotes(STIFF, "longitudinal")[0]
     omega = np.array([0.5, 0.8, 0.98]) * edge
     half = np.full(3, 0.5 + 0j)
-    found = Scattered("longitudinal", omega, 1e5, half, half, half, half, np.ones(3, bool))
+    found = scattered_of(omega, 1e5, half, half, half, half, np.ones(3, bool))
     told = remedies.of_scattering(slab(), found, np.array([0.0, 1e-4, 1e-2]))
     assert f"furthest off at {omega[2] / 2e3 / np.pi:.4g} kHz, close below an asymptote" in told
     assert "[[sources]] peak_frequency below 300000" in told

@@ -71,11 +71,10 @@ def level_panel(axes: Axes, field: Field, found: Scattered) -> None:
     media = field.layers.inner_media
     if len(media) == 1:  # the gaps of several are no specimen's
         shade(axes, gap_edges(media[0], found.sector))
-    fine, *lines = found.line or (found.omega, found.T_exact, found.R_exact)
+    fine, *lines, at_real = found.line
     steady, recorded = "steady wave (real ω): exact", "record (ω + iσ): "
-    if len(lines) > 2:
-        level = decibels(lines[2])
-        axes.plot(fine * KHZ, level, "-", color=FOUND, lw=1.5, zorder=2.5, label=f"T, {steady}")
+    level = decibels(at_real)
+    axes.plot(fine * KHZ, level, "-", color=FOUND, lw=1.5, zorder=2.5, label=f"T, {steady}")
     for label, value, curve, mark, line in (
         ("T", found.T, lines[0], "o", "-"),
         ("R", found.R, lines[1], "s", "--"),
@@ -92,7 +91,7 @@ def bloch(field: Field, found: Cells) -> Figure:
     figure = Figure(figsize=(6.4, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True)
     f, shown = found.omega * KHZ, found.judged
-    fine, exact = found.line or (found.omega, found.q_exact)
+    fine, exact = found.line
     for axes, part, scale, label in (
         (upper, np.real, found.period / np.pi, "Re qL/π"),
         (lower, np.imag, found.period, "Im qL"),

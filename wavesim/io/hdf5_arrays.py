@@ -25,12 +25,14 @@ class Stored:
     Attributes:
         arrays: by path, up to three axes.
         units: of arrays, where an attribute says one.
+        texts: attributes that are one text, by path, those named a unit left out.
         numbers: attributes that are one number, by name, of the file and its groups.
         places: positions of groups that say one (gprMax's receivers), by path, 1 to 3 numbers each.
     """
 
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     places: dict[str, NDArray[Any]] = field(default_factory=dict)
 
@@ -97,16 +99,14 @@ def read_arrays(path: Path, largest: int) -> Stored:
 def _attribute(found: Stored, name: str, key: str, value: Any) -> None:
     if isinstance(value, h5py.Empty):
         return
-    if key in _UNITS:
-        text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
-        if isinstance(text, np.ndarray) and text.size == 1:
-            text = text.ravel()[0]
-        found.units[name] = (
-            text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
-        )
-        return
     numbers = np.asarray(value)
     if numbers.dtype.kind not in "fiu":
+        one = numbers.ravel()[0] if numbers.size == 1 else value
+        text = one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one)
+        if key in _UNITS:
+            found.units[name] = text
+        else:
+            found.texts[f"{name}/{key}" if name else key] = text
         return
     if key.lower() in ("position", "location", "coordinates") and 1 <= numbers.size <= 3:
         found.places[name] = numbers.astype(float).ravel()

@@ -26,6 +26,8 @@ _RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfreque
 _STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
+# Seconds since 1970 are fewer: this is the year 5138.
+_NO_DATE = 1e11
 Axis = tuple[Float, str, float]
 
 
@@ -121,7 +123,7 @@ def times_of(
         return None
     start, note = 0.0, f"times by {step[1]}"
     for key, number in _numbers(content):
-        if bare(key) in _STARTS or re.split(r"[/.]", key)[-1].lower() == "t0":
+        if bare(key) in _STARTS or re.search(r"(^|[/.])t0(_|$)", key.lower()):
             unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
             start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
     return start + step[0] * np.arange(frames), note, 0.0
@@ -184,6 +186,11 @@ def _seconds(
         scale = factor(said.split()[0], "time")
     if scale is None:
         scale = 1.0
+        if np.abs(stored[np.isfinite(stored)]).max(initial=0.0) > _NO_DATE:
+            raise RecordError(
+                f"{name}: times of {stored.ravel()[0]:.6g} are no seconds since 1970: say what "
+                "they are in, with --time-unit (ms, us or ns)"
+            )
         note = (
             "no unit of time is said: taken as s"
             if not said

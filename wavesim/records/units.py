@@ -15,6 +15,7 @@ TIME = (
     {f"{p}{s}": f for p, f in _SMALL.items() for s in ("s", "sec", "secs")}
     | {f"{p}second{s}": f for p, f in _WORDS.items() for s in ("", "s")}
     | dict.fromkeys(("s", "sec", "secs", "sek", "sekunde", "sekunden", "seconde", "secondes"), 1.0)
+    | {"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "нс": 1e-9}
     | {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
 )
 LENGTH = (
@@ -23,6 +24,7 @@ LENGTH = (
     | {"m": 1.0, "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2, "centimetre": 1e-2}
     | {"centimetres": 1e-2, "dm": 0.1, "km": 1e3, "kilometer": 1e3, "kilometre": 1e3}
     | {"micron": 1e-6, "microns": 1e-6, "in": 0.0254, "inch": 0.0254, "inches": 0.0254}
+    | {"м": 1.0, "см": 1e-2, "мм": 1e-3, "мкм": 1e-6}
     | {"ft": 0.3048, "feet": 0.3048, "foot": 0.3048}
 )
 # Said by a unit row or a bracket, these tell that a column is neither times nor positions.
@@ -88,6 +90,25 @@ def unit_in(heading: str, kind: str) -> str | None:
     return None
 
 
+_UNIT_OF_TIME = re.compile(
+    r"(?:\b(?:time|t|x|horizontal|horiz)[\s_-]*(?:axis)?[\s_-]*units?|\btimes?\s+in|\bunits?\s*[:=])"
+    r"[\W_]*([^\W\d_]+)",
+    re.IGNORECASE,
+)
+
+
+def unit_of_time_said(text: str) -> str | None:
+    """The unit of all times that a line says: "Time unit,ms", "X Units: us", "time in ms"."""
+    found = (match for match in _UNIT_OF_TIME.findall(text) if factor(match, "time"))
+    return next(found, None)
+
+
+def measured_by(name: str) -> str | None:
+    """Of what an entry is the unit: t of "t_unit", time of "timeUnits"; None where of nothing."""
+    found = re.fullmatch(r"(.*[^_\W])_?units?", name, re.IGNORECASE)
+    return found.group(1) if found else None
+
+
 _PLACE = r"(?:x|r|z|y|pos|position|offset|offs|dist|distance|place|ort|abstand|entfernung)"
 _UNIT = r"(µm|μm|um|mm|cm|dm|km|nm|m|meters?|metres?|inch|in|ft)"
 _SAID = (
@@ -142,7 +163,7 @@ def is_time(heading: str) -> bool:
     text = heading.strip().strip('"').lower()
     return bool(
         re.match(
-            r"(t|time|times|zeit|temps|tiempo|tempo|tijd|seconds?|secs?|elapsed|timestamps?|"
+            r"(t|time|times|zeit|temps|tiempo|tempo|tijd|время|seconds?|secs?|elapsed|timestamps?|"
             r"datetime|x-axis|x_value|x value|x-achse)(?![^\W\d_]|[- ]?\d+\s*\()",
             text,
         )

@@ -245,7 +245,7 @@ def _attenuation(field: Field, held: Held) -> Data:
 def _of_reading(field: Field, reading: Reading) -> Data:
     found: Data = {"transmission": {}, "bloch": {}, "eigenfrequencies": {}, "pulse": {}}
     for one in reading.scattered:
-        line = one.line or (one.omega, one.T_exact, one.R_exact)
+        line = one.line
         some = _some(len(line[0]), _FINE)
         found["transmission"][one.sector] = {
             "sigma": float(one.sigma),
@@ -269,14 +269,13 @@ def _of_reading(field: Field, reading: Reading) -> Data:
             for b in one.bands
         ]
         for name, real in (("T", one.T_real), ("R", one.R_real)):
-            if real is not None:
-                omega, curve = one.omega, real
-                if name == "T" and len(line) > 3:
-                    omega, first = np.unique([*omega, *line[0][some]], return_index=True)
-                    curve = np.array([*real, *line[3][some]])[first]
-                own[name] |= {"real_frequency": (omega * HERTZ).tolist(), "real": _levels(curve)}
+            omega, curve = one.omega, real
+            if name == "T":
+                omega, first = np.unique([*omega, *line[0][some]], return_index=True)
+                curve = np.array([*real, *line[3][some]])[first]
+            own[name] |= {"real_frequency": (omega * HERTZ).tolist(), "real": _levels(curve)}
     for two in reading.cells:
-        fine, q = two.line or (two.omega, two.q_exact)
+        fine, q = two.line
         some = _some(len(fine), _FINE)
         found["bloch"][two.sector] = {
             "frequency": (two.omega[two.judged] * HERTZ).tolist(),

@@ -57,10 +57,7 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         return []
     level, exact = decibels(found.T), decibels(found.T_exact)
     ends = found.omega[np.flatnonzero(judged)[[0, -1]]]
-    # At real ω; at ω + iσ where that is not known.
-    omega, steady = found.omega, exact if found.T_real is None else decibels(found.T_real)
-    if len(found.line):
-        omega, steady = found.line[0], decibels(found.line[3])
+    omega, steady = found.line[0], decibels(found.line[3])
     within = (omega >= ends[0]) & (omega <= ends[1])
     inner = field.layers.layers[1:-1] or field.layers.layers
     media = list(dict.fromkeys(m for layer in inner for m in layer.sampled(2)))

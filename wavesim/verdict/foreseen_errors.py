@@ -285,7 +285,7 @@ def _of_scattering(
     judged = known.judged & (np.abs(a) * TOLD >= hidden)
     if not judged.any():
         return
-    for letter, measured, exact in (("T", c / a, known.T), ("R", b / a, known.R)):
+    for letter, measured, exact in (("T", c / a, known.T_exact), ("R", b / a, known.R_exact)):
         off = float(np.abs(measured - exact)[judged].max())
         yield Foretold(f"{letter} of {block.sector} waves", off, AMPLITUDE_TOLERANCE)
 

@@ -40,7 +40,7 @@ class Repeated:
         period: L, m.
         nodes: those of the stretch, its end included; step: how many to a period.
         omega, sigma: ω and σ of the frequencies ω + iσ, shape (n,), rad/s.
-        cosine: cos(qL) of the exact solver, shape (n,).
+        cosine_exact: cos(qL) of the exact solver, shape (n,).
         driven: where the source has 1 % of its peak, shape (n,).
         line: ω and q (folded, rad/m) on a line fine enough to be drawn.
     """
@@ -51,36 +51,26 @@ class Repeated:
     step: int
     omega: NDArray[Any]
     sigma: float
-    cosine: Complex
+    cosine_exact: Complex
     driven: NDArray[np.bool_]
     line: tuple[NDArray[Any], Complex]
 
 
-@dataclass(frozen=True)
-class Cells:
-    """Bloch wavenumber of a stack against frequency.
+@dataclass(frozen=True, kw_only=True)
+class Cells(Repeated):
+    """Bloch wavenumber of a stack against frequency, beside what is known of it.
 
     Attributes:
-        sector: of the wave.
-        period: L, m.
-        omega, sigma: ω and σ of the frequencies ω + iσ, shape (n,), rad/s.
         q: measured, of ±q that with Im q ≥ 0, and |Re q| for Re q, shape (n,), rad/m.
         q_exact: of the exact solver.
-        cosine, cosine_exact: cos(qL), which decides; q itself is ill-conditioned at a band edge.
+        cosine: cos(qL) measured, which decides; q itself is ill-conditioned at a band edge.
         judged: where the source has 1 % of its peak and the field stands above the record's end.
-        line: ω and q of the exact solver on a line fine enough to be drawn; empty without.
     """
 
-    sector: str
-    period: float
-    omega: NDArray[Any]
-    sigma: float
     q: Complex
     q_exact: Complex
     cosine: Complex
-    cosine_exact: Complex
     judged: NDArray[np.bool_]
-    line: tuple[Any, ...] = ()
 
 
 def repeated(layers: Layers) -> tuple[float, float, Layers] | None:
@@ -173,11 +163,8 @@ def cells(field: Field, block: Block, known: Repeated, loud: Loudness | None = N
     with np.errstate(divide="ignore", invalid="ignore"):
         cosine = np.sum(weight * np.conj(middle) * sides, axis=1) / square / 2
     judged = known.driven & (weight.sum(axis=1) >= 2 * step)
-    q, exact = _folded(cosine) / period, _folded(known.cosine) / period
-    return Cells(
-        known.sector, period, known.omega, known.sigma, q, exact, cosine, known.cosine, judged,
-        known.line,
-    )  # fmt: skip
+    q, exact = _folded(cosine) / period, _folded(known.cosine_exact) / period
+    return Cells(**vars(known), q=q, q_exact=exact, cosine=cosine, judged=judged)
 
 
 def _folded(cosine: Complex) -> Complex:

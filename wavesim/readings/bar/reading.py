@@ -70,7 +70,7 @@ class Reading:
         for group, members in parts:
             for member in members:
                 for name, value in vars(member).items():
-                    if name not in ("sector", "line", "bands") and value is not None:
+                    if name not in _NOT_STORED:
                         path = f"{group}/{member.sector}/{name}"
                         found[path] = np.asarray(value), _UNITS.get(name, "–")
         for test in self.pulses:
@@ -79,6 +79,19 @@ class Reading:
         return found
 
 
+# Of what was measured: what it is of, and where in the bar.
+_NOT_STORED = (
+    "sector",
+    "line",
+    "bands",
+    "before",
+    "behind",
+    "faces",
+    "k",
+    "nodes",
+    "step",
+    "driven",
+)
 _UNITS = dict.fromkeys(("omega", "sigma", "exact", "found", "bin"), "rad/s") | {
     "period": "m",
     "q": "rad/m",

@@ -69,12 +69,13 @@ class Specimen:
         k: the buffers' wavenumbers at ω + iσ, shape (n,) each, rad/m.
         omega: real part of the frequencies, shape (n,), rad/s.
         sigma: their imaginary part σ, rad/s.
-        T, R: of the exact solver at ω + iσ, at the faces, shape (n,).
+        T_exact, R_exact: of the exact solver at ω + iσ, at the faces, shape (n,): what is measured
+            of a record is compared there.
         judged: where the source has more than 1 % of its peak spectrum and the wave in the buffers
             propagates, shape (n,).
         line: ω, T and R once more on a line fine enough to be drawn, and T at real ω there.
-        T_real, R_real: of the exact solver at real ω, shape (n,); NaN where a graded layer without
-            losses has its asymptote, and there is none.
+        T_real, R_real: of the exact solver at real ω, which a stack is judged by as a filter, shape
+            (n,); NaN where a graded layer without losses has its asymptote, and there is none.
         bands: those that are asked for in this sector.
     """
 
@@ -85,8 +86,8 @@ class Specimen:
     k: tuple[Complex, Complex]
     omega: NDArray[Any]
     sigma: float
-    T: Complex
-    R: Complex
+    T_exact: Complex
+    R_exact: Complex
     judged: NDArray[np.bool_]
     line: tuple[NDArray[Any], Complex, Complex, Complex]
     T_real: Complex
@@ -94,37 +95,18 @@ class Specimen:
     bands: tuple[Band, ...] = ()
 
 
-@dataclass(frozen=True)
-class Scattered:
-    """What a specimen lets through and sends back, against frequency.
+@dataclass(frozen=True, kw_only=True)
+class Scattered(Specimen):
+    """What a specimen lets through and sends back, measured, beside what is known of it.
 
     Attributes:
-        sector: of the wave.
-        omega: real part of the frequencies, shape (n,), rad/s.
-        sigma: their imaginary part σ, rad/s.
         T, R: measured amplitude ratios of φ, at the specimen's faces, shape (n,).
-        T_exact, R_exact: the same of the exact solver at ω + iσ.
-        judged: where they count, see :class:`Specimen`, and the incident wave stands so far above
-            what the record's end and rounding may add that T and R can be told to 1e-4.
-        line: ω, T and R of the exact solver on a line fine enough to be drawn, and T at real ω;
-            empty without.
-        T_real, R_real: of the exact solver at real ω, which a stack is judged by as a filter; what
-            is measured of a record is compared at ω + iσ.
-        bands: as of :class:`Specimen`.
+        judged: where they count, and the incident wave stands so far above what the record's end
+            and rounding may add that T and R can be told to 1e-4.
     """
 
-    sector: str
-    omega: NDArray[Any]
-    sigma: float
     T: Complex
     R: Complex
-    T_exact: Complex
-    R_exact: Complex
-    judged: NDArray[np.bool_]
-    line: tuple[Any, ...] = ()
-    T_real: Complex | None = None
-    R_real: Complex | None = None
-    bands: tuple[Band, ...] = ()
 
 
 def amplitudes(transform: Complex, x: Any, k: Complex) -> tuple[Complex, Complex]:
@@ -236,8 +218,7 @@ def scattered(
     judged = known.judged & (np.abs(a) * TOLD >= hidden)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing came there is no ratio
         T, R = c / a, b / a
-    exact = known.T, known.R, judged, known.line, known.T_real, known.R_real, known.bands
-    return Scattered(known.sector, omega, sigma, T, R, *exact)
+    return Scattered(**vars(known) | {"judged": judged}, T=T, R=R)
 
 
 def exact_scattering(layers: Layers, sector: str, omega: Complex) -> tuple[Complex, Complex]:

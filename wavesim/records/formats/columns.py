@@ -20,6 +20,7 @@ from wavesim.records.units import (
     is_time,
     position_in,
     unit_in,
+    unit_of_time_said,
     unknown_unit_in,
 )
 
@@ -57,6 +58,7 @@ def of_table(table: Table) -> Content:
     settled: set[str] = set()
     if clocks:
         first = clocks[0]
+        _check_time(table, first)
         arrays["t"] = table.data[:, first]
         heading = unit_in(table.headings[first], "time")
         unit = heading or table.units[first]
@@ -66,6 +68,8 @@ def of_table(table: Table) -> Content:
             said_in["t"] = f"row {table.rows[0 if heading else 1]} ({text[:40]!r})"
         elif unit or (unit := unknown_unit_in(table.headings[first]) or ""):
             units["t"] = unit
+        elif above := _unit_above(table.metadata):
+            units["t"], said_in["t"] = above
         if first in table.dated:
             settled.add("t")
         if len(clocks) > 1:
@@ -98,6 +102,32 @@ def of_table(table: Table) -> Content:
     )
     _positions(found, table, channels)
     return found
+
+
+_NO_TIME = re.compile(r"(freq|frequenz|fréquence|wavenumber|wavelength)", re.IGNORECASE)
+
+
+def _check_time(table: Table, clock: int) -> None:
+    """Refuse a first column of frequencies or places, by its name or its unit."""
+    heading, unit = table.headings[clock].strip(), table.units[clock]
+    if is_time(heading) or factor(unit, "time") is not None or unit_in(heading, "time"):
+        return
+    kinds = {"frequency": "frequencies", "position": "places"}
+    what = next((w for k, w in kinds.items() if unit_in(heading, k) or factor(unit, k)), "")
+    if what or _NO_TIME.match(heading):
+        raise RecordError(
+            f"column {table.columns[clock]} ({heading[:40]!r}) holds {what or 'no times'}: a row "
+            "for each time is needed, and a column for each receiver"
+        )
+
+
+def _unit_above(rows: list[list[str]]) -> tuple[str, str] | None:
+    """The unit of time that a row or a comment says, and which."""
+    for row in rows:
+        text = ", ".join(cell.strip() for cell in row if cell.strip())
+        if unit := unit_of_time_said(text):
+            return unit, f"{text[:40]!r} above the numbers"
+    return None
 
 
 _INTERVALS = ("sampleinterval", "samplinginterval", "samplingperiod", "sampleperiod", "deltax",

@@ -57,7 +57,9 @@ def decoded(raw: bytes) -> str:
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError:
-        return raw.decode("cp1252", "replace")
+        text = raw.decode("cp1252", "replace")
+        # Three letters with accents in a row are Cyrillic ones.
+        return raw.decode("cp1251", "replace") if re.search("[À-ÿ]{3}", text) else text
 
 
 def _wide(raw: bytes) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import LARGEST, Content, RecordError
 from wavesim.records.straight_line import along_line
+from wavesim.records.units import measured_by
 
 
 def from_hdf5(path: Path) -> Content:
@@ -24,7 +25,8 @@ def from_hdf5(path: Path) -> Content:
         raise RecordError(_short(error)) from None
     except (KeyError, RuntimeError, TypeError, SystemError, UnicodeError) as error:
         raise RecordError(f"is not a readable HDF5 file: {_short(error)}") from None
-    content = Content(dict(stored.arrays), dict(stored.units))
+    said = {of: text for path, text in stored.texts.items() if (of := measured_by(path))}
+    content = Content(dict(stored.arrays), said | stored.units)
     for name, number in stored.numbers.items():
         content.arrays.setdefault(name, np.array(number))
     _of_groups(stored.places, content)

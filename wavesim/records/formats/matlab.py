@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.records.content import Content, RecordError, check_size
+from wavesim.records.units import measured_by
 
 _DEEPEST = 4
 
@@ -69,8 +70,7 @@ def _take(content: Content, name: str, value: Any, depth: int) -> None:
     elif array.dtype == object and array.size == 1 and depth < _DEEPEST:
         _take(content, name, array.ravel()[0], depth + 1)
     elif array.dtype.kind in "US" and array.size == 1:
-        for ending in ("_units", "_unit"):
-            if name.endswith(ending):
-                content.units[name[: -len(ending)]] = str(array.ravel()[0])
+        if of := measured_by(name):
+            content.units[of] = str(array.ravel()[0])
     elif array.dtype.kind in "fiubc" and array.ndim <= 3:
         content.arrays[name] = array.ravel() if array.ndim == 2 and 1 in array.shape else array

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.records.content import Content, RecordError, check_size
-from wavesim.records.units import factor, is_time
+from wavesim.records.units import factor, is_time, unit_in
 
 _PLACES = ("x", "distance", "dist", "position", "offset", "receiver", "channel", "trace", "r", "z")
 
@@ -55,6 +55,8 @@ def of_dataset(dataset: Any) -> Content:
             content.notes.append(f"{name}: times along its dimension {times[0]!r}")
         content.arrays[str(name)] = values
         unit = variable.attrs.get("units", variable.attrs.get("unit"))
+        long = str(variable.attrs.get("long_name", ""))
+        unit = unit or unit_in(long, "time") or unit_in(long, "position")
         if unit is not None:
             content.units[str(name)] = str(unit)
     for key, value in dataset.attrs.items():

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.records.content import Content, RecordError, check_size
+from wavesim.records.units import measured_by
 
 
 def from_npz(path: Path) -> Content:
@@ -62,8 +63,7 @@ def _take(content: Content, name: str, array: Any) -> None:
             _take(content, column if name == "values" else f"{name}/{column}", array[column])
     elif array.dtype.kind in "US" and array.size == 1:
         # Units as text: t_unit = "us".
-        for ending in ("_units", "_unit"):
-            if name.endswith(ending):
-                content.units[name[: -len(ending)]] = str(array.ravel()[0])
+        if of := measured_by(name):
+            content.units[of] = str(array.ravel()[0])
     elif array.dtype.kind in "fiubcmM" and array.ndim <= 3:
         content.arrays[name] = array
