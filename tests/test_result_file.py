@@ -23,6 +23,7 @@ from wavesim.case.load import load
 from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.packing import PACKED, deflated, fletcher32, pack, packed_dataset
+from wavesim.io.result_layout import FORMAT_VERSION
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.field import Energy
@@ -76,7 +77,7 @@ def test_layout_is_the_contract(small_run):
     with h5py.File(small_run.result) as file:
         attributes = dict(file.attrs)
         assert attributes["format"] == "wavesim"
-        assert attributes["format_version"] == storage.FORMAT_VERSION
+        assert attributes["format_version"] == FORMAT_VERSION
         assert attributes["status"] == "complete"
         taken = attributes["stepper"], attributes["step"]
         assert attributes["case"] == loaded.resolved(*taken)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import resource
 import shlex
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -15,9 +12,9 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.material.shown import plain
 from wavesim.report import drawn_beside
-from wavesim.verdict.judgement import FOLDER, Found, measure, needed
+from wavesim.report.run_files import summary, take_away_old, write
+from wavesim.verdict.judgement import FOLDER, measure, needed
 from wavesim.worker import Answer, Here, SharedArray, Worker
 
 if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
@@ -30,10 +27,6 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
-# What a picture's name begins with, and what it ends with.
-_FIGURES = {"spacetime", "receivers", "energy", "bar", "signals", "dispersion", "attenuation"}
-_FIGURES |= {"transmission", "bloch", "eigenfrequencies", "arrivals", "loss", "velocities"}
-_PICTURES = (".png", ".pdf", ".svg")
 
 
 class RunError(RuntimeError):
@@ -149,8 +142,8 @@ def run(
         for failure in undrawn:
             why = str(failure).partition("\n")[0]
             notes.append(f"a picture could not be drawn ({type(failure).__name__}: {why})")
-        outcome = Outcome(_summary(case, steps, found, laps.timing), folder, notes)
-        _write(outcome, data, results.told["case"], rerun)
+        outcome = Outcome(summary(case, steps, found, laps.timing), folder, notes)
+        write(outcome.summary, notes, data, results.told["case"], folder, rerun)
         for failure in undrawn:
             if isinstance(failure, OSError):
                 raise failure
@@ -197,7 +190,7 @@ def _results(
         start = results.carry_on()
     else:
         results.create()
-    _take_away_old(folder)
+    take_away_old(folder)
     write_whole(folder / "resolved.toml", resolved.encode())
     return results, start
 
@@ -237,43 +230,6 @@ def _field(
     return Field(simulated, simulated.times, kept, energy, steps.solver, step)
 
 
-def _summary(case: Case, steps: TimeStep, found: Found, timing: dict[str, float]) -> dict[str, Any]:
-    """What summary.json tells of a run."""
-    from wavesim.io.result_writer import versions
-    from wavesim.material.scaling import scales
-
-    told = {
-        "title": case.title,
-        "checks": [check.row() for check in found.checks],
-        "passed": all(check.passed for check in found.checks),
-        "timing": timing,
-        "stepper": steps.solver,
-        "step": steps.step * float(scales(case.simulation.medium).time),
-        "steps": steps.steps,
-        "operator_products": steps.operator_products,
-        "cells": case.simulation.bar.cells,
-        "fields": list(case.simulation.fields),
-        "peak_memory_bytes": peak_memory(),
-        "versions": versions(),
-        "answers": found.answers,
-    }
-    made: dict[str, Any] = plain(told | found.summary)
-    return made
-
-
-def _write(outcome: Outcome, data: dict[str, Any] | None, resolved: str, rerun: str) -> None:
-    """Write summary.json, and report.html where there is what it is drawn from."""
-    from wavesim.io.whole_files import write_whole
-    from wavesim.report.page import page
-
-    folder, summary = outcome.folder, outcome.summary
-    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
-    write_whole(folder / "summary.json", text.encode())
-    if data is not None:
-        made = page(summary, data, resolved, folder, rerun, outcome.notes)
-        write_whole(folder / "report.html", made.encode())
-
-
 @contextmanager
 def _told_as_run_errors(folder: Path) -> Iterator[None]:
     """Files that can't be written, and memory that does not suffice, told with what to do."""
@@ -294,15 +250,6 @@ def _told_as_run_errors(folder: Path) -> Iterator[None]:
             "fewer cells",
             BAD_INPUT,
         ) from error
-
-
-def _take_away_old(folder: Path) -> None:
-    """An earlier run's verdict must not be taken for this one's."""
-    for name in ("summary.json", "report.html", "overview.png"):
-        (folder / name).unlink(missing_ok=True)
-    for picture in (folder / "figures").glob("*.*"):
-        if picture.stem.partition("_")[0] in _FIGURES and picture.suffix in _PICTURES:
-            picture.unlink(missing_ok=True)
 
 
 def _integrated(
@@ -357,10 +304,3 @@ def _begin(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunError(*unwritable(error, f"--out {folder}")) from None
-
-
-def peak_memory() -> int:
-    """Largest memory of this process so far and of the largest it has waited for, bytes."""
-    whom = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
-    size = sum(resource.getrusage(who).ru_maxrss for who in whom)
-    return size if sys.platform == "darwin" else size * 1024

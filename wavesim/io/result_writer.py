@@ -10,8 +10,6 @@ the end the parts are gathered into result.h5, by a thread, while figures are dr
 from __future__ import annotations
 
 import datetime
-import functools
-import importlib.metadata
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,6 +23,7 @@ import numpy as np
 from wavesim.grid.points import sampling
 from wavesim.io.gathering import Gathering
 from wavesim.io.packing import chunk_of, pack, packed_dataset, put
+from wavesim.io.result_layout import attach_axes, axis, label, lay_out
 from wavesim.io.result_reader import (
     CHECKSUM,
     StorageError,
@@ -33,20 +32,9 @@ from wavesim.io.result_reader import (
     reading,
 )
 from wavesim.io.whole_files import way_out, written
-from wavesim.material.family import is_macro, known_field
+from wavesim.material.family import is_macro
 from wavesim.simulation.field import Energy
 from wavesim.simulation.simulation import Simulation
-from wavesim.sources import parameters
-
-FORMAT_VERSION = 1
-FOURIER_CONVENTION = "exp(i(kx - omega t)), angular omega in rad/s"
-_VERSIONED = ("wavesim", "jax", "diffrax", "numpy")
-
-
-@functools.cache
-def versions() -> dict[str, str]:
-    """Versions of wavesim and of what its results depend on."""
-    return {name: importlib.metadata.version(name) for name in _VERSIONED}
 
 
 class Results:
@@ -120,7 +108,7 @@ class Results:
             return
         with self._writing():
             with written(self.path) as file:
-                self._lay_out(file, "running")
+                lay_out(file, *self._known("running"))
                 for name in self.simulation.fields:
                     self._show(file, name)
             self._stored = self._frames
@@ -155,7 +143,7 @@ class Results:
             parts = [(at, self._part(end)) for at, end in zip(first, self._ends, strict=False)]
             if not all(path.is_file() for _, path in parts):  # gathered before
                 parts, self._tail = [(0, self.path)], {}
-            points = {name: len(self._axis(name)[1]) for name in self.simulation.fields}
+            points = {name: len(axis(self.simulation, name)[1]) for name in self.simulation.fields}
             known = self.path, points, parts, self._tail, self._frames
             self._gathering = Gathering(*known)
         try:
@@ -181,12 +169,12 @@ class Results:
             return
         with self._writing():
             with self._gathering.file() as file:
-                self._lay_out(file, status)
+                lay_out(file, *self._known(status))
                 for name in self.simulation.fields:
-                    self._label(file, name, file[f"fields/{name}"])
+                    label(file, self.simulation, name, file[f"fields/{name}"])
                 for path, (values, unit) in (tables or {}).items():
                     put(file, path, values, unit)
-                _attach_axes(file)
+                attach_axes(file)
                 file.attrs[CHECKSUM] = attributes_checksum(file)
             shutil.rmtree(self._parts, ignore_errors=True)
 
@@ -276,39 +264,14 @@ class Results:
                 f"has {free / 1e6:.0f} MB left; make room and run again with --resume"
             )
 
-    def _lay_out(self, file: h5py.File, status: str) -> None:
-        """Everything but the fields and what was measured."""
-        axes = {"t": self.simulation.times[: self._frames]}
-        axes |= dict(self._axis(name) for name in self.simulation.fields)
-        file.attrs.update(
-            {
-                "format": "wavesim",
-                "format_version": FORMAT_VERSION,
-                "status": status,
-                "created_utc": self._created,
-                "fourier_convention": FOURIER_CONVENTION,
-            }
-            | self.told
-            | versions()
-        )
-        for name, values in axes.items():
-            put(file, name, values, "s" if name == "t" else "m")
-            file[name].make_scale(name)
-        units = {name: known_field(name).unit for name in self.simulation.fields}
-        for name, values in self._series.items():
-            put(file, name, values, units.get(name.rpartition("/")[2], "J/m²"))
-            file[name].dims[0].attach_scale(file["t"])
-        file["energy/t"] = h5py.SoftLink("/t")
-        for receiver, position in self.simulation.receivers.items():
-            file[f"receivers/{receiver}"].attrs["position"] = position
-        self._sources(file.create_group("source"))
-        file["restart/ends"] = np.array(self._ends, np.int64)
-        for number, array in enumerate(self._state):
-            put(file, f"restart/state/{number}", np.asarray(array), "")
+    def _known(self, status: str) -> tuple[Any, ...]:
+        """What :func:`lay_out` takes."""
+        made = {"status": status, "created_utc": self._created} | self.told
+        return self.simulation, made, self._frames, self._series, self._ends, self._state
 
     def _show(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
-        points = len(self._axis(name)[1])
+        points = len(axis(self.simulation, name)[1])
         layout = h5py.VirtualLayout((self._frames, points), np.float64)
         first = 0
         for end in self._ends:
@@ -318,35 +281,5 @@ class Results:
         if first < self._frames:
             kept = put(file, f"restart/tail/{name}", self._tail[name], "")
             layout[first : self._frames] = h5py.VirtualSource(kept)
-        self._label(file, name, file.create_virtual_dataset(f"fields/{name}", layout, np.nan))
-
-    def _axis(self, name: str) -> tuple[str, np.ndarray]:
-        """Where a field lives: name of the scale, and positions in m."""
-        bar = self.simulation.bar
-        return ("x", bar.nodes) if is_macro(name) else ("x_half", bar.half_nodes)
-
-    def _label(self, file: h5py.File, name: str, data: h5py.Dataset) -> None:
-        data.attrs["units"] = known_field(name).unit
-        data.dims[0].attach_scale(file["t"])
-        data.dims[1].attach_scale(file[self._axis(name)[0]])
-
-    def _sources(self, group: h5py.Group) -> None:
-        t = self.simulation.times
-        for number, source in enumerate(self.simulation.sources):
-            entry = group.create_group(str(number))
-            entry.attrs["kind"] = source.kind
-            for name, value in parameters(source).items():
-                if isinstance(value, tuple):  # longer than an attribute may be
-                    entry[name] = value
-                else:
-                    entry.attrs[name] = value
-            put(entry, "t", t, "s")
-            put(entry, "signal", source.signal(t), "")
-
-
-def _attach_axes(file: h5py.File) -> None:
-    """Make k and ω the axes of each spectrum."""
-    for group in file.get("dispersion", {}).values():
-        for axis, name in enumerate(("k", "omega")):
-            group[name].make_scale(name)
-            group["power"].dims[axis].attach_scale(group[name])
+        shown = file.create_virtual_dataset(f"fields/{name}", layout, np.nan)
+        label(file, self.simulation, name, shown)

@@ -115,7 +115,8 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
             found.sort(key=lambda one: (one.short, -one.made))
             done += sum(map(len, starts))
             best = found[0]
-            say("search", best.short)
+            sure = "" if best.short else f", {100 * best.made:.0f} % of those as made"
+            say(f"search{sure}", best.short)
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
             kept = best.short == 0 and best.made >= _SURE
