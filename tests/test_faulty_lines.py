@@ -213,3 +213,12 @@ def test_receivers_as_good_as_at_one_place_are_read_as_a_line_without_one(rng):
     )
     assert points.valid.all()
     assert (np.abs(points.k - points.omega / SPEED) < 1.5 * points.bar).all()
+
+
+@pytest.mark.parametrize("at", [2e-4, 4e-4, 1.2e-3])
+def test_a_step_that_all_receivers_hear_at_once_is_no_source_among_them(at, rng):
+    """A pulse of 3000 m/s beside a step of its size that is common to all: no arm, no source."""
+    x, t = 0.1 + 0.01 * np.arange(16), np.arange(1500) * 1e-6
+    s = (2e4 * np.pi * (t[:, None] - x / SPEED - 2e-4)) ** 2
+    u = (1 - 2 * s) * np.exp(-s) + 1e-3 * rng.normal(size=s.shape) + 1.0 * (t > at)[:, None]
+    assert record(u, t, x).source_seen is None

@@ -74,7 +74,8 @@ def source_within(x: Float, arrival: Float) -> float | None:
     """Where a source stands among the receivers, by the earliest arrivals, m; None if nowhere."""
     seen = np.isfinite(arrival)
     x, arrival = x[seen], arrival[seen]
-    if len(x) < 5:
+    # What all hear at once, as a step of their supply, comes from nowhere among them.
+    if len(x) < 5 or not np.ptp(arrival) > 1e-9 * np.abs(arrival).max():
         return None
     one = np.polyfit(x, arrival, 1, full=True)[1]
     line = float(one[0]) if len(one) else 0.0
