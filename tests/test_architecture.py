@@ -130,7 +130,7 @@ def test_no_module_leans_on_itself():
 @pytest.mark.parametrize("side", ["planewave", "layered"])
 def test_exact_solvers_know_no_grid_and_no_time(side):
     """Verdicts are worth something because the two routes share the material alone, and no jax."""
-    judges = ["wavesim.paper.page"] if side == "planewave" else []
+    judges = ["wavesim.paper.claims"] if side == "planewave" else []
     for name in modules(side) + judges:
         rooms = {room(other) for other in reached(name)} - {"paper"}
         assert rooms <= {"material", "sources", "planewave", "layered"}, name
@@ -218,7 +218,7 @@ CASE = str(ROOT / "cases" / "isotropic.toml")
         ("import wavesim", (), {*HEAVY, "numpy", "scipy"}),
         ("import wavesim as ws; ws.load", (), {*HEAVY, "h5py", "rich"}),
         ("import wavesim as ws; ws.planewave; ws.Medium; ws.Bar", (), {*HEAVY, "h5py"}),
-        ("import wavesim.paper.page, wavesim.planewave.gap_map", (), {*HEAVY, "h5py"}),
+        ("import wavesim.paper.claims, wavesim.planewave.gap_map", (), {*HEAVY, "h5py"}),
         ("import wavesim.io.result_writer", (), HEAVY),
         (COMMAND, ("--help",), {*HEAVY, "numpy", "h5py", "pydantic"}),
         (COMMAND, ("check", CASE), {*HEAVY, "h5py"}),

@@ -12,7 +12,7 @@ from wavesim.figures.bands import band_figure
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper import reproduction as paper
-from wavesim.paper.page import CLOSURES
+from wavesim.paper.claims import CLOSURES
 from wavesim.planewave import bands
 
 

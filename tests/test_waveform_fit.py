@@ -126,6 +126,19 @@ def test_what_the_data_do_not_tell_is_said(record, tmp_path):
     assert "do not tell it apart from" in answer["parameters"]["medium.density"]["reason"]
 
 
+def test_a_clock_that_is_late_beyond_the_run_is_laid_by_its_lag(record, tmp_path):
+    """A millisecond late, of a run of 12 µs: asked for, and with it all is as without."""
+    loaded = load(case(tmp_path, **TRUTH))
+    late = replace(record, t=record.t + 1e-3)
+    with pytest.raises(MatchError, match="--lag says by how much its clock is late"):
+        matched(late, loaded.simulation, None)
+    with pytest.raises(MatchError, match="0 samples in both"):
+        matched(record, loaded.simulation, None, 1e-3)
+    found = compare(loaded, matched(late, loaded.simulation, None, 1e-3), 1e-3)
+    assert abs(found.scale + 3.7e4) <= 3 * found.scale_error
+    assert found.residual < 0.05
+
+
 def test_a_comparison_finds_lag_scale_and_what_is_left(record, tmp_path):
     """A record 0.1 µs late beside its own case: lag and scale within 3 errors, only noise left; one
     receiver a fifth too large is told."""

@@ -184,7 +184,7 @@ def record_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def layout(said: dict[str, Any]) -> Any:
     """The layout that options say."""
-    from wavesim.records.arrays import Layout
+    from wavesim.records.layout import Layout
 
     positions = said.get("positions")
     if positions is not None:

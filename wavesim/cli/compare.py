@@ -27,11 +27,21 @@ from wavesim.cli.arguments import (
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
 
-def laid_beside(record: str, case: str, field: str | None, overrides: Any, layout: Any) -> Any:
+def laid_beside(
+    record: str,
+    case: str,
+    field: str | None,
+    lag: float | None,
+    scale: float | None,
+    overrides: Any,
+    layout: Any,
+) -> Any:
     """A case and a record matched to its receivers; what is wrong ends the command with a line."""
     from wavesim.readings.matched_record import MatchError, matched
     from wavesim.records.of_pulse_test import of_pulse_file
 
+    if scale == 0:
+        stop("--scale 0: must not be 0; leave it out, and it is fitted", BAD_INPUT)
     loaded = read_case(case, overrides)
     tests = of_pulse_file(record, layout)
     if any(not test.placed for test in tests) and len(tests) > 1:
@@ -41,7 +51,7 @@ def laid_beside(record: str, case: str, field: str | None, overrides: Any, layou
         places = {k: v for test in tests for k, v in test.positions.items()}
         tests = [replace(first, name=record, signals=merged, positions=places)]
     try:
-        return loaded, matched(tests[0], loaded.simulation, field)
+        return loaded, matched(tests[0], loaded.simulation, field, lag or 0.0)
     except MatchError as error:
         stop(f"{record}: {error}", BAD_INPUT)
 
@@ -68,7 +78,7 @@ def compare(
     layout: Any,
 ) -> None:
     """Lay the signals of CASE over those of RECORD, receiver by receiver, and tell them apart."""
-    loaded, measured = laid_beside(record, case, field, overrides, layout)
+    loaded, measured = laid_beside(record, case, field, lag, scale, overrides, layout)
     from wavesim.material.shown import plain
     from wavesim.studies import comparison
 

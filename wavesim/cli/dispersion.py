@@ -104,7 +104,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     if given["out"]:
         _write(results, answer, Path(given["out"]))
     if not any(one.points.valid.any() for one in results):
-        from wavesim.readings.dispersion.wavenumber_at_frequency import QUIET
+        from wavesim.readings.dispersion.simplest_waves import QUIET
 
         # Frequencies beside the signal's are quiet in every record: others tell more.
         reasons = [r for one in results for r in one.points.reason if r]

@@ -110,7 +110,7 @@ def fit(
     if of_table:
         loaded = read_case(case, overrides)
     else:
-        loaded, measured = laid_beside(record, case, field, overrides, layout)
+        loaded, measured = laid_beside(record, case, field, lag, scale, overrides, layout)
     try:
         if of_table:
             found = of_points(Path(record), loaded, named, sector)

@@ -45,7 +45,7 @@ def waves_of(omega: Any, time: Any, z: Any, own: tuple[Any, ...], losses: Any) -
         omega: ω, scaled, shape (N,).
         time: unit of time, s.
         z: weights of the fields, shape (n,).
-        own: of :func:`gradient_waves._coefficients`, of one layer.
+        own: of ``stack_with_gradient_term._coefficients``, of one layer.
         losses: its law of losses, or None.
     """
     c_pp, c_pb, c_bp, c_bb, gamma, i_phi, i_B = own

@@ -25,7 +25,8 @@ from wavesim.figures.style import (
     shade,
 )
 from wavesim.material.shown import DECIBELS, HERTZ, KHZ
-from wavesim.readings.dispersion.frequency_at_wavenumber import power, series
+from wavesim.readings.dispersion.fft_peaks import power
+from wavesim.readings.dispersion.frequency_at_wavenumber import series
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber, phase_beam
 from wavesim.readings.dispersion.points import BAR
 from wavesim.readings.dispersion.receiver_spectra import spectra

@@ -22,7 +22,7 @@ from wavesim.figures.bands import (
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper.branches_and_gaps import A_VALUES, ETA_VALUES, K_BAR, Study
-from wavesim.paper.page import CLOSURES
+from wavesim.paper.claims import CLOSURES
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
 

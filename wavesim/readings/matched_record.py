@@ -55,13 +55,16 @@ class Measured:
         return float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
 
 
-def matched(record: PulseTestRecord, planned: Simulation, field: str | None) -> Measured:
+def matched(
+    record: PulseTestRecord, planned: Simulation, field: str | None, lag: float = 0.0
+) -> Measured:
     """Lay a record beside a simulation.
 
     Args:
         record: what was measured.
         planned: what is simulated; with receivers.
         field: such as phi1; the macro-field that the first source drives where None.
+        lag: by which the record's clock is late, as far as it is stated, s.
 
     Raises:
         MatchError: no receiver is found in the record, or the field is not simulated.
@@ -80,12 +83,16 @@ def matched(record: PulseTestRecord, planned: Simulation, field: str | None) -> 
             f"no receiver of the case ({places}) is in the record "
             f"({', '.join(_told(record))}): name columns as the receivers, or give --positions"
         )
-    end = planned.duration
-    inside = (record.t >= 0) & (record.t <= end)
+    begin, end = lag, lag + planned.duration
+    inside = (record.t >= begin) & (record.t <= end)
     if inside.sum() < _FEWEST:
+        remedy = "--lag says by how much its clock is late, --time-unit what it is in"
+        if len(record.t) < _FEWEST:
+            remedy = "record longer, or sample faster"
         raise MatchError(
-            f"the record goes from {record.t[0]:.4g} to {record.t[-1]:.4g} s, the case from 0 to "
-            f"{end:.4g} s: {inside.sum()} samples in both, at least {_FEWEST} are needed"
+            f"the record goes from {record.t[0]:.4g} to {record.t[-1]:.4g} s, the case from "
+            f"{begin:.4g} to {end:.4g} s: {inside.sum()} samples in both, at least {_FEWEST} are "
+            f"needed: {remedy}"
         )
     t = record.t
     values = np.stack([np.asarray(record.signals[label], float) for label in found.values()], 1)

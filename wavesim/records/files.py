@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.arrays import Layout, find
+from wavesim.records.arrays import find
 from wavesim.records.content import Content, RecordError, UnitsError
+from wavesim.records.layout import Layout
 from wavesim.records.record import Record, record
 
 Float = NDArray[Any]

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.shown import plain
-from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quiet import fine_noise
@@ -20,6 +19,7 @@ from wavesim.records.fitness import (
     for_pulse_test,
     for_waves_along_line,
 )
+from wavesim.records.layout import Layout
 from wavesim.records.record import Record
 
 # Receivers along a line, below which waves at one frequency are not told apart.

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.planewave.dispersion_relation import block_group_velocity, wave_speeds
-from wavesim.records.arrays import Layout
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
 from wavesim.records.fitness import for_pulse_test
+from wavesim.records.layout import Layout
 
 Float = NDArray[Any]
 

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv, stdtrit
 
 from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
 from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
-from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
+from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, line_fits, simplest
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.records.faults.quiet import frames_at_rest
@@ -40,54 +40,12 @@ _BELOW_NOISE = 4.0
 # noise.
 _ABOVE_TRUNCATION = 30.0
 _ABOVE_NOISE = 3.0
-# More waves are sought where they lower the power left over, per free parameter, by this factor.
-_BETTER = 6.0
-# Largest part of the power that may be left unexplained, and largest relative error.
-_UNEXPLAINED = 0.05
 _LARGEST_ERROR = 0.5
-# Chance that noise passes for a wave at one of the wavenumbers told apart; with no receiver to
-# spare, the power that a wave must have over the noise's.
-_BY_CHANCE = 1e-6
-_WITHOUT_SPARE = 25.0
-_FEW_TO_SPARE = 2
-# Left over above this many times the noise's and truncation's power, it is not theirs.
-_EXCESS = 9.0
-# A signal that so many times the noise's power is left over of is no noise.
-_LOUD = 9.0
-UNLIKE = (
-    "receivers are loud, but not as few waves make them: modes that interfere, crosstalk, or "
-    "receivers unlike each other; wavesim dispersion reads phases alone, wavesim pulse takes "
-    "crosstalk out"
-)
-GROWS = (
-    "amplitudes grow the way that the waves go, by when they come: receivers differ in gain; make "
-    "those equal, or add receivers"
-)
-FEW = (
-    "too few receivers above the record's truncation and noise: place some nearer to the source, "
-    "or lengthen the record"
-)
-ANY = (
-    "the receivers heard fit another wavenumber as well: drive more of it, listen nearer, or space "
-    "receivers closer"
-)
-MORE = "unexplained power: more waves than sought, or uneven noise"
-QUIET = "no wave stands above the noise: drive more of it, or listen nearer"
 _NYQUIST = 0.97
-# Of two wavenumbers one is told by so many times the noise's power less that it leaves over.
-_RIVAL = 20.0
-# Left over up to so many times the noise's power is noise.
-_NOISE_SPREAD = 1.5
-# … and of more, so much of what one wave hears of it is added.
-_HEARD = 2.0
 # Fewer points, of less than this part of the power heard, are no wave where the rest is none.
 _FEW, _OF_POWER = 5, 0.2
 # Where so many frequencies show more than one mode, a record holds several.
 _SEVERAL = 2
-# Arrivals tell a direction by so many errors.
-_SURELY = 4.0
-# What a 95 % bar leaves out.
-_OUTSIDE = 0.05
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
 # A record weighted down to this part at its end does not break off.
@@ -199,8 +157,8 @@ def in_space(
     else:  # what is heard nowhere makes no spacing shorter
         U, x, used, unsure = U[:, heard], x[heard], used[:, heard], unsure[:, heard]
     level = np.hypot(left_out, noise)
-    fits = _fits(U, x, used, pairs)
-    points, chosen = _chosen(fits, used, omega + 1j * sigma, level)
+    fits = line_fits(U, x, used, pairs)
+    points, chosen = simplest(fits, used, omega + 1j * sigma, level)
     step = np.repeat(np.arange(len(omega)), [fits[c][0] for c in chosen])
     mostly = cut.mean(axis=1)[step] > 0.5
     points = replace(points, reason=np.where(mostly & ~points.valid, CUT, points.reason))
@@ -228,7 +186,7 @@ def in_space(
         points = points.refused(folded, FOLDED)
     if not record.ring:
         come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
-        folded, grows = _against(seen, come, x, models)
+        folded, grows = against_travel(seen, come, x, models)
         points = points.refused(folded & (not record.lattice), FOLDED).refused(grows, GROWS)
     return _with_branches(_enough(points, U * used, models), omega)
 
@@ -262,37 +220,6 @@ def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: An
     return replace(points, error=np.hypot(points.error, more))
 
 
-def _direction(come: Float, x: Float, period: float) -> float:
-    """1 where the signal goes along x by when it comes to receivers, shape (nx,), s; −1 against."""
-    away = x - x.mean()
-    late = float(away @ come / (away @ away))
-    left = come - come.mean() - late * away
-    error = float(np.sqrt(left @ left / max(len(x) - 2, 1) / (away @ away)))
-    sure = abs(late) > _SURELY * error and abs(late) * np.ptp(x) > period / 12
-    return float(np.sign(late)) if sure else 0.0
-
-
-def _against(points: BranchPoints, come: Float, x: Float, models: Any) -> tuple[Any, Any]:
-    """Waves one way, of which phases run another than they come; of which amplitudes grow so.
-
-    Args:
-        points: in the order of the models.
-        come: when the signal comes to receivers, shape (nx,), s.
-        x: positions, shape (nx,), m.
-        models: number of pairs, whether both ways, and the fit of each frequency.
-    """
-    goes = _direction(come, x, 2 * np.pi / float(np.median(points.omega.real)))
-    turned = np.concatenate([fit.backward[i, :pairs] > fit.forward[i, :pairs]
-                             for i, (pairs, _, fit) in enumerate(models)])  # fmt: skip
-    alone = np.repeat([not both for _, both, _ in models], [pairs for pairs, _, _ in models])
-    fades = np.where(turned, -1, 1)
-    # Where arrivals tell nothing, a wave goes the way that it fades.
-    along = points.k.real * (fades * goes if goes else points.k.imag > points.bar)
-    folded = alone & (along < -points.bar)
-    grows = alone & points.valid & bool(goes) & (fades != goes) & (points.k.imag > points.bar)
-    return folded, grows & (2 * grows.sum() > points.valid.sum())
-
-
 def _with_hidden(
     points: BranchPoints, U: Any, x: Float, used: Any, level: Float, models: Any
 ) -> BranchPoints:
@@ -312,7 +239,7 @@ def _with_hidden(
             bends = bends.put(own, told)
             close[own[unlike]] = _CLOSE_UNLIKE
     # A mode that shows at some frequencies is there at others, where it may not.
-    several = step[(points.reason == MORE) | (bends.over > 2 * _EXCESS)]
+    several = step[(points.reason == MORE) | (bends.over > 2 * EXCESS)]
     if len(np.unique(several)) >= _SEVERAL:
         close[:] = 0.0
     cell = 2 * np.pi / float(np.ptp(x))
@@ -379,107 +306,6 @@ def _noise(record: Record, values: Float, receivers: Any, omega: Float, sigma: f
         variance * np.sum(window**2), np.median(high, axis=0) / np.log(2) * (window[-1] < _ENDED)
     )
     return np.asarray(np.sqrt(np.median(variance, axis=1)) * record.interval)
-
-
-def _fits(U: Any, x: Float, used: Any, pairs: int) -> list[tuple[int, bool, LineFit]]:
-    found = []
-    for p in range(1, pairs + 1):
-        for both in (False, True):
-            if len(x) >= unknowns(p, both):
-                found.append((p, both, fit_line(U, x, used, p, both)))
-    return found
-
-
-def _chosen(
-    fits: list[tuple[int, bool, LineFit]], used: Any, omega: Any, level: Float
-) -> tuple[BranchPoints, NDArray[np.int64]]:
-    """At each frequency the simplest model that a richer one does not better by far; and which."""
-    n = len(omega)
-    count = used.sum(axis=1)
-    chosen = np.zeros(n, int)
-    best = fits[0][2].residual.copy()
-    for number, (pairs, both, one) in enumerate(fits[1:], start=1):
-        spare = count > unknowns(pairs, both)
-        # Not below the noise: what is left there is no wave.
-        better = spare & (one.residual * _BETTER < best) & (best > level**2)
-        better |= spare & (one.residual * 1e4 < best)
-        chosen[better] = number
-        best = np.where(better, one.residual, best)
-    columns: dict[str, list[Any]] = {
-        name: []
-        for name in (
-            "omega",
-            "k",
-            "amplitude",
-            "error",
-            "residual",
-            "reason",
-            "excess",
-            "weak",
-            "loud",
-            "alike",
-        )
-    }
-    for i in range(n):
-        pairs, both, one = fits[chosen[i]]
-        # What noise does not explain may be another wave, which receivers hear together.
-        excess = max(one.residual[i] - _NOISE_SPREAD * level[i] ** 2, 0.0)
-        noise = np.sqrt(max(one.residual[i], level[i] ** 2) + _HEARD * one.alike[i] * excess)
-        few = count[i] < unknowns(pairs, both)
-        if excess:
-            # … and is known from no more receivers than there are to spare.
-            spare = max(int(count[i]) - unknowns(pairs, both), 1)
-            # Gains alone are off along one direction of the complex plane.
-            noise *= -stdtrit(spare, _OUTSIDE / 2) / COMPLEX_BAR
-        for p in range(pairs):
-            columns["omega"].append(omega[i])
-            columns["k"].append(one.k[i, p])
-            columns["amplitude"].append(np.hypot(one.forward[i, p], one.backward[i, p]))
-            columns["error"].append(np.nan if few else noise * one.unit[i, p])
-            columns["residual"].append(one.unexplained[i])
-            columns["weak"].append(_weak(one, i, count[i], unknowns(pairs, both), level[i]))
-            columns["loud"].append(one.residual[i] > _LOUD * level[i] ** 2)
-            columns["excess"].append(one.residual[i] > _EXCESS * level[i] ** 2)
-            columns["alike"].append(one.rival[i] < _RIVAL * max(one.residual[i], level[i] ** 2))
-            columns["reason"].append(FEW if few else "")
-    reason = np.array(columns["reason"], object)
-    unexplained = np.array(columns["residual"]) > _UNEXPLAINED
-    more = unexplained & np.array(columns["excess"], bool) & (reason == "")
-    weak = np.array(columns["weak"], bool) & (reason == "")
-    loud = np.array(columns["loud"], bool)
-    reason[weak & ~loud] = QUIET
-    reason[weak & loud] = UNLIKE
-    more &= ~weak
-    reason[more] = MORE
-    reason[np.array(columns["alike"], bool) & (reason == "")] = ANY
-    points = BranchPoints(
-        "space",
-        np.array(columns["k"]),
-        np.array(columns["omega"]),
-        np.zeros(len(reason)),
-        np.array(columns["amplitude"]),
-        np.array(columns["error"]),
-        np.array(columns["residual"]),
-        reason == "",
-        reason,
-        np.full(len(reason), -1),
-    )
-    return points, chosen
-
-
-def _weak(one: LineFit, i: int, count: int, free: int, level: float) -> bool:
-    """Whether noise alone might be explained as well, by an F test.
-
-    Few receivers to spare tell of no noise: there its level is held against the power.
-    """
-    spare = count - free
-    power = float(np.sum(one.forward[i] ** 2 + one.backward[i] ** 2))
-    if spare < 1 or (spare <= _FEW_TO_SPARE and one.residual[i] <= _LOUD * level**2):
-        return power < _WITHOUT_SPARE * level**2
-    left = max(float(one.unexplained[i]), 1e-290)
-    ratio = (1 - left) / free / (left / spare)
-    y = betaincinv(spare, free, _BY_CHANCE / count)  # of F with 2 free, 2 spare degrees
-    return bool(ratio < spare * (1 - y) / (free * y))
 
 
 def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints:

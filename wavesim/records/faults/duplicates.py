@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.faults.finding import TAKEN_OUT, Finding, places
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -87,3 +87,26 @@ def duplicates(
 
 def _alike(a: Float, b: Float) -> bool:
     return bool(np.nanmax(np.abs(a - b)) <= 1e-6 * np.nanmax(np.abs(a)))
+
+
+# No more than this part of the frames may be there twice.
+_FRAMES_TWICE = 0.01
+
+
+def without_frames_twice(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Float]:
+    """One of each of a few frames that are there twice, time and samples.
+
+    Args:
+        values: shape (C, nt, nx), NaN where a sample is missing.
+        t: shape (nt,), s.
+        found: findings, added to.
+    """
+    twice = np.r_[False, np.diff(t) == 0]
+    twice[1:] &= ((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:])).all(axis=(0, 2))
+    if not 0 < twice.sum() <= _FRAMES_TWICE * len(t):
+        return values, t
+    said = f"{int(twice.sum())} frames there twice, time and samples: one of each taken"
+    found.append(
+        Finding("frames twice", "all receivers", f"{int(twice.sum())} frames", CURED, said)
+    )
+    return np.array(values[:, ~twice]), np.array(t[~twice])

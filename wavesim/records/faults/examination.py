@@ -54,6 +54,27 @@ class Raw:
     spare: Mask
 
 
+@dataclass(frozen=True)
+class Channels:
+    """What is known of each receiver, left out and kept with it."""
+
+    labels: tuple[str, ...]
+    quantum: Float
+    flat: Mask
+
+    @staticmethod
+    def of(x: Float, labels: tuple[str, ...], raw: Raw | None) -> Channels:
+        """Of a record as it was looked at; nothing is known of a trusted one."""
+        if raw is None:
+            return Channels(labels, np.zeros(len(x)), np.zeros(len(x), bool))
+        return Channels(labels, raw.quantum, raw.flat)
+
+    def take(self, kept: Mask) -> Channels:
+        """Of those that stay."""
+        labels = tuple(label for label, k in zip(self.labels, kept, strict=True) if k)
+        return Channels(labels, self.quantum[kept], self.flat[kept])
+
+
 def samples(
     values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
 ) -> Raw:

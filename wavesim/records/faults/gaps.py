@@ -140,3 +140,14 @@ def bridged(
             f"{FEWEST_FRAMES} whole ones are needed"
         )
     return values, missing, broken
+
+
+def cut_apart(missing: Mask, quiet: Mask) -> bool:
+    """Whether frames are missing for longer than a spline bridges while a signal goes on, so that
+    receivers have lost different parts of it, and their sizes say nothing."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]]))).reshape(-1, 2)
+    last = len(missing) - 1
+    return any(
+        stop - start > BRIDGED and not quiet[[max(start - 1, 0), min(stop, last)]].all()
+        for start, stop in edges
+    )

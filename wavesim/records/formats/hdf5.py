@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.arrays import along_line
 from wavesim.records.content import LARGEST, Content, RecordError
+from wavesim.records.straight_line import along_line
 from wavesim.records.units import measured_by
 
 

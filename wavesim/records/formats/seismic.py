@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.records.arrays import along_line, line_of
 from wavesim.records.content import Content, RecordError, check_size
+from wavesim.records.straight_line import along_line, line_of
 
 FORMATS = {
     ".sgy": "SEGY", ".segy": "SEGY", ".su": "SU", ".sac": "SAC", ".mseed": "MSEED",

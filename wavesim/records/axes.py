@@ -1,0 +1,282 @@
+"""Which of a file's arrays or numbers are the times and the positions, and in which units."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import Content, RecordError
+from wavesim.records.layout import Layout
+from wavesim.records.straight_line import along_line
+from wavesim.records.units import factor, unit_in
+
+Float = NDArray[Any]
+
+TIMES = ("t", "time", "times", "tt", "taxis", "timeaxis", "tvec", "timevector", "timestamp",
+          "timestamps")  # fmt: skip
+POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offsets", "distance",
+              "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
+              "coordinates")  # fmt: skip
+_INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "tstep", "timestep",
+              "ts", "xincrement", "tinterval")  # fmt: skip
+_RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
+_STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
+_SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
+_SI = {"time": "s", "position": "m", "frequency": "Hz"}
+# Seconds since 1970 are fewer: this is the year 5138.
+_NO_DATE = 1e11
+Axis = tuple[Float, str, float]
+
+
+def bare(name: str) -> str:
+    """The last part of a name, without a unit, in small letters: scan/Time_us → time."""
+    last = re.split(r"[/.]", name)[-1]
+    unit = next((u for kind in _SI if (u := unit_in(last, kind))), None)
+    if unit and last.lower().endswith("_" + unit.lower()):
+        last = last[: -len(unit) - 1]
+    return re.sub(r"[^a-z]", "", last.lower())
+
+
+def listed(arrays: dict[str, Float]) -> str:
+    """Arrays with their shapes, for a message."""
+    shown = [f"{name} {np.shape(a)}" for name, a in arrays.items() if np.ndim(a)]
+    return ", ".join(shown[:8] + ["…"] * (len(shown) > 8)) or "none"
+
+
+def named(arrays: dict[str, Float], name: str) -> Float:
+    """The array of a name, which must be there."""
+    if name not in arrays:
+        raise RecordError(f"has no array {name!r}; arrays are {listed(arrays)}")
+    return arrays[name]
+
+
+def as_long(content: Content, layout: Layout, shape: tuple[int, ...]) -> int:
+    """How many of a file's times and positions are as many as these frames and receivers."""
+    frames, count = shape
+    times, places = (
+        _array_of_times(content, layout, shape),
+        _array_of_places(content, layout, count),
+    )
+    given = layout.positions is not None and not isinstance(layout.positions, str)
+    many = len(layout.positions or ()) == count if given else places is not None
+    return int(times is not None and content.arrays[times].size in (frames, frames * count)) + many
+
+
+def axes_of(content: Content, layout: Layout, values: Float) -> tuple[Axis, Axis] | None:
+    """Times and positions, each with what was assumed and its rounding; None where one lacks."""
+    frames, count = values.shape[-2:]
+    t = times_of(content, layout, frames, values.shape[-2:])
+    x = places_of(content, layout, count)
+    return None if t is None or x is None else (t, x)
+
+
+def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) -> str | None:
+    """The name of the times' array: as given, else the first so called and as long."""
+    if layout.time is not None:
+        named(content.arrays, layout.time)
+        return layout.time
+    return next(
+        (n for n, a in content.arrays.items()
+         if bare(n) in TIMES and a.shape in ((shape[0],), shape)),
+        None,
+    )  # fmt: skip
+
+
+def _array_of_places(content: Content, layout: Layout, count: int) -> str | None:
+    """Likewise of the positions'."""
+    if isinstance(layout.positions, str):
+        named(content.arrays, layout.positions)
+        return layout.positions
+    return next(
+        (n for n, a in content.arrays.items()
+         if bare(n) in POSITIONS and a.dtype.kind in "fiu"
+         and a.shape in ((count,), (count, 1), (1, count), (count, 2), (count, 3))),
+        None,
+    )  # fmt: skip
+
+
+def times_of(
+    content: Content, layout: Layout, frames: int, shape: tuple[int, ...]
+) -> tuple[Float, str, float] | None:
+    """Times of so many frames, s, what was assumed, and the rounding of their storage, s."""
+    name = _array_of_times(content, layout, shape)
+    stored = None if name is None else content.arrays[name]
+    if stored is not None and stored.shape != shape:
+        stored = stored.ravel()
+        if len(stored) != frames:
+            return None
+    note, resolution = "", 0.0
+    t: Float | None = None
+    if stored is not None:
+        t, note, resolution = _seconds(stored, name or "", content, layout)
+    if layout.interval is not None:
+        first = 0.0 if t is None else float(np.asarray(t).ravel()[0])
+        # The times given count from the file's first, whatever the others say.
+        return first + layout.interval * np.arange(frames), "", 0.0
+    if t is not None:
+        return t, note, resolution
+    step = interval_said(content, layout)
+    if step is None:
+        return None
+    start, note = 0.0, f"times by {step[1]}"
+    for key, number in _numbers(content):
+        if bare(key) in _STARTS or re.search(r"(^|[/.])t0(_|$)", key.lower()):
+            unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
+            start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
+    return start + step[0] * np.arange(frames), note, 0.0
+
+
+def times_fall(content: Content, layout: Layout, shape: tuple[int, ...]) -> bool:
+    """Whether the last frame is the first in time."""
+    name = _array_of_times(content, layout, shape)
+    stored = np.empty(0) if name is None else content.arrays[name].ravel()
+    return len(stored) == shape[0] > 1 and bool((stored[1:] < stored[:-1]).all())
+
+
+def _numbers(content: Content) -> list[tuple[str, float]]:
+    """Single real numbers of a file, with their names."""
+    return [
+        (key, float(a.ravel()[0]))
+        for key, a in content.arrays.items()
+        if a.size == 1 and a.dtype.kind in "fiu" and np.isfinite(a).all()
+    ]
+
+
+def interval_said(content: Content, layout: Layout) -> tuple[float, str] | None:
+    """The interval that a file's numbers say, s, and which of them."""
+    for usual, inverse in ((_INTERVALS, False), (_RATES, True)):
+        for key, number in _numbers(content):
+            if bare(key) in usual and number > 0:
+                kind = "frequency" if inverse else "time"
+                given = None if inverse else layout.time_unit
+                unit = given or content.units.get(key) or unit_in(key, kind)
+                scale, said = factor(unit, kind), f"{key} of the file"
+                if scale is None and unit:
+                    said += f", whose unit {unit!r} is not known: taken as {_SI[kind]}"
+                elif scale not in (None, 1.0):
+                    said += f", in {unit}"
+                value = number * (scale or 1.0)
+                return 1 / value if inverse else value, said
+    return None
+
+
+def _seconds(
+    stored: Float, name: str, content: Content, layout: Layout
+) -> tuple[Float, str, float]:
+    """Times in s, what was assumed, and the rounding that their storage has, s."""
+    if stored.dtype.kind in "mM":
+        if np.isnat(stored).any():
+            raise RecordError(f"{name}: holds times that are not there (NaT); give every time")
+        if np.datetime_data(stored.dtype)[0] in ("Y", "M"):
+            raise RecordError(f"{name}: holds dates of years or months; give times in s")
+        since = stored - stored.ravel()[0]
+        unit = np.datetime_data(stored.dtype)[0]
+        tick = float(np.ones(1, f"m8[{unit}]")[0] / np.timedelta64(1, "s"))
+        return since / np.timedelta64(1, "s"), f"{name}: seconds from the first sample", tick
+    if stored.dtype.kind not in "fiu":
+        raise RecordError(f"{name}: holds no real numbers; give times in s")
+    said = layout.time_unit or content.units.get(name) or unit_in(name, "time")
+    said = "s" if name in content.settled else said
+    scale = factor(said, "time")
+    note = ""
+    if said is not None and scale is None and re.match(r"\w+ since ", said):
+        scale = factor(said.split()[0], "time")
+    if scale is None:
+        scale = 1.0
+        if np.abs(stored[np.isfinite(stored)]).max(initial=0.0) > _NO_DATE:
+            raise RecordError(
+                f"{name}: times of {stored.ravel()[0]:.6g} are no seconds since 1970: say what "
+                "they are in, with --time-unit (ms, us or ns)"
+            )
+        note = (
+            "no unit of time is said: taken as s"
+            if not said
+            else (f"unit of time {said!r} is not known: taken as s, --time-unit says otherwise")
+        )
+    elif scale != 1.0:
+        note = f"times in {said}{_says(name, layout.time_unit, 'time', content)}"
+    return _scaled(stored, scale), note, _rounding(stored) * scale
+
+
+def places_of(content: Content, layout: Layout, count: int) -> tuple[Float, str, float] | None:
+    """Positions of so many receivers, m, what was assumed, and their rounding, m."""
+    arrays = content.arrays
+    note, resolution, x = "", 0.0, None
+    if layout.positions is not None and not isinstance(layout.positions, str):
+        given = np.asarray(layout.positions, float)
+        if len(given) != count:
+            raise RecordError(
+                f"--positions: {len(given)} given for {count} receivers; give one for each"
+            )
+        return given, "", 0.0
+    name = _array_of_places(content, layout, count)
+    if name is not None:
+        stored = arrays[name]
+        bent = ""
+        if stored.ndim == 2 and stored.shape[0] == count and stored.shape[1] in (2, 3):
+            stored, bent = along_line(stored.astype(float), f"{name}: ")
+        stored = stored.ravel()
+        if len(stored) != count:
+            return None
+        said = layout.position_unit or content.units.get(name) or unit_in(name, "position")
+        said = "m" if name in content.settled else said
+        scale = factor(said, "position")
+        if scale is None:
+            scale = 1.0
+            note = (
+                "no unit of length is said: positions taken as m"
+                if not said
+                else (
+                    f"unit of length {said!r} is not known: positions taken as m, --position-unit "
+                    "says otherwise"
+                )
+            )
+        elif scale != 1.0:
+            note = f"positions in {said}{_says(name, layout.position_unit, 'position', content)}"
+        note = "; ".join(one for one in (bent, note) if one)
+        x, resolution = _scaled(stored, scale), _rounding(stored) * scale
+    if layout.spacing is not None:
+        first = layout.first if x is None else float(x[0])
+        return first + layout.spacing * np.arange(count), "", 0.0
+    if x is not None:
+        return x, note, resolution
+    for key, number in arrays.items():
+        if number.size == 1 and number.dtype.kind in "fiu" and bare(key) in _SPACINGS:
+            unit = layout.position_unit or content.units.get(key) or unit_in(key, "position")
+            step = float(number.ravel()[0]) * (factor(unit, "position") or 1.0)
+            if step > 0 and np.isfinite(step):
+                return step * np.arange(count), f"positions by {key} of the file", 0.0
+    if not layout.placed:
+        return np.full(count, np.nan), "", 0.0
+    return None
+
+
+def _says(name: str, given: str | None, kind: str, content: Content) -> str:
+    """Where a unit is said, as the end of a note."""
+    if given is not None:
+        return f", as --{kind}-unit says"
+    place = content.said_in.get(name)
+    if place is None:
+        place = f"the unit of {name!r}" if name in content.units else f"the name {name!r}"
+    return f", as {place} says"
+
+
+def _scaled(stored: Float, scale: float) -> Float:
+    """In SI; decimals stay decimals: 20 mm is 0.02 m to the last digit."""
+    if scale == 1.0:
+        return np.asarray(stored, float)
+    inverse = round(1 / scale)
+    if scale < 1 and abs(inverse * scale - 1) < 1e-12:
+        return np.asarray(stored, float) / inverse
+    return np.asarray(stored, float) * scale
+
+
+def _rounding(stored: Float) -> float:
+    """How far apart the numbers are that the storage can hold, at the largest there."""
+    if stored.dtype.kind in "iu":
+        return 1.0
+    finite = stored[np.isfinite(stored)]
+    return float(np.spacing(np.abs(finite).max())) if len(finite) else 0.0
