@@ -9,9 +9,11 @@ import pytest
 from madeup import (
     LOSSY,
     PLACES,
+    STIFF,
     T,
     cells_of,
     chain,
+    field_of,
     plain_field,
     pulsed,
     reading_of,
@@ -23,6 +25,7 @@ from wavesim.material.damping import quality
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.transmission import Band
 from wavesim.simulation.field import Energy
+from wavesim.sources import InitialField
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.bar_notes import bar_notes
 
@@ -248,3 +251,15 @@ def test_every_table_has_a_path_and_a_unit(pulse):
     # k at ω + iσ says nothing without σ.
     for group in ("transmission/longitudinal", "bloch/longitudinal", "pulse/phi1"):
         assert tables[f"{group}/sigma"][0] == pytest.approx(1.8e5)
+
+
+def test_arrivals_are_held_to_the_period_of_a_signal():
+    """An initial field beside it has none; of it arrivals had been allowed no error at all."""
+    alone, test = pulsed(chain((0.06, STIFF)), "free", PLACES)
+    at_rest = InitialField("phi1", 0.05, width=1e-3)
+    both = field_of(alone.layers, alone.bar, [at_rest, *alone.sources], PLACES, alone["phi1"])
+    allowed = [
+        [c.tolerance for c in judge_bar(field, reading_of(pulses=(test,))) if "arrival" in c.name]
+        for field in (alone, both)
+    ]
+    assert allowed[0] == allowed[1] != []

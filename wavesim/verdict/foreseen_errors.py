@@ -171,8 +171,11 @@ def _along_ring(
     yield Foretold(f"k(ω) of {block.sector} waves", float(off.max()), WAVENUMBER_TOLERANCE)
 
 
-def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
-    """Signals at receivers, and T and R."""
+def _of_bar(
+    simulated: Simulation, table: AnalysisTable, whole: bool = False
+) -> list[Foretold] | None:
+    """Signals at receivers, and T and R; of the whole run where a wave reaches a receiver after
+    the part of it that would do otherwise."""
     bar, sources = simulated.bar, simulated.sources
     if limit_of(simulated):
         return None
@@ -194,6 +197,7 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
     share = min(1.0, BUDGET / (each * len(grid.omega)))
     if share < _LEAST_PART:
         return None
+    late, share = False, 1.0 if whole else share
     if share < 1:  # what is too much is looked at for a part of the time
         t = t[: max(int(len(t) * share), 2)]
         grid, share = _contour(*sent, float(t[-1])), float(t[-1]) / simulated.duration
@@ -239,17 +243,20 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         for field, on_grid in record[name, 0].items():
             signal = grid.signal(exact[name][field], t)
             own, near = float(np.abs(signal).max()), size[name, field]
+            late |= share < 1 and own < ARRIVED * overall[field]
             if own == 0 or own < NODE * near or own < ARRIVED * overall[field]:
                 continue
             error = float(np.abs(on_grid - signal).max()) / max(near, own) / share
             if error > worst.error:
                 worst = replace(worst, what=f'{field} at "{name}"{part}', error=error)
         found.append(worst)
-    late = t > t[-1] * (1 - TAIL)
+    if late:
+        return _of_bar(simulated, table, True)
+    end = t > t[-1] * (1 - TAIL)
     for block, known in specimens:
         (field,) = block.macro[0]
         tail = max(
-            float(np.abs(fields[field][late]).max())
+            float(np.abs(fields[field][end]).max())
             for (name, _), fields in record.items()
             if name == _BUFFER
         )
