@@ -255,6 +255,7 @@ def test_it_knows_signals_alone():
     own = {"wavesim.simulation.bandlimited", "wavesim.readings.damped_transform", *here}
     own |= {
         "wavesim.readings.dispersion.line_fit",
+        "wavesim.readings.dispersion.phase_beam",
         "wavesim.records.evenness",
         "wavesim.records.windows",
     }
