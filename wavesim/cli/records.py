@@ -152,7 +152,7 @@ def inspect(
     Exit code 0: some can, as it is or with an option that is named; 1: none can; 2: it can't be
     read.
     """
-    from wavesim.readings.pulse.crosstalk_findings import crosstalk_findings
+    from wavesim.readings.crosstalk_findings import crosstalk_findings
     from wavesim.records.inspection import inspect as look_over
 
     found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
