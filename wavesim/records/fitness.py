@@ -152,13 +152,13 @@ def evened(record: Record) -> Record:
 
     Along a line it is told how far they differ at most.
     """
-    if len(record.leak) or (len(record.missing) and record.missing.any()):
+    if record.leak is not None or (len(record.missing) and record.missing.any()):
         return record
     nx = len(record.x)
     if not record.ring:
         asked = record.even and not record.lattice
         uneven = max(unevenness(component) for component in record.values) if asked else 0.0
-        return replace(record, leak=np.full(nx, uneven / nx))
+        return replace(record, leak=uneven / nx)
     free = live(record.since(record.quiet_from)).values
     seen = [gains(component, record.misfit) for component in free]
     right = np.stack(
@@ -167,7 +167,7 @@ def evened(record: Record) -> Record:
             for one, own in zip(seen, record.values, strict=True)
         ]
     )
-    kept = replace(record, values=right, leak=np.max([one.left for one in seen], axis=0))
+    kept = replace(record, values=right, leak=max(one.left for one in seen))
     told = []
     for what, off, scale, unit in (
         ("gains differ", [one.gain - 1 for one in seen], 100.0, " %"),

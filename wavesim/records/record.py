@@ -58,8 +58,8 @@ class Record:
         misfit: receivers round a ring that do not fit the waves of all others, shape (nx,).
         source_seen: where a source that nobody named stands among the receivers, by the earliest
             arrivals, m; None where none does.
-        leak: variance of what receivers' gains are still off by at each wavenumber (``faults/
-            ring_misfits.py``), shape (nx,), –; empty where gains have not been looked at.
+        leak: variance of what receivers are off by in gain, place or clock, over the waves', over
+            the number of receivers, –; None where that has not been looked at.
         driven: whether it is not known from when on no source acts.
         findings: what was wrong, and what was done.
     """
@@ -86,7 +86,7 @@ class Record:
     begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
     misfit: Mask = field(default_factory=lambda: np.zeros(0, bool))
     source_seen: float | None = None
-    leak: Float = field(default_factory=lambda: np.zeros(0))
+    leak: float | None = None
     driven: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -137,7 +137,7 @@ class Record:
             clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
             begun=self.begun[kept] if len(self.begun) else self.begun,
             misfit=self.misfit[kept] if len(self.misfit) else self.misfit,
-            leak=np.zeros(0 if self.leak.any() or not len(self.leak) else len(kept)),
+            leak=None if self.leak else self.leak,
             whole=None if self.whole is None else self.whole[..., kept],
         )
 
@@ -338,7 +338,7 @@ def record(
         begun=within,
         misfit=odd,
         source_seen=place if not sources else None,
-        leak=np.zeros(len(x) if trusted and not ring else 0),
+        leak=0.0 if trusted and not ring else None,
         driven=quiet_from is None,
         findings=tuple(found),
     )

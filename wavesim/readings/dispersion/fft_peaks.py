@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
 from wavesim.readings.dispersion.hidden_mode import Bends, of_lines
-from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
+from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record
 from wavesim.records.windows import blackman_harris
@@ -87,12 +87,13 @@ def leaks_of(
     lines at all wavenumbers, of the power q²/12 together.
     """
     density = 2 * np.pi / per_bin / len(record.t)
-    if first == 1 and record.leak.any():
+    whole = heights
+    if first == 1:
         # A hum that all hear alike is at k = 0.
         alike, _ = power(record.values.mean(axis=2)[None], shape)
-        leaks = leakage_of_gains(np.concatenate([alike, heights]), record.leak, density, 0)[1:]
-    else:
-        leaks = leakage_of_gains(heights, record.leak, density, first)
+        whole = np.concatenate([alike, heights])
+    leaks = leakage(whole, density, 2 * len(record.values), record.leak or 0.0)
+    leaks = np.broadcast_to(leaks, heights.shape)
     steps = record.quantum
     if steps.any() and record.noise < _HIDES * float(np.median(steps[steps > 0])):
         leaks = np.maximum(leaks, 2 * float(np.sum(steps**2)) / 12 / len(record.x) ** 2)

@@ -25,6 +25,7 @@ from wavesim.readings.dispersion.fft_peaks import (
 )
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
+from wavesim.readings.dispersion.noise_level import leaked
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.sinusoid_errors import Sinusoids
 from wavesim.readings.dispersion.unread_receivers import put_in
@@ -55,6 +56,10 @@ CROWDED = (
     "right"
 )
 MORE = "more waves than sought at this k"
+LEAKED = (
+    "at the frequency of a far stronger wave of another wavenumber, as many are: receivers that "
+    "differ in gain, place or clock show it, or a ring that is not the same all round"
+)
 
 
 def wavenumbers(record: Record) -> Float:
@@ -136,7 +141,7 @@ def in_time(
 
     def inverted(channels: Float, record: Record, first: int = 1) -> tuple[Sinusoids, Float, float]:
         leaks, per_bin = np.zeros((0, 0)), 1.0
-        if missing is None and (record.leak.any() or record.quantum.any()):
+        if missing is None:
             # By the window that inversion looks through, so that no side lobe is a wave.
             heights, per_bin = power(channels, hann)
             leaks = leaks_of(record, heights, per_bin, first, hann)
@@ -157,12 +162,18 @@ def in_time(
             at = np.round(points.omega * quiet.interval / per_bin).astype(int)
             error = beside_leakage(points, found.series, at, leaks, cell)
             points = replace(points, error=error)
+            faint = points.amplitude**2 < leaks[found.series, np.clip(at, 0, leaks.shape[1] - 1)]
+            points = points.refused(faint, LEAKED)
     else:
         points, bends = peaks(channels, k, quiet)
     points = _judged(points, quiet, cell)
     if quiet.ring and (bad := int(quiet.misfit.sum())):
         crowd = np.sum(np.abs(points.omega[:, None] - points.omega) < cell, axis=1)
         points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
+    step = np.searchsorted(k, points.k * (1 - 1e-12))
+    if record.leak is not None:
+        echo = leaked(step, points.omega, points.amplitude, points.error, cell)
+        points = points.refused(echo, LEAKED)
     if omega_max is not None:
         low = points.omega <= omega_max
         points, bends = points.take(low), bends.take(low)

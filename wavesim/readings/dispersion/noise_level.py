@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, ifft
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import gammaincinv
 
@@ -29,6 +28,17 @@ _BLOCK_BINS = 32
 FLOOR_OVER_MEAN = 20.0
 # Leakage of lines that stand close peaks between them too: half a main lobe.
 _LOBE_BINS = 3.0
+# One wavenumber leaks into others where its power is so many times that of the middle one and of
+# so many on either side, and this part of them have a line there, so many times the continuum.
+_SPIKE, _BESIDE, _AT_MOST, _STANDS = 100.0, 2, 0.75, 4.0
+# So many do, of so many at least.
+_SEVERAL, _FEWEST_WAVENUMBERS = 3, 5
+# Points are of one frequency within this part of 2π/T and their errors, and within that part; what
+# is leaked is so much weaker than where it is from, which has no like one beside it …
+_SAME, _WIDEST, _WEAKER, _LIKE = 0.02, 0.5, 0.3, 0.1
+# … and so many times more than chance leaves, as within so many times the width. A flat branch may
+# be met by so much of one by chance; no medium has so many.
+_BY_CHANCE, _ABOUT, _SELDOM, _MOST_FLAT = 3.0, 11.0, 0.02, 4
 
 
 def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
@@ -58,30 +68,84 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 
-def leakage_of_gains(power: Float, left: Float, per_bin: float, first: int = 1) -> Float:
-    """Power below which a peak may be what unequal gains leave of other wavenumbers' waves.
+def leakage(power: Float, per_bin: float, channels: int = 1, off: float = 0.0) -> Float:
+    """Power below which a peak may be another wavenumber's wave, in receivers that differ.
+
+    What receivers are off by in gain, place or clock puts a wave of one wavenumber into all others,
+    at its frequency: lines at one frequency at nearly all wavenumbers, of which one stands far
+    above those beside it, are that one's. So are they where this shows at several frequencies, or
+    of what all receivers hear alike, k = 0; else they may be a flat branch that another crosses.
 
     Args:
-        power: at the wavenumbers 2πm/X of a ring, m from the first on, shape (n, nω).
-        left: D(q), variance of what gains are off by (``records/faults/ring_misfits.py``), shape
-            (nx,), –.
-        per_bin: points of the power per bin 2π/T, –.
-        first: m of the first, 0 or 1.
+        power: at wavenumbers 2πm/X, m from 0 on, shape (n, nω).
+        per_bin, channels: as of :func:`continuum`.
+        off: variance of what receivers are known to be off by, over that of the waves, over their
+            number, –.
 
     Returns:
-        Shape (n, nω); 0 where nothing leaks.
+        Shape (nω,); 0 where nothing leaks.
     """
-    if not left.any():
-        return np.zeros_like(power)
-    nx, n = len(left), len(power)
-    whole = np.zeros((nx, power.shape[1]))
-    m = np.arange(first, first + n)
-    whole[m] += power
-    whole[-m] += power
-    whole[m[2 * m % nx == 0]] /= 2
-    spread = ifft(fft(whole, axis=0) * fft(left)[:, None], axis=0).real[m]
+    n, count = power.shape
+    found = 2 * off * power.sum(axis=0)
+    one, highest, middle = power.argmax(axis=0), power.max(axis=0), np.median(power, axis=0)
+    away = np.abs(np.arange(n)[:, None] - one)
+    beside = np.where((away > 0) & (away <= _BESIDE), power, 0).max(axis=0)
+    own = np.flatnonzero(highest > _SPIKE * np.maximum(beside, middle))
+    stands = np.median(power[:, own] / continuum(power, per_bin, channels)[:, own], axis=0)
+    own = own[(stands > _STANDS) & (own > 0) & (own < count - 1)]
+    peak = np.zeros(power.shape)
+    peak[:, 1:-1] = (power[:, 1:-1] >= power[:, :-2]) & (power[:, 1:-1] > power[:, 2:])
+    own = own[maximum_filter1d(peak, 3, axis=1)[:, own].mean(axis=0) > _AT_MOST]
+    if len(np.unique(one[own])) < _SEVERAL:
+        own = own[one[own] == 0]
+    if n >= _FEWEST_WAVENUMBERS:
+        found[own] = np.maximum(found[own], middle[own] / np.log(2))
     near = 2 * round(_LOBE_BINS * per_bin) + 1
-    return np.asarray(FLOOR_OVER_MEAN * maximum_filter1d(np.maximum(spread, 0), near, axis=1))
+    return np.asarray(FLOOR_OVER_MEAN * maximum_filter1d(found, near))
+
+
+def leaked(
+    step: NDArray[np.int64], omega: Float, amplitude: Float, error: Float, cell: float
+) -> NDArray[np.bool_]:
+    """Points at the frequency of a far stronger one of another wavenumber, where many are so.
+
+    By chance some points are, as where a branch crosses a flat one, whose points have like ones
+    beside them. Where lines stand at one frequency at most wavenumbers, at more frequencies than
+    there are flat branches, none of them is a wave of its wavenumber.
+
+    Args:
+        step: index of the wavenumber, shape (m,).
+        omega, amplitude, error: frequency, amplitude and standard error of ω, shape (m,).
+        cell: 2π/T, unit of ω.
+    """
+    order = np.argsort(omega)
+    ascending = omega[order]
+    result, flat = np.zeros((2, len(omega)), bool)
+    strong = crowds = 0
+    by_chance = likely = 0.0
+    for j in np.argsort(-amplitude):
+        width = min(_SAME * cell + 2 * error[j], _WIDEST * cell)
+        low, high, first, last = np.searchsorted(
+            ascending, omega[j] + width * np.array([-1, 1, -_ABOUT, _ABOUT])
+        )
+        near, around = order[low:high], order[first:last]
+        if not (result[j] or flat[j]) and len(np.unique(step[near])) > len(np.unique(step)) / 2:
+            flat[near] = True
+            crowds += 1
+        beside = near[np.abs(step[near] - step[j]) == 1]
+        if result[j] or (amplitude[beside] > _LIKE * amplitude[j]).any():
+            continue
+        weak = (amplitude < _WEAKER * amplitude[j]) & (step != step[j])
+        own = near[weak[near]]
+        by_chance += weak[around].sum() - len(own)
+        likely += 2 * width
+        strong += len(own) > 0
+        result[own] = True
+    by_chance = 1 + by_chance / (_ABOUT - 1)
+    likely = likely / max(float(np.ptp(omega)), cell) if len(omega) else 1.0
+    if result.sum() < _BY_CHANCE * by_chance or strong < likely / _SELDOM:
+        result[:] = False
+    return result | (flat & (crowds >= _MOST_FLAT))
 
 
 # What is before a receiver's first sample above so many deviations of its first part is quiet.
