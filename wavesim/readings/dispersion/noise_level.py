@@ -33,12 +33,12 @@ _LOBE_BINS = 3.0
 _SPIKE, _BESIDE, _AT_MOST, _STANDS = 100.0, 2, 0.75, 4.0
 # So many do, of so many at least.
 _SEVERAL, _FEWEST_WAVENUMBERS = 3, 5
-# Points are of one frequency within this part of 2π/T and their errors, and within that part; what
+# Points are of one frequency within this part of 2π/T and so many errors, no more than that; what
 # is leaked is so much weaker than where it is from, which has no like one beside it …
-_SAME, _WIDEST, _WEAKER, _LIKE = 0.02, 0.5, 0.3, 0.1
-# … and so many times more than chance leaves, as within so many times the width. A flat branch may
-# be met by so much of one by chance; no medium has so many.
-_BY_CHANCE, _ABOUT, _SELDOM, _MOST_FLAT = 3.0, 11.0, 0.02, 4
+_SAME, _ERRORS, _WIDEST, _WEAKER, _LIKE = 0.02, 3.0, 0.5, 0.3, 0.1
+# … and so many times what chance leaves, as within so many times the width. A flat branch is met
+# by so much of another by chance; no medium has so many.
+_BY_CHANCE, _ABOUT, _SELDOM, _MOST_FLAT = 4.0, 5.0, 0.02, 4
 
 
 def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
@@ -68,7 +68,7 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 
-def leakage(power: Float, per_bin: float, channels: int = 1, off: float = 0.0) -> Float:
+def leakage(power: Float, per_bin: float, channels: int, off: float) -> tuple[Float, Float]:
     """Power below which a peak may be another wavenumber's wave, in receivers that differ.
 
     What receivers are off by in gain, place or clock puts a wave of one wavenumber into all others,
@@ -83,25 +83,27 @@ def leakage(power: Float, per_bin: float, channels: int = 1, off: float = 0.0) -
             number, –.
 
     Returns:
-        Shape (nω,); 0 where nothing leaks.
+        By what receivers are known to be off by; and by the lines that show. Shape (nω,) each.
     """
     n, count = power.shape
-    found = 2 * off * power.sum(axis=0)
+    near = 2 * round(_LOBE_BINS * per_bin) + 1
+    known = maximum_filter1d(2 * off * power.sum(axis=0), near)
     one, highest, middle = power.argmax(axis=0), power.max(axis=0), np.median(power, axis=0)
     away = np.abs(np.arange(n)[:, None] - one)
     beside = np.where((away > 0) & (away <= _BESIDE), power, 0).max(axis=0)
-    own = np.flatnonzero(highest > _SPIKE * np.maximum(beside, middle))
+    alike = power[0] > _SPIKE * middle
+    own = np.flatnonzero(alike | (highest > _SPIKE * np.maximum(beside, middle)))
     stands = np.median(power[:, own] / continuum(power, per_bin, channels)[:, own], axis=0)
-    own = own[(stands > _STANDS) & (own > 0) & (own < count - 1)]
+    own = own[(stands > _STANDS) & (own > 0) & (own < count - 1) & (n >= _FEWEST_WAVENUMBERS)]
     peak = np.zeros(power.shape)
     peak[:, 1:-1] = (power[:, 1:-1] >= power[:, :-2]) & (power[:, 1:-1] > power[:, 2:])
     own = own[maximum_filter1d(peak, 3, axis=1)[:, own].mean(axis=0) > _AT_MOST]
     if len(np.unique(one[own])) < _SEVERAL:
-        own = own[one[own] == 0]
-    if n >= _FEWEST_WAVENUMBERS:
-        found[own] = np.maximum(found[own], middle[own] / np.log(2))
-    near = 2 * round(_LOBE_BINS * per_bin) + 1
-    return np.asarray(FLOOR_OVER_MEAN * maximum_filter1d(found, near))
+        own = own[alike[own]]
+    lines = np.zeros(count)
+    lines[own] = middle[own] / np.log(2)
+    # Of a fitted line the frequency is known to less than a bin.
+    return FLOOR_OVER_MEAN * known, FLOOR_OVER_MEAN * maximum_filter1d(lines, round(per_bin) + 1)
 
 
 def leaked(
@@ -121,29 +123,35 @@ def leaked(
     order = np.argsort(omega)
     ascending = omega[order]
     result, flat = np.zeros((2, len(omega)), bool)
-    strong = crowds = 0
-    by_chance = likely = 0.0
+    groups, crowds, by_chance = 0, 0, 0.0
     for j in np.argsort(-amplitude):
-        width = min(_SAME * cell + 2 * error[j], _WIDEST * cell)
-        low, high, first, last = np.searchsorted(
-            ascending, omega[j] + width * np.array([-1, 1, -_ABOUT, _ABOUT])
-        )
-        near, around = order[low:high], order[first:last]
-        if not (result[j] or flat[j]) and len(np.unique(step[near])) > len(np.unique(step)) / 2:
+        away = _ABOUT * _WIDEST * cell
+        around = order[slice(*np.searchsorted(ascending, [omega[j] - away, omega[j] + away]))]
+        off = np.abs(omega[around] - omega[j])
+        unsure = _SAME * cell + _ERRORS * (error[around] + error[j])
+        width = np.minimum(unsure, _WIDEST * cell)
+        near = around[off < width]
+        many = len(np.unique(step[near])) > len(np.unique(step)) / 2
+        # … of which none is the others' own.
+        if (
+            many
+            and not (result[j] or flat[j])
+            and (amplitude[near] > _LIKE * amplitude[j]).sum() > 1
+        ):
             flat[near] = True
             crowds += 1
         beside = near[np.abs(step[near] - step[j]) == 1]
         if result[j] or (amplitude[beside] > _LIKE * amplitude[j]).any():
             continue
-        weak = (amplitude < _WEAKER * amplitude[j]) & (step != step[j])
-        own = near[weak[near]]
-        by_chance += weak[around].sum() - len(own)
-        likely += 2 * width
-        strong += len(own) > 0
-        result[own] = True
-    by_chance = 1 + by_chance / (_ABOUT - 1)
-    likely = likely / max(float(np.ptp(omega)), cell) if len(omega) else 1.0
-    if result.sum() < _BY_CHANCE * by_chance or strong < likely / _SELDOM:
+        weak = (step[around] != step[j]) & (amplitude[around] < _WEAKER * amplitude[j])
+        own = weak & (off < width)
+        by_chance += float(np.sum(width[weak & ~own])) / away
+        result[around[own]] = True
+        groups += int(own.any())
+    # A flat branch meets another by chance, once.
+    strong = amplitude * _WEAKER > np.median(amplitude[result]) if result.any() else result
+    likely = 2 * np.sum(_SAME * cell + _ERRORS * error[strong]) / max(float(np.ptp(omega)), cell)
+    if result.sum() < 2 + _BY_CHANCE * by_chance or groups < likely / _SELDOM:
         result[:] = False
     return result | (flat & (crowds >= _MOST_FLAT))
 
