@@ -127,18 +127,16 @@ class Record:
     def receivers(self, kept: Any) -> Record:
         """The record of some receivers, by mask or number."""
         kept = np.arange(len(self.x))[np.asarray(kept)]
+        names = ("quantum", "broken", "clipped", "begun", "misfit")
+        own = {name: v[kept] for name in names if len(v := getattr(self, name))}
         return replace(
             self,
             x=self.x[kept],
             values=self.values[..., kept],
             labels=tuple(self.labels[j] for j in kept) if self.labels else (),
-            quantum=self.quantum[kept] if len(self.quantum) else self.quantum,
-            broken=self.broken[kept] if len(self.broken) else self.broken,
-            clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
-            begun=self.begun[kept] if len(self.begun) else self.begun,
-            misfit=self.misfit[kept] if len(self.misfit) else self.misfit,
             leak=None if self.leak else self.leak,
             whole=None if self.whole is None else self.whole[..., kept],
+            **own,
         )
 
     def with_finding(self, finding: Finding) -> Record:
