@@ -9,8 +9,7 @@ import pytest
 
 from wavesim import layered as layeredwave
 from wavesim import planewave
-from wavesim.layered.ends import returned
-from wavesim.layered.stack import Stack
+from wavesim.layered.stack import Stack, returned
 from wavesim.material.damping import Damping
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium

@@ -20,8 +20,7 @@ from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import JUDGED, judged_range
-from wavesim.simulation.resolution import check_carried
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, check_carried
 from wavesim.sources import Source
 
 # Length of the absorbing layer at an end, in branch lengths of the medium there.

@@ -109,7 +109,7 @@ def run(**given: Any) -> None:
     # Its matrices are small: threads that wait for each other's parts keep all cores busy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.disable()  # what is loaded stays: to look through it for garbage takes a twentieth of a run
-    from wavesim.report.drawn_beside import begun_beside
+    from wavesim.report.run_files import begun_beside
 
     # It loads what it needs while this process reads the case.
     with begun_beside() as beside:

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.cross_section import limit
-from wavesim.layered.ends import check_ends, returned, waves_at_ends
 from wavesim.layered.inverse_transform import Contour, contour
 from wavesim.layered.source_loads import (
     acts_of,
@@ -19,7 +17,7 @@ from wavesim.layered.source_loads import (
     end_drives,
     held_back,
 )
-from wavesim.layered.stack import Load, Stack
+from wavesim.layered.stack import Load, Stack, check_ends, density, returned, waves_at_ends
 from wavesim.layered.star_product import inner, nothing, star, times
 from wavesim.material.arguments import shown
 from wavesim.material.family import Block, weights
@@ -196,7 +194,7 @@ def _double_force(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int)
                     "infinite; give the source a width"
                 )
             continue
-        g = gaussian.density(at, load.position, load.width)
+        g = density(at, load.position, load.width)
         total[:, load.component - p] += g * load.on(here, stack.scaled)
     return total
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from wavesim.material.medium import Medium
 from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper import figures as paperfigures
-from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.claims import CLOSURES, Claim, judge
+from wavesim.paper.statements import Study
 from wavesim.planewave.gap_map import family_gaps
 
 SOURCE = (

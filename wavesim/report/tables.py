@@ -26,8 +26,7 @@ from wavesim.report.answers import (
 )
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
-from wavesim.simulation.resolution import highest_carried, largest_phase
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, highest_carried, largest_phase
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
