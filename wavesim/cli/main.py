@@ -29,12 +29,11 @@ from wavesim.cli.arguments import (
     read_case,
 )
 from wavesim.cli.bands_and_gaps import bands, gaps, print_all_bands
-from wavesim.cli.compare import compare
+from wavesim.cli.compare_and_fit import compare, fit
 from wavesim.cli.design import design
 from wavesim.cli.dispersion import attenuation, dispersion
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
-from wavesim.cli.fit import fit
 from wavesim.cli.init_and_cases import cases, completion, init, schema
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.pulse import pulse
