@@ -13,9 +13,9 @@ from scipy.sparse.linalg import eigs, splu
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.layered import resonances
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
 from wavesim.simulation.simulation import simulation

@@ -27,8 +27,8 @@ from madeup import (
 from wavesim import planewave
 from wavesim.cli import main as cli
 from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Energy

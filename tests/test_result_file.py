@@ -24,7 +24,7 @@ from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.packing import PACKED, deflated, fletcher32, pack, packed_dataset
 from wavesim.io.result_layout import FORMAT_VERSION
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.field import Energy
 

@@ -8,7 +8,7 @@ from chains import Beam, Diatomic
 from media import MEDIUM
 from scipy.integrate import quad
 
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.records.record import RecordError
 from wavesim.records.relations import Given, MassInMass, OfMedium
 from wavesim.records.synthetic import Pulse, Spoil, driven, positions, synthesize

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from wavesim.material.rotation_equations import SPECTRAL_CLOSURES
+from wavesim.material.granular_equations import SPECTRAL_CLOSURES
 from wavesim.paper import statements
 from wavesim.paper.statements import Found, Statement, Study
 

@@ -19,8 +19,8 @@ from wavesim.figures.bands import (
     heading,
     shade_gaps,
 )
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper.claims import CLOSURES
 from wavesim.paper.statements import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.planewave.dispersion_relation import block_frequencies

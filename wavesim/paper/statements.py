@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.band_edges import full_gaps
 from wavesim.planewave.dispersion_relation import (
     block_frequencies,

@@ -1,4 +1,8 @@
-"""What diffrax integrates: ẏ = A y + Σ_j G_j s_j(t), together with the work of its sources."""
+"""What diffrax integrates: ẏ = A y + Σ_j G_j s_j(t), together with the work of its sources.
+
+Where nothing is lost and the closure is symmetric, energy = work is a check of the stepper, as
+neither is made from the other; with losses, work − energy is what was dissipated: it never falls.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +21,12 @@ from wavesim.timedomain.source_terms import SourceTerms
 def energy(A: Operator, y: States) -> tuple[jax.Array, jax.Array]:
     """Kinetic and stored energy of a state, per area of the section, scaled.
 
+        E = ½ Σ m v² + ½ Σ H e·C e (1 − Σ_l Y_l) + ½ Σ_l Σ H Y_l (e − ζ_l)·C (e − ζ_l)
+            + ½ Σ N g·Γ g,
+
+    v = (φ̇, Ḃ), e = (κ, B), by the norms N, H of the grid: kinetic, and stored in strains and in
+    the springs of the solids.
+
     Args:
         A: the operator.
         y: a state of it.
@@ -27,7 +37,9 @@ def energy(A: Operator, y: States) -> tuple[jax.Array, jax.Array]:
 
 
 def power(A: Operator, sources: SourceTerms, y: States, signals: Any) -> Any:
-    """Power of the sources in a state.
+    """Power of the sources in a state: Σ_j s_j ⟨G_j, v⟩ in the norm of kinetic energy.
+
+    Besides, for each macro-field that is prescribed, its rate times the force that holds it.
 
     Args:
         A: the operator.

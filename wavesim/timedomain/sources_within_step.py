@@ -257,6 +257,15 @@ class Felt(eqx.Module):
 class Work(eqx.Module):
     """Tables for the work in a step.
 
+    The step applies ŝ, the polynomial through the signals at its Gauss nodes τ_n, and the work is
+    that of ŝ too, by the same nodes, which integrate it exactly:
+
+        W = Σ_j Σ_n w_n ŝ_jn r_jn,
+        r_jn = O_j exp(τ_n A) y + Σ_i ∫₀^{τ_n} O_j exp((τ_n−τ)A) G_i ŝ_i dτ,
+
+    O_j y = ⟨G_j, v⟩ in the norm of kinetic energy; and for each macro-field that is prescribed its
+    rate times the force that holds it. No energy enters: the energy balance is a true check.
+
     Attributes:
         felt: of all sources.
         risen: ∫₀^{τ_n} of the polynomial through values at the nodes, shape (nodes, nodes).

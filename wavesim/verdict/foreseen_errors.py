@@ -19,8 +19,7 @@ from wavesim.case.schema import AnalysisTable
 from wavesim.grid.bar import layered_bar
 from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
-from wavesim.layered.inverse_transform import BeyondNumbersError, Contour
-from wavesim.layered.signals import contour_of, field_spectra
+from wavesim.layered.signals import BeyondNumbersError, Contour, contour_of, field_spectra
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import judged_range
