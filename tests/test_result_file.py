@@ -284,10 +284,12 @@ def kill_and_look(case, path, kills):
     simulation = dataclasses.replace(load(case).simulation, samples=4000)
     rng = np.random.default_rng(40)
     seen = []
-    for wait in rng.uniform(0.0, 0.25, kills):
+    for several in rng.uniform(0.0, 10.0, kills):
         results = writer(path, simulation)
         results.create()
+        begun = time.monotonic()
         results.append(*frames(simulation, 0, 1))
+        wait = several * (time.monotonic() - begun)  # of so many of them
         child = os.fork()
         if child == 0:
             for first in range(1, 10**6, 3):

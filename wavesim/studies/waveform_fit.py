@@ -280,7 +280,6 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
     """Compile a run of media about some parameters, with room for faster ones."""
     import jax
 
-    jax.config.update("jax_enable_x64", True)
     from wavesim.timedomain.gradient import traced_fields
 
     layers = with_values(simulated.layers, varied, theta)

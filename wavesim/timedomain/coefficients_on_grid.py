@@ -28,9 +28,6 @@ from wavesim.material.medium import Medium, with_each_class
 from wavesim.material.scaling import Scales, block_coefficients, scales
 from wavesim.timedomain.absorber import absorption
 
-# The scheme needs double precision.
-jax.config.update("jax_enable_x64", True)
-
 
 def _as_pytree(kind: type[Medium]) -> None:
     """A medium is a pytree: jax.grad and jax.vmap go through its parameters.
