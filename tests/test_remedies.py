@@ -35,7 +35,7 @@ from wavesim.simulation.field import Energy
 from wavesim.sources import Ricker, ToneBurst
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import judge_bar
-from wavesim.verdict.bar_notes import bar_notes
+from wavesim.verdict.bar_answers import bar_notes
 from wavesim.verdict.check import Check, energy_checks
 
 LONGITUDINAL = ROTATION.blocks[0]

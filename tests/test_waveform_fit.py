@@ -18,8 +18,7 @@ from wavesim.layered.signals import signals
 from wavesim.readings.matched_record import MatchError, matched, resampling
 from wavesim.readings.misfit import misfit
 from wavesim.records.of_pulse_test import PulseTestRecord
-from wavesim.studies.comparison import compare
-from wavesim.studies.fit_answer import of_waveforms
+from wavesim.studies.fit_answer import compare, of_waveforms
 from wavesim.studies.fitted_keys import targets
 from wavesim.studies.least_squares import FitError, Parameter, solve
 from wavesim.studies.waveform_fit import Waveforms

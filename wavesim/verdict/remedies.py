@@ -1,17 +1,18 @@
-"""What to change in a case where a check falls short: the key, which way, and by how much."""
+"""What to change in a case: where a check falls short, or to see more of a gap."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.arguments import WINDOW
+from wavesim.material.arguments import FREQUENCIES, WINDOW
 from wavesim.material.family import Block
-from wavesim.material.shown import KHZ
-from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
+from wavesim.material.shown import HERTZ, KHZ
+from wavesim.planewave.dispersion_relation import Gap, asymptotes, block_oscillations
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.readings.dispersion.decay_along_ring import Attenuation
@@ -24,6 +25,16 @@ from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
 from wavesim.verdict.foreseen_errors import foretold
 from wavesim.verdict.warnings_before_run import graded_into_absorber
 
+# A row of an answer: names, SI numbers and, where there is no number, None.
+Row = dict[str, Any]
+Answers = dict[str, list[Row]]
+
+# The key that says how high a source goes, by its kind.
+_PEAK_KEY = {
+    "ricker": "peak_frequency",
+    "gaussian-derivative": "peak_frequency",
+    "tone-burst": "frequency",
+}
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
 # Part of a record after which an arrival may be lost at its end.
@@ -290,3 +301,47 @@ def of_window(field: Field, test: PulseTest) -> str:
             "[[receivers]] nearer to the source: an echo comes back before the pulse has passed"
         )
     return longer_run(field, "the record's end cuts off waves that are still passing")
+
+
+def to_see_more(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:
+    """What to change in the case to see more of a gap.
+
+    Args:
+        field: the field.
+        sector: of its waves.
+        gap: the gap.
+        frequencies: of the curve that shows it, where it can be had finer; where the gap is well
+            driven that helps, and else a source in the middle of the gap.
+    """
+    fields = [name for block in field.medium.family.blocks_of(sector) for name in block.fields]
+    if frequencies and _driven(field, fields, (gap.lower + gap.upper) / 2):
+        return _finer(field, frequencies)
+    peak = float(f"{(gap.lower + gap.upper) / 2 * HERTZ:.3g}")
+    sets = [
+        f"--set sources.{number}.{_PEAK_KEY[source.kind]}={peak:.4g}"
+        for number, source in enumerate(field.sources)
+        if source.field in fields and source.kind in _PEAK_KEY
+    ]
+    if any(source.field in fields for source in field.sources):
+        return " ".join(sets)
+    return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {peak:.4g}'
+
+
+def _finer(field: Field, frequencies: int) -> str:
+    """What to change for frequencies twice as fine; on a ring twice as long no wave comes round."""
+    simulated = field.simulation
+    twice = {
+        "bar.length": f"{2 * field.bar.length:.6g}",
+        "time.duration": f"{2 * simulated.duration:.6g}",
+        "time.samples": f"{2 * simulated.frames}",
+        "analysis.frequencies": f"{min(2 * frequencies, FREQUENCIES[1])}",
+    }
+    return " ".join(f"--set {key}={value}" for key, value in twice.items())
+
+
+def _driven(field: Field, fields: Sequence[str], omega: float) -> bool:
+    """Whether a source of these fields drives a frequency half as much as its own, or more."""
+    own = [s for s in field.sources if s.field in fields and math.isfinite(s.peak_frequency)]
+    return any(
+        abs(s.spectrum(omega)) >= abs(s.spectrum(2 * math.pi * s.peak_frequency)) / 2 for s in own
+    )
