@@ -102,10 +102,10 @@ def compare(
     """Lay the signals of CASE over those of RECORD, receiver by receiver, and tell them apart."""
     loaded, measured = _laid_beside(record, case, field, lag, scale, overrides, layout)
     from wavesim.material.shown import plain
-    from wavesim.studies.fit_answer import compare as laid_beside
+    from wavesim.studies import fit_answer
 
     try:
-        found = laid_beside(loaded, measured, lag, scale)
+        found = fit_answer.compare(loaded, measured, lag, scale)
     except ValueError as error:
         stop(f"{case}: {error}", BAD_INPUT)
     answer = plain(found.summary())
