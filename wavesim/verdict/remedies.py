@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 from wavesim.material.arguments import FREQUENCIES, WINDOW
 from wavesim.material.family import Block
 from wavesim.material.shown import HERTZ, KHZ
-from wavesim.planewave.dispersion_relation import Gap, asymptotes, block_oscillations
+from wavesim.planewave.dispersion_relation import Gap, asymptotes
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.readings.dispersion.decay_along_ring import Attenuation
 from wavesim.readings.pulse.spectral_windows import Gate
-from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import least_absorber
+from wavesim.verdict import foreseen_errors
 from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
-from wavesim.verdict.foreseen_errors import foretold
 from wavesim.verdict.warnings_before_run import graded_into_absorber
 
 # A row of an answer: names, SI numbers and, where there is no number, None.
@@ -68,7 +67,7 @@ def _tried(simulated: Simulation) -> tuple[str, bool]:
     """The cell size that would do, and whether it was seen to, where the grid is to blame; "" where
     it is not. Kept, as all checks of a run ask for it."""
     if not any(known is simulated for known, _ in _LAST):
-        short = [one for one in foretold(simulated) or () if not one.passed]
+        short = [one for one in foreseen_errors.foretold(simulated) or () if not one.passed]
         worst = max(short, key=lambda one: one.error / one.allowed, default=None)
         _LAST[:] = [(simulated, cell_size(simulated, worst) if worst else ("", False))]
     return _LAST[0][1]
@@ -90,15 +89,6 @@ def shorter_step(field: Field) -> str:
     )
 
 
-def grid_error(field: Field, block: Block, k: Any) -> Any:
-    """|ω_grid/ω − 1| of each branch at k, shape (n, branches): what the differences slow down."""
-    k = np.atleast_1d(np.asarray(k, dtype=float))
-    exact = block_oscillations(field.medium, block, k)
-    modified = OfMedium(field.medium, block, field.bar).modified(k)
-    slowed = block_oscillations(field.medium, block, modified)
-    return np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1)
-
-
 def of_frequencies(field: Field, block: Block, k: Any, branch: int, error: float) -> str:
     """Where ω(k) of a branch is off by this part of itself, or is not found (not a number).
 
@@ -109,8 +99,10 @@ def of_frequencies(field: Field, block: Block, k: Any, branch: int, error: float
         branch: its number.
         error: largest |Δω|/ω.
     """
-    if len(np.atleast_1d(k)) and np.isfinite(error):
-        if grid_error(field, block, k)[:, branch].max() >= _EXPLAINS * error:
+    k = np.atleast_1d(np.asarray(k, dtype=float))
+    if len(k) and np.isfinite(error):
+        _, by_grid = foreseen_errors.of_frequencies(field, block, k)
+        if by_grid[:, branch].max() >= _EXPLAINS * error:
             return finer(field)
         if field.stepper not in _EXACT_IN_TIME:
             return shorter_step(field)
@@ -126,7 +118,9 @@ def of_wavenumbers(field: Field, block: Block, omega: NDArray[Any], error: Any) 
         omega: ω + iσ, shape (n,), rad/s.
         error: |Δk|/|k| at each, shape (n,).
     """
-    if wavenumber_grid_error(field, block, omega, error) >= _EXPLAINS:
+    worst = int(np.nanargmax(error))
+    by_grid = foreseen_errors.of_wavenumbers(field, block, np.asarray(omega)[worst : worst + 1])
+    if by_grid[0] / error[worst] >= _EXPLAINS:
         return finer(field)
     damping = float(np.imag(omega[0]) * field.t[-1])
     return _more_damping(field, damping, min(damping + _MORE_DAMPING, WINDOW[1]))
@@ -158,18 +152,6 @@ def _more_damping(field: Field, damping: float, more: float) -> str:
             "record's end"
         )
     return longer_run(field, "of what still rings too much lies past the record's end")
-
-
-def wavenumber_grid_error(
-    field: Field, block: Block, omega: NDArray[Any], error: NDArray[Any]
-) -> float:
-    """Part of the largest error of k(ω) that the grid's own relation explains, –."""
-    worst = int(np.nanargmax(error))
-    at = np.asarray(omega)[worst : worst + 1]
-    medium = field.medium
-    exact = OfMedium(medium, block).wavenumber(at)
-    on_grid = OfMedium(medium, block, field.bar).wavenumber(at)
-    return float(np.abs(on_grid / exact - 1)[0] / error[worst])
 
 
 def absorber(field: Field) -> str | None:
