@@ -27,7 +27,7 @@ from wavesim.readings.bar.transmission import Band
 from wavesim.simulation.field import Energy
 from wavesim.sources import InitialField
 from wavesim.verdict.bar import judge_bar
-from wavesim.verdict.bar_notes import bar_notes
+from wavesim.verdict.bar_answers import bar_notes
 
 OMEGA = np.linspace(1e5, 2e6, 12)
 JUDGED = OMEGA < 1.5e6

@@ -24,7 +24,7 @@ from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.packing import PACKED, deflated, fletcher32, pack, packed_dataset
 from wavesim.io.result_layout import FORMAT_VERSION
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.records.run_folder import open_run
 from wavesim.simulation.field import Energy
@@ -285,10 +285,12 @@ def kill_and_look(case, path, kills):
     simulation = dataclasses.replace(load(case).simulation, samples=4000)
     rng = np.random.default_rng(40)
     seen = []
-    for wait in rng.uniform(0.0, 0.25, kills):
+    for several in rng.uniform(0.0, 10.0, kills):
         results = writer(path, simulation)
         results.create()
+        begun = time.monotonic()
         results.append(*frames(simulation, 0, 1))
+        wait = several * (time.monotonic() - begun)  # of so many of them
         child = os.fork()
         if child == 0:
             for first in range(1, 10**6, 3):

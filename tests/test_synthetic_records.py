@@ -8,7 +8,7 @@ from chains import Beam, Diatomic, MassInMass
 from media import MEDIUM
 from scipy.integrate import quad
 
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.records.record import RecordError
 from wavesim.records.relations import Given, OfMedium
 from wavesim.records.synthetic import Pulse, Spoil, driven, positions, synthesize
