@@ -159,7 +159,8 @@ def test_pairs_of_a_ring_stay_two_where_laws_of_loss_differ(density, gradient):
     found = layeredwave.resonances(
         layers, *2 * ["periodic"], "longitudinal", (0.05 / BAR, 0.7 / BAR)
     )
-    assert len(found) >= 2 and len(found) % 2 == 0 and np.isfinite(found).all()
+    assert len(found) in (2, 4, 6)
+    assert np.isfinite(found).all()
     for own in found:
         distance = np.abs(found - own) / abs(own)
         apart = distance[distance > 1e-9].min(initial=2e-3)

@@ -102,7 +102,7 @@ def run(
             until_the_end.enter_context(locked(folder))
         own = beside or until_the_end.enter_context(drawn_beside.begun_beside())
         worker = drawn_beside.reached(simulated, own)
-        known = None if simulated.endless else _expected(case, worker)
+        known = _expected(case, worker)
         from wavesim.timedomain.compiled import keep_compiled
 
         keep_compiled()
@@ -122,7 +122,7 @@ def run(
         tell("analyse", 0.0)
         field = _field(results, steps, storing, kept, energies)
         pictures = drawn_beside.Pictures(worker, folder, figures, field)
-        found = measure(case, field, known and known.result())
+        found = measure(case, field, known.result())
         laps.end("analyse")
         tell("figures", 0.0)
         pictures.of_found(found, case.title or folder.name)
