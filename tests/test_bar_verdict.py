@@ -29,7 +29,7 @@ from wavesim.simulation.field import Energy
 from wavesim.sources import InitialField
 from wavesim.timedomain.integrate import simulate
 from wavesim.verdict.bar import judge_bar
-from wavesim.verdict.bar_notes import bar_notes
+from wavesim.verdict.bar_answers import bar_notes
 from wavesim.verdict.foreseen_errors import foretold
 from wavesim.verdict.judgement import measure
 

@@ -9,12 +9,11 @@ import pytest
 
 from wavesim import layered as layeredwave
 from wavesim import planewave
-from wavesim.layered.ends import returned
-from wavesim.layered.stack import Stack
+from wavesim.layered.stack import Stack, returned
 from wavesim.material.damping import Damping
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)

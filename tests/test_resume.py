@@ -130,14 +130,14 @@ def test_killed_run_resumes_bit_for_bit(ring_run, tmp_path):
     """SIGKILL in the middle of `wavesim run`; --resume completes it; every stored number is that
     of the run that was not interrupted."""
     # The run pauses after its second chunk, so that the kill comes in the middle of it, and after
-    # the first, as what is stored is shown twice a second.
+    # the first, as what is stored is shown every two seconds.
     program = (
         "import sys, time; from wavesim.io import result_writer as storage\n"
         "from wavesim.cli.main import main\n"
         "append = storage.Results.append\n"
         "def slow(self, first, *rest):\n"
         "    append(self, first, *rest)\n"
-        "    if first == 0: time.sleep(0.6)\n"
+        "    if first == 0: time.sleep(2.1)\n"
         "    if first > 1: print('there', flush=True); time.sleep(600)\n"
         "storage.Results.append = slow\n"
         "main(sys.argv[1:])\n"

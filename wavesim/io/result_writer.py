@@ -21,8 +21,7 @@ import h5py
 import numpy as np
 
 from wavesim.grid.points import sampling
-from wavesim.io.gathering import Gathering
-from wavesim.io.packing import chunk_of, pack, packed_dataset, put
+from wavesim.io.packing import Gathering, chunk_of, pack, packed_dataset, put
 from wavesim.io.result_layout import attach_axes, axis, label, lay_out
 from wavesim.io.result_reader import (
     CHECKSUM,

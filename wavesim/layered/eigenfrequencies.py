@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered.ends import check_ends, returned
 from wavesim.layered.mode_count import count, elements
-from wavesim.layered.stack import Stack
+from wavesim.layered.stack import Stack, check_ends, returned
 from wavesim.layered.uniform_layer import waves
 from wavesim.material.family import Block, travelling_block
 from wavesim.material.layers import Layers, as_layers

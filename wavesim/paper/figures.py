@@ -19,10 +19,10 @@ from wavesim.figures.bands import (
     heading,
     shade_gaps,
 )
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
-from wavesim.paper.branches_and_gaps import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.paper.claims import CLOSURES
+from wavesim.paper.statements import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
 

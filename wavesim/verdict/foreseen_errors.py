@@ -13,15 +13,15 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavesim.case.schema import AnalysisTable
 from wavesim.grid.bar import layered_bar
-from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
-from wavesim.layered.inverse_transform import BeyondNumbersError, Contour
-from wavesim.layered.signals import contour_of, field_spectra
+from wavesim.layered.signals import BeyondNumbersError, Contour, contour_of, field_spectra
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import judged_range
@@ -131,16 +131,12 @@ def _of_ring(
     simulated: Simulation, table: AnalysisTable, k_range: tuple[float, float]
 ) -> Iterator[Foretold]:
     """ω of each branch that is excited, over the judged wavenumbers, and k(ω)."""
-    medium, bar = simulated.medium, simulated.bar
-    low, high = k_range
-    k = np.linspace(low, high, _RANGE)
-    slowed_k = modified_wavenumber(k, bar.spacing, bar.order)
+    k = np.linspace(*k_range, _RANGE)
     for block in simulated.blocks:
         own = [s for s in simulated.sources if s.field in block.fields]
-        exact, slowed = (block_oscillations(medium, block, one) for one in (k, slowed_k))
+        exact, off = of_frequencies(simulated, block, k)
         loud = (excitation(own, exact, k[:, None]) >= EXCITED) & (exact > 0)
         loud &= exact <= math.pi / simulated.interval
-        off = np.where(loud, np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1), 0.0)
         for number, name in enumerate(block.branches):
             known = off[loud[:, number], number]
             if len(known):
@@ -151,24 +147,33 @@ def _of_ring(
             yield from _along_ring(simulated, table, block, own)
 
 
+def of_frequencies(simulated: Field | Simulation, block: Block, k: NDArray[Any]) -> Any:
+    """ω of each branch at k, rad/s, and how far the differences slow it: |ω_grid/ω − 1|."""
+    modified = OfMedium(simulated.medium, block, simulated.bar).modified(k)
+    exact, slowed = (block_oscillations(simulated.medium, block, at) for at in (k, modified))
+    return exact, np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1)
+
+
+def of_wavenumbers(simulated: Field | Simulation, block: Block, omega: NDArray[Any]) -> Any:
+    """How far the grid's own k(ω) is off: |k_grid/k − 1|."""
+    exact, on_grid = (
+        OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)
+    )
+    return np.abs(on_grid / exact - 1)
+
+
 def _along_ring(
     simulated: Simulation, table: AnalysisTable, block: Block, own: Sequence[Source]
 ) -> Iterator[Foretold]:
     """k(ω), at frequencies as of ``readings/dispersion/extract.py``."""
     low, high = excited_band(own)
     peak = 2 * math.pi * max(source.peak_frequency for source in own)
-    high, lowest = (
-        min(high, 0.95 * math.pi / simulated.interval),
-        low or 2 * math.pi / simulated.duration,
-    )
+    high, low = min(high, 0.95 * math.pi / simulated.interval), low or math.tau / simulated.duration
     top = min(high, 2 * peak)
-    real = np.linspace(lowest, top if top > lowest else high, table.frequencies)
+    real = np.linspace(low, top if top > low else high, table.frequencies)
     omega = np.asarray(real + 1j * table.damping / simulated.duration, complex)
-    exact, on_grid = (
-        OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)
-    )
-    off = np.abs(on_grid / exact - 1)
-    yield Foretold(f"k(ω) of {block.sector} waves", float(off.max()), WAVENUMBER_TOLERANCE)
+    off = float(of_wavenumbers(simulated, block, omega).max())
+    yield Foretold(f"k(ω) of {block.sector} waves", off, WAVENUMBER_TOLERANCE)
 
 
 def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:

@@ -38,8 +38,8 @@ def needed(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
     pulse = "wavesim.records.of_pulse_test", "wavesim.readings.pulse.answers"
     if simulated.endless:
-        return "wavesim.verdict.endless", *pulse
-    return "wavesim.verdict.bar_notes", *pulse, "scipy.signal"
+        return "wavesim.verdict.endless", "wavesim.readings.bar.reading", *pulse
+    return "wavesim.verdict.bar_answers", *pulse, "scipy.signal"
 
 
 def measure(case: Case, field: Any, known: Any = None) -> Found:
@@ -77,8 +77,7 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.bar import judge_bar
-    from wavesim.verdict.bar_answers import of_bar
-    from wavesim.verdict.bar_notes import bar_notes
+    from wavesim.verdict.bar_answers import bar_notes, of_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]

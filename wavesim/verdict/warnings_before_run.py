@@ -16,8 +16,7 @@ from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.readings.bar.loudness import beside_a_source
 from wavesim.simulation.field import Field
-from wavesim.simulation.resolution import largest_phase
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, largest_phase
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.timedomain.time_step import TimeStep, slower
