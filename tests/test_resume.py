@@ -175,3 +175,19 @@ def test_killed_run_resumes_bit_for_bit(ring_run, tmp_path):
         runner.run(other, tmp_path, resume=True)
     assert "run without --resume, or name another folder" in str(caught.value)
     assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
+
+
+def test_a_run_shorter_than_a_chunk_resumes_once_complete(bar_run, tmp_path):
+    """None of its frames ever filled a chunk of a part; a field that is not there is told."""
+    short = bar_run.case, "--set", "time.samples=20", "--out", tmp_path, "--quiet"
+    call("run", *short)
+    before = tmp_path / "before.h5"
+    before.write_bytes((tmp_path / "result.h5").read_bytes())
+    resumed = call("run", *short, "--resume")
+    assert resumed.exit_code in (0, 1), resumed.output
+    assert different(before, tmp_path / "result.h5") == []
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        del file["fields/phi1"]
+    damaged = call("run", *short, "--resume")
+    assert damaged.exit_code == 2
+    assert "damaged" in damaged.output

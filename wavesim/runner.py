@@ -101,7 +101,7 @@ def run(
             until_the_end.enter_context(locked(folder))
         own = beside or until_the_end.enter_context(begun_beside())
         worker = reached(simulated, own)
-        known = None if simulated.endless else _expected(case, worker)
+        known = _expected(case, worker)
         from wavesim.timedomain.compiled import keep_compiled
 
         keep_compiled()
@@ -121,7 +121,7 @@ def run(
         tell("analyse", 0.0)
         field = _field(results, steps, storing, kept, energies)
         pictures = Pictures(worker, folder, figures, field)
-        found = measure(case, field, known and known.result())
+        found = measure(case, field, known.result())
         laps.end("analyse")
         tell("figures", 0.0)
         pictures.of_found(found, case.title or folder.name)
@@ -261,15 +261,6 @@ def _integrated(
     meanwhile: Callable[[], object],
 ) -> list[Energy]:
     """Integrate, and store each chunk while the next one is integrated.
-
-    Args:
-        simulated: what is run.
-        results: where to.
-        start: to carry on from; None begins at t = 0.
-        storing: what stores them.
-        laps: where to note the seconds spent.
-        tell: progress.
-        meanwhile: called while Python has nothing to do.
 
     Returns:
         The energy of each chunk.

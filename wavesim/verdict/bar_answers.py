@@ -19,7 +19,6 @@ from wavesim.planewave.dispersion_relation import Gap, open_gaps
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.excited_band import JUDGED, pulses
-from wavesim.readings.bar.loudness import blurred
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
@@ -28,6 +27,7 @@ from wavesim.simulation.simulation import default_samples
 from wavesim.sources import excitation, unfolded
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import sent_back, wavenumbers
+from wavesim.verdict.check import receiver_notes
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 _MOST_MODES = 5
@@ -247,31 +247,7 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
             "no receiver: nothing was held against the exact solver; add [[receivers]] to compare "
             "signals"
         )
-    heard = reading.heard
-    found += [
-        f"the exact solver does not have this bar, and less was checked: {why}"
-        for why in reading.refused
-    ]
-    silent = [name for name in reading.exact if heard is not None and not heard.get(name)]
-    if silent:
-        found.append(
-            f"receiver {_some(silent)}: next to nothing arrived, and it was not compared; lengthen "
-            "[time] duration, or move it"
-        )
-    near = {name: blurred(field, x) for name, x in field.receivers.items()}
-    for why in dict.fromkeys(near[name] for name in near if near[name]):
-        these = [name for name, one in near.items() if one == why]
-        found.append(
-            f"receiver {_some(these)}: stands {why}, where the grid has a lower order, and its "
-            f"signals were not compared; move it {field.bar.order} cells away to have them"
-        )
-    low, high = field.bar.clear
-    hidden = [name for name, x in field.receivers.items() if not low <= x <= high]
-    if hidden:
-        found.append(
-            f"receiver {hidden[0]} stands in an absorbing layer and was not compared; move it into "
-            f"{field.bar.clear[0]:.4g} to {field.bar.clear[1]:.4g} m"
-        )
+    found += receiver_notes(field, reading.exact, reading.heard, reading.refused)
     if field.energy is not None and not field.layers.conserves_energy:
         found.append(
             'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
@@ -314,10 +290,6 @@ def _folded(reading: Reading, field: Field) -> list[str]:
         f"{len(field.t)} frames fold onto these frequencies what the sources drive beyond "
         f"{math.pi / field.interval * KHZ:.4g} kHz; take [time] samples = {needed} or more"
     ]
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _too_short(reading: Reading, field: Field) -> list[str]:

@@ -139,7 +139,7 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
                     f"{where} stands on the interface at {face:g} m, where {micro} jumps: "
                     "it is that to its right; move it into a layer"
                 )
-        if not simulated.endless and beside_a_source(simulated, position):
+        if beside_a_source(simulated, position):
             yield (
                 f"{where} stands within {bar.order} cells of a point source, where the grid has a "
                 "lower order, and its signals will not be compared; move it farther away, or give "
