@@ -6,10 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from wavesim.readings.pulse.left_open import (
+    Arrived,
     hidden,
     in_crosstalk,
     left_open,
@@ -116,7 +118,13 @@ def read_one(
     if speeds is None and not rivals:
         slower = slow_pair(heard, begins, record.period, delay, wanted)
         rivals += [delay + slower * (begins - delay)] if slower else []
-    found = settled(record, heard, begins, distance, delays, speeds, rivals, wanted)
+
+    def settle(begins: float, *others: Any) -> Reading:
+        own = arrived(record, begins, delays)
+        parts = left_open(record, heard, own, delays)
+        return settled(record, heard, own, parts, distance, delays, speeds, *others)
+
+    found = settle(begins, rivals, wanted)
     if found.best.valid and not math.isfinite(risen):
         found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
@@ -132,67 +140,78 @@ def read_one(
     main = max(known, key=lambda one: one.size, default=None)
     if main is None or main.name == "direct":
         return found
-    return settled(record, heard, main.begins, distance, delays, speeds)
+    return settle(main.begins)
+
+
+def arrived(record: TransmissionRecord, begins: float, delays: Mapping[str, float]) -> Arrived:
+    """The arrival of a direct wave that is known to break at about a time after the start, s."""
+    found = travel_times(record, begins, delays)
+    best, delay = found[OF_ONE], delays.get(OF_ONE, 0.0)
+    return Arrived(
+        OF_ONE, best.time + delay, best.error, open_between(found, best.time, record.period),
+        second_cycle(record, begins), found, best.reason,
+    )  # fmt: skip
 
 
 def settled(
     record: TransmissionRecord,
     heard: list[Packet],
-    begins: float,
+    at: Arrived,
+    parts: Sequence[tuple[float, str]],
     distance: float,
     delays: Mapping[str, float],
     speeds: Mapping[str, float] | None = None,
     rivals: Sequence[float] = (),
     wanted: Wanted = UNKNOWN,
 ) -> Reading:
-    """The reading for a direct wave that is known to break at about a time after the start.
+    """The reading for an arrival of the direct wave, with all that the record leaves open of it.
 
     Args:
         record, distance, delays, speeds: as for :func:`read_one`.
         heard: its packets.
-        begins: when the direct one breaks, s.
-        rivals: when others break that may be the direct one as well, s.
+        at: the arrival.
+        parts: what is open of it, as :func:`left_open` tells.
+        rivals: when others break that may be the direct one as well, after the start, s.
         wanted: what has been said of the wave.
     """
-    found = travel_times(record, begins, delays)
     delay = delays.get(OF_ONE, 0.0)
-    best = found[OF_ONE]
-    told = named(heard, begins, record.period, delay, distance, speeds)
-    notes = list(record.notes)
-    if record.crosstalk:
-        until = record.blank - record.start
-        known = bool(np.any(record.crosstalk_taken))
-        notes.append(
-            f"crosstalk up to {until:.3g} s after what was sent begins was left out"
-            + (", and what follows from what was sent taken out of the rest" if known else "")
-        )
-    notes += _other_readings(told, begins, delay, distance, rivals, wanted)
-    share = open_between(found, best.time, record.period)
-    second = second_cycle(record, begins)
-    if np.isfinite(second):
-        share = float(np.hypot(share, second))
-        notes.append(
-            f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
-            "pulse would tell them apart"
-        )
-    for more, note in left_open(record, heard, begins, delays):
-        share = float(np.hypot(share, more))
-        notes += [note] if note else []
-    error = float(np.hypot(best.error, share))
-    others = [time - delay for time in rivals]
-    answer = judged(OF_ONE, best.time, error, distance, best.reason, others, wanted)
-    if answer.valid and in_crosstalk(record, begins):
-        answer = replace(answer, valid=False, reason=hidden(record))
+    time = at.begins - delay
+    told = named(heard, at.begins, record.period, delay, distance, speeds)
+    share = math.hypot(*(part for part, _ in parts))
+    notes = [*record.notes, *_crosstalk(record)]
+    notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
+    notes += [note for part, note in parts if note and part > 0]
+    others = [one - delay for one in rivals]
+    reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    best = judged(
+        at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted
+    )
+    arrivals = {
+        name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in at.times.items()
+    }
+    if at.convention not in arrivals:
+        arrivals[at.convention] = TravelTime(at.begins, at.noise, best.reason)
     return Reading(
         record.name,
-        (ReceiverArrivals("receiver", distance, _with_delay(found, delays)),),
-        answer,
+        (ReceiverArrivals("receiver", distance, arrivals),),
+        best,
         tuple(told),
         tuple(notes),
         record,
-        common=float(np.hypot(share, spanned(best.time, others))),
+        common=share + spanned(time, others),
         delay=delay,
     )
+
+
+def _crosstalk(record: TransmissionRecord) -> list[str]:
+    """What was done to crosstalk."""
+    if not record.crosstalk:
+        return []
+    known = bool(np.any(record.crosstalk_taken))
+    return [
+        f"crosstalk up to {record.blank - record.start:.3g} s after what was sent begins was left "
+        "out" + (", and what follows from what was sent taken out of the rest" if known else "")
+    ]
 
 
 def slow_pair(
@@ -212,15 +231,6 @@ def slow_pair(
         1 + (one.top - first.top) / (begins - delay) for one in heard[1:] if one.size > first.size
     ]
     return next((r for r in ratios if _SLOW_PAIR[0] < r < _SLOW_PAIR[1]), 0.0)
-
-
-def _with_delay(
-    found: Mapping[str, TravelTime], delays: Mapping[str, float]
-) -> dict[str, TravelTime]:
-    """Times after what was sent, the delay of the system in them."""
-    return {
-        name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in found.items()
-    }
 
 
 def noisy(below: float) -> str:

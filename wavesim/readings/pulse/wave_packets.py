@@ -40,12 +40,9 @@ _AHEAD_PAIR_S = (1.0, 1.0, 1.0, 0.8, 0.7, 0.5, 0.2)
 _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
 _AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
 _AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
-_AFTER_PAIR_P = (1.0, 1.0, 0.6, 0.4, 0.1, 0.03, 0.01)
 _AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.15, 0.05)
-# What is not faint ahead of a wave known as P; a wave known as S that an S wave seems to follow, by
-# their ratio of times, as guided waves are not much slower.
+# What is not faint ahead of a wave known as P.
 _FAINT, _BEFORE_P = 0.15, 0.1
-_S_BEFORE_S = ((1.45, 1.6), (0.4, 0.1))
 # A packet breaks no longer before it rises, in periods, and no longer after.
 _RISES, _BEGUN = 0.42, 0.2
 # Another packet may be the direct one as well from this part of its likelihood on.
@@ -133,9 +130,10 @@ def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packe
     return whole
 
 
-def nearest(found: Sequence[Packet], begins: float) -> Packet | None:
-    """The packet that breaks nearest a time, s."""
-    return min(found, key=lambda one: abs(one.begins - begins), default=None)
+def breaking(found: Sequence[Packet], begins: float, period: float) -> Packet | None:
+    """The packet that breaks about a time and rises after it, s."""
+    own = (one for one in found if one.begins - _BEGUN * period <= begins <= one.top)
+    return next(own, None)
 
 
 def hidden_by_noise(record: TransmissionRecord) -> float:
@@ -232,7 +230,6 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
     top = np.array([one.top for one in found])
     result = np.zeros(len(found))
     ahead_pair = _AHEAD_PAIR_S if wave == "S" else _AHEAD_PAIR
-    after_pair = _AFTER_PAIR_P if wave == "P" else _AFTER_PAIR
     for i, one in enumerate(found):
         time = max(one.begins - delay, 1e-12)
         travel = np.maximum(time + top - one.top, 0.05 * time)
@@ -247,14 +244,9 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
             return np.asarray(sure * as_pair + (1 - sure) * otherwise)
 
         ahead = mixed(size[:i], _SIZE, ahead_pair, _AHEAD_ELSE, sure=pair[:i])
-        after = mixed(size[i + 1:], _AFTER, after_pair, _AFTER_ELSE, sure=pair[i + 1:])  # fmt: skip
+        after = mixed(size[i + 1 :], _AFTER, _AFTER_PAIR, _AFTER_ELSE, sure=pair[i + 1 :])
         weight = float(np.prod(ahead) * np.prod(after))
-        strong = (size[:i] > _FAINT).any()
-        weight *= _BEFORE_P if wave == "P" and strong else 1.0
-        if wave == "S" and not strong:
-            followed = (size[i + 1 :] >= 0.5) & (pair[i + 1 :] > 0.5)
-            weight *= np.interp(ratio[i + 1 :], *_S_BEFORE_S)[followed].min(initial=1.0)
-        result[i] = weight
+        result[i] = weight * (_BEFORE_P if wave == "P" and (size[:i] > _FAINT).any() else 1.0)
     return result / max(float(result.max(initial=0.0)), 1e-300)
 
 
