@@ -41,8 +41,8 @@ _NOT_HEARD = (0.35, 0.6)
 # … and up to here it may have begun in crosstalk that had not ended, by so much.
 _HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
-# may cover its break by such a part of one; and where transducers ring on.
-_COVERS, _LEAVES, _COVERED = (0.3, 0.15), (1.2, 1.5), (0.35, 0.9)
+# may cover its break by such a part of one.
+_COVERS, _LEAVES, _COVERED = 0.15, 1.5, 0.7
 
 SECOND = (
     "two cycles are as likely, {:.3g} s apart; the error holds both: a shorter pulse would tell "
@@ -116,15 +116,13 @@ def begun_earlier(
     if own is not None and begun_before(own, record):
         early = begins - max(rises(own, record), record.blank - record.start)
     # What such a wave leaves behind covers the break.
-    rise, fall = slower(record, own, heard) if own else (0.0, 0.0)
-    rings = rise > _RINGS[0] / 2 and fall > _RINGS_ON
     covers = (
-        own is not None and one.top < begins < one.top + _LEAVES[rings] * record.period
-        and one.size >= _COVERS[rings] * own.size
+        own is not None and one.top < begins < one.top + _LEAVES * record.period
+        and one.size >= _COVERS * own.size
         for one in heard
     )  # fmt: skip
     if any(covers):
-        early = max(early, _COVERED[rings] * record.period)
+        early = max(early, _COVERED * record.period)
     after = begins + record.start - record.blank
     if record.unended and after < _NEAR_UNENDED * record.period:
         early = max(early, after + _WITHIN * record.period)

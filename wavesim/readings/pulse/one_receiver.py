@@ -252,27 +252,25 @@ def _other_readings(
     notes = [as_likely(distance, time - delay, wanted) for time in rivals]
     own = next((one for one in told if one.name == "direct"), None)
     for one in told:
-        if one.begins in rivals:
+        if one.begins in rivals or one.name == "direct" or not one.begins > delay:
             continue
-        speed = distance / (one.begins - delay) if one.begins > delay else math.nan
-        if own and one.wave and one.begins < begins and one.name != "direct":
-            ahead = own.top - one.top
-            its = begins - delay - ahead
+        speed = distance / (one.begins - delay)
+        were = f"the velocity would be {speed:.4g} m/s"
+        if one.begins < begins and own and one.wave:
             notes.append(
-                f"a {one.name} of {one.size:.0%} of the largest comes {ahead:.3g} s ahead, at "
-                f"about {distance / its:.3g} m/s, {(begins - delay) / its:.2f} times as fast"
+                f"a {one.name} of {one.size:.0%} of the largest comes {begins - one.begins:.3g} s "
+                f"ahead, at about {speed:.3g} m/s, "
+                f"{(begins - delay) / (one.begins - delay):.2f} times as fast"
                 + ("" if own.wave else "; so would the near field of a transmitter")
             )
-        elif one.begins < begins and one.name != "direct" and one.size >= _TOLD:
+        elif one.begins < begins and one.size >= _TOLD:
             notes.append(
                 f"an earlier packet of {one.size:.0%} of the largest is taken for a faster wave or "
-                f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
+                f"the near field; were it the direct one, {were}"
             )
-        follows = own is not None and one.begins > begins and one.name != "direct"
-        if own and follows and one.size > 2 * own.size:
+        elif own and one.begins > begins and one.size > 2 * own.size:
             notes.append(
                 f"a packet {one.size / own.size:.1f} times as large follows; were it the "
-                f"direct one and this a near field, the velocity would be {speed:.4g} m/s: "
-                f"{say_which(wanted)}"
+                f"direct one and this a near field, {were}: {say_which(wanted)}"
             )
     return notes
