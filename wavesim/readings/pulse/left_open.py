@@ -41,8 +41,8 @@ _NOT_HEARD = (0.35, 0.6)
 # … and up to here it may have begun in crosstalk that had not ended, by so much.
 _HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
-# may cover its break by such a part of one.
-_COVERS, _LEAVES, _COVERED = 0.15, 1.5, 0.7
+# may cover its break by such a part of one; and where transducers ring on.
+_COVERS, _LEAVES, _COVERED = 0.15, 1.5, (0.35, 0.9)
 
 SECOND = (
     "two cycles are as likely, {:.3g} s apart; the error holds both: a shorter pulse would tell "
@@ -122,7 +122,8 @@ def begun_earlier(
         for one in heard
     )  # fmt: skip
     if any(covers):
-        early = max(early, _COVERED * record.period)
+        rings = own is not None and slower(record, own, heard)[1] > _RINGS_ON
+        early = max(early, _COVERED[rings] * record.period)
     after = begins + record.start - record.blank
     if record.unended and after < _NEAR_UNENDED * record.period:
         early = max(early, after + _WITHIN * record.period)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -49,8 +48,6 @@ from wavesim.readings.pulse.wave_packets import (
 
 # A faster packet is told of from this part of the largest on.
 _TOLD = 0.27
-# A larger packet that takes so many times the direct one's time may be the S wave of a slow P wave.
-_SLOW_PAIR = (1.12, 1.47)
 # A speed that is told is meant to be right within this part, as one standard deviation.
 _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
@@ -71,7 +68,6 @@ def read_one(
     record: TransmissionRecord,
     distance: float,
     delays: Mapping[str, float],
-    speeds: Mapping[str, float] | None = None,
     wanted: Wanted = UNKNOWN,
 ) -> Reading:
     """Read a record of one receiver by itself.
@@ -80,7 +76,6 @@ def read_one(
         record: the record.
         distance: from tip to tip, m.
         delays: of the system, by convention, s.
-        speeds: {wave: speed} that packets are named by, m/s; None where they are not known.
         wanted: which wave is meant.
 
     Returns:
@@ -102,10 +97,10 @@ def read_one(
         likely /= max(float(likely.max()), 1e-300)
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
-    rivals = begun[as_well].tolist() if speeds is None else []
+    rivals = begun[as_well].tolist()
     risen = rises(heard[at], record)
     begins = float(begun[at])
-    if speeds is None and hides_two(heard[at], record):
+    if hides_two(heard[at], record):
         # A P wave comes ahead of the S wave that is meant.
         later = wanted.wave == "S"
         if wanted.speed > 0:
@@ -115,32 +110,18 @@ def read_one(
         begins = risen if later else begins
         if not (wanted.wave or wanted.speed > 0):
             rivals.append(risen)
-    if speeds is None and not rivals:
-        slower = slow_pair(heard, begins, record.period, delay, wanted)
-        rivals += [delay + slower * (begins - delay)] if slower else []
-
-    def settle(begins: float, *others: Any) -> Reading:
-        own = arrived(record, begins, delays)
-        parts = left_open(record, heard, own, delays)
-        return settled(record, heard, own, parts, distance, delays, speeds, *others)
-
-    found = settle(begins, rivals, wanted)
+    own = arrived(record, begins, delays)
+    parts = left_open(record, heard, own, delays)
+    found = settled(record, heard, own, parts, distance, delays, rivals, wanted)
     if found.best.valid and not math.isfinite(risen):
         found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
-    if at == 0 and speeds is None and _MAY_HIDE < below <= DIRECT:
+    if at == 0 and _MAY_HIDE < below <= DIRECT:
         weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"
         found = replace(found, notes=(*found.notes, weak))
-    if speeds is None and below > DIRECT and found.best.valid:
+    if below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
-    # Of waves that are told apart by their speeds the largest is the one that the test is after.
-    known = [
-        one for one in found.packets if one.wave and one.name in ("direct", f"{one.wave} wave")
-    ]
-    main = max(known, key=lambda one: one.size, default=None)
-    if main is None or main.name == "direct":
-        return found
-    return settle(main.begins)
+    return found
 
 
 def arrived(record: TransmissionRecord, begins: float, delays: Mapping[str, float]) -> Arrived:
@@ -160,14 +141,13 @@ def settled(
     parts: Sequence[tuple[float, str]],
     distance: float,
     delays: Mapping[str, float],
-    speeds: Mapping[str, float] | None = None,
     rivals: Sequence[float] = (),
     wanted: Wanted = UNKNOWN,
 ) -> Reading:
     """The reading for an arrival of the direct wave, with all that the record leaves open of it.
 
     Args:
-        record, distance, delays, speeds: as for :func:`read_one`.
+        record, distance, delays: as for :func:`read_one`.
         heard: its packets.
         at: the arrival.
         parts: what is open of it, as :func:`left_open` tells.
@@ -176,7 +156,7 @@ def settled(
     """
     delay = delays.get(OF_ONE, 0.0)
     time = at.begins - delay
-    told = named(heard, at.begins, record.period, delay, distance, speeds)
+    told = named(heard, at.begins, record.period, delay)
     share = math.hypot(*(part for part, _ in parts))
     notes = [*record.notes, *_crosstalk(record)]
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
@@ -212,25 +192,6 @@ def _crosstalk(record: TransmissionRecord) -> list[str]:
         f"crosstalk up to {record.blank - record.start:.3g} s after what was sent begins was left "
         "out" + (", and what follows from what was sent taken out of the rest" if known else "")
     ]
-
-
-def slow_pair(
-    heard: Sequence[Packet], begins: float, period: float, delay: float, wanted: Wanted
-) -> float:
-    """How many times the direct wave takes a packet needs that may be its S wave as well as guided,
-    of a P wave less than √2 times as fast; 0 where there is none.
-
-    Nothing comes ahead of a P wave, and an S wave that is meant is the larger one.
-    """
-    if not heard or wanted.wave == "P" or wanted.speed > 0:
-        return 0.0
-    first = heard[0]
-    if abs(first.begins - begins) > _APART * period and not first.begins <= begins <= first.top:
-        return 0.0
-    ratios = [
-        1 + (one.top - first.top) / (begins - delay) for one in heard[1:] if one.size > first.size
-    ]
-    return next((r for r in ratios if _SLOW_PAIR[0] < r < _SLOW_PAIR[1]), 0.0)
 
 
 def noisy(below: float) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.left_open import Arrived, left_open, open_between
-from wavesim.readings.pulse.one_receiver import arrived, settled, slow_pair, unheard
+from wavesim.readings.pulse.one_receiver import arrived, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
@@ -128,7 +128,6 @@ def read_series(
             [(o, note) for o, (_, note) in zip(own, part, strict=True)],
             float(d),
             delays,
-            None,
             [t + delay for t in others],
             wanted,
         )
@@ -136,7 +135,7 @@ def read_series(
             records, heard, each, np.nan_to_num(usual).tolist(), parts, L, rivals, strict=True
         )
     ]
-    return _with_own(readings, begun), Series(parameter, p, law_of(readings, p))
+    return readings, Series(parameter, p, law_of(readings, p))
 
 
 def _direct_of_each(
@@ -192,12 +191,6 @@ def _rivals(
 ) -> list[list[float]]:
     """When other waves arrive at each record that may be the direct one as well, s."""
     as_well = [one for one in waves[1:] if one.likely >= RIVAL]
-    slower = [
-        slow_pair(own, time + delay, record.period, delay, wanted)
-        for record, own, time in zip(records, heard, found.time, strict=True)
-    ]
-    pairs = [ratio for ratio in slower if ratio]
-    follows = float(np.median(pairs)) if len(pairs) >= len(records) / 2 else 0.0
     result: list[list[float]] = []
     for i, (record, own, time) in enumerate(zip(records, heard, found.time, strict=True)):
         times = []
@@ -210,23 +203,7 @@ def _rivals(
         if not waves:
             likely = likelihoods(own, delay, wanted.wave)
             times = [q.begins - delay for q, w in zip(own, likely, strict=True) if w >= RIVAL]
-        if follows and not times:
-            times = [time * follows]
         result.append([t for t in times if abs(t - time) > _SAME * record.period and t > 0])
-    return result
-
-
-def _with_own(readings: list[Reading], begun: Float) -> list[Reading]:
-    """A note where a record by itself would be read otherwise."""
-    result = []
-    for one, time in zip(readings, begun, strict=True):
-        best, record = one.best, one.record
-        assert record is not None
-        if best.valid and time > 0 and abs(time - best.time) > _SAME * record.period:
-            speed = one.receivers[0].position / time
-            note = f"by itself it would be read as {speed:.4g} m/s: look whether a cycle was missed"
-            one = replace(one, notes=(*one.notes, note))
-        result.append(one)
     return result
 
 

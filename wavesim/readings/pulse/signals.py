@@ -175,7 +175,7 @@ def pulse_record(
         if filled[j]:
             values[: filled[j], j] = 0.0
             notes.append(f"{name}: the first {filled[j]} samples are equal, and count as filled in")
-    for j in np.flatnonzero(faults.flat_tops(values)):
+    for j in np.flatnonzero(faults.flat_tops(values)).tolist():
         why[j] = why[j] if why[j] == MARKED else CLIPPED
     whole = np.array([one not in (MARKED, CLIPPED) for one in why])
     for j in np.flatnonzero(whole)[faults.reversed_receivers(values[:, whole], x[whole])]:

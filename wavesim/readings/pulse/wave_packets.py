@@ -11,7 +11,7 @@ to the transmitter and returned.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -59,8 +59,6 @@ _ECHO = 0.08
 LULL = 0.3
 # V_P/V_S of dry grains: above √(4/3), the least that an elastic solid has.
 P_OVER_S = (1.155, 2.6)
-# A packet's time may be off by this part of that of the wave which it is.
-_OFF = 0.15
 _FASTER = "faster wave or near field"
 _ABOVE_NOISE = 5.0
 
@@ -154,28 +152,19 @@ def break_between(record: TransmissionRecord, low: int, high: int) -> tuple[floa
     return float(record.t[0] + (low + found.place) * dt - record.start), found.error * dt
 
 
-def named(
-    found: list[Packet],
-    direct: float,
-    period: float,
-    delay: float,
-    distance: float = math.nan,
-    speeds: Mapping[str, float] | None = None,
-) -> list[Packet]:
+def named(found: list[Packet], direct: float, period: float, delay: float) -> list[Packet]:
     """Packets with their names.
 
-    What comes ahead of the direct wave is the precursor of a wave that is known to be as fast; a P
-    precursor where no speeds are known and it takes 1/1.15 to 1/2.6 of the direct wave's time, as a
-    P wave does of an S wave's. (The near field of a transmitter has the speed of P waves too.)
-    Times are compared by tops, as a break ahead of a larger packet is uncertain.
+    What comes ahead of the direct wave is a P precursor where it takes 1/1.15 to 1/2.6 of the
+    direct wave's time, as a P wave does of an S wave's. (The near field of a transmitter has the
+    speed of P waves too.) Times are compared by tops, as a break ahead of a larger packet is
+    uncertain.
 
     Args:
         found: of :func:`packets`.
         direct: first break of the direct wave after the start, s.
         period: of the central frequency, s.
         delay: of the system, s.
-        distance: from tip to tip, m.
-        speeds: {wave: speed} of waves that there may be, m/s; None where they are not known.
     """
     straight = [
         one
@@ -184,37 +173,19 @@ def named(
     ]
     top = straight[0].top if straight else math.nan
     echo = 3 * (direct - delay) + delay
-    times = {name: distance / speed for name, speed in (speeds or {}).items()}
-
-    def nearest(travel: float) -> str:
-        near = min(times, key=lambda name: abs(times[name] - travel), default="")
-        room = max(_APART * period, _OFF * times[near]) if near else 0.0
-        return near if near and abs(times[near] - travel) <= room else ""
-
-    main = nearest(direct - delay) if straight else ""
-    base = times.get(main, direct - delay)
-
-    def wave(one: Packet) -> str:
-        travel = base + one.top - top
-        if speeds is not None:
-            return nearest(travel)
-        ratio = base / travel if travel > 0 else 0.0
-        return "P" if P_OVER_S[0] <= ratio <= P_OVER_S[1] else ""
-
     result = []
     for one in found:
-        its = wave(one) if straight else ""
+        travel, wave = direct - delay + one.top - top, ""
         if one in straight:
-            name, its = "direct", main
+            name = "direct"
         elif one.begins < direct:
-            name = f"{its} precursor" if its and its != main else _FASTER
-        elif speeds and its and its != main:
-            name = f"{its} wave"
+            ahead = travel > 0 and P_OVER_S[0] <= (direct - delay) / travel <= P_OVER_S[1]
+            name, wave = ("P precursor", "P") if ahead else (_FASTER, "")
         elif abs(one.begins - echo) < max(_ECHO * echo, _APART * period):
-            name, its = "reflected", main
+            name = "reflected"
         else:
-            name, its = "guided or reflected", ""
-        result.append(replace(one, name=name, wave=its if name != _FASTER else ""))
+            name = "guided or reflected"
+        result.append(replace(one, name=name, wave=wave))
     return result
 
 
