@@ -18,16 +18,14 @@ from wavesim.readings.pulse.series import (
     Followed,
     clearest,
     follow,
-    static_until,
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
     begun_before,
-    direct,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -95,7 +93,6 @@ def read_series(
         )
     check_distance(distance)
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
-    records = _without_what_is_static(records)
     heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
     grows = bool((p > 0).all()) and any(word in parameter.lower() for word in _STRESSES)
@@ -217,20 +214,6 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
     with np.errstate(invalid="ignore", divide="ignore"):
         noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
         return power_law(p, velocity, noise, common / time)
-
-
-def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[TransmissionRecord]:
-    """Records blanked up to where all hold the same, if that is before their direct waves."""
-    if len(records) < 3 or not any(one.crosstalk for one in records):
-        return list(records)
-    until = static_until(records)
-    first = [packets(one) for one in records]
-    breaks = [own[at].begins for own in first if (at := direct(own)) is not None]
-    if not breaks or until > 0.8 * min(breaks):
-        return list(records)
-    return [
-        blanked(one, one.start + until) if one.start + until > one.blank else one for one in records
-    ]
 
 
 def _on_one_line(
