@@ -140,7 +140,7 @@ def hidden(record: TransmissionRecord) -> str:
     if record.crosstalk:
         return (
             f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
-            "shield the transducers, or take a longer specimen"
+            "shield the transducers, or take a longer specimen; or is --input another column?"
         )
     return "it would arrive as what was sent begins: is --input the right column?"
 
