@@ -20,7 +20,7 @@ from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
 from wavesim.simulation.simulation import simulation
 from wavesim.sources import Ricker
-from wavesim.timedomain.equation import energy
+from wavesim.timedomain.energy_and_work import energy
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.sparse_matrix import flat, second_order, sparse_matrix, unflat
 from wavesim.timedomain.time_step import series_coefficients, time_step

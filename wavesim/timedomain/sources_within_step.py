@@ -20,7 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 
-from wavesim.timedomain.equation import Equation, rates
+from wavesim.timedomain.energy_and_work import rates
+from wavesim.timedomain.equation import Equation
 from wavesim.timedomain.operator import Difference, Group, States
 from wavesim.timedomain.source_terms import Points
 from wavesim.timedomain.sparse_matrix import sparse_matrix
