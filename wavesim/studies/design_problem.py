@@ -79,9 +79,12 @@ class Problem:
 
     def stack_at(self, values: Any) -> TracedLayers:
         """What stands between half-spaces, with values of the variables, (n,); may be traced."""
-        stack = self.stack
+        stack, laid = self.stack, dict[tuple[str, str], list[tuple[int, int]]]()
         for number, key in enumerate(self.keys):
-            stack = stack.with_values(key.name, key.layers, values[number], key.end)
+            laid.setdefault((key.name, key.end), []).extend((n, number) for n in key.layers)
+        for (name, end), places in laid.items():  # all at once, which compiles sooner
+            layers, numbers = np.array(places).T
+            stack = stack.with_values(name, layers, values[numbers], end)
         # Half-spaces have no length, which would cost where they lose.
         return stack.with_values("thickness", [0, -1], 0.0)
 

@@ -32,7 +32,7 @@ jax.config.update("jax_enable_x64", True)
 # What follows a line does so to rounding, and a bit more.
 _LINEAR = 1e-9
 _MADE = 8  # members that are made to make sure
-_BLOCK = 500
+_BLOCK = 512
 _ONE_BY_ONE = 8
 _LOOKED_AT = "the layers and their media"
 _OVER = ("sector", "frequency")
@@ -126,10 +126,11 @@ class TransmissionMeasure:
         failed = np.array([message != "" for message in messages])
         if failed.all():
             return {}, messages
-        # A member that can't be is another, so that the batch keeps its shape.
-        stand_in = int(np.argmin(failed))
-        chosen = np.where(failed, stand_in, np.arange(len(failed)))
-        chosen = np.append(chosen, np.full(max(0, _BLOCK - len(chosen)), stand_in))
+        # Another stands in for a member that can't be, and for those up to a power of two, so that
+        # blocks of many sizes compile a few times.
+        chosen = np.full(1 << (len(failed) - 1).bit_length(), np.argmin(failed))
+        there = np.flatnonzero(~failed)
+        chosen[there] = there
         batch = jax.tree.map(lambda a: np.asarray(a)[chosen], stack)
         found: dict[str, list[Any]] = {"T": [], "R": [], "transmitted": [], "reflected": []}
         for sector in self.sectors:
