@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.case.layered_case import BarLayers, VariedKey
-from wavesim.differentiable.level_slopes import level, level_and_slopes
+from wavesim.differentiable.graded_slices import uniform_slices
+from wavesim.differentiable.stack_transmission import transmission
 from wavesim.differentiable.traced_layers import TracedLayers
 from wavesim.layered.transmission import specimen
 from wavesim.material.layers import Layers
@@ -152,14 +153,6 @@ class Problem:
         most = self.longest / jnp.maximum(x @ self.by_x, 1e-300)
         return jnp.where(self.by_x > 0, x * jnp.minimum(most, 1.0)[:, None], x)
 
-    @property
-    def _sectors(self) -> dict[str, list[int]]:
-        """{sector: which wishes it has}."""
-        found: dict[str, list[int]] = {}
-        for n, wish in enumerate(self.wishes):
-            found.setdefault(wish.sector, []).append(n)
-        return found
-
     def net(self, count: int, wider: float = 0.0) -> Any:
         """So many frequencies of each wish, of bands wider by a part, (wishes, count), Hz."""
         return np.array([wish.frequencies(count, wider) for wish in self.wishes])
@@ -168,18 +161,12 @@ class Problem:
         """Compiled: L in dB at frequencies of each wish in turn, (members, M), and ∂L/∂x,
         (members, M, n), of x from 0 to 1, (members, n), and each member's frequencies,
         (wishes, count), Hz."""
-        order = np.argsort([n for own in self._sectors.values() for n in own])
 
-        def both(x: Any, frequency: Any) -> tuple[Any, Any]:
-            parts = [
-                (sector, 2 * np.pi * frequency[np.array(own)].ravel())
-                for sector, own in self._sectors.items()
-            ]
-            found = level_and_slopes(self.stack_at, self.values(x), parts, _UNIFORM)
-            level, J = (a.reshape(*frequency.shape, *a.shape[1:])[order] for a in found)
-            return level.ravel(), J.reshape(level.size, -1) * (self.high - self.low)
+        def twice(x: Any, frequency: Any) -> tuple[Any, Any]:
+            found = self._level(self.values(x), frequency, _UNIFORM).ravel()
+            return found, found
 
-        return jax.jit(jax.vmap(both))
+        return jax.jit(jax.vmap(lambda x, f: jax.jacfwd(twice, has_aux=True)(x, f)[::-1]))
 
     def levels(self) -> Callable[[Any, Any], Any]:
         """Compiled: L in dB, (members, wishes, count), of values (members, n), at
@@ -189,13 +176,13 @@ class Problem:
 
     def _level(self, values: Any, frequency: Any, slices: int) -> Any:
         """L of one stack, (wishes, count)."""
-        stack, found = self.stack_at(values), [jnp.zeros(())] * len(self.wishes)
-        for sector, own in self._sectors.items():
-            omega = 2 * np.pi * frequency[np.array(own)]
-            levels = level(stack, sector, omega.ravel(), slices).reshape(omega.shape)
-            for n, part in zip(own, levels, strict=True):
-                found[n] = part
-        return jnp.stack(found)
+        stack, found = uniform_slices(self.stack_at(values), slices), dict[int, Any]()
+        for sector in {wish.sector: None for wish in self.wishes}:
+            own = np.array([n for n, wish in enumerate(self.wishes) if wish.sector == sector])
+            omega = 2 * np.pi * frequency[own]
+            level = transmission(stack, sector, omega.ravel()).level.reshape(omega.shape)
+            found |= zip(own.tolist(), level, strict=True)
+        return jnp.stack([found[n] for n in range(len(self.wishes))])
 
     def descent(self) -> Callable[[Any, int, float], Any]:
         """Compiled: x (members, n), from 0 to 1, after so many steps of Adam down
