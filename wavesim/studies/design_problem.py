@@ -216,8 +216,9 @@ class Problem:
             return (self.cut(jnp.clip(x - rate * d, 0.0, 1.0)), mean, square), None
 
         def go(x: Any, seed: int, begin: float) -> Any:
-            parts = begin + (1 - begin) * jnp.arange(STEPS) / STEPS
-            given = parts, jnp.arange(1, STEPS + 1), jax.random.split(jax.random.key(seed), STEPS)
+            counted = np.arange(1.0, STEPS + 1)
+            parts = begin + (1 - begin) * (counted - 1) / STEPS
+            given = parts, counted, jax.random.split(jax.random.key(seed), STEPS)
             none = jnp.zeros_like(x)
             return jax.lax.scan(step, (x, none, none), given)[0][0]
 

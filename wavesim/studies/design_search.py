@@ -32,6 +32,8 @@ _KEPT = 40
 _SECONDS = 40.0
 # What lacks less (dB) is given twice the time.
 _NEARLY = 1.0
+# What lacks more is given up once so many rounds from fresh starts end at the same, or so near it.
+_AGREE, _SAME = 3, 1.02
 _MOST = 100_000
 # Every round but the first has one that begins about so many best, moved by such parts of x, this
 # far down.
@@ -50,17 +52,15 @@ class Found:
 
     Attributes:
         values: of the variables, in their units, shape (n,).
-        evaluations: stacks whose T was computed.
         starts: from how many starts.
         seconds: it took.
-        ended: whether by its longest time, in the midst of a round.
+        why: it ended where a wish is missed, as a sentence goes on; "" of its time as usual.
     """
 
     values: Any
-    evaluations: int
     starts: int
     seconds: float
-    ended: bool
+    why: str
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
     enough, nearly = (seconds, seconds) if seconds else (_SECONDS, 2 * _SECONDS)
     points = qmc.Sobol(len(own.problem.keys), seed=seed)
     rng = np.random.default_rng(seed)
-    found: list[Kept] = []
+    found, afresh = list[Kept](), list[float]()
     best: Kept | None = None
     layers = sum(16 if grading else 1 for grading in own.problem.stack.gradings)
     most = min(_STARTS, max(1, _LAYERS // (layers * len(own.problem.wishes))))
@@ -111,7 +111,9 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
             starts = [(points.random(count), 0.0) for _ in range(_SIDE_BY_SIDE)]
             if found:
                 starts[-1] = _about([one.x for one in found[:_ELITE]], count, rng), _BEGIN
-            found += pool.map(partial(_round, own, done), *zip(*starts, strict=True))
+            new = list(pool.map(partial(_round, own, done), *zip(*starts, strict=True)))
+            afresh.append(new[0].short)
+            found += new
             found.sort(key=lambda one: (one.short, -one.made))
             done += count * len(starts)
             still, best = best is found[0], found[0]
@@ -120,10 +122,16 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
             kept = best.short == 0 and (best.made >= _SURE or still)
-            if kept or own.ended or taken > (nearly if 0 < best.short < _NEARLY else enough):
+            same = sum(short <= _SAME * best.short for short in afresh) >= _AGREE
+            hopeless = best.short > _NEARLY and same
+            over = taken > (nearly if 0 < best.short < _NEARLY else enough)
+            if kept or hopeless or own.ended or over:
                 break
     values, taken = own.problem.values(found[0].x), time.perf_counter() - begun
-    return Found(values, own.evaluations, done, taken, own.ended)
+    why = "its time was up; more (--at-most 30min), " if own.ended else ""
+    if hopeless:
+        why = f"{_AGREE} searches afresh end at the same, so likely none does; "
+    return Found(values, done, taken, why)
 
 
 def _about(best: list[Any], count: int, rng: Any) -> Any:
