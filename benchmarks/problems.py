@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 import wavesim as ws
 from wavesim.grid.stencils import difference_weights
-from wavesim.material.rotation_equations import ROTATION
-from wavesim.material.scaling import block_coefficients, scales
+from wavesim.material.granular_equations import ROTATION
+from wavesim.material.scaling import block_coefficients, scales, to_fields
 from wavesim.simulation.simulation import simulation
 from wavesim.timedomain.integrate import equation_of
-from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.sparse_matrix import flat, sparse_matrix
 
 Float = NDArray[np.float64]

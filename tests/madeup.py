@@ -8,9 +8,9 @@ import numpy as np
 
 from wavesim.grid.bar import layered_bar
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.pulse_test import pulse_test
 from wavesim.readings.bar.reading import Reading

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.family import weights
+from wavesim.material.granular_equations import ROTATION, Closure
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION, Closure
 from wavesim.planewave.appendix_c import DETERMINANTS, PRINTED, UNKNOWNS
 
 Factors = tuple[float, float, float, float]

@@ -31,7 +31,7 @@ def call(*arguments: object, alone: bool = True) -> Result:
 
     Alone, what a process beside a run would do is done here, where it is loaded already.
     """
-    beside = patch("wavesim.report.drawn_beside.begun_beside", lambda: nullcontext(Here()))
+    beside = patch("wavesim.report.run_files.begun_beside", lambda: nullcontext(Here()))
     with beside if alone else nullcontext():
         return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
 

@@ -15,8 +15,8 @@ from wavesim.material.contact_tensors import (
     gradient_stiffness,
     relative_stiffness,
 )
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import BlockCoefficients
 from wavesim.planewave.eigenproblem import solve
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from wavesim import planewave
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave import appendix_c
 from wavesim.planewave import eigenproblem as spectral
 

@@ -240,3 +240,10 @@ def test_names_of_the_package_lead_somewhere():
     assert set(dir(wavesim)) == {*wavesim.__all__, "__doc__", "__version__"}
     with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
         wavesim.Nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("begun", ["import wavesim, jax", "import jax, wavesim"])
+def test_numbers_given_to_jax_before_a_run_keep_their_digits(begun):
+    """In single precision a difference quotient over 1e-6 of a medium would be off by a tenth."""
+    told = "assert jax.numpy.asarray(0.3) + 1e-12 > 0.3 + 0.9e-12"
+    subprocess.run([sys.executable, "-c", f"{begun}\n{told}"], check=True, timeout=60)

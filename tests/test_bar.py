@@ -10,7 +10,7 @@ from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.points import sampling, spread
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.simulation.resolution import highest_carried
+from wavesim.simulation.simulation import highest_carried
 
 ENDED = Bar(64, 1.25e-4, 8, "free", "fixed")
 STEPPED = layered_bar(

@@ -32,7 +32,7 @@ from wavesim.readings.bar.transmission import scattered, specimen
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate
 from wavesim.sources import InitialField, Ricker, unfolded
 from wavesim.verdict.bar import judge_bar
-from wavesim.verdict.bar_notes import bar_notes
+from wavesim.verdict.bar_answers import bar_notes
 
 
 def transforming(monkeypatch, module, made):

@@ -45,6 +45,8 @@ def told(case, *overrides):
         ("slab", "sources[x].peak_frequency=1e6", "unknown table; did you mean sources"),
         ("slab", "sources[0].peak_frequency='1 MHz'", "unit: 1000000.0"),
         ("slab", "bar.constrained-x=3", "constrained-x = 3: unknown key"),
+        ("slab", "bar.left=2026-01-01", "[bar] left = 2026-01-01: must be"),
+        ("slab", "bar.left=[true, {a=07:32:00}]", "[bar] left = [true, {a = 07:32:00}]: must be"),
         ("slab", "layer=[{from=0.0}]", "[[layer]]: unknown table; did you mean layers?"),
     ],
 )  # fmt: skip

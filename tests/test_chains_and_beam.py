@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from chains import Beam, Diatomic
+from chains import Beam, Diatomic, MassInMass
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
-from wavesim.records.relations import MassInMass
 from wavesim.records.synthetic import Pulse, positions, synthesize
 from wavesim.verdict.recovered_points import match, match_in_space
 

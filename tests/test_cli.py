@@ -18,8 +18,8 @@ from wavesim.cli import main as cli
 from wavesim.cli.arguments import Quantity
 from wavesim.cli.main import main
 from wavesim.io.result_reader import describe
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.report import terminal
 from wavesim.timedomain import integrate, time_step
 

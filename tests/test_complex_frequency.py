@@ -12,8 +12,8 @@ from media import media, twelve_by_twelve
 
 from wavesim import planewave
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 
 TABLE_1 = Medium(anisotropy=0.25, closure="consistent")
 BAR = TABLE_1.time_scale

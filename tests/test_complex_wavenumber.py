@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from media import any_media, media
 
 from wavesim import planewave
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave import eigenproblem as spectral
 from wavesim.planewave.complex_wavenumber import complex_waves, wavenumber
 

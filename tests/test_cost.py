@@ -16,7 +16,7 @@ from media import any_media
 
 import wavesim as ws
 from wavesim.grid.stencils import difference_norm
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.simulation import simulation
 from wavesim.timedomain import cost as costs

@@ -11,7 +11,7 @@ import pytest
 
 from wavesim.io import result_reader as resultfile
 from wavesim.io.folder_lock import NAME, locked
-from wavesim.io.gathering import Taking
+from wavesim.io.packing import Taking
 
 
 def contents(path):

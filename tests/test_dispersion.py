@@ -16,8 +16,8 @@ import pytest
 from madeup import made_field
 
 from wavesim.grid.bar import Bar
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import scales
 from wavesim.readings.dispersion import spectrum as dispersion
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, peaks, ridges, spectrum

@@ -41,6 +41,50 @@ def test_unequal_gains_make_no_waves(method, gain):
     assert np.mean(off.min(axis=0) <= own.bar) >= 0.88
 
 
+@pytest.mark.parametrize("fault", ["hum", "clocks", "unmended clocks", "interpolated"])
+def test_what_receivers_differ_by_makes_no_waves(fault, rng):
+    """A hum of unequal gains, clocks off by 0.003 to 0.1 of a period, samples between others by
+    straight lines: each leaks waves into all wavenumbers at one frequency, no flat branch."""
+    count = 24
+    x, t = np.arange(count) * 1e-3, np.arange(1000) * 2e-7
+    late = {"clocks": 1e-8, "unmended clocks": 3e-7, "interpolated": 1e-7}.get(fault, 0.0)
+    late = late * (rng.uniform(0, 1, count) if fault == "interpolated" else rng.normal(size=count))
+    k = 2 * np.pi * np.arange(1, 11) / (count * 1e-3)
+    phase = rng.uniform(0, 2 * np.pi, (2, len(k)))
+    u = np.zeros((len(t), count))
+    for sign, own in zip((1, -1), phase, strict=True):
+        for q, begin in zip(k, own, strict=True):
+            w = 2000.0 * q
+            steps = np.floor(late / 2e-7) * 2e-7, np.ceil(late / 2e-7) * 2e-7
+            part = (late - steps[0]) / 2e-7 if fault == "interpolated" else 0.0
+            first, second = (late, late) if fault != "interpolated" else steps
+            for share, moved in ((1 - part, first), (part, second)):
+                u += share * np.cos(sign * q * x - w * (t[:, None] - moved) + begin)
+    u = u / np.abs(u).max() + 1e-5 * rng.normal(size=u.shape)
+    if fault == "hum":
+        u += 0.05 * np.sin(2 * np.pi * 31e3 * t)[:, None] * np.exp(0.2 * rng.normal(size=count))
+    found = in_time(for_frequency_at_k(record(u, t, x, ring=True, quiet_from=0.0)))
+    own = found.take(found.valid)
+    assert (np.abs(own.omega - 2000 * own.k) < 0.01 * own.omega).sum() >= 0.95 * len(own)
+    assert len(own) >= (0 if fault == "unmended clocks" else 8)
+
+
+@pytest.mark.parametrize("met", [0.01, 0.5])
+def test_a_weak_flat_branch_is_one_though_another_meets_it(met, rng):
+    """A branch of 0.05 of the acoustic one's amplitude, which that meets at m + ½ or near m."""
+    count = 24
+    x, t = np.arange(count) * 1e-3, np.arange(1000) * 2e-7
+    k = 2 * np.pi * np.arange(1, 11) / (count * 1e-3)
+    flat = 2000.0 * (k[4] + met * k[0])
+    u = np.zeros((len(t), count))
+    for q in k:
+        for size, w in ((1.0, 2000.0 * q), (0.05, flat)):
+            u += size * np.cos(q * x - w * t[:, None] + rng.uniform(0, 2 * np.pi))
+    found = in_time(for_frequency_at_k(record(u, t, x, ring=True, quiet_from=0.0)))
+    own = found.take(found.valid)
+    assert (np.abs(own.omega - flat) < 1e-3 * flat).sum() >= 8
+
+
 @pytest.fixture(scope="module")
 def thermal():
     """A chain, ω = 10⁶ |sin(ka/2)|, that is driven and damped at random: lines of 1/T and more."""

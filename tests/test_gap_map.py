@@ -9,8 +9,8 @@ import pytest
 
 from wavesim import planewave
 from wavesim.figures.sweep import sweep_figures
+from wavesim.material.granular_equations import ROTATION, SPECTRAL_CLOSURES
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION, SPECTRAL_CLOSURES
 from wavesim.material.several_families import together
 from wavesim.planewave.eigenproblem import spectral_form
 from wavesim.planewave.gap_map import gap_map, room, table

@@ -7,7 +7,7 @@ import pytest
 from media import unit_wavenumber
 
 from wavesim.grid.stencils import modified_wavenumber
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, series
 from wavesim.readings.dispersion.harmonic_inversion import invert

@@ -9,12 +9,11 @@ import pytest
 
 from wavesim import layered as layeredwave
 from wavesim import planewave
-from wavesim.layered.ends import returned
-from wavesim.layered.stack import Stack
+from wavesim.layered.stack import Stack, returned
 from wavesim.material.damping import Damping
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)
@@ -136,6 +135,39 @@ def test_damped_bars_resonate_where_a_wave_returns_as_it_left(rate, alike):
         return np.linalg.svd(np.eye(S.shape[-1]) - S @ R, compute_uv=False)[:, -1]
 
     assert (least(known) <= 1e-9 * least(known * 1.01)).all()
+
+
+@pytest.mark.parametrize("density", [1570.0, 1575.0])
+@pytest.mark.parametrize("gradient", [0.0, 0.5])
+def test_pairs_of_a_ring_stay_two_where_laws_of_loss_differ(density, gradient):
+    """Winding of det(1 − S R) round each eigenfrequency: as many as are given within.
+
+    A ring of one medium has each twice without loss; of two media that are nearly one, two that
+    losses push past each other. Each circle goes through no other.
+    """
+    one, two, three = (
+        dataclasses.replace(ONE, G_n_g=gradient, damping=law, density=rho)
+        for law, rho in (
+            (Damping(mass=0.09 / BAR), 1570.0),
+            (Damping(stiffness=0.004 * BAR), density),
+            (Damping(rates=(1 / BAR,), strengths=(0.04,)), 1570.0),
+        )
+    )
+    parts = ((0.0, 3e-3, one), (3e-3, 5e-3, two), (5e-3, 8.5e-3, three))
+    layers = Layers(tuple(Layer(*part) for part in parts))
+    found = layeredwave.resonances(
+        layers, *2 * ["periodic"], "longitudinal", (0.05 / BAR, 0.7 / BAR)
+    )
+    assert len(found) in (2, 4, 6)
+    assert np.isfinite(found).all()
+    for own in found:
+        distance = np.abs(found - own) / abs(own)
+        apart = distance[distance > 1e-9].min(initial=2e-3)
+        at = own * (1 + apart / 2 * np.exp(1j * np.linspace(0, 2 * np.pi, 257)))
+        stack = Stack(layers, ROTATION.blocks[0], at, gradient > 0)
+        S, R = stack.whole().whole, returned(stack, "periodic", "periodic")
+        turned = np.unwrap(np.angle(np.linalg.det(np.eye(S.shape[-1]) - S @ R)))
+        assert round((turned[-1] - turned[0]) / (2 * np.pi)) == (distance <= 1e-9).sum()
 
 
 def test_what_has_no_answer_is_refused():

@@ -18,9 +18,9 @@ from wavesim.layered.cross_section import generator, joined
 from wavesim.layered.stack import Stack
 from wavesim.layered.star_product import star
 from wavesim.material.damping import Damping
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 
 ONE = Medium(anisotropy=0.25, closure="consistent", G_n_g=0.0)
 TWO = Medium(anisotropy=0.6, closure="consistent", density=2300.0, G_n_a=8.0, G_n_g=0.0)

@@ -13,7 +13,7 @@ import pytest
 
 import wavesim as ws
 from wavesim.material.damping import Damping, constant_quality
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.decaying_waves import WEAKEST, WEAKEST_RELAXING
 from wavesim.records.of_field import block_record
 from wavesim.records.of_medium import RecordOfMedium

@@ -18,9 +18,9 @@ from wavesim.material.contact_tensors import (
     gradient_stiffness,
     relative_stiffness,
 )
+from wavesim.material.granular_equations import CLOSURES
 from wavesim.material.medium import Medium
 from wavesim.material.parameter import PARAMETERS
-from wavesim.material.rotation_equations import CLOSURES
 
 POSITIVE = (
     "branch_length",

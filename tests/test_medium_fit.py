@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from media import MEDIUM, unit_wavenumber
 
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.of_field import block_record

@@ -13,14 +13,14 @@ from scipy.sparse.linalg import eigs, splu
 from wavesim.grid.bar import Bar, layered_bar
 from wavesim.layered import resonances
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 from wavesim.planewave import gaps, wavenumber
 from wavesim.simulation.simulation import simulation
 from wavesim.sources import Ricker
-from wavesim.timedomain.energy import energy
+from wavesim.timedomain.equation import energy
 from wavesim.timedomain.operator import operator
 from wavesim.timedomain.sparse_matrix import flat, second_order, sparse_matrix, unflat
 from wavesim.timedomain.time_step import series_coefficients, time_step

@@ -9,8 +9,8 @@ import pytest
 
 from wavesim import planewave
 from wavesim.figures.bands import band_figure
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper import reproduction as paper
 from wavesim.paper.claims import CLOSURES
 from wavesim.planewave import bands

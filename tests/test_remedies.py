@@ -27,16 +27,17 @@ from madeup import (
 from wavesim import planewave
 from wavesim.cli import main as cli
 from wavesim.grid.bar import Bar, layered_bar
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Energy
 from wavesim.sources import Ricker, ToneBurst
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import judge_bar
-from wavesim.verdict.bar_notes import bar_notes
+from wavesim.verdict.bar_answers import bar_notes
 from wavesim.verdict.check import Check, energy_checks
+from wavesim.verdict.foreseen_errors import of_frequencies, of_wavenumbers
 
 LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(closure="consistent", anisotropy=0.25)
@@ -68,7 +69,8 @@ def test_a_finer_grid_is_told_where_the_grid_explains_the_error():
     slow = OfMedium(MEDIUM, LONGITUDINAL, coarse.bar).omega(k)
     error = np.abs(slow / planewave.block_frequencies(MEDIUM, LONGITUDINAL, k) - 1)[:, 0].max()
     assert error == pytest.approx(8.08e-4, rel=0.01)
-    assert remedies.grid_error(coarse, LONGITUDINAL, k)[:, 0].max() == pytest.approx(error)
+    _, by_grid = of_frequencies(coarse, LONGITUDINAL, k)
+    assert by_grid[:, 0].max() == pytest.approx(error)
     told = remedies.of_frequencies(coarse, LONGITUDINAL, k, 0, error)
     assert re.match(
         r"take \[bar\] order = 8 \(now 2\), or \[bar\] spacing = \S+ \(\d+ cells\) or finer",
@@ -102,7 +104,7 @@ def test_wavenumbers_tell_the_grid_from_the_end_of_the_record():
         OfMedium(MEDIUM, LONGITUDINAL, bar).wavenumber(omega) for bar in (None, field.bar)
     )
     error = np.abs(slow / exact - 1)
-    assert remedies.wavenumber_grid_error(field, LONGITUDINAL, omega, error) == pytest.approx(1)
+    assert of_wavenumbers(field, LONGITUDINAL, omega) == pytest.approx(error)
     assert "[bar] spacing" in remedies.of_wavenumbers(field, LONGITUDINAL, omega, error)
     told = remedies.of_wavenumbers(endless(8), LONGITUDINAL, omega, error)
     assert told.startswith("raise [analysis] damping to 21 (now 15)")

@@ -24,8 +24,9 @@ from wavesim.io import result_reader as resultfile
 from wavesim.io import result_writer as storage
 from wavesim.io.packing import PACKED, deflated, fletcher32, pack, packed_dataset
 from wavesim.io.result_layout import FORMAT_VERSION
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
+from wavesim.records.run_folder import open_run
 from wavesim.simulation.field import Energy
 
 CELLS, RECEIVER = 64, 5.03e-3
@@ -284,10 +285,12 @@ def kill_and_look(case, path, kills):
     simulation = dataclasses.replace(load(case).simulation, samples=4000)
     rng = np.random.default_rng(40)
     seen = []
-    for wait in rng.uniform(0.0, 0.25, kills):
+    for several in rng.uniform(0.0, 10.0, kills):
         results = writer(path, simulation)
         results.create()
+        begun = time.monotonic()
         results.append(*frames(simulation, 0, 1))
+        wait = several * (time.monotonic() - begun)  # of so many of them
         child = os.fork()
         if child == 0:
             for first in range(1, 10**6, 3):
@@ -467,3 +470,12 @@ def test_new_run_takes_away_the_old_verdict(small_case, tmp_path, monkeypatch):
         runner.run(load(small_case), tmp_path)
     assert caught.value.code == 3
     assert not any(path.exists() for path in old)
+
+
+def test_a_stored_field_is_indexed_as_an_array_is(small_run):
+    """Backward, by a mask, out of order: what NumPy takes of an array is taken of a stored one."""
+    stored = open_run(small_run.result).field["phi1"]
+    values = np.asarray(stored)
+    mask = np.arange(len(values)) % 3 == 1
+    for key in (np.s_[::-1], np.s_[5:1:-2], np.s_[:, ::-1], np.s_[-1], np.s_[mask], np.s_[[3, 1]]):
+        assert (stored[key] == values[key]).all()

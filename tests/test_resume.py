@@ -130,14 +130,14 @@ def test_killed_run_resumes_bit_for_bit(ring_run, tmp_path):
     """SIGKILL in the middle of `wavesim run`; --resume completes it; every stored number is that
     of the run that was not interrupted."""
     # The run pauses after its second chunk, so that the kill comes in the middle of it, and after
-    # the first, as what is stored is shown twice a second.
+    # the first, as what is stored is shown every two seconds.
     program = (
         "import sys, time; from wavesim.io import result_writer as storage\n"
         "from wavesim.cli.main import main\n"
         "append = storage.Results.append\n"
         "def slow(self, first, *rest):\n"
         "    append(self, first, *rest)\n"
-        "    if first == 0: time.sleep(0.6)\n"
+        "    if first == 0: time.sleep(2.1)\n"
         "    if first > 1: print('there', flush=True); time.sleep(600)\n"
         "storage.Results.append = slow\n"
         "main(sys.argv[1:])\n"
@@ -175,3 +175,19 @@ def test_killed_run_resumes_bit_for_bit(ring_run, tmp_path):
         runner.run(other, tmp_path, resume=True)
     assert "run without --resume, or name another folder" in str(caught.value)
     assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
+
+
+def test_a_run_shorter_than_a_chunk_resumes_once_complete(bar_run, tmp_path):
+    """None of its frames ever filled a chunk of a part; a field that is not there is told."""
+    short = bar_run.case, "--set", "time.samples=20", "--out", tmp_path, "--quiet"
+    call("run", *short)
+    before = tmp_path / "before.h5"
+    before.write_bytes((tmp_path / "result.h5").read_bytes())
+    resumed = call("run", *short, "--resume")
+    assert resumed.exit_code in (0, 1), resumed.output
+    assert different(before, tmp_path / "result.h5") == []
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        del file["fields/phi1"]
+    damaged = call("run", *short, "--resume")
+    assert damaged.exit_code == 2
+    assert "damaged" in damaged.output

@@ -9,7 +9,7 @@ from scipy.interpolate import BarycentricInterpolator
 from wavesim.case.load import load
 from wavesim.figures.drawing import drawings
 from wavesim.material.family import known_field
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.verdict.judgement import measure
 
 NAMES = [

@@ -13,7 +13,7 @@ from exact import modal_field
 from media import twelve_by_twelve
 
 from wavesim.figures.drawing import drawings
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.verdict.judgement import measure
 
 NAMES = ["bandgap_pulse", "consistent", "isotropic", "longitudinal_fine", "translation"]

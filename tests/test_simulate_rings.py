@@ -15,7 +15,7 @@ import pytest
 from exact import modal_field
 
 import wavesim as ws
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.scaling import scales
 
 CELL = 2.5e-4

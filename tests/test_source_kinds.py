@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.simulation.simulation import highest_band
 from wavesim.sources import (

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from chains import Beam, Diatomic
+from chains import Beam, Diatomic, MassInMass
 from media import MEDIUM
 from scipy.integrate import quad
 
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.records.record import RecordError
-from wavesim.records.relations import Given, MassInMass, OfMedium
+from wavesim.records.relations import Given, OfMedium
 from wavesim.records.synthetic import Pulse, Spoil, driven, positions, synthesize
 
 CHAIN = MassInMass(0.01, 1e6, 0.01, 2e5, 0.005)

@@ -7,8 +7,8 @@ from madeup import made_field
 
 from wavesim import planewave
 from wavesim.grid.bar import Bar
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.dispersion import decay_along_ring as transmission
 from wavesim.readings.dispersion.decay_along_ring import (

@@ -8,9 +8,9 @@ from madeup import made_field
 
 from wavesim import planewave
 from wavesim.grid.bar import Bar
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.layers import as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.planewave.dispersion_relation import driven_waves
 from wavesim.readings.dispersion.extract import Measured, extract
 from wavesim.readings.dispersion.spectrum import LOBE_BINS, Ridge, Spectrum

@@ -16,8 +16,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from wavesim.material.family import known_field
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.material.scaling import block_coefficients, scales
 
 a, el = sp.symbols("a l")

@@ -18,8 +18,7 @@ from wavesim.layered.signals import signals
 from wavesim.readings.matched_record import MatchError, matched, resampling
 from wavesim.readings.misfit import misfit
 from wavesim.records.of_pulse_test import PulseTestRecord
-from wavesim.studies.comparison import compare
-from wavesim.studies.fit_answer import of_waveforms
+from wavesim.studies.fit_answer import compare, of_waveforms
 from wavesim.studies.fitted_keys import targets
 from wavesim.studies.least_squares import FitError, Parameter, solve
 from wavesim.studies.waveform_fit import Waveforms
@@ -288,16 +287,33 @@ def test_layers_keep_what_is_their_own(tmp_path):
     with pytest.raises(FitError, match="losses of their own"):
         targets(loaded, ["medium.quality_factor"])
     graded = TWO.format(first="", second="anisotropy = [0.2, 0.4]", last=length - 0.012)
-    for key in ("medium.anisotropy", "layers.1.anisotropy"):
-        with pytest.raises(FitError, match=r"layers\.1 is graded in anisotropy"):
-            targets(laid_out(graded, [np.nan], tmp_path)[0], [key])
+    loaded, _ = laid_out(graded, [np.nan], tmp_path)
+    with pytest.raises(FitError, match=r"from 0\.012 m on is graded in anisotropy"):
+        targets(loaded, ["layers.1.anisotropy"])
+    assert [one.layers for one in targets(loaded, ["medium.anisotropy"])] == [(0,)]
     assert targets(laid_out(graded, [np.nan], tmp_path)[0], ["medium.density"])
+
+
+def test_layers_are_counted_as_the_file_has_them(tmp_path):
+    """Beside a half-space, which is a layer of the bar and none of the file: layers.1 is the second
+    [[layers]], and medium.density that of all that do not have their own."""
+    path = case(tmp_path)
+    own = TWO.format(first="density = 2000.0", second="", last=0.008)
+    path.write_text(path.read_text().replace('left = "free"', 'left = "half-space"')
+                    .replace("length = 0.02\n", "") + own)  # fmt: skip
+    loaded = load(path)
+    for key, there in (("layers.0.density", (1,)), ("layers.1.density", (2,)),
+                       ("medium.density", (0, 2))):  # fmt: skip
+        (found,) = targets(loaded, [key])
+        assert found.layers == there
+        of_key = {loaded.simulation.layers.layers[n].medium.density for n in there}
+        assert of_key == {2000.0 if key == "layers.0.density" else 2600.0}
 
 
 @pytest.mark.parametrize(
     ("key", "message"),
-    [("medium.length", "must end in one of"), ("layers.7.density", "has 1 layers, from 0 on"),
-     ("bar.density", "must be medium.NAME or layers.N.NAME"),
+    [("medium.length", "must end in one of"), ("layers.7.density", "no layer stands at layers.7"),
+     ("bar.density", "no layer stands at bar"),
      ("layers.0.quality_factor", "one quality factor is fitted for all")],
 )  # fmt: skip
 def test_keys_that_are_no_parameters_are_refused(key, message, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from media import MEDIUM
 
-from wavesim.material.rotation_equations import ROTATION
+from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space

@@ -15,8 +15,15 @@ wavesim`` is quick and the plane-wave solver needs no jax.
 from __future__ import annotations
 
 import importlib
+import os
 import re
+import sys
 from typing import Any
+
+# The scheme needs double precision, and so do the numbers that a user gives to jax beforehand.
+os.environ["JAX_ENABLE_X64"] = "true"
+if "jax" in sys.modules:
+    sys.modules["jax"].config.update("jax_enable_x64", True)
 
 # {name: (where it is at home, its name there)}, of each statement of import in the stub.
 _HOMES: dict[str, tuple[str, str]] = {}

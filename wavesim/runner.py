@@ -12,8 +12,7 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from wavesim.report import drawn_beside
-from wavesim.report.run_files import summary, take_away_old, write
+from wavesim.report.run_files import Pictures, begun_beside, reached, summary, take_away_old, write
 from wavesim.verdict.judgement import FOLDER, measure, needed
 from wavesim.worker import Answer, Here, SharedArray, Worker
 
@@ -78,7 +77,7 @@ def run(
         folder: where to write; made if need be.
         resume: carry on from the result file that is there.
         progress: called with the name of the stage and the part of it done.
-        beside: of ``drawn_beside.begun_beside``, where it was begun before; the caller ends it.
+        beside: of ``run_files.begun_beside``, where it was begun before; the caller ends it.
         figures: draw all figures too.
         rerun: the command that runs this case, for the page.
 
@@ -100,9 +99,9 @@ def run(
             _begin(folder)
         if folder.is_dir():
             until_the_end.enter_context(locked(folder))
-        own = beside or until_the_end.enter_context(drawn_beside.begun_beside())
-        worker = drawn_beside.reached(simulated, own)
-        known = None if simulated.endless else _expected(case, worker)
+        own = beside or until_the_end.enter_context(begun_beside())
+        worker = reached(simulated, own)
+        known = _expected(case, worker)
         from wavesim.timedomain.compiled import keep_compiled
 
         keep_compiled()
@@ -121,8 +120,8 @@ def run(
         loading.join()
         tell("analyse", 0.0)
         field = _field(results, steps, storing, kept, energies)
-        pictures = drawn_beside.Pictures(worker, folder, figures, field)
-        found = measure(case, field, known and known.result())
+        pictures = Pictures(worker, folder, figures, field)
+        found = measure(case, field, known.result())
         laps.end("analyse")
         tell("figures", 0.0)
         pictures.of_found(found, case.title or folder.name)
@@ -262,15 +261,6 @@ def _integrated(
     meanwhile: Callable[[], object],
 ) -> list[Energy]:
     """Integrate, and store each chunk while the next one is integrated.
-
-    Args:
-        simulated: what is run.
-        results: where to.
-        start: to carry on from; None begins at t = 0.
-        storing: what stores them.
-        laps: where to note the seconds spent.
-        tell: progress.
-        meanwhile: called while Python has nothing to do.
 
     Returns:
         The energy of each chunk.

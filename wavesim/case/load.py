@@ -20,8 +20,7 @@ from wavesim.grid.summation_by_parts import closure
 from wavesim.material.layers import End, Layers, as_layers, check_follow
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import JUDGED, judged_range
-from wavesim.simulation.resolution import check_carried
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, check_carried
 from wavesim.sources import Source
 
 # Length of the absorbing layer at an end, in branch lengths of the medium there.
@@ -39,7 +38,7 @@ class Case:
         simulation: what is simulated.
         analysis: what is read from the field.
         k_range: wavenumbers between which branches of an endless bar are judged, rad/m.
-        medium: of [medium], which layers inherit from.
+        material: its medium and layers as the file has them.
         tables: the file's tables, every default filled in but those of [time] and [analysis].
         notes: what was taken otherwise than it was written, as the grid has it.
     """
@@ -48,17 +47,17 @@ class Case:
     simulation: Simulation
     analysis: AnalysisTable
     k_range: tuple[float, float]
-    medium: Medium
+    material: BarLayers
     tables: dict[str, Any]
     notes: tuple[str, ...] = ()
 
-    def resolved(self, solver: str, step: float) -> str:
-        """The case as TOML, every default filled in; a run of it repeats this one.
+    @property
+    def medium(self) -> Medium:
+        """That of [medium], which layers inherit from."""
+        return self.material.medium
 
-        Args:
-            solver: that was taken.
-            step: its time step, s.
-        """
+    def resolved(self, solver: str, step: float) -> str:
+        """The case as TOML, every default filled in; a run of it repeats this one."""
         tables = dict(self.tables)
         settled = {"solver": solver, "step": step, "samples": self.simulation.frames}
         tables["time"] = tables["time"] | settled
@@ -144,7 +143,7 @@ def build(file: CaseFile, name: str) -> Case:
     if simulation.endless:
         judged = make(("analysis",), _judged, file.analysis, medium, bar)
     tables = _resolved(file, known, bar, absorber, sources)
-    return Case(file.title, simulation, file.analysis, judged, medium, tables, tuple(notes))
+    return Case(file.title, simulation, file.analysis, judged, known, tables, tuple(notes))
 
 
 def _within(position: float, file: CaseFile, bar: Bar) -> float:

@@ -20,10 +20,10 @@ from pydantic.fields import FieldInfo
 
 from wavesim.case.table import Finite, NotNegative, Positive, Table
 from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.granular_equations import Closure
 from wavesim.material.layers import Grading, Layer
 from wavesim.material.medium import Medium, families, medium_of
 from wavesim.material.parameter import PARAMETERS
-from wavesim.material.rotation_equations import Closure
 from wavesim.material.several_families import together
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import difflib
 import typing
 from collections.abc import Sequence
@@ -198,20 +199,23 @@ def _table(annotation: Any) -> Any:
 
 def shown(value: Any) -> str:
     """A value as TOML spells it, cut if it is long."""
-    if isinstance(value, bool):
-        text = str(value).lower()
-    elif isinstance(value, str):
-        text = f'"{value[:_LONGEST]}"'
-    elif isinstance(value, int) and abs(value) >= 10**_LONGEST:
-        text = "a whole number of more than 60 digits"
-    else:
-        text = _represented(value)
-    return printable(text, _LONGEST)
-
-
-def _represented(value: Any) -> str:
-    """A number, an array or a table; Python spells neither what is very long nor very deep."""
     try:
-        return repr(value)
-    except (ValueError, RecursionError):
+        return printable(_spelled(value), _LONGEST)
+    except RecursionError:  # deeper than Python goes
         return "a table" if isinstance(value, dict) else "an array"
+
+
+def _spelled(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value[:_LONGEST]}"'
+    if isinstance(value, int) and abs(value) >= 10**_LONGEST:
+        return "a whole number of more than 60 digits"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_spelled(one) for one in value)}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_spelled(one)}' for key, one in value.items())}}}"
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    return repr(value)

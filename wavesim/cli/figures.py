@@ -28,8 +28,8 @@ def _incomplete(run: Any) -> None:
 def figures(folder: str, only: tuple[str, ...], kind: str, out: str | None) -> None:
     """Draw the figures of a run from the FOLDER of its results."""
     from wavesim.records.run_folder import open_run
-    from wavesim.report.drawn_beside import begun_beside, reached
     from wavesim.report.progress import counted
+    from wavesim.report.run_files import begun_beside, reached
     from wavesim.verdict.judgement import measure
 
     with begun_beside() as process:

@@ -29,12 +29,11 @@ from wavesim.cli.arguments import (
     read_case,
 )
 from wavesim.cli.bands_and_gaps import bands, gaps, print_all_bands
-from wavesim.cli.compare import compare
+from wavesim.cli.compare_and_fit import compare, fit
 from wavesim.cli.design import design
 from wavesim.cli.dispersion import attenuation, dispersion
 from wavesim.cli.figures import animate
 from wavesim.cli.figures import figures as figures_of
-from wavesim.cli.fit import fit
 from wavesim.cli.init_and_cases import cases, completion, init, schema
 from wavesim.cli.interrupts import farewell
 from wavesim.cli.pulse import pulse
@@ -109,7 +108,7 @@ def run(**given: Any) -> None:
     # Its matrices are small: threads that wait for each other's parts keep all cores busy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.disable()  # what is loaded stays: to look through it for garbage takes a twentieth of a run
-    from wavesim.report.drawn_beside import begun_beside
+    from wavesim.report.run_files import begun_beside
 
     # It loads what it needs while this process reads the case.
     with begun_beside() as beside:

@@ -308,7 +308,7 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
 def _write(
     found: dict[str, Any], readings: Sequence[Any], series: Any, folder: Path, quiet: bool
 ) -> None:
-    from wavesim.figures.pulse_records import drawings
+    from wavesim.figures.pulse_test import drawings
     from wavesim.figures.style import write
 
     with writing(folder):

@@ -19,7 +19,6 @@ from wavesim.material.several_families import together
 from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.planewave.eigenproblem import spectral_form
 
-jax.config.update("jax_enable_x64", True)
 # Slices of a graded layer: where Γ is left out, and at most.
 _SLICES, _MOST_SLICES = 96, 4096
 

@@ -34,10 +34,6 @@ class WriteError(StorageError):
 def reading(path: Path, what: str = "") -> Iterator[h5py.File]:
     """A result file, opened; whatever the library stumbles over is told as damage.
 
-    Args:
-        path: of the file.
-        what: is read of it, for messages.
-
     Raises:
         StorageError: it is not there, not of wavesim, or damaged.
     """
@@ -133,15 +129,21 @@ class _Lazy:
         first, *rest = key if isinstance(key, tuple) and key else (key,)
         if first is Ellipsis or (isinstance(first, tuple) and not first):
             first = slice(None)
-        if isinstance(first, slice):
+        if isinstance(first, slice) and (first.step or 1) > 0:
             first = slice(*first.indices(self._frames))
         elif isinstance(first, int | np.integer) and first < 0:
             first += self._frames
         elif isinstance(first, np.ndarray) and first.dtype.kind == "b":
             first = np.flatnonzero(first)
-        return _looked_up(
-            self._path, self._name, lambda file: np.asarray(file[self._name][(first, *rest)])
-        )
+
+        def look(file: h5py.File) -> np.ndarray:
+            stored = file[self._name]
+            try:
+                return np.asarray(stored[(first, *rest)])
+            except (TypeError, ValueError):  # HDF5 goes forward alone, NumPy any way
+                return np.asarray(stored[: self._frames][(first, *rest)])
+
+        return _looked_up(self._path, self._name, look)
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
         return np.asarray(self[()], dtype=dtype)

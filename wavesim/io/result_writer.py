@@ -21,8 +21,7 @@ import h5py
 import numpy as np
 
 from wavesim.grid.points import sampling
-from wavesim.io.gathering import Gathering
-from wavesim.io.packing import chunk_of, pack, packed_dataset, put
+from wavesim.io.packing import Gathering, chunk_of, pack, packed_dataset, put
 from wavesim.io.result_layout import attach_axes, axis, label, lay_out
 from wavesim.io.result_reader import (
     CHECKSUM,
@@ -141,9 +140,9 @@ class Results:
             self._room()
             first = [0, *self._ends]
             parts = [(at, self._part(end)) for at, end in zip(first, self._ends, strict=False)]
-            if not all(path.is_file() for _, path in parts):  # gathered before
-                parts, self._tail = [(0, self.path)], {}
-            points = {name: len(axis(self.simulation, name)[1]) for name in self.simulation.fields}
+            if not self._tail:  # gathered before
+                parts = [(0, self.path)]
+            points = {name: self._points(name) for name in self.simulation.fields}
             known = self.path, points, parts, self._tail, self._frames
             self._gathering = Gathering(*known)
         try:
@@ -206,6 +205,12 @@ class Results:
             self._created = str(file.attrs["created_utc"])
             self._ends = file["restart/ends"][()].tolist()
             self._frames = self._stored = len(file["t"])
+            for name in self.simulation.fields:
+                if file[f"fields/{name}"].shape != (self._frames, self._points(name)):
+                    raise StorageError(
+                        f"{self.path}: damaged: fields/{name} is not of this case; run without "
+                        "--resume"
+                    )
             running = file.attrs["status"] == "running"
             missing = [e for e in self._ends if not self._part(e).is_file()]
             if missing and running:
@@ -224,6 +229,9 @@ class Results:
             self._state = [group[str(n)][()] for n in range(len(group))]
             return self._frames - 1, list(self._state)
 
+    def _points(self, name: str) -> int:
+        return len(axis(self.simulation, name)[1])
+
     def _part(self, end: int) -> Path:
         """The part whose frames end before this one."""
         return self._parts / f"{end:08d}.h5"
@@ -235,7 +243,7 @@ class Results:
             yield
         except StorageError:
             raise
-        except (OSError, RuntimeError, ValueError) as error:
+        except (OSError, RuntimeError, ValueError, KeyError) as error:
             what = getattr(error, "strerror", None) or str(error).partition("\n")[0]
             said = f"{self.path}: can't be written: {what}; {self._stored_and(way_out(error))}"
             raise WriteError(said) from error
@@ -271,7 +279,7 @@ class Results:
 
     def _show(self, file: h5py.File, name: str) -> None:
         """A field as one array, its frames in the parts."""
-        points = len(axis(self.simulation, name)[1])
+        points = self._points(name)
         layout = h5py.VirtualLayout((self._frames, points), np.float64)
         first = 0
         for end in self._ends:

@@ -11,7 +11,7 @@ from typing import Any
 from wavesim.io.result_writer import Results
 
 # result.h5 shows what is stored no sooner than so after the time before, s.
-_SHOWN_EVERY = 0.5
+_SHOWN_EVERY = 2.0
 
 
 class Storing:

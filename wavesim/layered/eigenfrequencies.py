@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered.ends import check_ends, returned
 from wavesim.layered.mode_count import count, elements
-from wavesim.layered.stack import Stack
+from wavesim.layered.stack import Stack, check_ends, returned
 from wavesim.layered.uniform_layer import waves
 from wavesim.material.family import Block, travelling_block
 from wavesim.material.layers import Layers, as_layers
@@ -20,8 +19,9 @@ from wavesim.planewave.eigenproblem import spectral_form
 _SPACING = 1e-4
 # Steps in which loss is brought up.
 _STEPS = 8
-# The last change of a complex eigenfrequency that is known, relative to it.
-_FOLLOWED = 1e-9
+# The last change of a complex eigenfrequency that is known, relative to it; how often it is changed
+# at most, and by what part of it a slope is taken.
+_FOLLOWED, _TRIES, _ASIDE = 1e-9, 30, 1e-6
 # Places at which a graded layer is looked at for the range that its band edges sweep.
 _FINE = 65
 
@@ -188,29 +188,39 @@ def resonances(
 
 
 def damped(layers: Layers, left: str, right: str, block: Block, real: Any, kept: bool) -> Any:
-    """Complex eigenfrequencies, from det(1 − S R) = 0 by secants, loss brought up in steps."""
-    earlier, omega = None, real.astype(complex)
-    known = np.ones(len(real), bool)
+    """Complex eigenfrequencies, from (1 − S R) x = 0, the loss brought up in steps.
+
+    Each is led to its root by successive linear problems, M(ω) x = −δ M′(ω) x with the least |δ|;
+    of those that came to one, as a ring's pairs are without loss, the second takes the second δ.
+
+    Ruhe, SIAM J. Numer. Anal. 10, 674 (1973).
+    """
+    omega = earlier = real.astype(complex)
+    known, each = np.ones(len(real), bool), np.arange(len(real))
     for part in np.linspace(0, 1, _STEPS + 1)[1:]:
         lossy = with_loss(layers, float(part))
 
-        def residue(at: Any, lossy: Layers = lossy) -> Any:
+        def turned_back(at: Any, lossy: Layers = lossy) -> Any:
             stack = Stack(lossy, block, at, kept)
             whole = stack.whole().whole
-            unit = np.eye(whole.shape[-1])
-            return np.linalg.det(unit - whole @ returned(stack, left, right))
+            return np.eye(whole.shape[-1]) - whole @ returned(stack, left, right)
 
-        now = omega * (1 - 1e-6j) if earlier is None else 2 * omega - earlier
-        before, earlier = now * (1 + 1e-7), omega
-        with np.errstate(all="ignore"):  # where one is lost
-            value = residue(before)
-            for _ in range(30):
-                fresh = residue(now)
-                rise = fresh - value
-                step = np.where(rise == 0, 0, fresh * (now - before) / np.where(rise == 0, 1, rise))
-                before, value, now = now, fresh, now - step
-                if (np.abs(step) <= 1e-14 * np.abs(now)).all():
+        now, earlier = 2 * omega - earlier, omega
+        for _ in range(2):
+            alike = np.abs(now[:, None] - now) <= _FOLLOWED * np.abs(now)
+            rank = np.tril(alike, -1).sum(axis=1)
+            for _ in range(_TRIES):
+                with np.errstate(all="ignore"):  # where one is lost
+                    M = turned_back(now)
+                    slope = (turned_back(now * (1 + _ASIDE)) - M) / _ASIDE
+                    known &= np.isfinite(np.sum(M, axis=(1, 2)) / np.linalg.det(slope))
+                M[~known], slope[~known] = 0.0, np.eye(M.shape[-1])
+                steps = -np.linalg.eigvals(np.linalg.solve(slope, M))
+                order = np.argsort(np.abs(steps), axis=1)
+                step = steps[each, order[each, np.minimum(rank, steps.shape[1] - 1)]]
+                now, rank = now * (1 + step), 0 * rank
+                if (np.abs(step) <= 1e-14)[known].all():
                     break
-        known &= np.abs(step) <= _FOLLOWED * np.abs(now)
+        known &= np.abs(step) <= _FOLLOWED
         omega = now
     return np.where(known, omega, np.nan)

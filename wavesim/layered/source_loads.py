@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered import gaussian_load as gaussian
-from wavesim.layered.stack import Load, Stack
+from wavesim.layered.stack import Load, Stack, density
 from wavesim.material.family import Acts, Block, is_macro, known_field
 from wavesim.material.layers import Layers
 
@@ -101,7 +100,7 @@ def held_back(stack: Stack, sources: Sequence[Any], periodic: bool, x: float) ->
         if np.any(share):
             for load in body_loads(stack, [source], periodic):
                 u = load.strength / (-1j * stack.omega * stack.units.time**2)
-                g = gaussian.density(x / stack.units.length, load.position, load.width)
+                g = density(x / stack.units.length, load.position, load.width)
                 found[:, load.component] += share * u * g
     return found
 
@@ -128,7 +127,7 @@ def check_within(layers: Layers, sources: Sequence[Any], periodic: bool) -> None
 
 
 def end_drives(stack: Stack, sources: Sequence[Any], left: str, right: str) -> Any:
-    """p of the ends (``ends``), shape (N, 2n): g/√z of a load, −iω√z g of a prescribed φ.
+    """p of the ends (``stack.returned``), shape (N, 2n): g/√z of a load, −iω√z g of a prescribed φ.
 
     Raises:
         ValueError: a load is not at a free end, or a prescribed φ not at a fixed one.

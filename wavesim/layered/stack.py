@@ -1,8 +1,9 @@
-"""A layered bar cut into pieces at some frequencies, with its sources in them."""
+"""A layered bar cut into pieces at some frequencies, with its sources in them, and its ends."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,14 +11,52 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.layered import gaussian_load as gaussian
 from wavesim.layered.cross_section import Section, generator, joined, limit
 from wavesim.layered.graded_layer import TooMuch, Unresolved, graded
-from wavesim.layered.star_product import Piece, jump, nothing, star
-from wavesim.layered.uniform_layer import Waves, uniform, waves
+from wavesim.layered.star_product import Piece, jump, nothing, star, times
+from wavesim.layered.uniform_layer import Waves, reflection, uniform, waves
 from wavesim.material.family import Block
-from wavesim.material.layers import Layer, Layers
+from wavesim.material.layers import ENDS, Layer, Layers
 from wavesim.material.scaling import Scales, block_coefficients, scales
+
+# Beyond this many standard deviations a Gaussian is below 1e-15 of its top, and taken as 0.
+CUT = 8.5
+
+
+def sent(k: Any, start: float, end: float, centre: float, width: float) -> Any:
+    """What a Gaussian source makes of a wave e^{ikx}, Im k ≥ 0, that leaves x₀ … x₁, shape of k.
+
+        ∫ e^{ik(x₁ − x)} g(x) dx = ½ e^{ik(x₁ − x_s) − κ²} [erf(u₁ + iκ) − erf(u₀ + iκ)],
+
+    g of unit integral, u = (x − x_s)/√2w, κ = kw/√2; erf by Faddeeva's function, so that no part of
+    it overflows. Positions and width are in the unit of 1/k; for what travels left mirror them:
+    sent(k, −end, −start, −centre, width).
+    """
+    from scipy.special import wofz
+
+    out = end
+    start, end = max(start, centre - CUT * width), min(end, centre + CUT * width)
+    if end <= start:
+        return np.zeros_like(k)
+    kappa = k * width / math.sqrt(2)
+    terms, signs = [], []
+    for x in (start, end):
+        u = (x - centre) / (math.sqrt(2) * width)
+        z = u + 1j * kappa
+        sign = np.where(z.real >= 0, 1.0, -1.0)
+        terms.append(sign * np.exp(1j * k * (out - x) - u**2) * wofz(1j * sign * z))
+        signs.append(sign)
+    # erfc(z) = 2 − erfc(−z): the 2s cancel unless Re z changes sign in between.
+    crossed = signs[1] - signs[0]
+    exponent = np.where(crossed != 0, 1j * k * (out - centre) - kappa**2, 0)
+    return (terms[0] - terms[1] + crossed * np.exp(exponent)) / 2
+
+
+def density(x: float, centre: float, width: float) -> float:
+    """g(x), 0 beyond the cut."""
+    u = (x - centre) / width
+    return math.exp(-(u**2) / 2) / (math.sqrt(2 * math.pi) * width) if abs(u) <= CUT else 0.0
+
 
 # Decays of a micro-field that a graded layer may hold, where Γ is kept.
 _MOST_DECAYS = 1e4
@@ -139,7 +178,7 @@ class Stack:
     def piece(self, layer: Layer, start: float, end: float, loads: Sequence[Load] = ()) -> Piece:
         """The stretch from start to end (m) of one layer, with the Gaussian sources in it."""
         x0, x1 = start / self.units.length, end / self.units.length
-        reach = gaussian.CUT
+        reach = CUT
         near = [
             load
             for load in loads
@@ -161,8 +200,8 @@ class Stack:
             s = driven(here, self.scaled, load.component) * load.on(here, self.scaled)[:, None]
             share = np.linalg.solve(basis, s[..., None])[..., 0]
             x, w = load.position, load.width
-            right += share[:, :n] * gaussian.sent(own.k, x0, x1, x, w)
-            left -= share[:, n:] * gaussian.sent(own.k, -x1, -x0, -x, w)
+            right += share[:, :n] * sent(own.k, x0, x1, x, w)
+            left -= share[:, n:] * sent(own.k, -x1, -x0, -x, w)
         return right, left
 
     def _graded(self, layer: Layer, x0: float, x1: float, loads: Sequence[Load]) -> Piece:
@@ -173,7 +212,7 @@ class Stack:
             s = np.zeros((len(x), len(omega), 2 * places[0].size), dtype=complex)
             for load in loads:
                 for own, here, at in zip(s, places, x, strict=True):
-                    g = gaussian.density(at, load.position, load.width)
+                    g = density(at, load.position, load.width)
                     amount = g * load.on(here, full)[chosen]
                     own += amount[:, None] * driven(here, omega, load.component)
             return generator(joined(places), omega), s
@@ -254,3 +293,46 @@ class Stack:
         for one in self.pieces()[1]:
             total = one if total is None else star(total, one)
         return total if total is not None else nothing(len(self.scaled), len(self.impedance))
+
+
+def check_ends(left: str, right: str, allowed: tuple[str, ...] = ENDS) -> None:
+    """Hold the names of two ends to what is known.
+
+    Raises:
+        ValueError: an end is unknown, or one is periodic and the other not.
+    """
+    for name, end in (("left", left), ("right", right)):
+        if end not in allowed:
+            raise ValueError(f"{name} = {end!r}: must be one of {', '.join(allowed)}")
+    if (left == "periodic") != (right == "periodic"):
+        raise ValueError(f"left = {left!r}, right = {right!r}: both ends must be periodic, or none")
+
+
+def returned(stack: Stack, left: str, right: str) -> Any:
+    """What both ends send back, (a at 0, b at L) = R (b at 0, a at L) + p, shape (N, 2n, 2n).
+
+    Fixed: φ = g; free: σ·n = g with n outward; at both the double stress V is 0, the natural
+    condition on a micro-field. Absorbing: the end's medium goes on for ever. Periodic: what leaves
+    at one end comes in at the other.
+    """
+    n, count = len(stack.impedance), len(stack.scaled)
+    R = np.zeros((count, 2 * n, 2 * n), dtype=complex)
+    if left == "periodic":
+        R[:, range(n), range(n, 2 * n)] = R[:, range(n, 2 * n), range(n)] = 1
+        return R
+    for place, end in ((0, left), (n, right)):
+        inside = slice(place, place + n)
+        if end == "absorbing":
+            R[:, inside, inside] = reflection(stack.end_waves(place > 0), place > 0)
+            continue
+        R[:, range(place, place + n), range(place, place + n)] = 1
+        if end == "fixed" and stack.block.macro:
+            R[:, place, place] = -1
+    return R
+
+
+def waves_at_ends(whole: Piece, R: Any, p: Any) -> Any:
+    """(a at 0, b at L) of a bar with sources in it and p at its ends, shape (N, 2n)."""
+    unit = np.eye(R.shape[-1])
+    out = np.linalg.solve(unit - whole.whole @ R, (times(whole.whole, p) + whole.sent)[..., None])
+    return times(R, out[..., 0]) + p

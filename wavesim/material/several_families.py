@@ -52,6 +52,11 @@ def _joined(families: tuple[Family, ...]) -> Family:
     )
 
 
+def _of_first(name: str) -> Any:
+    """A property that is the first part's."""
+    return property(lambda self: getattr(self.parts[0], name))
+
+
 @dataclass(frozen=True, repr=False, init=False)
 class Together(Medium):
     """Media of different families, which share the loss law; made by :func:`together`.
@@ -123,25 +128,9 @@ class Together(Medium):
         """Each has its own."""
         raise ValueError("media of several families have an equation each: take one of the parts")
 
-    @property
-    def length_scale(self) -> Any:
-        """The first's, m."""
-        return self.parts[0].length_scale
-
-    @property
-    def time_scale(self) -> Any:
-        """The first's, s."""
-        return self.parts[0].time_scale
-
-    @property
-    def macro_scale(self) -> Any:
-        """The first's."""
-        return self.parts[0].macro_scale
-
-    @property
-    def inertias(self) -> tuple[Any, Any]:
-        """The first's."""
-        return self.parts[0].inertias
+    # Units, and what they are made of.
+    length_scale, time_scale = _of_first("length_scale"), _of_first("time_scale")
+    macro_scale, inertias = _of_first("macro_scale"), _of_first("inertias")
 
     @property
     def of_gradient(self) -> tuple[Any, ...]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from wavesim.material.rotation_equations import SPECTRAL_CLOSURES
+from wavesim.material.granular_equations import SPECTRAL_CLOSURES
 from wavesim.paper import statements
-from wavesim.paper.branches_and_gaps import Study
-from wavesim.paper.statements import Statement
+from wavesim.paper.statements import Found, Statement, Study
 
 CLOSURES = SPECTRAL_CLOSURES
 
-_CLAIMS: tuple[tuple[str, Callable[[Study], list[Statement]]], ...] = (
+_CLAIMS: tuple[tuple[str, Callable[[Study], Iterator[Found]]], ...] = (
     (
         "Twelve waves with eight relations: LA, two LO; TA and two TO, twice; three TSO, two of "
         "them equal",
@@ -77,7 +76,11 @@ class Claim:
 def judge() -> list[Claim]:
     """The eight claims, judged with measured numbers for every closure."""
     studies = {closure: Study(closure) for closure in CLOSURES}
+
+    def judged(found: Iterator[Found]) -> list[Statement]:
+        return [Statement(text, values, bool(holds)) for text, values, holds in found]
+
     return [
-        Claim(number, text, {closure: check(study) for closure, study in studies.items()})
+        Claim(number, text, {closure: judged(check(study)) for closure, study in studies.items()})
         for number, (text, check) in enumerate(_CLAIMS, start=1)
     ]

@@ -19,10 +19,10 @@ from wavesim.figures.bands import (
     heading,
     shade_gaps,
 )
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
-from wavesim.paper.branches_and_gaps import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.paper.claims import CLOSURES
+from wavesim.paper.statements import A_VALUES, ETA_VALUES, K_BAR, Study
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.planewave.eigenproblem import Float
 
@@ -59,12 +59,7 @@ def _outer_axes(panels: Any, wavenumbers: bool, labels: list[str] | None = None)
 
 
 def dispersion_figure(studies: dict[str, Study], sector: str) -> Figure:
-    """Figure 3, one sector: each branch for a = 0 … 1, rows by branch, columns by closure.
-
-    Args:
-        studies: by closure.
-        sector: longitudinal, transverse2 or inplane.
-    """
+    """Figure 3, one sector: each branch for a = 0 … 1, rows by branch, columns by closure."""
     rows = BRANCHES[sector]
     figure = Figure(figsize=(10.0, 1.2 + 2.5 * len(rows)), layout="constrained")
     panels = figure.subplots(len(rows), len(studies), sharex=True, sharey="row", squeeze=False)

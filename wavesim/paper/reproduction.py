@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from wavesim.material.granular_equations import ROTATION
 from wavesim.material.medium import Medium
-from wavesim.material.rotation_equations import ROTATION
 from wavesim.paper import figures as paperfigures
-from wavesim.paper.branches_and_gaps import Study
 from wavesim.paper.claims import CLOSURES, Claim, judge
+from wavesim.paper.statements import Study
 from wavesim.planewave.gap_map import family_gaps
 
 SOURCE = (

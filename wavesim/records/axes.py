@@ -178,26 +178,37 @@ def _seconds(
         return since / np.timedelta64(1, "s"), f"{name}: seconds from the first sample", tick
     if stored.dtype.kind not in "fiu":
         raise RecordError(f"{name}: holds no real numbers; give times in s")
-    said = layout.time_unit or content.units.get(name) or unit_in(name, "time")
-    said = "s" if name in content.settled else said
-    scale = factor(said, "time")
-    note = ""
-    if said is not None and scale is None and re.match(r"\w+ since ", said):
-        scale = factor(said.split()[0], "time")
-    if scale is None:
-        scale = 1.0
-        if np.abs(stored[np.isfinite(stored)]).max(initial=0.0) > _NO_DATE:
-            raise RecordError(
-                f"{name}: times of {stored.ravel()[0]:.6g} are no seconds since 1970: say what "
-                "they are in, with --time-unit (ms, us or ns)"
-            )
-        note = (
-            "no unit of time is said: taken as s"
-            if not said
-            else (f"unit of time {said!r} is not known: taken as s, --time-unit says otherwise")
+    values, note, resolution = _in_si(stored, name, "time", content, layout)
+    if "taken as" in note and np.abs(values[np.isfinite(values)]).max(initial=0.0) > _NO_DATE:
+        raise RecordError(
+            f"{name}: times of {stored.ravel()[0]:.6g} are no seconds since 1970: say what "
+            "they are in, with --time-unit (ms, us or ns)"
         )
+    return values, note, resolution
+
+
+def _in_si(
+    stored: Float, name: str, kind: str, content: Content, layout: Layout
+) -> tuple[Float, str, float]:
+    """Times in s or positions in m, what was assumed of their unit, and their rounding."""
+    given = getattr(layout, f"{kind}_unit")
+    said = given or content.units.get(name) or unit_in(name, kind)
+    said = _SI[kind] if name in content.settled else said
+    scale = factor(said, kind)
+    if said is not None and scale is None and re.match(r"\w+ since ", said):
+        scale = factor(said.split()[0], kind)
+    si, what = f"taken as {_SI[kind]}", {"time": "time", "position": "length"}[kind]
+    if kind == "position":
+        si = f"positions {si}"
+    if scale is None and not said:
+        note = f"no unit of {what} is said: {si}"
+    elif scale is None:
+        note = f"unit of {what} {said!r} is not known: {si}, --{kind}-unit says otherwise"
     elif scale != 1.0:
-        note = f"times in {said}{_says(name, layout.time_unit, 'time', content)}"
+        note = f"{kind}s in {said}{_says(name, given, kind, content)}"
+    else:
+        note = ""
+    scale = scale or 1.0
     return _scaled(stored, scale), note, _rounding(stored) * scale
 
 
@@ -221,23 +232,8 @@ def places_of(content: Content, layout: Layout, count: int) -> tuple[Float, str,
         stored = stored.ravel()
         if len(stored) != count:
             return None
-        said = layout.position_unit or content.units.get(name) or unit_in(name, "position")
-        said = "m" if name in content.settled else said
-        scale = factor(said, "position")
-        if scale is None:
-            scale = 1.0
-            note = (
-                "no unit of length is said: positions taken as m"
-                if not said
-                else (
-                    f"unit of length {said!r} is not known: positions taken as m, --position-unit "
-                    "says otherwise"
-                )
-            )
-        elif scale != 1.0:
-            note = f"positions in {said}{_says(name, layout.position_unit, 'position', content)}"
+        x, note, resolution = _in_si(stored, name, "position", content, layout)
         note = "; ".join(one for one in (bent, note) if one)
-        x, resolution = _scaled(stored, scale), _rounding(stored) * scale
     if layout.spacing is not None:
         first = layout.first if x is None else float(x[0])
         return first + layout.spacing * np.arange(count), "", 0.0

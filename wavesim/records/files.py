@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -87,47 +88,51 @@ def content_of(path: Path) -> Content:
     Raises:
         RecordError: it is of no kind that is known, or not what it says.
     """
-    return _reader(path)(path)
+    reader, kind = _reader(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return reader(path)
+    except (RecordError, MemoryError):
+        raise
+    except Exception as error:
+        # Anything at all may be raised by a file that is cut or damaged.
+        text = " ".join(str(error).strip("'\"").split())[:160] or type(error).__name__
+        raise RecordError(f"can't be read as {kind}: {text}") from None
 
 
-def _reader(path: Path) -> Callable[[Path], Content]:
+def _reader(path: Path) -> tuple[Callable[[Path], Content], str]:
+    """What reads a file, and what it is taken for."""
     kind = path.suffix.lower()
     with path.open("rb") as file:
         start = file.read(512)
     # Seismographs write SEG-2 as .dat: its block of file data has a mark, and bytes of 0.
     seg2 = start.startswith((b"\x55\x3a", b"\x3a\x55")) and b"\0" in start[:64]
+    hdf5 = start.startswith(b"\x89HDF") or start[:10] == b"MATLAB 7.3" or kind in HDF5[:4]
     if kind in _SEISMIC or seg2:
-        from wavesim.records.formats.seismic import from_seismic
+        from wavesim.records.formats.seismic import FORMATS, from_seismic
 
-        return from_seismic
-    if (
-        start.startswith(b"\x89HDF")
-        or start[:10] == b"MATLAB 7.3"
-        or (kind in (".h5", ".hdf5", ".hdf", ".he5"))
-    ):
-        if kind in (".nc", ".nc4"):
-            from wavesim.records.formats.netcdf import from_netcdf
-
-            return from_netcdf
-        from wavesim.records.formats.hdf5 import from_hdf5
-
-        return from_hdf5
+        return from_seismic, FORMATS.get(kind, "SEG2")
     if start.startswith(b"CDF") or kind in (".nc", ".nc4"):
         from wavesim.records.formats.netcdf import from_netcdf
 
-        return from_netcdf
+        return from_netcdf, "netCDF"
+    if hdf5:
+        from wavesim.records.formats.hdf5 import from_hdf5
+
+        return from_hdf5, "HDF5"
     if start.startswith(b"MATLAB 5.0") or kind == ".mat":
         from wavesim.records.formats.matlab import from_matlab
 
-        return from_matlab
+        return from_matlab, "MATLAB's"
     if start.startswith((b"PK", b"\x93NUMPY")) or kind in (".npz", ".npy"):
         from wavesim.records.formats.numpy_files import from_npz
 
-        return from_npz
+        return from_npz, "NumPy's"
     if kind in _TEXT:
         from wavesim.records.formats.columns import from_text
 
-        return from_text
+        return from_text, "text"
     raise RecordError(
         f"of a kind that is not known ({kind or 'no suffix'}): give .csv or other text, .npz, "
         ".npy, HDF5, .mat, netCDF, SEG-Y, SAC or miniSEED"

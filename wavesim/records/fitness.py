@@ -8,7 +8,6 @@ import numpy as np
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.neighbours import unevenness
 from wavesim.records.faults.ring_misfits import gains
 from wavesim.records.faults.unfit_receivers import PART
 from wavesim.records.record import FEWEST_FRAMES, Record
@@ -148,17 +147,11 @@ def live(record: Record) -> Record:
 
 
 def evened(record: Record) -> Record:
-    """A ring with the gains of its receivers made equal, where its waves show that they are not.
-
-    Along a line it is told how far they differ at most.
-    """
-    if len(record.leak) or (len(record.missing) and record.missing.any()):
+    """A ring with the gains of its receivers made equal, where its waves show that they are not."""
+    if record.leak is not None or (len(record.missing) and record.missing.any()):
         return record
-    nx = len(record.x)
     if not record.ring:
-        asked = record.even and not record.lattice
-        uneven = max(unevenness(component) for component in record.values) if asked else 0.0
-        return replace(record, leak=np.full(nx, uneven / nx))
+        return replace(record, leak=0.0)
     free = live(record.since(record.quiet_from)).values
     seen = [gains(component, record.misfit) for component in free]
     right = np.stack(
@@ -167,7 +160,7 @@ def evened(record: Record) -> Record:
             for one, own in zip(seen, record.values, strict=True)
         ]
     )
-    kept = replace(record, values=right, leak=np.max([one.left for one in seen], axis=0))
+    kept = replace(record, values=right, leak=max(one.left for one in seen))
     told = []
     for what, off, scale, unit in (
         ("gains differ", [one.gain - 1 for one in seen], 100.0, " %"),

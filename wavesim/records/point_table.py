@@ -26,6 +26,7 @@ _NAMES: dict[str, dict[str, float]] = {
         "f_error": 2 * np.pi, "frequency_error": 2 * np.pi,
     },
     "valid": {"valid": 1},
+    "branch": {"branch": 1},
 }  # fmt: skip
 _TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
 
@@ -39,7 +40,7 @@ def read_points(path: str | Path) -> dict[str, Any]:
             attenuation k_imag and sigma; without a heading k, omega and perhaps error.
 
     Returns:
-        k (complex for attenuation), omega, and where they are there error and valid.
+        k (complex for attenuation), omega, and where they are there error, valid and branch.
 
     Raises:
         RecordError: it can't be read so; one line that names file, column and what is expected.

@@ -19,7 +19,7 @@ from wavesim.records.faults import gaps, shapes
 from wavesim.records.faults.clock import check_ascending, even_times, on_clock, one_clock
 from wavesim.records.faults.dead import check_whole, living, tell_dead
 from wavesim.records.faults.duplicates import without_frames_twice
-from wavesim.records.faults.examination import Channels, levels, samples, together
+from wavesim.records.faults.examination import levels, samples, together
 from wavesim.records.faults.fill_values import within_range
 from wavesim.records.faults.finding import TAKEN_OUT, Finding, places
 from wavesim.records.faults.gaps import FEWEST_FRAMES
@@ -58,8 +58,8 @@ class Record:
         misfit: receivers round a ring that do not fit the waves of all others, shape (nx,).
         source_seen: where a source that nobody named stands among the receivers, by the earliest
             arrivals, m; None where none does.
-        leak: variance of what receivers' gains are still off by at each wavenumber (``faults/
-            ring_misfits.py``), shape (nx,), –; empty where gains have not been looked at.
+        leak: variance of what receivers are off by in gain, place or clock, over the waves', over
+            the number of receivers, –; None where that has not been looked at.
         driven: whether it is not known from when on no source acts.
         findings: what was wrong, and what was done.
     """
@@ -86,7 +86,7 @@ class Record:
     begun: Mask = field(default_factory=lambda: np.zeros(0, bool))
     misfit: Mask = field(default_factory=lambda: np.zeros(0, bool))
     source_seen: float | None = None
-    leak: Float = field(default_factory=lambda: np.zeros(0))
+    leak: float | None = None
     driven: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -127,18 +127,16 @@ class Record:
     def receivers(self, kept: Any) -> Record:
         """The record of some receivers, by mask or number."""
         kept = np.arange(len(self.x))[np.asarray(kept)]
+        names = ("quantum", "broken", "clipped", "begun", "misfit")
+        own = {name: v[kept] for name in names if len(v := getattr(self, name))}
         return replace(
             self,
             x=self.x[kept],
             values=self.values[..., kept],
             labels=tuple(self.labels[j] for j in kept) if self.labels else (),
-            quantum=self.quantum[kept] if len(self.quantum) else self.quantum,
-            broken=self.broken[kept] if len(self.broken) else self.broken,
-            clipped=self.clipped[kept] if len(self.clipped) else self.clipped,
-            begun=self.begun[kept] if len(self.begun) else self.begun,
-            misfit=self.misfit[kept] if len(self.misfit) else self.misfit,
-            leak=np.zeros(0 if self.leak.any() or not len(self.leak) else len(kept)),
+            leak=None if self.leak else self.leak,
             whole=None if self.whole is None else self.whole[..., kept],
+            **own,
         )
 
     def with_finding(self, finding: Finding) -> Record:
@@ -249,47 +247,45 @@ def record(
     values, t = gaps.whole_frames(values, t, found)
     if signal is not None and len(t) != frames:
         raise RecordError("frames are missing, so that the input is not whole: give all frames")
-    raw = None
-    first_dead: tuple[Float, tuple[str, ...]] = (np.zeros(0), ())
-    lost = np.zeros(len(x), bool)
+    nil = np.zeros(len(x), bool)
+    now = Record(
+        t,
+        x,
+        values,
+        tuple(names) or tuple(f"u{i}" for i in range(len(values))),
+        ring=ring,
+        quiet_from=float(t[0]) if quiet_from is None else float(quiet_from),
+        sources=tuple(float(s) for s in sources),
+        lattice=lattice,
+        answer=answer,
+        labels=names_of,
+        quantum=np.zeros(len(x)),
+        spacing_error=spacing_error,
+        clipped=nil,
+        misfit=nil,
+        leak=0.0 if trusted and not ring else None,
+        driven=quiet_from is None,
+    )
+    spare = nil
     if not trusted:
-        values = within_range(values, found)
-        alive = living(values, x, names_of, ring, still=False)
-        if ring:
-            lost = ~alive
-            values[..., lost] = 0.0
-            alive = np.ones(len(x), bool)
-        first_dead = x[~alive], tuple(np.array(names_of, object)[~alive])
-        values, x = values[..., alive], x[alive]
-        names_of = tuple(name for name, a in zip(names_of, alive, strict=True) if a)
-        raw = samples(values, t, x, names_of, found)
-        if signal is not None and raw.held > 1:
-            signal = signal[np.searchsorted(t, raw.t)]
-        values, t = raw.values, raw.t
-    channels, twice = Channels.of(x, names_of, raw), np.zeros(len(x), bool)
-    if raw is not None and raw.spare.any():
-        if ring and not shapes.is_even(x[~raw.spare]):
-            twice = raw.spare
-            values[..., twice] = 0.0
-        else:
-            values, x = values[..., ~raw.spare], x[~raw.spare]
-            channels, lost = channels.take(~raw.spare), lost[~raw.spare]
-            twice = twice[~raw.spare]
-    alive = living(values, x, channels.labels, ring, still=not (ring and trusted))
-    tell_dead(x, alive | twice, channels.labels, first_dead, found)
+        now, spare, held = _sampled(replace(now, values=within_range(values, found)), found)
+        signal = signal[np.searchsorted(t, now.t)] if signal is not None and held > 1 else signal
+    alive = living(now.values, now.x, now.labels, ring, still=not (ring and trusted))
+    tell_dead(now.x, alive | spare, now.labels, found)
     if ring:
-        lost = lost | ~alive
-        check_whole(x, lost, channels.labels)
+        now = replace(now, misfit=now.misfit | ~alive)
+        check_whole(now.x, now.misfit, now.labels)
     else:
-        values, x, channels = values[..., alive], x[alive], channels.take(alive)
+        now = now.receivers(alive)
+    values, t, x, known = now.values, now.t, now.x, (now.labels, now.quantum)
     quiet = np.zeros(values.shape[1:], bool)
     if not trusted:
-        values, resting = levels(values, t, x, channels.labels, channels.quantum, ring, found)
+        values, resting = levels(values, t, x, *known, ring, found)
         quiet = np.logical_and.reduce([one.mask for one in resting])
-    values, missing, broken = gaps.bridged(values, t, x, channels.labels, quiet, found)
+    values, missing, broken = gaps.bridged(values, t, x, now.labels, quiet, found)
     whole = values.copy() if broken.any() else None
     values[:, missing] = 0.0
-    cut = gaps.cut_apart(missing, quiet)
+    unsure = now.clipped | broken | gaps.cut_apart(missing, quiet)
     own = t
     values, t, missing, interval_error = even_times(values, t, missing, storage[0], found)
     if any(finding.what == "times uneven" for finding in found):
@@ -297,51 +293,46 @@ def record(
         signal = None if signal is None else on_clock(signal, own, t)
     if ring:
         shapes.check_round(x)
-    within, place = np.zeros(len(x), bool), None
-    odd = np.zeros(len(x), bool)
+    now = replace(now, t=t, values=values, whole=whole, broken=broken, missing=missing,
+                  input=signal, interval_error=interval_error)  # fmt: skip
     if not trusted:
         seen, gone = (values, missing) if whole is None else (whole, np.zeros_like(missing))
-        unsure = channels.flat | broken | cut
         mended, odd, within, place = together(
-            seen, gone, t, x, channels.labels, channels.quantum, unsure, ring, lost,
+            seen, gone, t, x, *known, unsure, ring, now.misfit,
             -np.inf if quiet_from is None else quiet_from,
             placed and len(x) > 1 and shapes.is_even(x), found,
         )  # fmt: skip
+        now = replace(now, begun=within, misfit=odd, source_seen=place if not sources else None)
         if mended.any:
             kept = ~mended.out if (~mended.out).sum() >= 2 else np.ones(len(x), bool)
-            values = (values[..., mended.order] * mended.factor)[..., kept]
-            if whole is not None:
-                whole = (whole[..., mended.order] * mended.factor)[..., kept]
-            x, channels, within, broken = x[kept], channels.take(kept), within[kept], broken[kept]
-            odd = odd[kept]
-    components = tuple(names) or tuple(f"u{i}" for i in range(len(values)))
-    return Record(
-        t,
-        x,
-        values,
-        components,
-        ring=ring,
-        quiet_from=float(t[0]) if quiet_from is None else float(quiet_from),
-        missing=missing,
-        sources=tuple(float(s) for s in sources),
-        notes=(*notes, *(f.said for f in found)),
-        lattice=lattice,
-        answer=answer,
-        labels=channels.labels,
-        input=signal,
-        quantum=channels.quantum,
-        interval_error=interval_error,
-        spacing_error=spacing_error,
-        broken=broken,
-        whole=whole,
-        clipped=channels.flat,
-        begun=within,
-        misfit=odd,
-        source_seen=place if not sources else None,
-        leak=np.zeros(len(x) if trusted and not ring else 0),
-        driven=quiet_from is None,
-        findings=tuple(found),
-    )
+            right = now.values[..., mended.order] * mended.factor
+            whole = None if whole is None else whole[..., mended.order] * mended.factor
+            now = replace(now, values=right, whole=whole).receivers(kept)
+    else:
+        now = replace(now, begun=np.zeros(len(x), bool))
+    return replace(now, notes=(*notes, *(f.said for f in found)), findings=tuple(found))
+
+
+def _sampled(now: Record, found: list[Finding]) -> tuple[Record, Mask, int]:
+    """Samples looked at as they were recorded, of receivers that have most of them.
+
+    Returns:
+        The record; which receivers, round a ring, hold another's; for how many frames each sample
+        was held.
+    """
+    alive = living(now.values, now.x, now.labels, now.ring, still=False)
+    if now.ring:
+        now.values[..., ~alive] = 0.0
+        now = replace(now, misfit=~alive)
+    else:
+        tell_dead(now.x, alive, now.labels, found)
+        now = now.receivers(alive)
+    values, t, held, quantum, flat, spare = samples(now.values, now.t, now.x, now.labels, found)
+    now = replace(now, values=values, t=t, quantum=quantum, clipped=flat)
+    if now.ring and spare.any() and not shapes.is_even(now.x[~spare]):
+        values[..., spare] = 0.0
+        return now, spare, held
+    return now.receivers(~spare), np.zeros(int((~spare).sum()), bool), held
 
 
 __all__ = ["FEWEST_FRAMES", "Record", "RecordError", "record"]

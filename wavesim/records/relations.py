@@ -1,8 +1,7 @@
-"""Dispersion relations as functions: of a medium, of its grid, and classical ones in closed form.
+"""Dispersion relations as functions: of a medium, of its grid, or given.
 
 A relation gives ω of its branches at real k, how strongly a unit source at a point excites each,
-and where it is known k at complex ω. The classical ones are from outside the model of the
-program: they check extraction, not physics.
+and where it is known k at complex ω.
 """
 
 from __future__ import annotations
@@ -39,11 +38,6 @@ class Relation(Protocol):
 
     def wavenumber(self, omega: Complex) -> Complex:
         """k (Im k ≥ 0) at ω of shape (n,), rad/m; Im ω > 0 picks the outgoing one."""
-
-
-def outgoing(k: Any) -> Complex:
-    """The root of ±k that decays towards +x."""
-    return np.asarray(np.where(np.imag(k) < 0, -k, k))
 
 
 @dataclass(frozen=True)
@@ -123,51 +117,3 @@ class OfMedium:
         for _ in range(30):
             k = k - (self.modified(k) - exact) / self.stretch(k)
         return np.asarray(k)
-
-
-@dataclass(frozen=True)
-class MassInMass:
-    """Chain of masses m₁, each with a mass m₂ on a spring inside, recorded on m₁.
-
-        4 sin²(ka/2) K = m(ω) ω²,    m(ω) = m₁ + m₂ ω₂²/(ω₂² − ω²),  ω₂² = k₂/m₂
-
-    (Huang, Sun & Huang, Int. J. Eng. Sci. 47, 610 (2009).) A gap where m(ω) < 0 and above.
-
-    Args:
-        spacing: a, m.
-        spring, inner_spring: K and k₂, N/m.
-        mass, inner_mass: m₁ and m₂, kg.
-    """
-
-    spacing: float
-    spring: float
-    mass: float
-    inner_spring: float
-    inner_mass: float
-
-    def _squares(self, k: Float) -> tuple[Float, Float]:
-        stiff = 4 * self.spring * np.sin(np.asarray(k) * self.spacing / 2) ** 2 / self.mass
-        inner, ratio = self.inner_spring / self.inner_mass, self.inner_mass / self.mass
-        half = (stiff + inner * (1 + ratio)) / 2
-        # The smaller root from the product of both, which loses nothing at long waves.
-        upper = half + np.sqrt(half**2 - stiff * inner)
-        return np.stack([stiff * inner / upper, upper], axis=-1), np.full_like(stiff, inner)
-
-    def omega(self, k: Float) -> Float:
-        """Acoustic and optical branch."""
-        return np.sqrt(self._squares(k)[0])
-
-    def weights(self, k: Float) -> Float:
-        """Part of each mode on the outer mass: 1/(1 + (m₂/m₁)(ω₂²/(ω₂² − ω²))²)."""
-        squares, inner = self._squares(k)
-        ratio = inner[:, None] / (inner[:, None] - squares)
-        return 1 / (1 + self.inner_mass / self.mass * ratio**2)
-
-    def wavenumber(self, omega: Complex) -> Complex:
-        """k = (2/a) arcsin √(m(ω) ω²/4K)."""
-        square = np.asarray(omega, complex) ** 2
-        inner = self.inner_spring / self.inner_mass
-        effective = self.mass + self.inner_mass * inner / (inner - square)
-        return outgoing(
-            2 / self.spacing * np.arcsin(np.sqrt(effective * square / (4 * self.spring)))
-        )

@@ -48,7 +48,7 @@ class Run(Shown):
             return {}
         try:
             return dict(json.loads(path.read_text(encoding="utf-8")))
-        except ValueError as error:
+        except (ValueError, TypeError, RecursionError) as error:
             raise StorageError(f"{path}: is not JSON: {error}; run the case again") from None
 
     @property

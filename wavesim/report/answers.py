@@ -94,7 +94,6 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
     "stopped": (
         "Where no wave at all travels",
         (
-            Column("waves", "stopped"),
             Column("from", "lower", "frequency"),
             Column("to", "upper", "frequency"),
         ),

@@ -26,8 +26,7 @@ from wavesim.report.answers import (
 )
 from wavesim.report.answers import verdict as sentence
 from wavesim.report.terminal import new_table
-from wavesim.simulation.resolution import highest_carried, largest_phase
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, highest_carried, largest_phase
 from wavesim.sources import Source
 from wavesim.timedomain.cost import Cost
 from wavesim.timedomain.time_step import TimeStep
@@ -271,16 +270,19 @@ def show_comparison(console: Console, found: Comparison) -> None:
 
 
 def show_fit(console: Console, answer: dict[str, Any]) -> None:
-    """Print a fit."""
+    """Print a fit; of a series, a line for each state."""
+    if "series" in answer:
+        _show_states(console, answer)
+        return
     for key, one in answer["parameters"].items():
-        if one["error"] is None:
-            console.print(f"{key} = {one['value']:.6g}", markup=False)
-        else:
-            console.print(f"{key} = {with_error(one['value'], one['error'])}", markup=False)
+        if one["value"] is None:
+            console.print(f"{key}: no answer: {one['reason']}.", markup=False)
+            continue
+        console.print(f"{key} = {with_error(one['value'], _number(one['error']))}", markup=False)
         if one["reason"]:
             console.print(f"  does not count: {one['reason']}.", markup=False)
     for key, one in answer["nuisances"].items():
-        error = math.nan if one["error"] is None else one["error"]
+        error = _number(one["error"])
         size = max(abs(one["value"]), 0.0 if math.isnan(error) else error)
         scale, unit = in_time(size) if key == "lag" else (1.0, "")
         told = with_error(one["value"] * scale, error * scale, unit) if unit else None
@@ -289,14 +291,31 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         console.print("± is one standard error.")
     for pair in answer["correlations"]:
         a, b = pair["keys"]
-        told = ""
-        if "told" in pair:
-            value = with_error(pair["told"], pair["told_error"])
-            told = f"; told is {a} {pair['factor']:+.4g} × {b} = {value}"
+        value = with_error(pair["told"], pair["told_error"])
+        told = f"; told is {a} {pair['factor']:+.4g} × {b} = {value}"
         tied = f"Errors of {a} and {b} hang together: correlation {pair['value']:.4f}"
         console.print(f"{tied}{told}.", markup=False)
     if answer["kind"] == "waveforms":
         console.print(f"left over {answer['residual']:.3%} of the record's rms, "
                       f"{answer['evaluations']} runs")  # fmt: skip
+    for note in answer["notes"]:
+        console.print(f"Note: {note}.", markup=False)
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _show_states(console: Console, answer: dict[str, Any]) -> None:
+    name = answer["parameter"]
+    for row in answer["series"]:
+        found = {key.partition(".")[2]: one for key, one in row.items() if key != "parameter"}
+        why = next((one["reason"] for one in found.values() if one["reason"]), "")
+        told = [f"{k} = {with_error(v['value'], _number(v['error']))}" for k, v in found.items()
+                if v["value"] is not None]  # fmt: skip
+        console.print(f"{name} = {row['parameter']:g}: {why or ', '.join(told)}", markup=False)
+    if law := answer["law"]:
+        power = f"{law['b']:.3f} ± {law['b_error']:.2g}"
+        console.print(f"K_n_a = {law['c']:.4g} · {name}^({power})", markup=False)
     for note in answer["notes"]:
         console.print(f"Note: {note}.", markup=False)

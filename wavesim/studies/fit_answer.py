@@ -1,26 +1,88 @@
-"""What a fit of a case's parameters says: values, errors, what is not told, how well it fits."""
+"""A case beside a record, and fits of a case to waveforms or points: what each of them says."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavesim.case.load import Case
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.matched_record import Measured
-from wavesim.studies import medium_fit
-from wavesim.studies.comparison import Comparison, compare
+from wavesim.readings.misfit import Comparison, misfit
+from wavesim.records.point_table import read_points
 from wavesim.studies.fitted_keys import QUALITY, targets, with_values
-from wavesim.studies.least_squares import FitError, Solution
+from wavesim.studies.least_squares import FitError, Solution, solve
 from wavesim.studies.waveform_fit import GAIN, LAG, Waveforms, fit_waveforms
+
+Float = NDArray[Any]
+
+
+def signals_of(case: Case, measured: Measured) -> Float:
+    """The case's field at the receivers, (frames, m): exact for a bar, simulated for a ring."""
+    simulated = case.simulation
+    names, places = measured.names, measured.positions
+    if simulated.endless:
+        from wavesim.timedomain.integrate import simulate
+
+        field = simulate(
+            simulated.layers, simulated.bar, simulated.sources, simulated.duration,
+            samples=simulated.frames, receivers=simulated.receivers,
+        )  # fmt: skip
+        return np.stack([field.at(x, measured.field) for x in places], axis=1)
+    from wavesim.layered.signals import signals
+
+    found = signals(
+        simulated.layers, simulated.bar.left, simulated.bar.right, simulated.sources,
+        dict(zip(names, places, strict=True)), simulated.times,
+    )  # fmt: skip
+    return np.stack([found[name][measured.field] for name in names], axis=1)
+
+
+def compare(
+    case: Case, measured: Measured, lag: float | None = None, scale: float | None = None
+) -> Comparison:
+    """Lay a case beside a record.
+
+    Args:
+        case: the case.
+        measured: the record.
+        lag, scale: stated, s and –; fitted where None.
+    """
+    data = Waveforms(case, [], measured, lag, scale, known=signals_of(case, measured))
+    values = data.beginning()
+    solution: Solution | None = solve(data, values) if data.parameters else None
+    if solution is not None:
+        values = solution.values
+    there, left = data.laid_over(values)
+    inside = np.isfinite(there).all(axis=1)
+    found = data.scale_of(values)
+    errors = solution.errors if solution is not None else {}
+    recorded = measured.values[inside] - measured.values[inside].mean(axis=0)
+    per = tuple(
+        misfit(name, x, recorded[:, j], there[inside, j], left[inside, j], measured.interval)
+        for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True))
+    )
+    turned = [one.name for one in per if one.amplitude < 0]
+    if turned:
+        said = f"{', '.join(turned)}: of reversed polarity beside the case; turn round or leave out"
+        measured = replace(measured, notes=(*measured.notes, said))
+    return Comparison(
+        measured, there, per,
+        lag if lag is not None else values[LAG], errors.get(LAG, np.nan),
+        found, errors.get(GAIN, np.nan) * abs(found / values.get(GAIN, 1.0)),
+        float(np.sqrt(np.mean(left[inside] ** 2) / np.mean(recorded**2))),
+    )  # fmt: skip
+
 
 # More than this of the record left over says that the case is another than what was measured.
 _LARGEST_RESIDUAL = 0.5
+# Correlation of errors beyond which they hang together.
+_TIED = 0.9
 
 
 @dataclass(frozen=True)
@@ -45,45 +107,30 @@ class FitAnswer:
     """A fit.
 
     Attributes:
+        kind: "waveforms", "points" or "speeds".
         values, errors: {key: value and standard error}, SI; NaN where the data don't tell.
+        reasons: {key: why a value does not count, or ""}.
         nuisances: {gain, lag: (value, standard error)}.
         degenerate: directions that the data don't tell, {key: part} each.
-        residual: what is left over the record's rms, –; or χ² over degrees of freedom of points.
-        kind: "waveforms" or "points".
-        evaluations, converged, at_limits, notes: how it went.
         tied: pairs of parameters whose errors hang together.
-        comparison: the record beside the fitted case; None for points.
+        residual: what is left over the record's rms, –; or χ² over degrees of freedom of points.
+        evaluations, notes: how it went.
+        along: {key: value} of what goes along with them, SI.
+        comparison: the record beside the fitted case; None but for waveforms.
     """
 
+    kind: str
     values: dict[str, float]
     errors: dict[str, float]
-    nuisances: dict[str, tuple[float, float]]
-    degenerate: tuple[dict[str, float], ...]
-    residual: float
-    kind: str
-    evaluations: int
-    converged: bool
-    at_limits: tuple[str, ...]
-    tied: tuple[Tied, ...]
-    notes: tuple[str, ...]
+    reasons: dict[str, str]
+    nuisances: dict[str, tuple[float, float]] = field(default_factory=dict)
+    degenerate: tuple[dict[str, float], ...] = ()
+    tied: tuple[Tied, ...] = ()
+    residual: float = 0.0
+    evaluations: int = 0
+    notes: tuple[str, ...] = ()
+    along: dict[str, float] = field(default_factory=dict)
     comparison: Comparison | None = None
-
-    def reason(self, key: str) -> str:
-        """Why a value does not count, or ""."""
-        if self.kind == "waveforms" and self.residual > _LARGEST_RESIDUAL:
-            return (
-                f"{self.residual:.0%} of the record is left over: the case is another than what "
-                "was measured, or the first guess too far off"
-            )
-        if not np.isfinite(self.errors[key]):
-            others = sorted({k for one in self.degenerate if key in one for k in one} - {key})
-            with_what = f" apart from {', '.join(others)}" if others else ""
-            return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
-        if key in self.at_limits:
-            return "it ended at the limit of what is admissible"
-        if not self.converged:
-            return "the fit did not settle: begin closer, with --set"
-        return ""
 
     def summary(self) -> dict[str, Any]:
         """As plain data, SI."""
@@ -91,20 +138,21 @@ class FitAnswer:
             key: {
                 "value": value,
                 "error": self.errors[key],
-                "valid": not self.reason(key),
-                "reason": self.reason(key),
+                "valid": not self.reasons[key],
+                "reason": self.reasons[key],
             }
             for key, value in self.values.items()
         }
         return {
             "kind": self.kind,
             "parameters": parameters,
+            "along": self.along,
             "nuisances": {k: {"value": v, "error": e} for k, (v, e) in self.nuisances.items()},
             "degenerate": [dict(one) for one in self.degenerate],
             "correlations": [asdict(one) for one in self.tied],
             "residual": self.residual,
             "evaluations": self.evaluations,
-            "valid": all(one["valid"] for one in parameters.values()),
+            "valid": not any(self.reasons.values()),
             "notes": list(self.notes),
         }
 
@@ -126,12 +174,8 @@ def of_waveforms(
     varied = targets(case, keys)
     data = Waveforms(case, varied, measured, lag, gain)
     solution = fit_waveforms(data)
-    wanted = [one.key for one in varied]
-    layers, law = with_values(
-        case.simulation.layers, varied, [solution.values[key] for key in wanted]
-    )
-    if any(one.name == QUALITY for one in varied):
-        layers = layers.mapped(lambda medium: replace(medium, damping=law))
+    values = {one.key: solution.values[one.key] for one in varied}
+    layers = with_values(case.simulation.layers, varied, values.values())
     fitted = replace(case, simulation=replace(case.simulation, layers=layers))
     scale = data.scale_of(solution.values)
     beside = compare(fitted, measured, lag if lag is not None else solution.values[LAG], scale)
@@ -143,40 +187,52 @@ def of_waveforms(
         share = scale / solution.values[GAIN]
         nuisances[GAIN] = (scale, solution.errors[GAIN] * abs(share))
     return FitAnswer(
-        {key: solution.values[key] for key in wanted},
-        {key: solution.errors[key] for key in wanted},
+        "waveforms",
+        values,
+        {key: solution.errors[key] for key in values},
+        {key: _reason(solution, key, beside.residual) for key in values},
         nuisances,
         solution.degenerate,
+        tied(solution.values, solution.errors, solution.covariance),
         beside.residual,
-        "waveforms",
         solution.evaluations,
-        solution.converged,
-        solution.at_limits,
-        _tied(solution),
         measured.notes,
-        beside,
+        comparison=beside,
     )
 
 
-def _tied(solution: Solution) -> tuple[Tied, ...]:
-    """Pairs of parameters whose errors hang together by more than 0.9."""
-    keys, cov, found = list(solution.values), solution.covariance, []
+def _reason(solution: Solution, key: str, residual: float) -> str:
+    """Why a value does not count, or ""."""
+    if residual > _LARGEST_RESIDUAL:
+        return (
+            f"{residual:.0%} of the record is left over: the case is another than what "
+            "was measured, or the first guess too far off"
+        )
+    if not np.isfinite(solution.errors[key]):
+        others = sorted({k for one in solution.degenerate if key in one for k in one} - {key})
+        with_what = f" apart from {', '.join(others)}" if others else ""
+        return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
+    if key in solution.at_limits:
+        return "it ended at the limit of what is admissible"
+    return "" if solution.converged else "the fit did not settle: begin closer, with --set"
+
+
+def tied(
+    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = _TIED
+) -> tuple[Tied, ...]:
+    """Pairs of parameters whose errors hang together by more than the least."""
+    keys, found = list(values), []
     for i, j in zip(*np.tril_indices(len(keys), -1), strict=True):
         both = keys[i], keys[j]
         size = float(np.sqrt(max(cov[i, i] * cov[j, j], 0.0)))
-        if not size > 0 or not abs(cov[i, j]) > 0.9 * size:
+        if not size > 0 or not abs(cov[i, j]) > least * size:
             continue
-        if np.isfinite([solution.errors[key] for key in both]).all():
+        if np.isfinite([errors[key] for key in both]).all():
             factor = -float(cov[i, j] / cov[j, j])
-            told = solution.values[both[0]] + factor * solution.values[both[1]]
+            told = values[both[0]] + factor * values[both[1]]
             left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
             found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
     return tuple(found)
-
-
-_IN_TIME = ("k_rad_per_m", "omega_rad_per_s", "omega_error_rad_per_s")
-_IN_SPACE = ("omega_rad_per_s", "sigma_rad_per_s", "k_real_rad_per_m", "k_imag_rad_per_m",
-             "k_error_rad_per_m")  # fmt: skip
 
 
 def is_points(path: Path) -> bool:
@@ -184,9 +240,11 @@ def is_points(path: Path) -> bool:
     if not path.is_file() or path.suffix.lower() not in (".csv", ".txt"):
         return False
     with path.open(encoding="utf-8", errors="replace") as file:
-        heading = file.readline(4096)
-    names = [name.strip() for name in heading.split(",")]
-    return all(n in names for n in _IN_TIME) or all(n in names for n in _IN_SPACE)
+        names = {name.strip() for name in file.readline(4096).split(",")}
+    return any(
+        {"omega_rad_per_s", f"{k}_rad_per_m", error} <= names
+        for k, error in (("k", "omega_error_rad_per_s"), ("k_imag", "k_error_rad_per_m"))
+    )
 
 
 def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = None) -> FitAnswer:
@@ -200,7 +258,10 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
 
     Raises:
         FitError: it can't be done.
+        RecordError: the table can't be read.
     """
+    from wavesim.studies import medium_fit  # slow to import, and waveforms do without
+
     varied = targets(case, keys)
     odd = next((v for v in varied if v.name == QUALITY or not v.key.startswith("medium.")), None)
     if odd is not None or not case.simulation.layers.uniform:
@@ -208,15 +269,14 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
             f"--vary {odd.key if odd else keys[0]}: points tell of one lossless medium: name its "
             "parameters, such as medium.anisotropy, or give the waveforms"
         )
+    names = [one.name for one in varied]
     points = _points(path)
-    sector = _sector(path, case, [one.name for one in varied], sector)
+    sector = _sector(path, case, names, sector)
     (block, *_) = case.medium.family.blocks_of(sector)
-    seen = [medium_fit.Observed(block, points)]
     try:
-        found = medium_fit.fit(seen, case.medium, [one.name for one in varied])
+        found = medium_fit.fit([medium_fit.Observed(block, points)], case.medium, names)
     except FitError as wrong:
         raise FitError(f"{path}: {wrong}") from None
-    keyed = {one.name: one.key for one in varied}
     notes = [
         f"{found.points} numbers of {sector} points, χ² per degree of freedom "
         f"{found.chi_square:.3g}"
@@ -228,11 +288,13 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
             "could move"
         )
     return FitAnswer(
-        {keyed[n]: v for n, v in found.values.items()},
-        {keyed[n]: v for n, v in found.errors.items()},
-        {}, (), found.chi_square, "points", 0, True, (), (),
-        tuple(notes),
-    )  # fmt: skip
+        "points",
+        {one.key: found.values[one.name] for one in varied},
+        {one.key: found.errors[one.name] for one in varied},
+        dict.fromkeys((one.key for one in varied), ""),
+        residual=found.chi_square,
+        notes=tuple(notes),
+    )
 
 
 def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> str:
@@ -257,30 +319,14 @@ def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> 
 
 
 def _points(path: Path) -> BranchPoints:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        rows = list(csv.DictReader(file))
-    in_space = all(name in (rows[0] if rows else {}) for name in _IN_SPACE)
-    needed = _IN_SPACE if in_space else _IN_TIME
-    try:
-        table = {n: np.array([float(row[n] or "nan") for row in rows]) for n in needed}
-        valid = np.array(
-            [row.get("valid", "True").strip().lower() in ("true", "1") for row in rows]
-        )
-        branch = np.array([int(float(row.get("branch") or 0)) for row in rows])
-    except (ValueError, TypeError, KeyError) as wrong:
-        raise FitError(f"{path}: a row of points holds no number: {wrong}") from None
+    """The valid points of a table, each of its branch."""
+    columns = read_points(path)
+    k, omega = columns["k"], columns["omega"]
+    valid = columns.get("valid", np.ones(len(k), bool))
     if not valid.any():
         raise FitError(f"{path}: holds no valid point")
-    n = len(rows)
-    if in_space:
-        k = table["k_real_rad_per_m"] + 1j * table["k_imag_rad_per_m"]
-        omega: Any = table["omega_rad_per_s"] + 1j * table["sigma_rad_per_s"]
-        error = table["k_error_rad_per_m"]
-    else:
-        k, omega = table["k_rad_per_m"], table["omega_rad_per_s"]
-        error = table["omega_error_rad_per_s"]
-    zero, nothing = np.zeros(n), np.full(n, "", object)
-    return BranchPoints(
-        method="space" if in_space else "harmonic", k=k, omega=omega, decay=zero, amplitude=zero,
-        error=error, residual=zero, valid=valid, reason=nothing, branch=branch,
-    ).take(valid)  # fmt: skip
+    branch = np.nan_to_num(columns.get("branch", np.zeros(len(k)))).astype(int)
+    zero, nothing = np.zeros(len(k)), np.full(len(k), "", object)
+    method = "space" if np.iscomplexobj(k) else "harmonic"
+    every = k, omega, zero, zero, columns["error"], zero, valid, nothing, branch
+    return BranchPoints(method, *every).take(valid)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from wavesim.case.layered_case import varied_key
 from wavesim.case.load import Case
-from wavesim.material.damping import Damping, constant_quality
+from wavesim.material.damping import constant_quality
 from wavesim.material.layers import Layer, Layers
 from wavesim.studies.least_squares import FitError
 
@@ -17,7 +18,7 @@ QUALITY = "quality_factor"
 
 @dataclass(frozen=True)
 class Target:
-    """A parameter that is varied: of which layers, which of their medium's."""
+    """A parameter that is varied: of which layers of the bar, which of their medium's."""
 
     key: str
     name: str
@@ -29,7 +30,8 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
 
     Args:
         case: the case.
-        keys: "medium.NAME", "layers.N.NAME" (from 0), or NAME for medium.NAME.
+        keys: "medium.NAME", what of its layers is not their own, "layers.N.NAME" (from 0, as
+            ``--set`` counts them), or NAME for medium.NAME.
 
     Raises:
         FitError: a key names no parameter of a medium.
@@ -38,41 +40,27 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
     layers = case.simulation.layers.layers
     found: list[Target] = []
     for key in keys:
-        parts = key.split(".")
-        name, table = parts[-1], parts[:-1] or ["medium"]
+        full = key if "." in key else f"medium.{key}"
+        name = full.rpartition(".")[2]
         if name not in allowed:
             raise FitError(f"--vary {key}: must end in one of {', '.join(allowed)}")
-        if table == ["medium"]:
-            if name == QUALITY:
-                _check_one_law(key, layers)
-                own = tuple(range(len(layers)))
-            else:
-                base = getattr(case.medium, name)
-                own = tuple(
-                    i for i, one in enumerate(layers)
-                    if base in [getattr(medium, name) for medium in one.ends]
-                )  # fmt: skip
-        elif len(table) == 2 and table[0] == "layers" and table[1].isdigit():
-            number = int(table[1])
-            if name == QUALITY:
-                raise FitError(
-                    f"--vary {key}: one quality factor is fitted for all layers: name "
-                    f"medium.{QUALITY}"
-                )
-            if number >= len(layers):
-                raise FitError(f"--vary {key}: the case has {len(layers)} layers, from 0 on")
-            own = (number,)
+        if name == QUALITY:
+            _check_one_law(key, full, layers)
+            own = tuple(range(len(layers)))
+        elif full == f"medium.{name}" and not case.material.places:
+            own = (0,)
         else:
-            raise FitError(f"--vary {key}: must be medium.NAME or layers.N.NAME, N from 0")
+            try:
+                own = varied_key(case.material, full).layers
+            except ValueError as error:
+                raise FitError(f"--vary {key}: {error}") from None
         graded = [i for i in own if name != QUALITY and _graded(layers[i], name)]
         if graded:
             raise FitError(
-                f"--vary {key}: layers.{graded[0]} is graded in {name}, and one value would make "
-                "it uniform: fit parameters that its two ends share"
+                f"--vary {key}: the layer from {layers[graded[0]].start:g} m on is graded in "
+                f"{name}, and one value would make it uniform: fit parameters that its two ends "
+                "share"
             )
-        if not own:
-            raise FitError(f"--vary {key}: layers have values of their own; name layers.N.{name}")
-        full = ".".join([*table, name])
         if any(one.key == full for one in found):
             raise FitError(f"--vary {key}: is named twice")
         found.append(Target(full, name, own))
@@ -81,37 +69,40 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
     return found
 
 
-def _check_one_law(key: str, layers: Sequence[Layer]) -> None:
+def _check_one_law(key: str, full: str, layers: Sequence[Layer]) -> None:
     """Refuse a quality factor that is not all that is lost, or not that of all layers."""
     law = layers[0].medium.damping
-    if any(medium.damping != law for layer in layers for medium in layer.ends):
-        raise FitError(
-            f"--vary {key}: layers have losses of their own, and one quality factor is fitted for "
-            "all: give all the one of [medium]"
+    why = ""
+    if full != f"medium.{QUALITY}":
+        why = f"one quality factor is fitted for all layers: name medium.{QUALITY}"
+    elif any(medium.damping != law for layer in layers for medium in layer.ends):
+        why = (
+            "layers have losses of their own, and one quality factor is fitted for all: give all "
+            "the one of [medium]"
         )
-    if law.mass or law.stiffness:
-        raise FitError(
-            f"--vary {key}: no quality factor is fitted beside mass_damping and stiffness_damping: "
-            "leave them out"
+    elif law.mass or law.stiffness:
+        why = (
+            "no quality factor is fitted beside mass_damping and stiffness_damping: leave them out"
         )
+    elif law.made is None:
+        why = f"the case has none: give {QUALITY} and quality_band in [medium] to begin with"
+    if why:
+        raise FitError(f"--vary {key}: {why}")
 
 
 def _graded(layer: Layer, name: str) -> bool:
     return len({getattr(medium, name) for medium in layer.ends}) > 1
 
 
-def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> tuple[Layers, Damping]:
-    """Layers with parameters laid over, and the law of all of them where a quality factor is one.
-
-    Without it each layer has its own, and the law is that of the first.
-    """
+def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> Layers:
+    """Layers with parameters laid over; a quality factor by its law, over the band of theirs."""
     made: list[Layer] = list(layers.layers)
-    law = made[0].medium.damping
     for one, value in zip(varied, theta, strict=True):
+        changed = {one.name: value}
         if one.name == QUALITY:
-            assert law.made is not None
-            law = constant_quality(float(value), law.made[1])
-            continue
+            law = made[0].medium.damping.made
+            assert law is not None
+            changed = {"damping": constant_quality(float(value), law[1])}
         for number in one.layers:
-            made[number] = made[number].mapped(partial(replace, **{one.name: value}))
-    return Layers(tuple(made)), law
+            made[number] = made[number].mapped(partial(replace, **changed))
+    return Layers(tuple(made))

@@ -321,7 +321,6 @@ def _differentiated(start: Medium, name: str, parameters: tuple[str, ...]) -> An
     """Function from parameters to a block's coefficients and their derivatives, compiled once."""
     import jax
 
-    jax.config.update("jax_enable_x64", True)
     (block,) = (b for b in start.family.blocks if b.name == name)
     parts = tuple(BlockCoefficients.__dataclass_fields__)
 

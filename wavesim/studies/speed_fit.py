@@ -10,16 +10,15 @@ of which the ratio of speeds gives η and V_S then K_n^a. At a = 0 V_P²/V_S² =
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wavesim.material.medium import Medium
+from wavesim.studies.fit_answer import FitAnswer, tied
 from wavesim.studies.least_squares import FitError
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
@@ -30,76 +29,18 @@ NOT_TOLD = (
     "softer contacts have the same speeds; K_n_r, K_n_g and strain_inertia are not felt by long "
     "waves but near the gaps; K_n_r is kept in its ratio to K_n_a"
 )
-
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class SpeedFit:
-    """What a P and an S speed say of a medium.
-
-    Attributes:
-        K_n_a, stiffness_ratio: found, N/m and –; K_n_r goes along with K_n_a.
-        K_n_a_error, stiffness_ratio_error: one standard error each; NaN without those of speeds.
-        correlation: of the two errors.
-        reason: why it does not count, or "".
-        parameter: what the state is named by in a series, such as a stress; None of one pair.
-        K_n_r: in its ratio to K_n_a as before, N/m.
-    """
-
-    K_n_a: float
-    K_n_a_error: float
-    stiffness_ratio: float
-    stiffness_ratio_error: float
-    correlation: float
-    reason: str = ""
-    parameter: float | None = None
-    K_n_r: float = math.nan
-
-    def medium(self, start: Medium) -> Medium:
-        """The medium with what was found."""
-        changed: dict[str, Any] = {
-            "K_n_a": self.K_n_a,
-            "K_n_r": self.K_n_r,
-            "stiffness_ratio": self.stiffness_ratio,
-        }
-        return dataclasses.replace(start, **changed)
-
-    def summary(self) -> dict[str, Any]:
-        """As plain data, as other fits have it."""
-        both = (self.K_n_a, self.K_n_a_error), (self.stiffness_ratio, self.stiffness_ratio_error)
-        parameters = {
-            key: {"value": value, "error": error, "valid": not self.reason, "reason": self.reason}
-            for key, (value, error) in zip(KEYS, both, strict=True)
-        }
-        barred = math.isfinite(self.correlation)
-        return {
-            "kind": "speeds",
-            "parameters": parameters,
-            "along": {"medium.K_n_r": self.K_n_r},
-            "nuisances": {},
-            "degenerate": [],
-            "correlations": [{"keys": list(KEYS), "value": self.correlation}] if barred else [],
-            "residual": 0.0,
-            "valid": not self.reason,
-            "notes": [NOT_TOLD] if barred or self.reason else [NO_BARS, NOT_TOLD],
-        }
-
-
-def fit_speeds(
-    v_p: float,
-    v_s: float,
-    start: Medium,
-    errors: tuple[float, float] = (math.nan, math.nan),
-    parameter: float | None = None,
-) -> SpeedFit:
+def of_speeds(
+    v_p: float, v_s: float, start: Medium, errors: tuple[float, float] = (math.nan, math.nan)
+) -> FitAnswer:
     """K_n_a and η of a granular medium from its P and S speeds, anisotropy held.
 
     Args:
         v_p, v_s: speeds of long waves along the axis, m/s.
         start: a medium of the translation family; gives all that is held.
         errors: one standard error of each, m/s, unlike each other's; NaN where not known.
-        parameter: what the state is named by.
 
     Returns:
         Both with first-order errors: dη/η′ = 2√((δ_P/V_P)² + (δ_S/V_S)²).
@@ -127,39 +68,45 @@ def fit_speeds(
     eta = eta if abs(eta) > 1e-12 else 0.0
     if below or eta < 0:
         limit = math.sqrt(B / D if below else A / C)
-        side = "not above" if below else "above"
         reason = (
-            f"V_P/V_S = {v_p / v_s:.4g} is {side} {limit:.4g}, which no stiffness_ratio ≥ 0 has at "
-            f"anisotropy = {a:g}: another fabric, or a speed misread"
+            f"V_P/V_S = {v_p / v_s:.4g} is {'not ' if below else ''}above {limit:.4g}, which no "
+            f"stiffness_ratio ≥ 0 has at anisotropy = {a:g}: another fabric, or a speed misread"
         )
-        return SpeedFit(math.nan, math.nan, math.nan, math.nan, math.nan, reason, parameter)
+        nothing = dict.fromkeys(KEYS, math.nan)
+        reasons = dict.fromkeys(KEYS, reason)
+        return FitAnswer("speeds", nothing, nothing, reasons, notes=(NOT_TOLD,))
     slope = (C * B - A * D) / (q * D - B) ** 2  # dη/dq
     stiffness = 105 * float(start.density) / float(start.per_contacts) * v_s**2 / (C + D * eta)
     # Derivatives by ln V_P and ln V_S.
     of_eta = np.array([2 * q * slope, -2 * q * slope])
     of_stiffness = np.array([0.0, 2 * stiffness]) - stiffness * D / (C + D * eta) * of_eta
-    relative = np.array(errors) / (v_p, v_s)
-    covariance = np.array([of_stiffness, of_eta]) * relative
+    covariance = np.array([of_stiffness, of_eta]) * (np.array(errors) / (v_p, v_s))
     covariance = covariance @ covariance.T
-    sizes = np.sqrt(np.diag(covariance))
-    correlation = float(covariance[0, 1] / sizes.prod()) if sizes.prod() > 0 else math.nan
-    K_n_r = float(start.K_n_r * stiffness / start.K_n_a)
-    errors_of = float(sizes[0]), eta, float(sizes[1])
-    return SpeedFit(stiffness, *errors_of, correlation, "", parameter, K_n_r)
+    values = dict(zip(KEYS, (stiffness, eta), strict=True))
+    bars = dict(zip(KEYS, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    barred = all(bar > 0 for bar in bars.values())
+    return FitAnswer(
+        "speeds",
+        values,
+        bars,
+        dict.fromkeys(KEYS, ""),
+        tied=tied(values, bars, covariance, -1.0),
+        notes=(NOT_TOLD,) if barred else (NO_BARS, NOT_TOLD),
+        along={"medium.K_n_r": float(start.K_n_r * stiffness / start.K_n_a)},
+    )
 
 
-def fit_series(
-    p: dict[str, Any], s: dict[str, Any], start: Medium
-) -> tuple[list[SpeedFit], dict[str, float] | None]:
+def of_series(p: dict[str, Any], s: dict[str, Any], start: Medium) -> dict[str, Any]:
     """Each state of two series, as ``wavesim pulse --json`` writes them, and how K_n_a follows.
 
     Args:
         p, s: of P and of S pulses, whose records are of the same states in the same order.
-        start: as of :func:`fit_speeds`.
+        start: as of :func:`of_speeds`.
 
     Returns:
-        A fit for each state that both have, and K_n_a = c · parameter^b, {"c", "b", "b_error"};
-        None with fewer than three states, or at one parameter alone.
+        As :meth:`FitAnswer.summary`, that of the first state that both have, with "series", a row
+        for each, the name of their "parameter", and "law": K_n_a = c · parameter^b, {"c", "b",
+        "b_error"}; None with fewer than three states, or at one parameter alone.
 
     Raises:
         FitError: the series have no states in common.
@@ -171,10 +118,19 @@ def fit_series(
     fits = []
     for key in both:
         (v_p, e_p), (v_s, e_s) = known[0][key], known[1][key]
-        fits.append(fit_speeds(v_p, v_s, start, (e_p, e_s), key[0]))
-    good = [one for one in fits if not one.reason and one.parameter and one.parameter > 0]
-    told = len(good) > 2 and len({one.parameter for one in good}) > 1
-    return fits, _power_law(good) if told else None
+        fits.append((key[0], of_speeds(v_p, v_s, start, (e_p, e_s))))
+    answer, name = fits[0][1].summary(), (p.get("series") or {}).get("parameter") or "state"
+    rows = [{"parameter": at} | one.summary()["parameters"] for at, one in fits]
+    first = f"parameters, and fitted.toml of --out, are those at {name} = {fits[0][0]:g}"
+    good = [(at, one) for at, one in fits if at > 0 and not any(one.reasons.values())]
+    told = len(good) > 2 and len({at for at, _ in good}) > 1
+    return answer | {
+        "series": rows,
+        "parameter": name,
+        "law": _power_law(good) if told else None,
+        "valid": not any(row[KEYS[0]]["reason"] for row in rows),
+        "notes": [first, *answer["notes"]],
+    }
 
 
 def _speeds(series: dict[str, Any]) -> dict[tuple[float, int], tuple[float, float]]:
@@ -193,14 +149,14 @@ def _speeds(series: dict[str, Any]) -> dict[tuple[float, int], tuple[float, floa
     return found
 
 
-def _power_law(fits: Sequence[SpeedFit]) -> dict[str, float]:
+def _power_law(fits: Sequence[tuple[float, FitAnswer]]) -> dict[str, float]:
     """The law by least squares; its power is as unsure as scatter, or errors of K_n_a, have it."""
-    x = np.log(np.array([f.parameter for f in fits], float))
-    y = np.log([f.K_n_a for f in fits])
+    K = np.array([one.values[KEYS[0]] for _, one in fits])
+    x, y = np.log([at for at, _ in fits]), np.log(K)
     b, c = np.polyfit(x, y, 1)
     away = x - x.mean()
     lever = float(np.sum(away**2))
     scatter = float(np.sum((y - c - b * x) ** 2)) / (len(x) - 2) / lever
-    own = np.nan_to_num([f.K_n_a_error / f.K_n_a for f in fits])
+    own = np.nan_to_num(np.array([one.errors[KEYS[0]] for _, one in fits]) / K)
     error = math.sqrt(max(scatter, float(np.sum((away * own) ** 2)) / lever**2))
     return {"c": float(np.exp(c)), "b": float(b), "b_error": error}

@@ -29,7 +29,6 @@ from wavesim.studies.transmission_study import transmission_study
 from wavesim.studies.variation import SweepError
 from wavesim.timedomain.compiled import keep_compiled
 
-jax.config.update("jax_enable_x64", True)
 # What follows a line does so to rounding, and a bit more.
 _LINEAR = 1e-9
 _MADE = 8  # members that are made to make sure

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,8 @@ from wavesim.readings.matched_record import Measured, resampling
 from wavesim.simulation.bandlimited import cross_correlation
 from wavesim.simulation.simulation import Simulation
 from wavesim.studies.fitted_keys import QUALITY, Target, with_values
-from wavesim.studies.least_squares import FitError, Parameter, Solution, solve
+from wavesim.studies.least_squares import Parameter, Solution, solve
+from wavesim.timedomain.time_step import highest_frequency
 
 Float = NDArray[Any]
 
@@ -98,11 +100,7 @@ class Waveforms:
         medium = self.case.simulation.layers.layers[one.layers[0]].medium
         if one.name == QUALITY:
             made = medium.damping.made
-            if made is None:
-                raise FitError(
-                    f"--vary {one.key}: the case has none: give {QUALITY} and quality_band in "
-                    "[medium] to begin with"
-                )
+            assert made is not None
             return Parameter(one.key, made[0], 2.0, 1e5, made[0])
         known = medium.known()[one.name]
         start = float(getattr(medium, one.name) or 0.0)
@@ -118,17 +116,14 @@ class Waveforms:
     def residuals(self, values: Mapping[str, float]) -> tuple[Float, Float, NDArray[np.int_]]:
         """Residuals over the record's rms, derivatives, and the frame of each."""
         frames, slopes = self._at(values)
-        lag = self.lag if self.lag is not None else values[LAG]
-        gain = self.gain if self.gain is not None else values[GAIN] * self.unit(frames)
-        sim = self.case.simulation
-        t = self.measured.t - lag
+        gain, t, sim = self.scale_of(values), self._run_times(values), self.case.simulation
         # Before its start the bar is at rest; after its end nothing is known.
         inside = t <= sim.duration
         W = resampling(sim.frames, sim.interval, t)
         columns = [gain * (W @ one) for one in slopes]
         there = W @ frames
         if self.gain is None:
-            columns.append(there * self.unit(frames))
+            columns.append(there * self.unit)
         if self.lag is None:
             columns.append(-gain * (resampling(sim.frames, sim.interval, t, True) @ frames))
         left = gain * there - self.measured.values
@@ -148,25 +143,29 @@ class Waveforms:
             (signals, record less signals), each of shape (nt, m); NaN after the simulation's end.
         """
         frames, _ = self._at(values)
-        lag = self.lag if self.lag is not None else values[LAG]
-        gain = self.gain if self.gain is not None else values[GAIN] * self.unit(frames)
-        sim = self.case.simulation
-        t = self.measured.t - lag
-        there = gain * (resampling(sim.frames, sim.interval, t) @ frames)
+        t, sim = self._run_times(values), self.case.simulation
+        there = self.scale_of(values) * (resampling(sim.frames, sim.interval, t) @ frames)
         there[t > sim.duration] = np.nan
         there += np.nanmean(self.measured.values - there, axis=0)
         return there, self.measured.values - there
 
     def scale_of(self, values: Mapping[str, float]) -> float:
         """The record's unit over the field's: the gain in full."""
-        if self.gain is not None:
-            return self.gain
-        return values[GAIN] * self.unit(self._at(values)[0])
+        return values[GAIN] * self.unit if self.gain is None else self.gain
+
+    def _run_times(self, values: Mapping[str, float]) -> Float:
+        """The record's times on the clock of the run, s."""
+        return self.measured.t - (values[LAG] if self.lag is None else self.lag)
+
+    @cached_property
+    def _own(self) -> tuple[dict[str, float], Float]:
+        """The case's own values, and its field at the receivers."""
+        first = {one.key: one.start for one in self.parameters}
+        return first, self.simulated(first)
 
     def beginning(self) -> dict[str, float]:
         """First values: the case's, and the lag and gain that lay its field on the record best."""
-        first = {one.key: one.start for one in self.parameters}
-        frames = self.simulated(first)
+        first, frames = dict(self._own[0]), self._own[1]
         recorded = self.measured.values - self.measured.values.mean(axis=0)
         if self.lag is not None:
             found = self._laid_best(frames, recorded, np.array([self.lag]))
@@ -181,7 +180,7 @@ class Waveforms:
         if self.lag is None:
             first[LAG] = found[0]
         if self.gain is None:
-            first[GAIN] = found[1] / self.unit(frames)
+            first[GAIN] = found[1] / self.unit
         return first
 
     def _laid_best(self, frames: Float, recorded: Float, lags: Float) -> tuple[float, float, float]:
@@ -209,13 +208,12 @@ class Waveforms:
         inside = np.abs(lags) <= _REACH * sim.duration
         return float(lags[int(np.argmax(np.where(inside, np.abs(c), -1.0)))])
 
-    def unit(self, frames: Float) -> float:
-        """The record's rms over the simulated one's: the gain's own size."""
-        if not hasattr(self, "_unit"):
-            recorded = self.measured.values - self.measured.values.mean(axis=0)
-            ratio = float(np.sqrt(np.mean(recorded**2)) / (np.sqrt(np.mean(frames**2)) or 1.0))
-            self._unit = ratio
-        return self._unit
+    @cached_property
+    def unit(self) -> float:
+        """The record's rms over that of the case's own field: the gain's own size."""
+        recorded = self.measured.values - self.measured.values.mean(axis=0)
+        frames = self._own[1]
+        return float(np.sqrt(np.mean(recorded**2)) / (np.sqrt(np.mean(frames**2)) or 1.0))
 
     def _projected(self, values: Float, inside: NDArray[np.bool_]) -> Float:
         """Without each receiver's offset, and without high frequencies where that is asked for."""
@@ -243,26 +241,27 @@ class _Plan:
     planned: Simulation
     varied: list[Target]
     highest: float
-    rates: tuple[float, ...]
     compiled: Callable[..., Any]
 
     def serves(self, theta: Float) -> bool:
-        layers, law = with_values(self.planned.layers, self.varied, theta)
-        layers = layers.mapped(lambda medium: replace(medium, damping=law)) if law else layers
-        return _highest(self.planned, layers) <= self.highest and law.rates == self.rates
+        layers = with_values(self.planned.layers, self.varied, theta)
+        same = _law(layers).rates == _law(self.planned.layers).rates
+        return same and highest_frequency(self.planned, layers) <= self.highest
 
     def run(self, theta: Float) -> tuple[Float, list[Float]]:
-        _, law = with_values(self.planned.layers, self.varied, theta)
-        by_quality = np.zeros(1 + len(law.strengths))
-        for one, value in zip(self.varied, theta.tolist(), strict=True):
-            if one.name == QUALITY:
-                by_quality = _law_slope(value, law)
-        tangents = np.stack([
-            by_quality if one.name == QUALITY else np.zeros_like(by_quality) for one in self.varied
-        ])  # fmt: skip
+        law = _law(with_values(self.planned.layers, self.varied, theta))
         given = np.array([law.unrelaxed, *law.strengths])
+        tangents = np.zeros((len(theta), len(given)))
+        for own, one, value in zip(tangents, self.varied, theta.tolist(), strict=True):
+            if one.name == QUALITY:
+                own[:] = _law_slope(value, law)
         u, slopes = self.compiled(theta, given, np.eye(len(theta)), tangents)
         return np.asarray(u), list(np.asarray(slopes))
+
+
+def _law(layers: Layers) -> Damping:
+    """That of the first layer; of all where a quality factor is fitted."""
+    return layers.layers[0].medium.damping
 
 
 def _law_slope(quality: float, law: Damping) -> Float:
@@ -277,24 +276,13 @@ def _law_slope(quality: float, law: Damping) -> Float:
     return -np.array([law.unrelaxed - 1, *law.strengths]) / quality
 
 
-def _highest(planned: Simulation, layers: Layers) -> float:
-    """Highest frequency of a bar, over that of the plan's units."""
-    from wavesim.timedomain.time_step import highest_frequency
-
-    return highest_frequency(planned, layers)
-
-
 def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: Measured) -> _Plan:
     """Compile a run of media about some parameters, with room for faster ones."""
     import jax
 
-    jax.config.update("jax_enable_x64", True)
     from wavesim.timedomain.gradient import traced_fields
 
-    layers, law = with_values(simulated.layers, varied, theta)
-    lossy = any(one.name == QUALITY for one in varied)
-    if lossy:
-        layers = layers.mapped(lambda medium: replace(medium, damping=law))
+    layers = with_values(simulated.layers, varied, theta)
     planned = replace(simulated, layers=layers, solver="chebyshev")
 
     def faster(medium: Medium) -> Medium:
@@ -302,11 +290,11 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
         return replace(medium, **changed)
 
     fastest = layers.mapped(faster)
-    plain = [one for one in varied if one.name != QUALITY]
-    columns = [i for i, one in enumerate(varied) if one.name != QUALITY]
+    lossy = any(one.name == QUALITY for one in varied)
+    plain = [i for i, one in enumerate(varied) if one.name != QUALITY]
 
     def field_of(values: Any, given: Any) -> Any:
-        own, _ = with_values(planned.layers, plain, [values[i] for i in columns])
+        own = with_values(planned.layers, [varied[i] for i in plain], [values[i] for i in plain])
         fields = traced_fields(
             own, planned, measured.positions, fastest=fastest, forward=True,
             law=(given[0], given[1:]) if lossy else None,
@@ -319,7 +307,7 @@ def _plan(simulated: Simulation, varied: list[Target], theta: Float, measured: M
 
         return jax.vmap(along, out_axes=(None, 0))(directions, tangents)
 
-    return _Plan(planned, varied, _highest(planned, fastest), law.rates, jax.jit(both))
+    return _Plan(planned, varied, highest_frequency(planned, fastest), jax.jit(both))
 
 
 def fit_waveforms(data: Waveforms) -> Solution:

@@ -24,8 +24,8 @@ import numpy as np
 
 from wavesim.timedomain.equation import Equation, Motion, Run
 from wavesim.timedomain.operator import States
+from wavesim.timedomain.sources_within_step import Work
 from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
-from wavesim.timedomain.work_within_step import Work
 
 
 class Series(eqx.Module):

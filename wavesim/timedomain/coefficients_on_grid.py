@@ -1,4 +1,4 @@
-"""What a bar is made of, point by point: stiffnesses and inertias on its grid, scaled.
+"""What a bar is made of, point by point: stiffnesses, inertias and losses on its grid, scaled.
 
 A stretch of the grid belongs to each layer, and a layer's medium stands at its own points only, so
 that nothing is averaged across an interface but the inertia of the one node there, to which each
@@ -26,9 +26,7 @@ from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers
 from wavesim.material.medium import Medium, with_each_class
 from wavesim.material.scaling import Scales, block_coefficients, scales
-
-# The scheme needs double precision.
-jax.config.update("jax_enable_x64", True)
+from wavesim.timedomain.absorber import absorption
 
 
 def _as_pytree(kind: type[Medium]) -> None:
@@ -194,16 +192,14 @@ def _along(layer: Layer, block: Block, units: Scales, x: np.ndarray) -> dict[str
     else:  # one batch, for a trace a twelfth as long
         batch = jax.tree.map(lambda *v: jnp.stack([jnp.asarray(one, float) for one in v]), *at)
         sampled = jax.vmap(named)(batch)
-    w = layer.weight(x)
-    chebyshev = np.polynomial.chebyshev.chebvander
-    basis = chebyshev(2 * w - 1, _SAMPLES - 1) @ np.linalg.inv(
-        chebyshev(2 * nodes - 1, _SAMPLES - 1)
+    at_x, at_nodes = (
+        np.polynomial.chebyshev.chebvander(2 * w - 1, _SAMPLES - 1)
+        for w in (layer.weight(x), nodes)
     )
-    found = {}
-    for name, values in sampled.items():
-        xp = module(values)
-        found[name] = xp.tensordot(xp.moveaxis(values, 0, -1), xp.asarray(basis.T), 1)
-    return found
+    basis = at_x @ np.linalg.inv(at_nodes)
+    return {
+        name: module(values).tensordot(values, basis.T, (0, 0)) for name, values in sampled.items()
+    }
 
 
 def stretches(
@@ -211,12 +207,10 @@ def stretches(
 ) -> list[tuple[Layer, slice, Any, np.ndarray]]:
     """Each layer with its cells, the norm of its nodes, and their positions on the bar, m."""
     found, first = [], 0
-    for number, (layer, (cells, spacing), norm) in enumerate(
-        zip(layers.layers, bar.all_stretches, bar.stretch_norms, strict=True)
-    ):
+    each = zip(layers.layers, bar.all_stretches, bar.stretch_norms, strict=True)
+    for number, (layer, (cells, spacing), norm) in enumerate(each):
         x = layer.start + np.arange(cells + 1) * spacing
-        if sizes is not None:
-            norm = norm * (sizes[number] / spacing)
+        norm = norm if sizes is None else norm * (sizes[number] / spacing)
         found.append((layer, slice(first, first + cells), norm, x))
         first += cells
     return found
@@ -239,15 +233,15 @@ def _in_series(parts: Sequence[Any], periodic: bool) -> Any:
 
     Compliances add where stretches meet: Γ ∂ₓB is continuous there, as σ is.
     """
-    joined: list[Any] = []
+    made: list[Any] = []
     for number, part in enumerate(parts):
         first = part[..., :1]
         if number or periodic:
             first = _parallel(parts[number - 1][..., -1:], first)
-        joined += [first, part[..., 1:-1]]
+        made += [first, part[..., 1:-1]]
     if not periodic:
-        joined.append(parts[-1][..., -1:])
-    return module(*joined).concatenate(joined, axis=-1)
+        made.append(parts[-1][..., -1:])
+    return module(*made).concatenate(made, axis=-1)
 
 
 def _parallel(one: Any, other: Any) -> Any:
@@ -259,3 +253,94 @@ def _parallel(one: Any, other: Any) -> Any:
     xp = module(one, other)
     left, right = one[..., 0], other[..., 0]
     return (left @ xp.linalg.pinv(left + right, hermitian=True) @ right)[..., None]
+
+
+class Losses(eqx.Module):
+    """What is lost, point by point, shape (points,) unless it says otherwise.
+
+    Attributes:
+        mass_node: α at nodes.
+        drag_node, drag_half: α + d on φ̇, α + α_B on Ḃ.
+        spring_node: α d on φ.
+        stiffness: β_d over the unrelaxed modulus, at half-nodes.
+        rates, strengths: ω_l and Y_l of the standard linear solids, at half-nodes, shape
+            (mechanisms, points).
+        absorb_half: d at half-nodes.
+        damped, viscous, absorbing: whether there is a loss law, one with β_d, an absorbing end.
+    """
+
+    mass_node: Any
+    drag_node: Any
+    drag_half: Any
+    spring_node: Any
+    stiffness: Any
+    rates: Any
+    strengths: Any
+    absorb_half: Any
+    damped: bool = eqx.field(static=True)
+    viscous: bool = eqx.field(static=True)
+    absorbing: bool = eqx.field(static=True)
+
+    @property
+    def lossy(self) -> bool:
+        """Whether anything is lost."""
+        return self.damped or self.absorbing
+
+
+def losses(
+    layers: Layers,
+    bar: Bar,
+    block: Block,
+    reference: Medium,
+    plain: Layers | None = None,
+    sizes: Any = None,
+) -> Losses:
+    """Loss laws and absorbers over a bar.
+
+    Args:
+        layers: what the bar is made of; parameters may be traced by jax.
+        bar: its grid.
+        block: one of those that it is for: absorbers and what layers that meet are to it differ by
+            family.
+        reference: the medium whose units to scale by.
+        plain: layers of plain numbers, for the absorbers, where the others are traced.
+        sizes: as of :func:`coefficients`; absorbers stay as they are.
+    """
+    time = float(scales(reference).time)
+    layers = layers.mapped(lambda medium: medium.part(block))
+    plain = layers if plain is None else plain.mapped(lambda medium: medium.part(block))
+    laws = [layer.medium.damping for layer in layers.layers]
+    count, points = max(len(law.rates) for law in laws), len(bar.nodes)
+    mass_half, stiffness = np.zeros(points), np.zeros(points)
+    rates, strengths = np.zeros((count, points)), np.zeros((count, points))
+    drag: Any = np.zeros(bar.cells + 1)
+    inertia: Any = np.zeros(bar.cells + 1)
+    for layer, cells, norm, x in stretches(layers, bar, sizes):
+        law = layer.medium.damping
+        mass_half[cells] = law.mass * time
+        stiffness[cells] = law.stiffness / time / law.unrelaxed
+        for number, (rate, strength) in enumerate(zip(law.rates, law.strengths, strict=True)):
+            rates[number, cells], strengths[number, cells] = rate * time, strength
+        # Only at the ends of a stretch do others share the node; elsewhere any inertia will do.
+        ends = [layer.at(position) for position in x[[0, -1]]]
+        of_ends = [end.inertias[0] for end in ends]
+        at = np.append(np.zeros(len(x) - 1, int), 1)
+        xp = module(*of_ends)
+        own = placed(xp.stack([xp.asarray(end) for end in of_ends])[at] * norm, cells, bar)
+        drag, inertia = drag + law.mass * time * own, inertia + own
+    at_node, _ = absorption(plain, bar, bar.nodes)
+    inner, calm = absorption(plain, bar, bar.half_nodes)
+    mass_node = joined(bar, drag) / joined(bar, inertia)
+    return Losses(
+        mass_node=mass_node,
+        drag_node=mass_node + time * at_node,
+        drag_half=mass_half + at_half(bar, time * calm),
+        spring_node=mass_node * time * at_node,
+        stiffness=stiffness,
+        rates=rates,
+        strengths=strengths,
+        absorb_half=at_half(bar, time * inner),
+        damped=any(laws),
+        viscous=bool(stiffness.any()),
+        absorbing="absorbing" in (bar.left, bar.right),
+    )

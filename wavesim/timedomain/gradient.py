@@ -21,14 +21,13 @@ from wavesim.grid.stencils import difference_norm
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layer, Layers, as_layers
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import scales
+from wavesim.material.scaling import scales, to_fields
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
 from wavesim.timedomain.moments_in_time import signals
 from wavesim.timedomain.operator import Operator, operator
-from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import (
     TimeStep,

@@ -16,10 +16,9 @@ from wavesim.grid.bar import Bar
 from wavesim.material.family import is_macro
 from wavesim.material.layers import Layers
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import scales
+from wavesim.material.scaling import scales, to_fields
 from wavesim.simulation.field import Energy, Field
-from wavesim.simulation.resolution import check_carried
-from wavesim.simulation.simulation import Simulation, simulation
+from wavesim.simulation.simulation import Simulation, check_carried, simulation
 from wavesim.sources import Source
 from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, ExactStepper, series
 from wavesim.timedomain.compiled import compiled
@@ -27,11 +26,9 @@ from wavesim.timedomain.cost import HOUR, check_cost, cost
 from wavesim.timedomain.equation import Equation, Motion, Run
 from wavesim.timedomain.lossless_propagator import Propagator, propagator
 from wavesim.timedomain.operator import operator
-from wavesim.timedomain.scaled_fields import to_fields
 from wavesim.timedomain.source_terms import initial_state, source_terms
-from wavesim.timedomain.sources_within_step import driven
+from wavesim.timedomain.sources_within_step import driven, work
 from wavesim.timedomain.time_step import TimeStep, chunk_frames, time_step
-from wavesim.timedomain.work_within_step import work
 
 _TERM = diffrax.ODETerm(lambda steps, motion, run: run.rate(steps, motion))
 # Exact steppers take the equation itself, and diffrax would trace it seven times for its shape.
@@ -101,13 +98,7 @@ def equation_of(simulated: Simulation) -> tuple[Equation, Motion]:
 def stepper_of(
     simulated: Simulation, step: TimeStep, equation: Equation, start: Motion
 ) -> diffrax.AbstractSolver:
-    """The stepper of a simulation of plain numbers, with its tables.
-
-    Args:
-        simulated: the simulation.
-        step: of :func:`time_step`.
-        equation, start: of :func:`equation_of`.
-    """
+    """The stepper of a simulation of plain numbers, with its tables."""
     if step.solver not in ("propagator", "chebyshev"):
         return getattr(diffrax, step.solver)()
     near = driven(equation, step.reach, simulated.bar.periodic)

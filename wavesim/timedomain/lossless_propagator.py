@@ -25,10 +25,9 @@ from wavesim.timedomain.chebyshev_stepper import ExactStepper
 from wavesim.timedomain.equation import Equation, Motion, Run
 from wavesim.timedomain.operator import Group, State, States
 from wavesim.timedomain.propagator_rows import Rows, rows_of
-from wavesim.timedomain.sources_within_step import Driven, picked, pushes, series_terms
+from wavesim.timedomain.sources_within_step import Driven, Work, picked, pushes, series_terms, work
 from wavesim.timedomain.sparse_matrix import flat, sparse_matrix, unflat
 from wavesim.timedomain.time_step import TimeStep, nodes_of, series_coefficients
-from wavesim.timedomain.work_within_step import Work, work
 
 
 class Pulses(eqx.Module):

@@ -33,12 +33,13 @@ from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.timedomain.coefficients_on_grid import (
     Coefficients,
+    Losses,
     at_half,
     coefficients,
+    losses,
     node_norm,
     stretched,
 )
-from wavesim.timedomain.losses_on_grid import Losses, losses
 
 
 class State(NamedTuple):

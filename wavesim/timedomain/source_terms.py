@@ -20,11 +20,10 @@ from wavesim.grid.bar import Bar
 from wavesim.grid.points import gaussian, spread
 from wavesim.material.family import Block, grouped, known_field
 from wavesim.material.medium import Medium
-from wavesim.material.scaling import scales
+from wavesim.material.scaling import scales, to_scaled
 from wavesim.sources import InitialField, Source
 from wavesim.timedomain.coefficients_on_grid import at_half, module
 from wavesim.timedomain.operator import Group, Operator, States, held_nodes
-from wavesim.timedomain.scaled_fields import to_scaled
 from wavesim.timedomain.traced_grid import TracedGrid
 
 # What a signal does not depend on, set alike for all, and its amplitude.
@@ -252,11 +251,7 @@ def _points(
 def initial_state(
     sources: Sequence[Source], medium: Medium, bar: Bar, blocks: Sequence[Block], A: Operator
 ) -> States:
-    """State at t = 0: the initial fields among the sources, and else rest.
-
-    Args:
-        sources, medium, bar, blocks, A: as of :func:`source_terms`.
-    """
+    """State at t = 0: the initial fields among the sources, and else rest."""
     fields: dict[str, Any] = {}
     for source in sources:
         if not isinstance(source, InitialField):

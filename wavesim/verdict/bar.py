@@ -21,10 +21,9 @@ from wavesim.simulation.field import Field
 from wavesim.sources import excitation
 from wavesim.timedomain.absorber import REFLECTION
 from wavesim.verdict import remedies
-from wavesim.verdict.check import Check, energy_checks, judged
+from wavesim.verdict.check import Check, energy_checks, judged, signal_checks
 from wavesim.verdict.foreseen_errors import (
     AMPLITUDE_TOLERANCE,
-    SIGNAL_TOLERANCE,
     WAVENUMBER_TOLERANCE,
 )
 
@@ -58,13 +57,7 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     """
     if not reading.moved:
         return []
-    checks = []
-    comes_back = sent_back(field)
-    for receiver, errors in reading.error.items():
-        worst = _worst(errors)
-        label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
-        known = field, receiver, comes_back
-        checks.append(judged(label, errors[worst], SIGNAL_TOLERANCE, remedies.of_signal, *known))
+    checks = signal_checks(field, reading.error, sent_back(field))
     for scattered in reading.scattered:
         checks += _scattered_checks(field, scattered) + _band_checks(field, scattered)
     for cells in reading.cells:
@@ -74,11 +67,6 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     for pulse in reading.pulses:
         checks += _pulse_checks(field, pulse)
     return checks + energy_checks(field)
-
-
-def _worst(errors: dict[str, float]) -> str:
-    """Name of the largest error; what is not a number is larger than any."""
-    return max(errors, key=lambda name: math.inf if math.isnan(errors[name]) else errors[name])
 
 
 def _scattered_checks(field: Field, found: Scattered) -> list[Check]:

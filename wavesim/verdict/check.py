@@ -1,15 +1,17 @@
-"""A line of a verdict; and the lines on energy, which are those of every bar."""
+"""A line of a verdict; and the lines on receivers and energy, which are those of every bar."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from wavesim.readings.bar.loudness import blurred
 from wavesim.simulation.field import Field
 from wavesim.verdict import remedies
+from wavesim.verdict.foreseen_errors import SIGNAL_TOLERANCE
 
 ENERGY_TOLERANCE = 1e-9
 ENERGY_AFTER_TOLERANCE = 1e-10
@@ -66,6 +68,70 @@ def judged(
     """
     check = Check(name, measured, reference, allowed, unit)
     return check if check.passed else replace(check, remedy=remedy(*arguments))
+
+
+def signal_checks(
+    field: Field, found: Mapping[str, Mapping[str, float]], comes_back: str = ""
+) -> list[Check]:
+    """Signals at receivers beside the exact ones.
+
+    Args:
+        field: the field.
+        found: {receiver: {field: error}}, of ``Loudness.compared``.
+        comes_back: of ``remedies.of_signal``.
+    """
+    checks = []
+    for receiver, errors in found.items():
+        # What is not a number is larger than any.
+        worst = max(errors, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
+        label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
+        known = field, receiver, comes_back
+        checks.append(judged(label, errors[worst], SIGNAL_TOLERANCE, remedies.of_signal, *known))
+    return checks
+
+
+def receiver_notes(
+    field: Field,
+    exact: Mapping[str, Any],
+    heard: Mapping[str, Any] | None,
+    refused: Sequence[str],
+) -> list[str]:
+    """Receivers that were not compared, and why.
+
+    Args:
+        field: the field.
+        exact: by receiver, those that the exact solver has.
+        heard: of ``Loudness.compared``; None where all arrived.
+        refused: why the exact solver does not have some of it.
+    """
+    found = [
+        f"the exact solver does not have this bar, and less was checked: {why}" for why in refused
+    ]
+    silent = [name for name in exact if heard is not None and not heard.get(name)]
+    if silent:
+        found.append(
+            f"receiver {_some(silent)}: next to nothing arrived, and it was not compared; lengthen "
+            "[time] duration, or move it"
+        )
+    near = {name: blurred(field, x) for name, x in field.receivers.items()}
+    for why in dict.fromkeys(near[name] for name in near if near[name]):
+        these = [name for name, one in near.items() if one == why]
+        found.append(
+            f"receiver {_some(these)}: stands {why}, where the grid has a lower order, and its "
+            f"signals were not compared; move it {field.bar.order} cells away to have them"
+        )
+    low, high = field.bar.clear
+    hidden = [name for name, x in field.receivers.items() if not low <= x <= high]
+    if hidden:
+        found.append(
+            f"receiver {_some(hidden)}: stands in an absorbing layer, and was not compared; move "
+            f"it into {low:.4g} to {high:.4g} m"
+        )
+    return found
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def energy_checks(field: Field) -> list[Check]:

@@ -20,7 +20,7 @@ from wavesim.verdict.foreseen_errors import (
     MEDIAN_TOLERANCE,
     WAVENUMBER_TOLERANCE,
 )
-from wavesim.verdict.gap_advice import Answers, Row, to_see_more
+from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 _UNCERTAIN = 0.3 * WAVENUMBER_TOLERANCE
 

@@ -2,7 +2,8 @@
 
 Of a bar with layers or ends, signals at receivers, T and R as its grid has them stand beside those
 of the exact solver (``grid_signals.py``), of graded layers, which take that long, signals alone
-beside those of a grid of half the cells; of a ring, ω(k) at the grid's modified wavenumbers.
+beside those of a grid of half the cells; of a ring of one medium ω(k) besides, at the grid's
+modified wavenumbers.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavesim.case.schema import AnalysisTable
 from wavesim.grid.bar import layered_bar
-from wavesim.grid.stencils import modified_wavenumber
 from wavesim.grid.summation_by_parts import closure
-from wavesim.layered.inverse_transform import BeyondNumbersError, Contour
-from wavesim.layered.signals import contour_of, field_spectra
+from wavesim.layered.signals import BeyondNumbersError, Contour, contour_of, field_spectra
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import judged_range
@@ -37,18 +38,18 @@ from wavesim.verdict.grid_signals import grid_spectra
 # themselves.
 SIGNAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-4, 1e-3
 MEDIAN_TOLERANCE, MAXIMUM_TOLERANCE, WAVENUMBER_TOLERANCE = 1e-3, 1e-2, 1e-3
-# Cells times frequencies that are worked out, in about a third of a second.
-BUDGET = 4e5
+# Cells times frequencies that are worked out at most, in about a second.
+BUDGET = 1.3e6
 # Places about a receiver at which a field's size is looked at, and nodes of a buffer.
 _ABOUT, _NODES = 8, 24
 # A spectrum is left out below this part of its peak, softly, over this part of the rest.
 _SMALL, _TAPER = 1e-5, 0.03
 _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
 # Wavenumbers of a ring's judged range; how much more a folded band takes, and a graded bar and the
-# finer one beside it; the least part of a run that tells of all of it.
-_RANGE, _FOLDED, _GRADED, _LEAST_PART = 129, 4, 4, 0.3
+# finer one beside it.
+_RANGE, _FOLDED, _GRADED = 129, 4, 4
 # A transform has this many frequencies at least.
-_MOST_CELLS = BUDGET / _LEAST_PART / 64
+_MOST_CELLS = BUDGET / 64
 # So long a signal (rad of the highest frequency) takes long to transform.
 _MOST_PHASE = 500.0
 
@@ -89,7 +90,8 @@ def foretold(
         with np.errstate(all="ignore"):
             if simulated.endless:
                 k_range = k_range or judged_range(simulated.medium)
-                found: list[Foretold] | None = list(_of_ring(simulated, table, k_range))
+                ring = list(_of_ring(simulated, table, k_range))
+                found: list[Foretold] | None = ring + (_of_bar(simulated, table) or [])
             else:
                 found = _of_bar(simulated, table)
     except (BeyondNumbersError, np.linalg.LinAlgError, ArithmeticError, MemoryError):
@@ -115,8 +117,6 @@ def limit_of(simulated: Simulation) -> str:
 
     Only what hangs on the simulation: an answer that needs too many frequencies is None besides.
     """
-    if simulated.endless:
-        return ""
     if simulated.bar.cells > _MOST_CELLS:
         return f"{simulated.bar.cells} cells are more than {_MOST_CELLS:.0f}"
     if simulated.gradient_felt:
@@ -131,16 +131,12 @@ def _of_ring(
     simulated: Simulation, table: AnalysisTable, k_range: tuple[float, float]
 ) -> Iterator[Foretold]:
     """ω of each branch that is excited, over the judged wavenumbers, and k(ω)."""
-    medium, bar = simulated.medium, simulated.bar
-    low, high = k_range
-    k = np.linspace(low, high, _RANGE)
-    slowed_k = modified_wavenumber(k, bar.spacing, bar.order)
+    k = np.linspace(*k_range, _RANGE)
     for block in simulated.blocks:
         own = [s for s in simulated.sources if s.field in block.fields]
-        exact, slowed = (block_oscillations(medium, block, one) for one in (k, slowed_k))
+        exact, off = of_frequencies(simulated, block, k)
         loud = (excitation(own, exact, k[:, None]) >= EXCITED) & (exact > 0)
         loud &= exact <= math.pi / simulated.interval
-        off = np.where(loud, np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1), 0.0)
         for number, name in enumerate(block.branches):
             known = off[loud[:, number], number]
             if len(known):
@@ -151,31 +147,37 @@ def _of_ring(
             yield from _along_ring(simulated, table, block, own)
 
 
+def of_frequencies(simulated: Field | Simulation, block: Block, k: NDArray[Any]) -> Any:
+    """ω of each branch at k, rad/s, and how far the differences slow it: |ω_grid/ω − 1|."""
+    modified = OfMedium(simulated.medium, block, simulated.bar).modified(k)
+    exact, slowed = (block_oscillations(simulated.medium, block, at) for at in (k, modified))
+    return exact, np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1)
+
+
+def of_wavenumbers(simulated: Field | Simulation, block: Block, omega: NDArray[Any]) -> Any:
+    """How far the grid's own k(ω) is off: |k_grid/k − 1|."""
+    exact, on_grid = (
+        OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)
+    )
+    return np.abs(on_grid / exact - 1)
+
+
 def _along_ring(
     simulated: Simulation, table: AnalysisTable, block: Block, own: Sequence[Source]
 ) -> Iterator[Foretold]:
     """k(ω), at frequencies as of ``readings/dispersion/extract.py``."""
     low, high = excited_band(own)
     peak = 2 * math.pi * max(source.peak_frequency for source in own)
-    high, lowest = (
-        min(high, 0.95 * math.pi / simulated.interval),
-        low or 2 * math.pi / simulated.duration,
-    )
+    high, low = min(high, 0.95 * math.pi / simulated.interval), low or math.tau / simulated.duration
     top = min(high, 2 * peak)
-    real = np.linspace(lowest, top if top > lowest else high, table.frequencies)
+    real = np.linspace(low, top if top > low else high, table.frequencies)
     omega = np.asarray(real + 1j * table.damping / simulated.duration, complex)
-    exact, on_grid = (
-        OfMedium(simulated.medium, block, bar).wavenumber(omega) for bar in (None, simulated.bar)
-    )
-    off = np.abs(on_grid / exact - 1)
-    yield Foretold(f"k(ω) of {block.sector} waves", float(off.max()), WAVENUMBER_TOLERANCE)
+    off = float(of_wavenumbers(simulated, block, omega).max())
+    yield Foretold(f"k(ω) of {block.sector} waves", off, WAVENUMBER_TOLERANCE)
 
 
-def _of_bar(
-    simulated: Simulation, table: AnalysisTable, whole: bool = False
-) -> list[Foretold] | None:
-    """Signals at receivers, and T and R; of the whole run where a wave reaches a receiver after
-    the part of it that would do otherwise."""
+def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
+    """Signals at receivers, and T and R."""
     bar, sources = simulated.bar, simulated.sources
     if limit_of(simulated):
         return None
@@ -192,15 +194,9 @@ def _of_bar(
         return []
     t = simulated.times
     each = bar.cells * blocks * (_FOLDED if bar.periodic else 1) * (_GRADED if graded else 1)
-    sent = simulated.layers, tuple(sources)
-    grid = _contour(*sent, float(t[-1]))
-    share = min(1.0, BUDGET / (each * len(grid.omega)))
-    if share < _LEAST_PART:
+    grid = _contour(simulated.layers, tuple(sources), float(t[-1]))
+    if each * len(grid.omega) > BUDGET:
         return None
-    late, share = False, 1.0 if whole else share
-    if share < 1:  # what is too much is looked at for a part of the time
-        t = t[: max(int(len(t) * share), 2)]
-        grid, share = _contour(*sent, float(t[-1])), float(t[-1]) / simulated.duration
     about = {(name, 0): x for name, x in seen.items()}
     for name, x in [*seen.items(), *((f"source {i}", s.position) for i, s in enumerate(sources))]:
         near = reach(simulated, x)
@@ -233,25 +229,22 @@ def _of_bar(
         for field in dict.fromkeys(field for _, field in size)
     }
     found = []
-    ends, part = (bar.left, bar.right), f", by the first {share:.0%} of the time" * (share < 1)
+    ends = bar.left, bar.right
     if graded:
         exact = grid_spectra(with_spacing(simulated, bar.spacing / 2), seen, grid.omega)
     else:
         exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
     for name in seen:
-        worst = Foretold(f'the signal at "{name}"{part}', 0.0, SIGNAL_TOLERANCE)
+        worst = Foretold(f'the signal at "{name}"', 0.0, SIGNAL_TOLERANCE)
         for field, on_grid in record[name, 0].items():
             signal = grid.signal(exact[name][field], t)
             own, near = float(np.abs(signal).max()), size[name, field]
-            late |= share < 1 and own < ARRIVED * overall[field]
             if own == 0 or own < NODE * near or own < ARRIVED * overall[field]:
                 continue
-            error = float(np.abs(on_grid - signal).max()) / max(near, own) / share
+            error = float(np.abs(on_grid - signal).max()) / max(near, own)
             if error > worst.error:
-                worst = replace(worst, what=f'{field} at "{name}"{part}', error=error)
+                worst = replace(worst, what=f'{field} at "{name}"', error=error)
         found.append(worst)
-    if late:
-        return _of_bar(simulated, table, True)
     end = t > t[-1] * (1 - TAIL)
     for block, known in specimens:
         (field,) = block.macro[0]

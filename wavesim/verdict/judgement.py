@@ -38,25 +38,28 @@ def needed(simulated: Simulation) -> tuple[str, ...]:
     """The modules that measure a run of this case."""
     pulse = "wavesim.records.of_pulse_test", "wavesim.readings.pulse.answers"
     if simulated.endless:
-        return "wavesim.verdict.endless", *pulse
-    return "wavesim.verdict.bar_notes", *pulse, "scipy.signal"
+        return "wavesim.verdict.endless", "wavesim.readings.bar.reading", *pulse
+    return "wavesim.verdict.bar_answers", *pulse, "scipy.signal"
 
 
 def measure(case: Case, field: Any, known: Any = None) -> Found:
     """Measure a field and hold it against theory.
 
-    An endless bar is measured by its waves, ω(k) and k(ω), one with layers or ends by what its
-    receivers record.
+    Every bar is measured by what its receivers record; an endless one by its waves, ω(k) and k(ω),
+    besides.
 
     Args:
         case: the case.
         field: the field of its run.
-        known: what the exact solvers say of a bar with layers or ends; worked out where None.
+        known: what the exact solvers say of its receivers; worked out where None.
     """
     table = case.analysis
     if case.simulation.endless:
+        from wavesim.readings.bar.loudness import Loudness
+        from wavesim.readings.bar.reading import expected
         from wavesim.readings.dispersion.extract import extract
         from wavesim.verdict.branches import hold, tables
+        from wavesim.verdict.check import receiver_notes, signal_checks
         from wavesim.verdict.endless import endless_notes, judge, of_endless
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
@@ -64,13 +67,17 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         checks = judge(field, held)
         found = tables(held)
         passing, said = pulse_tests(field)
+        if field.receivers:
+            known = known or expected(field)
+            error, heard = Loudness(field).compared(known.signals)
+            checks += signal_checks(field, error)
+            said = receiver_notes(field, known.signals, heard, known.refused) + said
         told = endless_notes(field, held) + said
         return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.bar import judge_bar
-    from wavesim.verdict.bar_answers import of_bar
-    from wavesim.verdict.bar_notes import bar_notes
+    from wavesim.verdict.bar_answers import bar_notes, of_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]

@@ -1,29 +1,39 @@
-"""What to change in a case where a check falls short: the key, which way, and by how much."""
+"""What to change in a case: where a check falls short, or to see more of a gap."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.arguments import WINDOW
+from wavesim.material.arguments import FREQUENCIES, WINDOW
 from wavesim.material.family import Block
-from wavesim.material.shown import KHZ
-from wavesim.planewave.dispersion_relation import asymptotes, block_oscillations
+from wavesim.material.shown import HERTZ, KHZ
+from wavesim.planewave.dispersion_relation import Gap, asymptotes
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.readings.dispersion.decay_along_ring import Attenuation
 from wavesim.readings.pulse.spectral_windows import Gate
-from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import least_absorber
+from wavesim.verdict import foreseen_errors
 from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
-from wavesim.verdict.foreseen_errors import foretold
 from wavesim.verdict.warnings_before_run import graded_into_absorber
 
+# A row of an answer: names, SI numbers and, where there is no number, None.
+Row = dict[str, Any]
+Answers = dict[str, list[Row]]
+
+# The key that says how high a source goes, by its kind.
+_PEAK_KEY = {
+    "ricker": "peak_frequency",
+    "gaussian-derivative": "peak_frequency",
+    "tone-burst": "frequency",
+}
 # What explains this part of an error is what to change first.
 _EXPLAINS = 0.3
 # Part of a record after which an arrival may be lost at its end.
@@ -57,7 +67,7 @@ def _tried(simulated: Simulation) -> tuple[str, bool]:
     """The cell size that would do, and whether it was seen to, where the grid is to blame; "" where
     it is not. Kept, as all checks of a run ask for it."""
     if not any(known is simulated for known, _ in _LAST):
-        short = [one for one in foretold(simulated) or () if not one.passed]
+        short = [one for one in foreseen_errors.foretold(simulated) or () if not one.passed]
         worst = max(short, key=lambda one: one.error / one.allowed, default=None)
         _LAST[:] = [(simulated, cell_size(simulated, worst) if worst else ("", False))]
     return _LAST[0][1]
@@ -79,27 +89,12 @@ def shorter_step(field: Field) -> str:
     )
 
 
-def grid_error(field: Field, block: Block, k: Any) -> Any:
-    """|ω_grid/ω − 1| of each branch at k, shape (n, branches): what the differences slow down."""
-    k = np.atleast_1d(np.asarray(k, dtype=float))
-    exact = block_oscillations(field.medium, block, k)
-    modified = OfMedium(field.medium, block, field.bar).modified(k)
-    slowed = block_oscillations(field.medium, block, modified)
-    return np.abs(slowed / np.where(exact > 0, exact, np.inf) - 1)
-
-
 def of_frequencies(field: Field, block: Block, k: Any, branch: int, error: float) -> str:
-    """Where ω(k) of a branch is off by this part of itself, or is not found (not a number).
-
-    Args:
-        field: the field.
-        block: whose branch.
-        k: wavenumbers judged, rad/m.
-        branch: its number.
-        error: largest |Δω|/ω.
-    """
-    if len(np.atleast_1d(k)) and np.isfinite(error):
-        if grid_error(field, block, k)[:, branch].max() >= _EXPLAINS * error:
+    """Where ω(k) of a branch is off by this part of itself, or is not found (not a number)."""
+    k = np.atleast_1d(np.asarray(k, dtype=float))
+    if len(k) and np.isfinite(error):
+        _, by_grid = foreseen_errors.of_frequencies(field, block, k)
+        if by_grid[:, branch].max() >= _EXPLAINS * error:
             return finer(field)
         if field.stepper not in _EXACT_IN_TIME:
             return shorter_step(field)
@@ -115,7 +110,9 @@ def of_wavenumbers(field: Field, block: Block, omega: NDArray[Any], error: Any) 
         omega: ω + iσ, shape (n,), rad/s.
         error: |Δk|/|k| at each, shape (n,).
     """
-    if wavenumber_grid_error(field, block, omega, error) >= _EXPLAINS:
+    worst = int(np.nanargmax(error))
+    by_grid = foreseen_errors.of_wavenumbers(field, block, np.asarray(omega)[worst : worst + 1])
+    if by_grid[0] / error[worst] >= _EXPLAINS:
         return finer(field)
     damping = float(np.imag(omega[0]) * field.t[-1])
     return _more_damping(field, damping, min(damping + _MORE_DAMPING, WINDOW[1]))
@@ -147,18 +144,6 @@ def _more_damping(field: Field, damping: float, more: float) -> str:
             "record's end"
         )
     return longer_run(field, "of what still rings too much lies past the record's end")
-
-
-def wavenumber_grid_error(
-    field: Field, block: Block, omega: NDArray[Any], error: NDArray[Any]
-) -> float:
-    """Part of the largest error of k(ω) that the grid's own relation explains, –."""
-    worst = int(np.nanargmax(error))
-    at = np.asarray(omega)[worst : worst + 1]
-    medium = field.medium
-    exact = OfMedium(medium, block).wavenumber(at)
-    on_grid = OfMedium(medium, block, field.bar).wavenumber(at)
-    return float(np.abs(on_grid / exact - 1)[0] / error[worst])
 
 
 def absorber(field: Field) -> str | None:
@@ -226,13 +211,7 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
 
 
 def of_scattering(field: Field, found: Scattered, error: Any) -> str:
-    """Where T or R is off.
-
-    Args:
-        field: the field.
-        found: what was measured.
-        error: of it at each frequency, shape (n,).
-    """
+    """Where T or R is off."""
     worst = int(np.argmax(np.where(found.judged & np.isfinite(error), error, -1.0)))
     omega = float(found.omega[worst])
     at = f"furthest off at {omega * KHZ:.4g} kHz"
@@ -290,3 +269,47 @@ def of_window(field: Field, test: PulseTest) -> str:
             "[[receivers]] nearer to the source: an echo comes back before the pulse has passed"
         )
     return longer_run(field, "the record's end cuts off waves that are still passing")
+
+
+def to_see_more(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> str:
+    """What to change in the case to see more of a gap.
+
+    Args:
+        field: the field.
+        sector: of its waves.
+        gap: the gap.
+        frequencies: of the curve that shows it, where it can be had finer; where the gap is well
+            driven that helps, and else a source in the middle of the gap.
+    """
+    fields = [name for block in field.medium.family.blocks_of(sector) for name in block.fields]
+    if frequencies and _driven(field, fields, (gap.lower + gap.upper) / 2):
+        return _finer(field, frequencies)
+    peak = float(f"{(gap.lower + gap.upper) / 2 * HERTZ:.3g}")
+    sets = [
+        f"--set sources.{number}.{_PEAK_KEY[source.kind]}={peak:.4g}"
+        for number, source in enumerate(field.sources)
+        if source.field in fields and source.kind in _PEAK_KEY
+    ]
+    if any(source.field in fields for source in field.sources):
+        return " ".join(sets)
+    return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {peak:.4g}'
+
+
+def _finer(field: Field, frequencies: int) -> str:
+    """What to change for frequencies twice as fine; on a ring twice as long no wave comes round."""
+    simulated = field.simulation
+    twice = {
+        "bar.length": f"{2 * field.bar.length:.6g}",
+        "time.duration": f"{2 * simulated.duration:.6g}",
+        "time.samples": f"{2 * simulated.frames}",
+        "analysis.frequencies": f"{min(2 * frequencies, FREQUENCIES[1])}",
+    }
+    return " ".join(f"--set {key}={value}" for key, value in twice.items())
+
+
+def _driven(field: Field, fields: Sequence[str], omega: float) -> bool:
+    """Whether a source of these fields drives a frequency half as much as its own, or more."""
+    own = [s for s in field.sources if s.field in fields and math.isfinite(s.peak_frequency)]
+    return any(
+        abs(s.spectrum(omega)) >= abs(s.spectrum(2 * math.pi * s.peak_frequency)) / 2 for s in own
+    )

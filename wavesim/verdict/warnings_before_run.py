@@ -16,8 +16,7 @@ from wavesim.material.shown import KHZ
 from wavesim.planewave.dispersion_relation import block_oscillations, wavenumber
 from wavesim.readings.bar.loudness import beside_a_source
 from wavesim.simulation.field import Field
-from wavesim.simulation.resolution import largest_phase
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, largest_phase
 from wavesim.sources import EXCITED, GaussianDerivative, Recorded, Ricker, Source, excitation
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.timedomain.time_step import TimeStep, slower
@@ -140,7 +139,7 @@ def _receivers(simulated: Simulation) -> Iterator[str]:
                     f"{where} stands on the interface at {face:g} m, where {micro} jumps: "
                     "it is that to its right; move it into a layer"
                 )
-        if not simulated.endless and beside_a_source(simulated, position):
+        if beside_a_source(simulated, position):
             yield (
                 f"{where} stands within {bar.order} cells of a point source, where the grid has a "
                 "lower order, and its signals will not be compared; move it farther away, or give "

@@ -6,6 +6,7 @@ the first wave: there a signal is next to nothing, and so is any difference, but
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,34 @@ class Loudness:
         if own == 0 or own < NODE * near or own < ARRIVED * self.overall(name):
             return None
         return max(near, own)
+
+    def compared(
+        self, exact: Mapping[str, Mapping[str, Float]]
+    ) -> tuple[dict[str, dict[str, float]], dict[str, set[str]]]:
+        """Signals at receivers beside exact ones.
+
+        Args:
+            exact: {receiver: {field: signal (nt,)}}.
+
+        Returns:
+            {receiver: {field: largest difference over the field's largest value within half a
+            wavelength}} of those that can be judged where the grid has them to its order; and
+            {receiver: names of the fields that arrived there}.
+        """
+        error: dict[str, dict[str, float]] = {}
+        heard: dict[str, set[str]] = {}
+        for receiver, own in exact.items():
+            position = self.field.receivers[receiver]
+            clear = not blurred(self.field, position)
+            for name, value in own.items():
+                scale = self.scale(position, name, value)
+                if scale is None:
+                    continue
+                heard.setdefault(receiver, set()).add(name)
+                if clear:
+                    off = float(np.abs(self.field.at(position, name) - value).max()) / scale
+                    error.setdefault(receiver, {})[name] = off
+        return error, heard
 
     def hidden(self, record: Float, sigma: float, name: str) -> float:
         """Most that a record's end and rounding may add to its transform at ω + iσ.

@@ -14,7 +14,7 @@ from wavesim.layered.signals import signals
 from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
-from wavesim.readings.bar.loudness import Loudness, blurred
+from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
 from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, specimen
 from wavesim.readings.damped_transform import check_asked
@@ -36,12 +36,9 @@ class Reading:
 
     Attributes:
         exact: {receiver: {field: signal (nt,)}} of the exact solver, in its unit.
-        error: {receiver: {field: largest difference over the field's largest value within half a
-            wavelength}}, of those that are loud enough there to be judged, where the grid has them
-            to its order; see loudness.
+        error, heard: of :meth:`Loudness.compared`; heard None where all arrived.
         scattered, cells, ringing, pulses: transmission, Bloch waves, eigenfrequencies and pulse
             tests, of each sector that has them.
-        heard: {receiver: names of the fields that arrived there}; None where all did.
         moved: whether anything moved at all.
         refused: why the exact solvers do not have some of it.
     """
@@ -132,7 +129,7 @@ def expected(
     """What is to be expected of a field; no value of it is looked at, so that it may be to come.
 
     Args:
-        field: of a bar with layers, ends or both.
+        field: of any bar; of a ring of one medium signals alone.
         frequencies: number of frequencies of spectra.
         damping: σT of exponential windows.
         bands: those in which T is to be judged.
@@ -155,7 +152,8 @@ def expected(
         if seen:
             known = layers, bar.left, bar.right, field.sources, seen, field.t
             found.signals.update(asked(signals, *known) or {})
-        for block in (block for block in field.blocks if block.macro):
+        blocks = () if field.simulation.endless else field.blocks
+        for block in (block for block in blocks if block.macro):
             if (between := asked(specimen, field, block, frequencies, damping, bands)) is not None:
                 found.specimens[block.sector] = between
             if (stretch := asked(repeated_stretch, field, block, frequencies, damping)) is not None:
@@ -194,18 +192,7 @@ def read_bar(
         )
     known = known or expected(field, frequencies, damping, bands)
     exact, loud = known.signals, Loudness(field)
-    error: dict[str, dict[str, float]] = {}
-    heard: dict[str, set[str]] = {}
-    for receiver, own in exact.items():
-        position = field.receivers[receiver]
-        clear = not blurred(field, position)
-        for name, value in own.items():
-            scale = loud.scale(position, name, value)
-            if scale is not None:
-                heard.setdefault(receiver, set()).add(name)
-            if scale is not None and clear:
-                off = float(np.abs(field.at(position, name) - value).max()) / scale
-                error.setdefault(receiver, {})[name] = off
+    error, heard = loud.compared(exact)
     of = {block.sector: block for block in field.blocks if block.macro}
     pulses = [pulse_test(field, block, exact, damping, heard) for block in of.values() if exact]
     rung = [ringing(field, of[name], one, exact) for name, one in known.eigenfrequencies.items()]

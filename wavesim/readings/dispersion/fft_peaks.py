@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
 from wavesim.readings.dispersion.hidden_mode import Bends, of_lines
-from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage_of_gains
+from wavesim.readings.dispersion.noise_level import FLOOR_OVER_MEAN, continuum, leakage
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.record import Record
 from wavesim.records.windows import blackman_harris
@@ -41,16 +41,16 @@ _SHAPE = 2e-3
 _SIDE_LOBE = 1e-9
 
 
-def beside_leakage(points: BranchPoints, row: Any, at: Any, leaks: Float, cell: float) -> Float:
+def beside_leakage(points: BranchPoints, at: Any, leaks: Float, cell: float) -> Float:
     """Errors with what leaks into a line from others close by, which shifts it by a part of a bin.
 
     Args:
         points: as found.
-        row, at: where in leaks each is, shape (m,).
-        leaks: power below which a peak may be another wavenumber's, shape (n, nω).
+        at: where in leaks each is, shape (m,).
+        leaks: power below which a peak may be another wavenumber's, shape (nω,).
         cell: 2π/T, rad/s.
     """
-    size = np.sqrt(leaks[row, np.clip(at, 0, leaks.shape[1] - 1)] / FLOOR_OVER_MEAN)
+    size = np.sqrt(leaks[np.clip(at, 0, len(leaks) - 1)] / FLOOR_OVER_MEAN)
     part = size / np.maximum(points.amplitude, 1e-290)
     return np.hypot(points.error, _SHIFT * cell * np.minimum(part, 1))
 
@@ -79,24 +79,24 @@ def leaks_of(
     per_bin: float,
     first: int = 1,
     shape: Callable[[int], Float] = blackman_harris,
-) -> Float:
-    """Power below which a peak may be none of its wavenumber's waves, shape (n, nω).
+) -> tuple[Float, Float]:
+    """Power below which peaks are none of their wavenumber's waves, shape (nω,) each.
 
-    It is another wavenumber's, where receivers differ, or of a digitiser: of a signal that repeats
-    itself, and noise that does not hide the steps, what rounding leaves repeats itself too, and is
-    lines at all wavenumbers, of the power q²/12 together.
+    Those of a floor, which is another wavenumber's, where receivers differ, or a digitiser's: of a
+    signal that repeats itself, and noise that does not hide the steps, what rounding leaves repeats
+    itself too, and is lines at all wavenumbers, of the power q²/12 together. And lines that show.
     """
     density = 2 * np.pi / per_bin / len(record.t)
-    if first == 1 and record.leak.any():
+    whole = heights
+    if first == 1:
         # A hum that all hear alike is at k = 0.
         alike, _ = power(record.values.mean(axis=2)[None], shape)
-        leaks = leakage_of_gains(np.concatenate([alike, heights]), record.leak, density, 0)[1:]
-    else:
-        leaks = leakage_of_gains(heights, record.leak, density, first)
+        whole = np.concatenate([alike, heights])
+    leaks, lines = leakage(whole, density, 2 * len(record.values), record.leak or 0.0)
     steps = record.quantum
     if steps.any() and record.noise < _HIDES * float(np.median(steps[steps > 0])):
         leaks = np.maximum(leaks, 2 * float(np.sum(steps**2)) / 12 / len(record.x) ** 2)
-    return leaks
+    return leaks, lines
 
 
 def peaks(channels: Float, k: Float, record: Record) -> tuple[BranchPoints, Bends]:
@@ -115,7 +115,7 @@ def peaks(channels: Float, k: Float, record: Record) -> tuple[BranchPoints, Bend
     noise = np.log(_ABOVE_MEDIAN) + np.median(logarithm, axis=1, keepdims=True)
     density = 2 * np.pi / per_bin / channels.shape[-1]
     local = continuum(heights, density, channels.shape[1])
-    leaks = leaks_of(record, heights, per_bin)
+    leaks = np.maximum(*leaks_of(record, heights, per_bin))
     stands = heights > np.maximum(_ABOVE_CONTINUUM * local, leaks)
     loud = peak & (middle > np.maximum(floor, noise))
     line = loud & stands[:, 2:-2]
@@ -146,7 +146,7 @@ def peaks(channels: Float, k: Float, record: Record) -> tuple[BranchPoints, Bend
         np.full(len(row), -1),
     )
     cell = 2 * np.pi / (len(record.t) * interval)
-    found = replace(found, error=beside_leakage(found, row, at, leaks, cell))
+    found = replace(found, error=beside_leakage(found, at, leaks, cell))
     beside = np.sqrt(local[row, at] + _SIDE_LOBE * heights.max(axis=1)[row])
     return found, of_lines(channels, row, found.omega, interval, beside)
 

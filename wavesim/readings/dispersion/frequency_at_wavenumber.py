@@ -25,6 +25,7 @@ from wavesim.readings.dispersion.fft_peaks import (
 )
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
+from wavesim.readings.dispersion.noise_level import leaked
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.sinusoid_errors import Sinusoids
 from wavesim.readings.dispersion.unread_receivers import put_in
@@ -48,6 +49,8 @@ _CYCLES = 1.0
 RANDOM = (
     "its line is broad and random, as of thermal motion, and no sum of sinusoids: take --method fft"
 )
+# Part of the wavenumbers at which no more than the waves sought must be there.
+_SETTLED = 0.8
 # Part of the wavenumbers at which lines are random, of which on the whole record is.
 _RANDOM = 0.2
 CROWDED = (
@@ -55,6 +58,10 @@ CROWDED = (
     "right"
 )
 MORE = "more waves than sought at this k"
+LEAKED = (
+    "at the frequency of a far stronger wave of another wavenumber, as many are: receivers that "
+    "differ in gain, place or clock show it, or a ring that is not the same all round"
+)
 
 
 def wavenumbers(record: Record) -> Float:
@@ -134,14 +141,20 @@ def in_time(
         return along_line(record if record.sources else quiet, k_max, omega_max)
     missing = quiet.missing if len(quiet.missing) and quiet.missing.any() else None
 
-    def inverted(channels: Float, record: Record, first: int = 1) -> tuple[Sinusoids, Float, float]:
-        leaks, per_bin = np.zeros((0, 0)), 1.0
-        if missing is None and (record.leak.any() or record.quantum.any()):
+    def inverted(channels: Float, record: Record, first: int = 1) -> tuple[Sinusoids, Any, float]:
+        leaks, per_bin = (np.zeros(0), np.zeros(0)), 1.0
+        if missing is None:
             # By the window that inversion looks through, so that no side lobe is a wave.
             heights, per_bin = power(channels, hann)
             leaks = leaks_of(record, heights, per_bin, first, hann)
-        above = leaks if leaks.any() else None
-        found = invert(channels, record.interval, most, dynamic_range, damped, missing, above)
+
+        def above(floor: Float) -> Sinusoids:
+            return invert(channels, record.interval, most, dynamic_range, damped, missing, floor)
+
+        found = above(leaks[0])
+        if found.settled.mean() < _SETTLED and leaks[1].any():
+            # More leak in than are sought.
+            found = above(np.maximum(*leaks))
         return found, leaks, per_bin
 
     if len(quiet.misfit) and quiet.misfit.any():
@@ -151,18 +164,23 @@ def in_time(
     if method == "harmonic":
         if not record.ring:
             _check_ends(quiet)
-        found, leaks, per_bin = inverted(channels, quiet)
+        found, (leaks, lines), per_bin = inverted(channels, quiet)
         points, bends = _from_sinusoids(found, k), found.bends
-        if leaks.any():
-            at = np.round(points.omega * quiet.interval / per_bin).astype(int)
-            error = beside_leakage(points, found.series, at, leaks, cell)
-            points = replace(points, error=error)
+        if len(leaks):
+            at = np.clip(np.round(points.omega * quiet.interval / per_bin), 0, len(leaks) - 1)
+            at = at.astype(int)
+            points = replace(points, error=beside_leakage(points, at, leaks, cell))
+            points = points.refused(points.amplitude**2 < np.maximum(leaks, lines)[at], LEAKED)
     else:
         points, bends = peaks(channels, k, quiet)
     points = _judged(points, quiet, cell)
     if quiet.ring and (bad := int(quiet.misfit.sum())):
         crowd = np.sum(np.abs(points.omega[:, None] - points.omega) < cell, axis=1)
         points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
+    step = np.searchsorted(k, points.k * (1 - 1e-12))
+    if record.leak is not None:
+        echo = leaked(step, points.omega, points.amplitude, points.error, cell)
+        points = points.refused(echo, LEAKED)
     if omega_max is not None:
         low = points.omega <= omega_max
         points, bends = points.take(low), bends.take(low)

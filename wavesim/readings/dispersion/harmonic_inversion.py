@@ -68,8 +68,8 @@ def invert(
         dynamic_range: weakest amplitude sought, over the strongest of its series, –.
         damped: False holds every decay to 0.
         missing: which of the N samples are missing, shape (N,), bool.
-        leakage: square of the amplitude below which a peak may be another series', shape (n, nω)
-            at the frequencies of a transform padded twice (:func:`padded_length`).
+        leakage: square of the amplitude below which a peak may be another series', shape (nω,) at
+            the frequencies of a transform padded twice (:func:`padded_length`).
 
     Returns:
         What was found.
@@ -99,10 +99,9 @@ def invert(
 
     def one(part: slice) -> list[tuple[np.ndarray, Sinusoids]]:
         clean = np.where(present, series[part] / scale[:, None], 0.0)
-        own = replace(settings, leakage=None if leaks is None else leaks[part])
         return [
             (part.start + rows, replace(found, series=part.start + found.series))
-            for rows, found in _search(clean, own)
+            for rows, found in _search(clean, settings)
         ]
 
     with ThreadPoolExecutor(_WORKERS) as pool:
@@ -138,7 +137,7 @@ def _search(series: Float, settings: Settings) -> Iterator[tuple[np.ndarray, Sin
     for p in range(settings.most + 1):
         if not len(rows):
             return
-        peak, size, height = _highest_peak(residual, settings, rows)
+        peak, size, height = _highest_peak(residual, settings)
         weakest = np.maximum(settings.dynamic_range * strongest, settings.least)
         goes_on = (size > height) & (size > weakest)
         broad = goes_on & _crowded(last, settings) if last is not None else np.zeros_like(goes_on)
@@ -171,9 +170,7 @@ def _crowded(found: Fit, settings: Settings) -> np.ndarray:
     return np.asarray(near.sum(axis=1) >= _CROWD)
 
 
-def _highest_peak(
-    residual: Float, settings: Settings, rows: np.ndarray
-) -> tuple[Float, Float, Float]:
+def _highest_peak(residual: Float, settings: Settings) -> tuple[Float, Float, Float]:
     """ω of the highest peak between the bins, its amplitude, and the amplitude that noise reaches.
 
     Channels are weighted by their own noise: that of the median of the periodogram.
@@ -192,7 +189,7 @@ def _highest_peak(
     stands = white * usual > threshold * about
     if settings.leakage is not None:
         square = np.einsum("ncf,c->nf", power, settings.scale**2) * (2 / total) ** 2
-        stands &= square > settings.leakage[rows]
+        stands &= square > settings.leakage
     white = np.where(stands, white, 0.0)
     at = np.argmax(white, axis=1)
     row = np.arange(len(white))

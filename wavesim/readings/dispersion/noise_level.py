@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, ifft
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import gammaincinv
 
@@ -29,6 +28,17 @@ _BLOCK_BINS = 32
 FLOOR_OVER_MEAN = 20.0
 # Leakage of lines that stand close peaks between them too: half a main lobe.
 _LOBE_BINS = 3.0
+# One wavenumber leaks into others where its power is so many times that of the middle one and of
+# so many on either side, and this part of them have a line there, so many times the continuum.
+_SPIKE, _BESIDE, _AT_MOST, _STANDS = 100.0, 2, 0.75, 4.0
+# So many do, of so many at least.
+_SEVERAL, _FEWEST_WAVENUMBERS = 3, 5
+# Points are of one frequency within this part of 2π/T and so many errors, no more than that; what
+# is leaked is so much weaker than where it is from, which has no like one beside it …
+_SAME, _ERRORS, _WIDEST, _WEAKER, _LIKE = 0.02, 3.0, 0.5, 0.3, 0.1
+# … and so many times what chance leaves, as within so many times the width. A flat branch is met
+# by so much of another by chance; no medium has so many.
+_BY_CHANCE, _ABOUT, _SELDOM, _MOST_FLAT = 4.0, 5.0, 0.02, 4
 
 
 def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
@@ -58,30 +68,92 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
 
-def leakage_of_gains(power: Float, left: Float, per_bin: float, first: int = 1) -> Float:
-    """Power below which a peak may be what unequal gains leave of other wavenumbers' waves.
+def leakage(power: Float, per_bin: float, channels: int, off: float) -> tuple[Float, Float]:
+    """Power below which a peak may be another wavenumber's wave, in receivers that differ.
+
+    What receivers are off by in gain, place or clock puts a wave of one wavenumber into all others,
+    at its frequency: lines at one frequency at nearly all wavenumbers, of which one stands far
+    above those beside it, are that one's. So are they where this shows at several frequencies, or
+    of what all receivers hear alike, k = 0; else they may be a flat branch that another crosses.
 
     Args:
-        power: at the wavenumbers 2πm/X of a ring, m from the first on, shape (n, nω).
-        left: D(q), variance of what gains are off by (``records/faults/ring_misfits.py``), shape
-            (nx,), –.
-        per_bin: points of the power per bin 2π/T, –.
-        first: m of the first, 0 or 1.
+        power: at wavenumbers 2πm/X, m from 0 on, shape (n, nω).
+        per_bin, channels: as of :func:`continuum`.
+        off: variance of what receivers are known to be off by, over that of the waves, over their
+            number, –.
 
     Returns:
-        Shape (n, nω); 0 where nothing leaks.
+        By what receivers are known to be off by; and by the lines that show. Shape (nω,) each.
     """
-    if not left.any():
-        return np.zeros_like(power)
-    nx, n = len(left), len(power)
-    whole = np.zeros((nx, power.shape[1]))
-    m = np.arange(first, first + n)
-    whole[m] += power
-    whole[-m] += power
-    whole[m[2 * m % nx == 0]] /= 2
-    spread = ifft(fft(whole, axis=0) * fft(left)[:, None], axis=0).real[m]
+    n, count = power.shape
     near = 2 * round(_LOBE_BINS * per_bin) + 1
-    return np.asarray(FLOOR_OVER_MEAN * maximum_filter1d(np.maximum(spread, 0), near, axis=1))
+    known = maximum_filter1d(2 * off * power.sum(axis=0), near)
+    one, highest, middle = power.argmax(axis=0), power.max(axis=0), np.median(power, axis=0)
+    away = np.abs(np.arange(n)[:, None] - one)
+    beside = np.where((away > 0) & (away <= _BESIDE), power, 0).max(axis=0)
+    alike = power[0] > _SPIKE * middle
+    own = np.flatnonzero(alike | (highest > _SPIKE * np.maximum(beside, middle)))
+    stands = np.median(power[:, own] / continuum(power, per_bin, channels)[:, own], axis=0)
+    own = own[(stands > _STANDS) & (own > 0) & (own < count - 1) & (n >= _FEWEST_WAVENUMBERS)]
+    peak = np.zeros(power.shape)
+    peak[:, 1:-1] = (power[:, 1:-1] >= power[:, :-2]) & (power[:, 1:-1] > power[:, 2:])
+    own = own[maximum_filter1d(peak, 3, axis=1)[:, own].mean(axis=0) > _AT_MOST]
+    if len(np.unique(one[own])) < _SEVERAL:
+        own = own[alike[own]]
+    lines = np.zeros(count)
+    lines[own] = middle[own] / np.log(2)
+    # Of a fitted line the frequency is known to less than a bin.
+    return FLOOR_OVER_MEAN * known, FLOOR_OVER_MEAN * maximum_filter1d(lines, round(per_bin) + 1)
+
+
+def leaked(
+    step: NDArray[np.int64], omega: Float, amplitude: Float, error: Float, cell: float
+) -> NDArray[np.bool_]:
+    """Points at the frequency of a far stronger one of another wavenumber, where many are so.
+
+    By chance some points are, as where a branch crosses a flat one, whose points have like ones
+    beside them. Where lines stand at one frequency at most wavenumbers, at more frequencies than
+    there are flat branches, none of them is a wave of its wavenumber.
+
+    Args:
+        step: index of the wavenumber, shape (m,).
+        omega, amplitude, error: frequency, amplitude and standard error of ω, shape (m,).
+        cell: 2π/T, unit of ω.
+    """
+    order = np.argsort(omega)
+    ascending = omega[order]
+    result, flat = np.zeros((2, len(omega)), bool)
+    groups, crowds, by_chance = 0, 0, 0.0
+    for j in np.argsort(-amplitude):
+        away = _ABOUT * _WIDEST * cell
+        around = order[slice(*np.searchsorted(ascending, [omega[j] - away, omega[j] + away]))]
+        off = np.abs(omega[around] - omega[j])
+        unsure = _SAME * cell + _ERRORS * (error[around] + error[j])
+        width = np.minimum(unsure, _WIDEST * cell)
+        near = around[off < width]
+        many = len(np.unique(step[near])) > len(np.unique(step)) / 2
+        # … of which none is the others' own.
+        if (
+            many
+            and not (result[j] or flat[j])
+            and (amplitude[near] > _LIKE * amplitude[j]).sum() > 1
+        ):
+            flat[near] = True
+            crowds += 1
+        beside = near[np.abs(step[near] - step[j]) == 1]
+        if result[j] or (amplitude[beside] > _LIKE * amplitude[j]).any():
+            continue
+        weak = (step[around] != step[j]) & (amplitude[around] < _WEAKER * amplitude[j])
+        own = weak & (off < width)
+        by_chance += float(np.sum(width[weak & ~own])) / away
+        result[around[own]] = True
+        groups += int(own.any())
+    # A flat branch meets another by chance, once.
+    strong = amplitude * _WEAKER > np.median(amplitude[result]) if result.any() else result
+    likely = 2 * np.sum(_SAME * cell + _ERRORS * error[strong]) / max(float(np.ptp(omega)), cell)
+    if result.sum() < 2 + _BY_CHANCE * by_chance or groups < likely / _SELDOM:
+        result[:] = False
+    return result | (flat & (crowds >= _MOST_FLAT))
 
 
 # What is before a receiver's first sample above so many deviations of its first part is quiet.

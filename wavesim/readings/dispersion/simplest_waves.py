@@ -68,9 +68,8 @@ def simplest(
     fits: list[tuple[int, bool, LineFit]], used: Any, omega: Any, level: Float
 ) -> tuple[BranchPoints, NDArray[np.int64]]:
     """At each frequency the simplest model that a richer one does not better by far; and which."""
-    n = len(omega)
     count = used.sum(axis=1)
-    chosen = np.zeros(n, int)
+    chosen = np.zeros(len(omega), int)
     best = fits[0][2].residual.copy()
     for number, (pairs, both, one) in enumerate(fits[1:], start=1):
         spare = count > unknowns(pairs, both)
@@ -79,78 +78,53 @@ def simplest(
         better |= spare & (one.residual * 1e4 < best)
         chosen[better] = number
         best = np.where(better, one.residual, best)
-    columns: dict[str, list[Any]] = {
-        name: []
-        for name in (
-            "omega",
-            "k",
-            "amplitude",
-            "error",
-            "residual",
-            "reason",
-            "excess",
-            "weak",
-            "loud",
-            "alike",
-        )
-    }
-    for i in range(n):
-        pairs, both, one = fits[chosen[i]]
-        # What noise does not explain may be another wave, which receivers hear together.
-        excess = max(one.residual[i] - _NOISE_SPREAD * level[i] ** 2, 0.0)
-        noise = np.sqrt(max(one.residual[i], level[i] ** 2) + _HEARD * one.alike[i] * excess)
-        few = count[i] < unknowns(pairs, both)
-        if excess:
-            # … and is known from no more receivers than there are to spare.
-            spare = max(int(count[i]) - unknowns(pairs, both), 1)
-            # Gains alone are off along one direction of the complex plane.
-            noise *= -stdtrit(spare, _OUTSIDE / 2) / COMPLEX_BAR
-        for p in range(pairs):
-            columns["omega"].append(omega[i])
-            columns["k"].append(one.k[i, p])
-            columns["amplitude"].append(np.hypot(one.forward[i, p], one.backward[i, p]))
-            columns["error"].append(np.nan if few else noise * one.unit[i, p])
-            columns["residual"].append(one.unexplained[i])
-            columns["weak"].append(_weak(one, i, count[i], unknowns(pairs, both), level[i]))
-            columns["loud"].append(one.residual[i] > _LOUD * level[i] ** 2)
-            columns["excess"].append(one.residual[i] > EXCESS * level[i] ** 2)
-            columns["alike"].append(one.rival[i] < _RIVAL * max(one.residual[i], level[i] ** 2))
-            columns["reason"].append(FEW if few else "")
-    reason = np.array(columns["reason"], object)
-    unexplained = np.array(columns["residual"]) > _UNEXPLAINED
-    more = unexplained & np.array(columns["excess"], bool) & (reason == "")
-    weak = np.array(columns["weak"], bool) & (reason == "")
-    loud = np.array(columns["loud"], bool)
-    reason[weak & ~loud] = QUIET
-    reason[weak & loud] = UNLIKE
-    more &= ~weak
-    reason[more] = MORE
-    reason[np.array(columns["alike"], bool) & (reason == "")] = ANY
+    parts = [_judged(one, np.flatnonzero(chosen == number), unknowns(pairs, both), count, level)
+             for number, (pairs, both, one) in enumerate(fits)]  # fmt: skip
+    row, k, amplitude, error, left, reason = (np.concatenate(p) for p in zip(*parts, strict=True))
+    order = np.argsort(row, kind="stable")
+    row, reason = row[order], reason[order]
+    nil = np.zeros(len(row))
     points = BranchPoints(
-        "space",
-        np.array(columns["k"]),
-        np.array(columns["omega"]),
-        np.zeros(len(reason)),
-        np.array(columns["amplitude"]),
-        np.array(columns["error"]),
-        np.array(columns["residual"]),
-        reason == "",
-        reason,
-        np.full(len(reason), -1),
-    )
+        "space", k[order], omega[row], nil, amplitude[order], error[order], left[order],
+        reason == "", reason, nil.astype(int) - 1,
+    )  # fmt: skip
     return points, chosen
 
 
-def _weak(one: LineFit, i: int, count: int, free: int, level: float) -> bool:
+def _judged(one: LineFit, rows: Any, free: int, count: Any, level: Float) -> tuple[Any, ...]:
+    """Of a sum's waves at some frequencies: row, k, amplitude, error, unexplained, why no wave."""
+    left, spare, own = one.residual[rows], count[rows] - free, level[rows] ** 2
+    # What noise does not explain may be another wave, which receivers hear together, …
+    excess = np.maximum(left - _NOISE_SPREAD * own, 0.0)
+    noise = np.sqrt(np.maximum(left, own) + _HEARD * one.alike[rows] * excess)
+    # … and is known from no more receivers than there are to spare. Gains alone are off along one
+    # direction of the complex plane.
+    wide = -stdtrit(np.maximum(spare, 1), _OUTSIDE / 2) / COMPLEX_BAR
+    noise = np.where(spare < 0, np.nan, np.where(excess > 0, wide, 1.0) * noise)
+    unexplained = one.unexplained[rows]
+    alike = one.rival[rows] < _RIVAL * np.maximum(left, own)
+    weak, loud = _weak(one, rows, count[rows], free, own), left > _LOUD * own
+    more = (unexplained > _UNEXPLAINED) & (left > EXCESS * own)
+    reason = np.select(
+        [spare < 0, weak & ~loud, weak, more, alike], [FEW, QUIET, UNLIKE, MORE, ANY], ""
+    ).astype(object)
+    pairs = one.k.shape[1]
+    size = np.hypot(one.forward, one.backward)
+    each = (np.repeat(v, pairs) for v in (unexplained, reason))
+    error = noise[:, None] * one.unit[rows]
+    row = np.repeat(rows, pairs)
+    return row, one.k[rows].ravel(), size[rows].ravel(), error.ravel(), *each
+
+
+def _weak(one: LineFit, rows: Any, count: Any, free: int, noise: Float) -> Any:
     """Whether noise alone might be explained as well, by an F test.
 
     Few receivers to spare tell of no noise: there its level is held against the power.
     """
     spare = count - free
-    power = float(np.sum(one.forward[i] ** 2 + one.backward[i] ** 2))
-    if spare < 1 or (spare <= _FEW_TO_SPARE and one.residual[i] <= _LOUD * level**2):
-        return power < _WITHOUT_SPARE * level**2
-    left = max(float(one.unexplained[i]), 1e-290)
-    ratio = (1 - left) / free / (left / spare)
-    y = betaincinv(spare, free, _BY_CHANCE / count)  # of F with 2 free, 2 spare degrees
-    return bool(ratio < spare * (1 - y) / (free * y))
+    power = np.sum(one.forward[rows] ** 2 + one.backward[rows] ** 2, axis=1)
+    left, some = np.maximum(one.unexplained[rows], 1e-290), np.maximum(spare, 1)
+    ratio = (1 - left) / free / (left / some)
+    y = betaincinv(some, free, _BY_CHANCE / np.maximum(count, 1))  # of F with 2 free, 2 spare
+    few = (spare < 1) | ((spare <= _FEW_TO_SPARE) & (one.residual[rows] <= _LOUD * noise))
+    return np.where(few, power < _WITHOUT_SPARE * noise, ratio < some * (1 - y) / (free * y))

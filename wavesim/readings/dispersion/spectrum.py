@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.material.assignment import assigned
 from wavesim.material.family import Block
-from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH
+from wavesim.readings.dispersion.branch_joining import join
 from wavesim.records.windows import blackman_harris, fast_length
 from wavesim.simulation.field import MOST_WAVENUMBERS, Field
 
@@ -33,10 +32,6 @@ _ROUNDING = 1e-26
 ABOVE_CUT = 100.0
 # Frames are read, and wavenumbers transformed, so many at a time that they fit into these bytes.
 _AT_ONCE = 64e6
-# A branch may miss this many wavenumbers and go on.
-_LONGEST_BREAK = 3
-# The second point of a branch may lie this part of the way to the first one's nearest neighbour.
-_BEGINNING = 0.45
 
 
 @dataclass(frozen=True)
@@ -200,12 +195,7 @@ def spread_of_cut(cut: Any, omega: Float, power: Float) -> Float:
 
 
 def ridges(found: Spectrum) -> list[Ridge]:
-    """Branches of a spectrum: its peaks, joined over k by continuity of ω and of its slope.
-
-    At each wavenumber the peaks are assigned to the branches so far with the least total distance
-    from their straight continuation; a peak further off than two bins and the last slope begins a
-    branch of its own. A branch of one point has no slope yet: it may go nearly half-way to the peak
-    next to it.
+    """Branches of a spectrum: its peaks, joined over k (``branch_joining.py``).
 
     Args:
         found: the spectrum.
@@ -213,36 +203,9 @@ def ridges(found: Spectrum) -> list[Ridge]:
     Returns:
         The branches, ascending in their median frequency.
     """
-    tracks: list[list[tuple[int, float, float]]] = []
-    room: dict[int, float] = {}
-    for index in range(1, len(found.k)):
-        omega, power = peaks(found, index)
-        live = [track for track in tracks if index - track[-1][0] - 1 <= _LONGEST_BREAK]
-        taken = set()
-        if live and len(omega):
-            guess = np.array([_continued(track, index) for track in live])
-            distance = np.abs(guess[:, :1] - omega)
-            first = [room[id(track)] if len(track) == 1 else 0.0 for track in live]
-            reach = 2 * found.bin + guess[:, 1:] + np.array(first)[:, None]
-            rows, columns = assigned(np.minimum(distance, 2 * reach))
-            for row, column in zip(rows, columns, strict=True):
-                if distance[row, column] <= reach[row, 0]:
-                    live[row].append((index, omega[column], power[column]))
-                    taken.add(column)
-        for column in set(range(len(omega))) - taken:
-            tracks.append([(index, omega[column], power[column])])
-            others = np.abs(np.delete(omega, column) - omega[column])
-            room[id(tracks[-1])] = _BEGINNING * min(omega[column], others.min(initial=np.inf))
-    kept = [np.array(track) for track in tracks if len(track) >= SHORTEST_BRANCH]
-    branches = [Ridge(found.k[t[:, 0].astype(int)], t[:, 1], t[:, 2]) for t in kept]
-    return sorted(branches, key=lambda branch: float(np.median(branch.omega)))
-
-
-def _continued(track: list[tuple[int, float, float]], index: int) -> tuple[float, float]:
-    """Where a branch is expected next, and how far from there it may be."""
-    last, omega, _ = track[-1]
-    if len(track) == 1:
-        return omega, 0.0
-    before, earlier, _ = track[-2]
-    change = (omega - earlier) / (last - before) * (index - last)
-    return omega + change, abs(change)
+    parts = [peaks(found, index) for index in range(1, len(found.k))]
+    step = np.repeat(np.arange(1, len(found.k)), [len(omega) for omega, _ in parts])
+    omega, power = (np.concatenate(part) for part in zip(*parts, strict=True))
+    branch = join(step, omega, np.sqrt(np.maximum(power, 1e-300)), found.bin)
+    own = [branch == number for number in range(branch.max(initial=-1) + 1)]
+    return [Ridge(found.k[step[one]], omega[one], power[one]) for one in own]

@@ -46,7 +46,7 @@ def put_in(record: Record, inverted: Callable[[Float, Record], Sinusoids]) -> Re
     if not record.ring or not len(out):
         return record
     nx = len(record.x)
-    before = record.leak if len(record.leak) else np.zeros(nx)
+    before = record.leak or 0.0
     values = record.values.copy()
     values[..., out] = 0.0
     size = float(np.sqrt(np.mean(values[..., ~record.misfit] ** 2)))

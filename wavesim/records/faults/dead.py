@@ -88,23 +88,9 @@ def check_whole(x: Float, lost: Mask, labels: tuple[str, ...]) -> None:
         )
 
 
-def tell_dead(
-    x: Float,
-    alive: Mask,
-    labels: tuple[str, ...],
-    before: tuple[Float, tuple[str, ...]],
-    found: list[Finding],
-) -> None:
-    """One finding for all that are dead, with those left out before."""
-    gone = np.r_[before[0], x[~alive]]
-    if not len(gone):
-        return
-    names = (*before[1], *(label for label, a in zip(labels, alive, strict=True) if not a))
-    order = np.argsort(gone, kind="stable")
-    listed = tuple(str(names[j]) for j in order)
-    # One more that is not meant: else it would read "all".
-    where = places(np.r_[gone[order], np.inf], np.arange(len(gone)), listed)
-    found.append(
-        Finding("dead", where, f"{len(gone)} of {len(x) + len(before[0])}", TAKEN_OUT,
-                f"{len(gone)} dead receivers left out ({where})")
-    )  # fmt: skip
+def tell_dead(x: Float, alive: Mask, labels: tuple[str, ...], found: list[Finding]) -> None:
+    """A finding for all that are dead."""
+    if not alive.all():
+        where, count = places(x, ~alive, labels), int((~alive).sum())
+        found.append(Finding("dead", where, f"{count} of {len(x)}", TAKEN_OUT,
+                             f"{count} dead receivers left out ({where})"))  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,60 +24,23 @@ from wavesim.records.faults.moveout import (
     speed,
 )
 from wavesim.records.faults.neighbours import unlike_neighbours
-from wavesim.records.faults.quiet import FEWEST, Rest, rest
+from wavesim.records.faults.quiet import Rest, rest
 from wavesim.records.faults.ring_misfits import ring_misfits
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 
-@dataclass
-class Raw:
-    """Samples with what is found in them before their times are settled.
-
-    Attributes:
-        values, t: shape (C, nt, nx), NaN where a sample is missing, and (nt,).
-        held: for how many frames each sample was held; all but one of them are left out.
-        quantum: least step, shape (nx,).
-        flat: receivers with flat tops, shape (nx,).
-        flat_part: part of their samples, shape (nx,).
-        spare: receivers that hold the samples of another, or the times, shape (nx,).
-    """
-
-    values: Float
-    t: Float
-    held: int
-    quantum: Float
-    flat: Mask
-    flat_part: Float
-    spare: Mask
-
-
-@dataclass(frozen=True)
-class Channels:
-    """What is known of each receiver, left out and kept with it."""
-
-    labels: tuple[str, ...]
-    quantum: Float
-    flat: Mask
-
-    @staticmethod
-    def of(x: Float, labels: tuple[str, ...], raw: Raw | None) -> Channels:
-        """Of a record as it was looked at; nothing is known of a trusted one."""
-        if raw is None:
-            return Channels(labels, np.zeros(len(x)), np.zeros(len(x), bool))
-        return Channels(labels, raw.quantum, raw.flat)
-
-    def take(self, kept: Mask) -> Channels:
-        """Of those that stay."""
-        labels = tuple(label for label, k in zip(self.labels, kept, strict=True) if k)
-        return Channels(labels, self.quantum[kept], self.flat[kept])
-
-
 def samples(
     values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
-) -> Raw:
-    """Look at samples as they were recorded: codes, spikes, repeats, flat tops, the least step."""
+) -> tuple[Float, Float, int, Float, Mask, Mask]:
+    """Look at samples as they were recorded: codes, spikes, repeats, flat tops, the least step.
+
+    Returns:
+        Values, shape (C, nt, nx), NaN where a sample is missing, and their times; for how many
+        frames each sample was held, of which one is left; and of receivers, shape (nx,): the least
+        step, whether they have flat tops, and whether they hold another's samples, or the times.
+    """
     values, t, held = once_each(values, t, np.zeros(0), found)
     values = without_fill(values, t, x, labels, found)
     quantum = quantisation.quanta(values)
@@ -96,7 +58,7 @@ def samples(
         found.append(Finding("clock", where, f"{int(hands.sum())} channels", TAKEN_OUT,
                              f"clocks, not receivers: left out ({where})"))  # fmt: skip
     spare = hands | duplicates(values, x, _noisy(values), found, labels)
-    return Raw(values, t, held, quantum, flat, part, spare)
+    return values, t, held, quantum, flat, spare
 
 
 def _noisy(values: Float) -> bool:
@@ -231,4 +193,4 @@ def _filled(values: Float, missing: Mask) -> Float:
     return filled
 
 
-__all__ = ["FEWEST", "Raw", "levels", "samples", "together"]
+__all__ = ["levels", "samples", "together"]

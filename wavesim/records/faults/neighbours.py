@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from wavesim.records.faults.channels import Mended
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -33,8 +32,6 @@ _UNEXPLAINED, _PART, _ABOVE, _MOST = 0.4, 4e-3, 12.0, 0.2
 # A factor explains all but this part of what a mis-scaled receiver is off by; between these it is
 # divided out.
 _ALONE, _SCALED = 0.1, (0.2, 5.0)
-# Receivers that differ by less than this part of their power are alike.
-_ALIKE, _ROOM = 1e-5, 4.0
 # Least part of the strongest receiver's amplitude that a receiver is looked at for.
 _SEEN, _LEAST = 0.02, 4
 
@@ -83,37 +80,6 @@ def unlike_neighbours(
         said = f"not what the neighbours on both sides say: left out ({where})"
         found.append(Finding("misfit", where, f"{len(out)} of {nx}", TAKEN_OUT, said))
     return mended
-
-
-def unevenness(component: Float) -> float:
-    """Variance of what the receivers of an even line are off by each, over their power, –.
-
-    Args:
-        component: shape (nt, nx), finite; without those that are off by far.
-    """
-    if component.shape[1] < FEWEST:
-        return 0.0
-    some = np.linspace(0, len(component) - 1, min(len(component), _FRAMES)).astype(int)
-    u = component[some]
-    power = np.mean(u**2, axis=0)
-    noise = np.median([fine_noise(v) for v in component.T[:: max(1, len(power) // 16)]])
-    least = []
-    for reach in _REACHES:
-        known = np.zeros(len(power), bool)
-        known[reach : len(power) - reach] = True
-        if known.sum() < reach + 2:
-            continue
-        pattern, _, wrong, _ = _off_by(u, known, reach)
-        heard = np.sum(np.convolve(pattern, pattern) ** 2) / np.sum(pattern**2) ** 2
-        seen = known & (power > 0.1 * np.quantile(power, 0.9))
-        if seen.any():
-            more = np.maximum(wrong[seen] - 2 * heard * noise**2, 0)
-            least.append(float(np.median(more / np.maximum(power[seen], 1e-300))))
-    # Each shows alike at all wavenumbers, and so at those that hold least.
-    at_each = np.mean(np.abs(np.fft.rfft(u, axis=1)[:, 1:]) ** 2, axis=0)
-    least.append(_ROOM * float(np.quantile(at_each, 0.1) / max(at_each.mean(), 1e-300)))
-    found = min(least)
-    return found if found > _ALIKE else 0.0
 
 
 def _off_by(u: Float, known: Mask, reach: int) -> tuple[Float, Float, Float, Float]:

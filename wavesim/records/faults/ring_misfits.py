@@ -7,9 +7,9 @@ is left without the few strong ones,
     (1 − P) U = (1 − P) (V ε + V′ δ + iωV τ) + noise,    V = P U,
 
 P the projector on those, tells ε, δ and τ by least squares over all frequencies: one for all, which
-noise has not. What stands out of its errors is put right; by what is left, of variance D(q) at the
-wavenumber q, a wave of power |A(k′)|² shows at k with D(k − k′)|A(k′)|². A receiver that none of
-them brings into line is odd, and the others are read without it.
+noise has not. What stands out of its errors is put right; what is left shows each wave at all other
+wavenumbers. A receiver that none of them brings into line is odd, and the others are read without
+it.
 """
 
 from __future__ import annotations
@@ -51,9 +51,8 @@ _LESS = 0.8
 _ROUNDS, _STEPS = 12, 60
 # Before anything is known receivers may be off by so much, and no receiver by so many spacings.
 _WIDEST, _FARTHEST = 0.3, 0.3
-# What varies but once round a ring is known so much worse: waves of neighbouring wavenumbers, which
-# it mixes, overlap in frequency.
-_ONCE_ROUND = 10.0
+# What is put right is off by this part of what was taken from it still, or of what was added.
+_OF_MENDED = 1e-3
 # What is left above so many times the noise is the receivers' own.
 _NOISY = 2.0
 # A gain that is −1 to within this is a polarity.
@@ -70,8 +69,8 @@ class Gains:
         late: how late its clock is, in frames, shape (nx,); 0 likewise.
         odd: receivers that none of these brings into line, shape (nx,).
         alone: receivers that stand out by their gain alone, shape (nx,).
-        left: D, variance of what of the field is still off, at each wavenumber, numpy's order,
-            shape (nx,), –; 0 where nothing stands out.
+        left: variance of what is still off, over the field's, over nx, –; 0 where none
+            stands out.
     """
 
     gain: Float
@@ -79,7 +78,7 @@ class Gains:
     late: Float
     odd: Mask
     alone: Mask
-    left: Float
+    left: float = 0.0
 
     @property
     def any(self) -> bool:
@@ -108,7 +107,7 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
     nx = component.shape[1]
     nil, none = np.zeros(nx), np.zeros(nx, bool)
     known = none if known is None else known
-    equal = Gains(nil + 1, nil, nil, known, none, nil)
+    equal = Gains(nil + 1, nil, nil, known, none)
     if len(component) < _FRAMES:
         return equal
     U, omega, noise = strong_frequencies(component)
@@ -116,17 +115,17 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
         return equal
     unlike = unfit(U, known)
     alone = np.isfinite(unlike.factor)
-    off, odd, left = np.zeros((3, nx)), unlike.off & ~alone, np.zeros(nx)
+    off, odd = np.zeros((3, nx)), unlike.off & ~alone
     off[0, alone] = unlike.factor[alone] - 1
     if nx < FEWEST or not unlike.all:
         # They are too few to say in what way they differ.
         uneven = unlike.left > _NOISY * noise
-        left[1:] = (unlike.left - noise) / unlike.power / nx if uneven else 0.0
+        left = (unlike.left - noise) / unlike.power / nx if uneven else 0.0
         return Gains(1 + off[0], off[1], off[2], odd, alone, left)
     spread = np.full(3, _WIDEST)
     now = ring_waves(_righted(U, omega, off), odd)
     if now is None:
-        return Gains(1 + off[0], off[1], off[2], odd, alone, left)
+        return Gains(1 + off[0], off[1], off[2], odd, alone)
     for _ in range(_ROUNDS if nx > MOST else 0):
         one = _without_worst(now, off, odd)
         after = ring_waves(_righted(U, omega, one[0]), one[1]) if one else None
@@ -141,7 +140,7 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
         # Of what has not been looked at, the surest.
         more = [int(n) for n in np.argsort(-sure) if sure[n] > 0 and n not in kinds][:1]
         for tried_kinds in ([kinds] if kinds else []) + ([kinds + more] if more else []):
-            step, precision = _solved(now, omega, off, odd, spread, tried_kinds)
+            step = _solved(now, omega, off, odd, spread, tried_kinds)
             tried = off + step
             tried[0] = (1 + off[0]) * (1 + step[0]) - 1
             tried[:, ~odd] -= tried[:, ~odd].mean(axis=1, keepdims=True)
@@ -152,10 +151,9 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
             break
         kinds, off, now = tried_kinds, tried, after
         spread[kinds] = np.maximum(np.sqrt(np.mean(off[kinds][:, ~odd] ** 2, axis=1)), 1e-6)
-        about = precision + nx / (spread**2 * _unit(now, omega))[:, None]
-        left = np.sum(1 / about[kinds], axis=0)
-        left[0] = 0  # common to all, it leaks nothing
-        left[[1, -1]] *= _ONCE_ROUND
+    good, right = ~odd, _righted(U, omega, off)
+    mended = np.mean(np.abs(right - U)[:, good] ** 2) / np.mean(np.abs(U[:, good]) ** 2)
+    left = _OF_MENDED**2 * float(mended) / nx
     return Gains(1 + off[0], off[1], off[2], odd, alone, left)
 
 
@@ -175,13 +173,6 @@ def _at_places(U: Any, place: Float) -> Any:
         hat = fft(V, axis=1)
         V = U - sum(place**n / factorial(n) * ifft(k**n * hat, axis=1) for n in (1, 2, 3))
     return V
-
-
-def _unit(now: RingWaves, omega: Float) -> Float:
-    """Mean square of V, V′ and iωV over that of V, shape (3,)."""
-    return np.array([np.mean(now.weight * np.abs(B) ** 2) for B in _bases(now, omega)]) / np.mean(
-        now.weight * np.abs(now.V) ** 2
-    )
 
 
 def _bases(now: RingWaves, omega: Float) -> tuple[Any, Any, Any]:
@@ -284,11 +275,8 @@ def _sure(now: RingWaves, omega: Float, odd: Mask) -> Float:
 
 def _solved(
     now: RingWaves, omega: Float, off: Float, odd: Mask, spread: Float, kinds: list[int]
-) -> tuple[Float, Float]:
-    """ε, δ, τ by conjugate gradients, those of the kinds asked for, and how sure they are.
-
-    Shapes (3, nx); the precision is of each as a part of the field, at each wavenumber.
-    """
+) -> Float:
+    """ε, δ, τ by conjugate gradients, those of the kinds asked for, shape (3, nx)."""
     bases = np.where(odd, 0, np.stack(_bases(now, omega)))
     asked = np.isin(np.arange(3), kinds)[:, None]
     weight = now.weight / _TOGETHER
@@ -317,14 +305,6 @@ def _solved(
         z = scale * r
         new = float(np.sum(r * z))
         p, rz = z + new / rz * p, new
-    rest = fft((~now.kept).astype(float), axis=1)
-    unit = _unit(now, omega)
-    precision = []
-    for basis, one in zip(bases, unit, strict=True):
-        size = np.abs(fft(basis, axis=1)) ** 2 / basis.shape[1] / one
-        # Σ_k (1 − kept(k)) |V̂(k − q)|², at all q.
-        turned = ifft(np.conj(fft(size, axis=1)) * rest, axis=1).real
-        precision.append(np.maximum(2 * np.sum(weight * turned, axis=0), 0))
     bound = np.array([9.0, _FARTHEST, np.pi / 4 / omega.max()])[:, None]
     lowest = np.maximum(-bound, [[-0.9], [-9.0], [-99.0]])
-    return np.clip(e, lowest, bound), np.stack(precision)
+    return np.clip(e, lowest, bound)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.content import LARGEST, Content, RecordError
+from wavesim.records.content import LARGEST, Content
 from wavesim.records.straight_line import along_line
 from wavesim.records.units import measured_by
 
@@ -17,24 +17,13 @@ def from_hdf5(path: Path) -> Content:
     """Every array in the file; receivers that are groups with a position (gprMax) as one array."""
     from wavesim.io.hdf5_arrays import read_arrays
 
-    try:
-        stored = read_arrays(path, LARGEST)
-    except OSError as error:
-        raise RecordError(f"is not a readable HDF5 file: {_short(error)}") from None
-    except ValueError as error:
-        raise RecordError(_short(error)) from None
-    except (KeyError, RuntimeError, TypeError, SystemError, UnicodeError) as error:
-        raise RecordError(f"is not a readable HDF5 file: {_short(error)}") from None
+    stored = read_arrays(path, LARGEST)
     said = {of: text for path, text in stored.texts.items() if (of := measured_by(path))}
     content = Content(dict(stored.arrays), said | stored.units)
     for name, number in stored.numbers.items():
         content.arrays.setdefault(name, np.array(number))
     _of_groups(stored.places, content)
     return content
-
-
-def _short(error: Exception) -> str:
-    return " ".join(str(error).strip("'\"").split())[:160] or type(error).__name__
 
 
 def _of_groups(places: dict[str, NDArray[Any]], content: Content) -> None:

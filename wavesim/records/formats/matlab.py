@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -18,25 +17,15 @@ _DEEPEST = 4
 
 def from_matlab(path: Path) -> Content:
     """Every array of numbers in a .mat file, with names as structure.field."""
+    # Damage may end the process that reads it, as compiled code does: try it in another.
+    if "fork" in multiprocessing.get_all_start_methods():
+        trial = multiprocessing.get_context("fork").Process(target=_tried, args=(path,))
+        trial.start()
+        trial.join()
+        if (trial.exitcode or 0) < 0:
+            raise RecordError("can't be read as MATLAB's: it is damaged; save it again")
     content = Content({})
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            # Damage may end the process that reads it, as compiled code does: try it in another.
-            if "fork" in multiprocessing.get_all_start_methods():
-                trial = multiprocessing.get_context("fork").Process(target=_tried, args=(path,))
-                trial.start()
-                trial.join()
-                if (trial.exitcode or 0) < 0:
-                    raise RecordError("can't be read as MATLAB's: it is damaged; save it again")
-            loaded = _loaded(path)
-    except RecordError:
-        raise
-    except Exception as error:
-        # Anything at all may be raised by a file that is cut or damaged.
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise RecordError(f"can't be read as MATLAB's: {text}") from None
-    for name, value in loaded.items():
+    for name, value in _loaded(path).items():
         if not name.startswith("__"):
             _take(content, name, value, 0)
     return content

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +25,8 @@ def from_netcdf(path: Path) -> Content:
         raise RecordError("can't be read as netCDF: it is neither of version 3 nor of version 4")
     options: dict[str, Any] = {"engine": "scipy", "mmap": False} if classic else {}
     options = options or {"engine": "h5netcdf"}
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with xarray.open_dataset(path, decode_timedelta=False, **options) as found:
-                return of_dataset(found)
-    except RecordError:
-        raise
-    except Exception as error:
-        # Anything at all may be raised by a file that is cut or damaged.
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise RecordError(f"can't be read as netCDF: {text}") from None
+    with xarray.open_dataset(path, decode_timedelta=False, **options) as found:
+        return of_dataset(found)
 
 
 def of_dataset(dataset: Any) -> Content:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +25,8 @@ def from_seismic(path: Path) -> Content:
             "needs obspy to be read: pip install 'wavesim[seismic]', or save it as CSV or NPZ"
         ) from None
     kind = FORMATS.get(path.suffix.lower(), "SEG2")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            options = {"unpack_trace_headers": True} if kind in ("SEGY", "SU") else {}
-            stream = read(str(path), format=kind, **options)
-    except Exception as error:
-        # Anything at all may be raised by a file that is cut or damaged.
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise RecordError(f"can't be read as {kind}: {text}") from None
-    return of_stream(stream)
+    options = {"unpack_trace_headers": True} if kind in ("SEGY", "SU") else {}
+    return of_stream(read(str(path), format=kind, **options))
 
 
 def of_stream(stream: Any) -> Content:
