@@ -5,14 +5,14 @@ import pytest
 from pulses import lorentz, named, ricker, through
 
 from wavesim.material.damping import constant_quality, quality
-from wavesim.readings.pulse.attenuation_and_quality import (
-    constant_quality_of_amplitudes,
-)
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
+from wavesim.readings.pulse.quality_over_band import (
+    constant_quality_of_amplitudes,
+)
 from wavesim.readings.pulse.signals import PulseError, pulse_record
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate, spectra
-from wavesim.readings.pulse.wavenumber_from_spectra import dispersion
+from wavesim.readings.pulse.wavenumber_and_attenuation import dispersion
 
 C, F = 2000.0, 5e5
 STEP = 1e-7

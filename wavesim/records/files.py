@@ -133,7 +133,7 @@ def _reader(path: Path) -> tuple[Callable[[Path], Content], str]:
 
         return from_npz, "NumPy's"
     if kind in _TEXT:
-        from wavesim.records.formats.columns import from_text
+        from wavesim.records.formats.csv_and_text import from_text
 
         return from_text, "text"
     raise RecordError(

@@ -1,8 +1,8 @@
 """Sources: signals in time and in frequency, by kind. Jax goes through, but is not needed."""
 
-from wavesim.sources.gaussian_derivative import GaussianDerivative, Ricker
 from wavesim.sources.initial_field import InitialField
 from wavesim.sources.recorded_signal import Recorded
+from wavesim.sources.ricker_and_gaussian import GaussianDerivative, Ricker
 from wavesim.sources.signal_file import read_csv
 from wavesim.sources.signal_generator import Chirp, ToneBurst
 from wavesim.sources.source import (

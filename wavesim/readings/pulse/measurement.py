@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.material.shown import plain
 from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
-from wavesim.readings.pulse.attenuation_and_quality import (
+from wavesim.readings.pulse.quality_over_band import (
     ConstantQuality,
     MeanQuality,
     constant_quality_of_amplitudes,
@@ -24,7 +24,7 @@ from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
-from wavesim.readings.pulse.wavenumber_from_spectra import Dispersion, dispersion
+from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion, dispersion
 
 Float = NDArray[Any]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseRecord
 from wavesim.readings.pulse.spectral_windows import Spectra
-from wavesim.readings.pulse.wavenumber_from_spectra import Dispersion
+from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion
 from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import Content, RecordError
 from wavesim.records.faults.clock import on_clock
-from wavesim.records.formats.text import Table, read_table
+from wavesim.records.formats.text_table import Table, read_table
 from wavesim.records.units import (
     NUMBER,
     factor,
