@@ -110,8 +110,6 @@ def test_a_pulse_test_read_whole(result):
     exact = lossy(found.omega)
     ok = found.valid
     assert (np.abs(found.k - exact)[ok] <= 5 * found.k_error[ok]).all()
-    away = np.abs(result.amplitude_attenuation - exact.imag)[ok]
-    assert (away <= 5 * result.amplitude_error[ok]).all()
     # Frequencies are those in which the pulse has something: 0.05 to 3 of the peak's.
     assert 2e4 < found.omega[0] / 2 / np.pi < 2e5
     assert 9e5 < found.omega[-1] / 2 / np.pi < 1.7e6
@@ -257,6 +255,10 @@ def test_it_knows_signals_alone():
         "wavesim.readings.dispersion.line_fit",
         "wavesim.readings.dispersion.phase_beam",
         "wavesim.records.evenness",
+        "wavesim.records.faults.clipping",
+        "wavesim.records.faults.finding",
+        "wavesim.records.faults.quantisation",
+        "wavesim.records.faults.quiet",
         "wavesim.records.windows",
     }
     own |= {"wavesim.material.arguments", "wavesim.material.shown"}  # how a wrong argument is told

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from wavesim.records.files import Layout, from_arrays
+from wavesim.records.fitness import for_k_at_frequency
 from wavesim.records.inspection import inspect
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import RecordError, record
@@ -290,3 +291,21 @@ def test_inspection_tells_what_is_wrong_and_what_can_be_done():
     assert summary["usable"] == {"attenuation": "", "dispersion": "", "pulse": ""}
     assert [c["position_m"] for c in summary["receivers"]] == pytest.approx(list(X))
     assert summary["receivers"][0]["noise"] == pytest.approx(1e-3, rel=0.2)
+
+
+def test_what_was_done_to_all_channels_is_told_or_refused(rng):
+    """Channels divided by their peaks have lost their decay, rectified ones their frequencies."""
+    x, t = 0.02 + 0.005 * np.arange(8), np.arange(1000) * 5e-7
+    late = t[:, None] - 4e-5 - x / 3000
+    a = (np.pi * 5e4 * late) ** 2
+    u = (1 - 2 * a) * np.exp(-a) * np.exp(-8 * x) + 1e-3 * rng.normal(size=late.shape)
+    own = record(u / np.abs(u).max(axis=0), t, x)
+    assert "normalised" in [one.what for one in own.findings]
+    with pytest.raises(RecordError, match="divided by its own"):
+        for_k_at_frequency(own)
+    assert "normalised" not in [one.what for one in record(u, t, x).findings]
+    burst = np.sin(2 * np.pi * 5e4 * late) * np.exp(-((late / 4e-5) ** 2))
+    burst += 1e-3 * rng.normal(size=late.shape)
+    with pytest.raises(RecordError, match="rectified"):
+        record(np.abs(burst), t, x)
+    assert len(record(burst, t, x).x) == 8

@@ -187,6 +187,27 @@ def test_transmission_of_a_sweep_is_that_of_each_stack(G, tmp_path):
                 assert np.nanmax(np.abs(values - expected)) <= 1e-9
 
 
+def test_what_takes_too_long_or_too_much_disk_is_refused_with_what_fits(tmp_path, monkeypatch):
+    """What was done stays, and more time carries it on; a hundred million members are refused
+    before any is made."""
+    vary = ["--vary", "medium.anisotropy=0:1:200", "--vary", "medium.stiffness_ratio=0.05:1:100"]
+    many = call("sweep", MAIN, "--vary", "medium.anisotropy=0:1:100000000", "--out", tmp_path)
+    assert many.exit_code == 2
+    assert "at most 10,000,000" in many.output
+    long = call("sweep", MAIN, *vary, "--out", tmp_path, "--at-most", "1e-6s")
+    assert long.exit_code == 2
+    assert "20000 members: the 10000 left take about" in long.output
+    assert (xarray.open_zarr(tmp_path / "sweep.zarr")["status"].values == 1).sum() == 10000
+    on = call("sweep", MAIN, *vary, "--out", tmp_path, "--resume")
+    assert on.exit_code == 0
+    assert "20000 of 20000 members" in on.output
+    monkeypatch.setattr("wavesim.studies.sweep_store.free", lambda folder: 1e6)
+    full = call("sweep", MAIN, *vary, "--out", tmp_path / "full")
+    assert full.exit_code == 2
+    assert "of disk; more than 1 MB" in full.output
+    assert not (tmp_path / "full" / "sweep.zarr").exists()
+
+
 def test_a_member_that_fails_is_told_of_and_stops_nothing(tmp_path):
     """By exit code and on the terminal too; its numbers are NaN, those of the others are there."""
     vary = ["--vary", "medium.anisotropy=0.5:2.5:5", "--vary", "medium.stiffness_ratio=0.5:2:2"]

@@ -262,15 +262,6 @@ def _integrated(
 ) -> list[Energy]:
     """Integrate, and store each chunk while the next one is integrated.
 
-    Args:
-        simulated: what is run.
-        results: where to.
-        start: to carry on from; None begins at t = 0.
-        storing: what stores them.
-        laps: where to note the seconds spent.
-        tell: progress.
-        meanwhile: called while Python has nothing to do.
-
     Returns:
         The energy of each chunk.
     """

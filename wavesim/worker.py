@@ -181,12 +181,7 @@ class Worker:
         return SharedArray(_mapped(self._memory, place, shape, mmap.ACCESS_WRITE), place)
 
     def ask(self, function: str, *arguments: Any) -> Answer:
-        """Have a function called by a fork; of forks as many work at once as there are cores.
-
-        Args:
-            function: its full name.
-            arguments: of it.
-        """
+        """Have a function called by a fork; of forks as many work at once as there are cores."""
         return self._ask(False, function, arguments)
 
     def prepare(self, function: str, *arguments: Any) -> Answer:
@@ -298,12 +293,7 @@ def _work(work: Callable[[], Any], answer: Connection, line: Connection) -> None
 
 
 def serve(descriptor: int, shared: int) -> None:
-    """What the process does: fork for each job, and tell what came of them.
-
-    Args:
-        descriptor: of the line to the run.
-        shared: of the file that holds what both see.
-    """
+    """What the process does: fork for each job, and tell what came of them."""
     global _shared
     _shared = shared
     line = Connection(descriptor)

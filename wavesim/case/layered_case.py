@@ -80,9 +80,6 @@ class BarLayers:
 def builder(name: str) -> Callable[..., Any]:
     """A function that makes something of a table, and tells what is wrong with it.
 
-    Args:
-        name: of the file, for messages.
-
     Returns:
         build(where, make, *arguments): make(*arguments), whose ValueError becomes a CaseError that
         names the table at that path.
@@ -104,10 +101,6 @@ def builder(name: str) -> Callable[..., Any]:
 
 def bar_layers(file: CaseFile, name: str) -> BarLayers:
     """The material of a case.
-
-    Args:
-        file: its tables.
-        name: of the file, for messages.
 
     Raises:
         CaseError: anything that can't be used; the message names file, key, value and remedy.

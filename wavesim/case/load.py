@@ -57,12 +57,7 @@ class Case:
         return self.material.medium
 
     def resolved(self, solver: str, step: float) -> str:
-        """The case as TOML, every default filled in; a run of it repeats this one.
-
-        Args:
-            solver: that was taken.
-            step: its time step, s.
-        """
+        """The case as TOML, every default filled in; a run of it repeats this one."""
         tables = dict(self.tables)
         settled = {"solver": solver, "step": step, "samples": self.simulation.frames}
         tables["time"] = tables["time"] | settled

@@ -56,11 +56,7 @@ class _SourceTable(Table):
         return _KINDS[given.pop("kind")](**given)
 
     def resolved(self, source: Source) -> dict[str, Any]:
-        """This table with every default filled in and a file's samples inlined.
-
-        Args:
-            source: what it was built into.
-        """
+        """This table with every default filled in and a file's samples inlined."""
         settled, given = parameters(source), self.model_dump()
         placed = [key for key in ("position", "width") if given.get(key) is not None]
         given |= {key: settled[key] for key in ("delay", "start", *placed) if key in settled}

@@ -17,11 +17,6 @@ class CaseError(ValueError):
 def toml_tables(text: str, name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a case file's text, with values laid over them.
 
-    Args:
-        text: of the file.
-        name: of the file, for messages.
-        overrides: as of :func:`lay_over`.
-
     Raises:
         CaseError: it isn't TOML, or more than anyone means: nested deeper, numbers longer than
             Python reads.

@@ -140,7 +140,7 @@ def _tell(shown: Any, found: Any) -> None:
         )
         shown.print(
             "No stack was found that keeps every wish: "
-            + ("its time was up; more (--at-most 30min), " if found.ended else "")
+            + found.why
             + "more layers, variables or length may, or another --seed. "
             f"What else can be had, in dB ({wishes}):"
         )

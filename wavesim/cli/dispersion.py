@@ -313,7 +313,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
-    """Branches ω(k) of the space-time record FILE: result.h5, other HDF5, NPZ or CSV."""
+    """Branches ω(k) of the record FILE: a run, or any file that `wavesim inspect` reads."""
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record
@@ -342,7 +342,7 @@ def attenuation(
     spreading: str,
     **given: Any,
 ) -> None:
-    """Complex k(ω) of the record FILE, in bands and gaps: result.h5, other HDF5, NPZ or CSV."""
+    """Complex k(ω), in bands and gaps, of the record FILE: a run, or what `inspect` reads."""
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record

@@ -23,7 +23,6 @@ from wavesim.cli.arguments import (
     TIME,
     WRITTEN,
     print_json,
-    read_layers,
     record_options,
     write_json,
     writing,
@@ -72,11 +71,6 @@ class _Set:
     type=click.Choice(["P", "S"], case_sensitive=False),
     help="Which wave the transducers send; where it is not said, either may be the direct one.",
 )
-@click.option(
-    "--medium",
-    metavar="CASE",
-    help="A case whose medium's P and S speeds say which packet is which wave.",
-)
 @WRITTEN
 @JSON
 @record_options
@@ -89,7 +83,6 @@ def pulse(
     against: str | None,
     expected: tuple[float, float] | None,
     wave: str | None,
-    medium: str | None,
     out: str | None,
     as_json: bool,
     layout: Any,
@@ -102,12 +95,7 @@ def pulse(
     from wavesim.readings.pulse.answers import answer
 
     layout = replace(layout, input=column)
-    if medium is not None and against is not None:
-        stop("--medium: not beside --against, as speeds change from state to state", BAD_INPUT)
-    speeds = None if medium is None else _speeds(medium)
     tests, refused = _read(files, layout)
-    if speeds is not None:
-        tests = [test and replace(test, speeds=speeds) for test in tests]
     setup = _setup(distance, delay, face_to_face, against, layout)
     readings, series = _readings(files, tests, refused, setup, expected, wave)
     found = answer(readings, series)
@@ -121,21 +109,6 @@ def pulse(
         _write(found, readings, series, Path(out), as_json)
     if not any(one.best.valid for one in readings):
         sys.exit(FELL_SHORT)
-
-
-def _speeds(case: str) -> dict[str, float]:
-    """P and S speeds of a case's medium."""
-    from wavesim.planewave.dispersion_relation import wave_speeds
-
-    medium = read_layers(case).medium
-    found = wave_speeds(medium)
-    if not found:
-        stop(
-            f"--medium {case}: waves of family {medium.family.name} have no names in a pulse test; "
-            'name a case with [medium] family = "translation"',
-            BAD_INPUT,
-        )
-    return found
 
 
 def _read(files: Sequence[str], layout: Any) -> tuple[list[Any], dict[int, str]]:
@@ -249,7 +222,7 @@ def _readings(
     wanted = Wanted((wave or "").upper(), expected[1] if expected else math.nan)
     if setup.states is None:
         for i, (record, distance) in single.items():
-            one = read_one(record, distance, setup.delays, tests[i].speeds, wanted)
+            one = read_one(record, distance, setup.delays, wanted)
             found[i] = _noted(one, tests[i])
         return found, None
     parameter, values = setup.states.parameter, np.array(setup.states.values)

@@ -149,6 +149,9 @@ def inspect(
 ) -> None:
     """What is wrong with the record FILE, what was done about it, and which commands can use it.
 
+    FILE is a run's folder or result.h5, a table of text (.csv, .txt, .tsv, .dat, …), .npz, .npy,
+    HDF5, MATLAB's .mat, netCDF, and with obspy SEG-Y, SEG-2, SU, SAC, miniSEED.
+
     Exit code 0: some can, as it is or with an option that is named; 1: none can; 2: it can't be
     read.
     """

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET, folder_for
+from wavesim.cli.arguments import BAND, CASE, OUT, QUIET, SET, folder_for, longest
 from wavesim.cli.interrupts import farewell
 from wavesim.report.terminal import BAD_INPUT, FAILED, FELL_SHORT, console, stop, unwritable
 from wavesim.worker import cores
@@ -42,6 +42,9 @@ from wavesim.worker import cores
 )
 @click.option("--workers", type=click.IntRange(1), help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a scheduler of Dask, tcp://HOST:PORT.")
+@click.option(
+    "--at-most", default="1h", metavar="TIME", help="End what would take longer; 1h by default."
+)
 @OUT
 @click.option("--resume", is_flag=True, help="Carry on a sweep that was ended.")
 @SET
@@ -58,6 +61,7 @@ def sweep(case: str, out: str | None, quiet: bool, **options: Any) -> None:
 
     if options["workers"] and options["scheduler"]:
         stop("--workers, --scheduler: give one of the two", BAD_INPUT)
+    options["at_most"] = longest(options["at_most"])
     folder = folder_for(out, case)
     named = ("vary", "measure", "sample", "sampler", "seed", "overrides", "band", "points")
     try:
@@ -87,7 +91,7 @@ def _measured(asked: Any, options: dict[str, Any], quiet: bool, folder: Path) ->
 
     try:
         with counted("members", quiet) as tell, farewell(stored):
-            return asked.go(options["resume"], workers, address, go_on)
+            return asked.go(options["resume"], workers, address, go_on, options["at_most"])
     except SweepStoppedError as error:
         where = f"--scheduler {address}: " if address else ""
         stop("; ".join(part for part in (f"{where}{error}", stored()) if part), FAILED)

@@ -116,17 +116,12 @@ def loss_law(losses: dict[str, Any] | None, index: Any) -> dict[str, Any] | None
     return None if losses is None else {name: value[index] for name, value in losses.items()}
 
 
-def is_real(losses: dict[str, Any] | None, omega: Any) -> bool:
-    """Whether 𝒟 is real, as where nothing is lost and ω is real."""
-    return losses is None and not jnp.iscomplexobj(omega)
-
-
 def moduli(losses: dict[str, Any] | None, omega: Any, time: Any) -> tuple[Any, Any]:
     """m(ω) and ι(ω) of one layer (``material.damping``), complex; 1 and 1 without losses.
 
     Args:
         losses: of one layer.
-        omega: scaled, (N,), real or complex; time: its unit, s.
+        omega: scaled, (N,); time: its unit, s.
     """
     if losses is None:
         return 1.0, 1.0
@@ -149,7 +144,7 @@ def _outward(wave: Wave, losses: dict[str, Any] | None, omega: Any, time: Any) -
 
 def half_space(wave: Wave, losses: dict[str, Any] | None, omega: Any, time: Any) -> HalfSpace:
     """The wave that goes out into a half-space; arguments of one layer, as :func:`across`."""
-    if is_real(losses, omega):
+    if losses is None:
         D = wave.stiffness(omega, 1.0, 1.0)
         Z = jnp.sqrt(wave.i_phi * jnp.abs(D))
         passes = D > 0
@@ -171,7 +166,7 @@ def across(
         omega: scaled, (N,); time: its unit, s.
         h: its thickness, scaled.
     """
-    if is_real(losses, omega):
+    if losses is None:
         D = wave.stiffness(omega, 1.0, 1.0)
         Z, passes = jnp.sqrt(wave.i_phi * jnp.abs(D)), D > 0
         phase = omega * wave.i_phi / Z * h

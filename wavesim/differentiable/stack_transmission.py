@@ -23,11 +23,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from wavesim.differentiable.coefficients import (
-    HalfSpace,
     Wave,
     across,
     half_space,
-    is_real,
     loss_law,
     moduli,
     units_of,
@@ -99,8 +97,11 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
     last = first if stack.last is None else waves(stack.kinds, stack.last, block, units)
     left = half_space(first.of(0), loss_law(stack.losses, 0), scaled, units.time)
     right = half_space(last.of(-1), loss_law(stack.losses, -1), scaled, units.time)
-    real = is_real(stack.losses, scaled)
-    state = behind(right, real)
+    # Where all that acts on v and g is real, real and imaginary part go apart.
+    real = stack.losses is None
+    state: Any = jnp.ones_like(right.Z), -1j * right.Z, jnp.zeros(scaled.shape)
+    if real:
+        state = *(jnp.stack([z.real, z.imag]) for z in state[:2]), state[2]
     thickness = stack.thickness / units.length
     clear = jnp.ones(scaled.shape, bool)
     for grading, at in stack.stretches():
@@ -113,42 +114,22 @@ def _transmission(stack: TracedLayers, block: Block, omega: Any, steps: int) -> 
             clear = clear & enough
         else:
             pieces = first.of(at), thickness[at], loss_law(stack.losses, at)
-            step = jax.checkpoint(partial(through_layer, scaled, units.time), prevent_cse=False)
+            step = jax.checkpoint(partial(_through_layer, scaled, units.time), prevent_cse=False)
             state, _ = jax.lax.scan(step, state, pieces)
-    a, b, lost = before(state, left, real)
-    T, R = jnp.exp(-lost) / a, b / a
-    incident = jnp.where(left.carries, left.Z.real, jnp.nan)
-    through = jnp.where(right.carries, right.Z.real, 0.0) / incident
-    power_T, power_R = jnp.abs(T) ** 2 * through, jnp.abs(R) ** 2 * incident / incident
-    return T, R, level_of(a, lost), power_T, power_R, clear
-
-
-def behind(right: HalfSpace, real: bool) -> tuple[Any, Any, Any]:
-    """(v, g) at the right end, and what was set apart of them as decay, none; (N,) each.
-
-    Where all that acts on them is real v and g are real and imaginary part apart.
-    """
-    v, g = jnp.ones_like(right.Z), -1j * right.Z
-    if real:
-        v, g = (jnp.stack([z.real, z.imag]) for z in (v, g))
-    return v, g, jnp.zeros(right.Z.shape)
-
-
-def before(state: Any, left: HalfSpace, real: bool) -> tuple[Any, Any, Any]:
-    """a, b and the decay, of (v, g) at the left end."""
     v, g, lost = state
     if real:
         v, g = (jax.lax.complex(z[0], z[1]) for z in (v, g))
     f = 1j * g
-    return (v + f / left.Z) / 2, (v - f / left.Z) / 2, lost
+    a, b = (v + f / left.Z) / 2, (v - f / left.Z) / 2
+    level = -20 / np.log(10) * (lost + jnp.log(jnp.abs(a)))
+    T, R = jnp.exp(-lost) / a, b / a
+    incident = jnp.where(left.carries, left.Z.real, jnp.nan)
+    through = jnp.where(right.carries, right.Z.real, 0.0) / incident
+    power_T, power_R = jnp.abs(T) ** 2 * through, jnp.abs(R) ** 2 * incident / incident
+    return T, R, level, power_T, power_R, clear
 
 
-def level_of(a: Any, lost: Any) -> Any:
-    """20 log₁₀|T|, dB."""
-    return -20 / np.log(10) * (lost + jnp.log(jnp.abs(a)))
-
-
-def through_layer(omega: Any, time: Any, state: Any, piece: Any) -> Any:
+def _through_layer(omega: Any, time: Any, state: Any, piece: Any) -> Any:
     """(v, g) at the left end of a layer from those at its right end."""
     wave, h, losses = piece
     v, g, lost = state

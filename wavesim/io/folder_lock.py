@@ -24,9 +24,6 @@ _MOST_TOLD = 500
 def locked(folder: Path) -> Iterator[None]:
     """Have a folder to oneself while this lasts. The system frees it whatever ends the process.
 
-    Args:
-        folder: that is there.
-
     Raises:
         StorageError: another run has it; the message says who, and since when.
         OSError: nothing can be written there.

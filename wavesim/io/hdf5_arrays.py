@@ -50,10 +50,6 @@ def is_hdf5(path: Path) -> bool:
 def read_arrays(path: Path, largest: int) -> Stored:
     """Every array of numbers in an HDF5 file.
 
-    Args:
-        path: of the file.
-        largest: most samples that an array may have.
-
     Raises:
         OSError: it can't be read as HDF5.
         ValueError: an array is larger.

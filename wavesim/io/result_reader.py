@@ -34,10 +34,6 @@ class WriteError(StorageError):
 def reading(path: Path, what: str = "") -> Iterator[h5py.File]:
     """A result file, opened; whatever the library stumbles over is told as damage.
 
-    Args:
-        path: of the file.
-        what: is read of it, for messages.
-
     Raises:
         StorageError: it is not there, not of wavesim, or damaged.
     """

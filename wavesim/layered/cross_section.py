@@ -117,10 +117,6 @@ def _wide(values: Any) -> Any:
 def halves(one: Section, omega: Any) -> tuple[Any, Any]:
     """P and Q of e′ = P o, o′ = Q e, e = (v_φ, f_B), o = (f_φ, v_B); A is odd under x → −x.
 
-    Args:
-        one: a section with its impedance.
-        omega: scaled, shape (N,), complex.
-
     Returns:
         Shapes (N, n, n), weighted by √z.
     """

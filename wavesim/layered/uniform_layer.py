@@ -46,12 +46,7 @@ def _eigen(matrix: Any, macro: int) -> tuple[Any, Any]:
 
 
 def waves(one: Section, omega: Any) -> Waves:
-    """Waves of a medium, from −k² e = P Q e.
-
-    Args:
-        one: a section with its impedance.
-        omega: scaled, shape (N,), complex.
-    """
+    """Waves of a medium, from −k² e = P Q e."""
     P, Q = halves(one, omega)
     if one.size == 1:
         even = np.ones_like(P)

@@ -195,10 +195,15 @@ class Family:
         """Names of all its gaps, each once."""
         return tuple(dict.fromkeys(name for s in self.sectors for name in self.gap_names(s)))
 
+    def first_alike(self, sector: str) -> str:
+        """The first of the sectors whose waves are alike, as those are whose gaps share names."""
+        names = self.gap_names(sector)
+        return next(s for s in self.sectors if self.gap_names(s) == names)
+
     @property
     def unlike(self) -> tuple[str, ...]:
-        """Sectors whose waves differ: of those whose gaps share their names, the first."""
-        return tuple({self.gap_names(s): s for s in reversed(self.sectors)}.values())[::-1]
+        """Sectors whose waves differ: the first of those alike."""
+        return tuple(dict.fromkeys(map(self.first_alike, self.sectors)))
 
     def acts(self, drive: str) -> Acts:
         """What a drive does, in whatever words: the family's, or "body", "surface", ….

@@ -272,10 +272,6 @@ def _end_tables(layer: Layer) -> list[dict[str, Any]]:
 def as_layers(medium: Medium | Layers | Sequence[Layer], length: float) -> Layers:
     """Layers of a bar from what a caller gives: a medium, layers, or a list of them.
 
-    Args:
-        medium: what the bar is made of.
-        length: of the bar, m.
-
     Raises:
         ValueError: layers do not follow each other, or do not end where the bar does.
     """
@@ -292,11 +288,6 @@ def as_layers(medium: Medium | Layers | Sequence[Layer], length: float) -> Layer
 
 def check_follow(layers: Sequence[Layer], length: float, whole: bool = False) -> None:
     """Hold the last of some layers to the one before it, and to the bar's end.
-
-    Args:
-        layers: the first layers of a bar, in order.
-        length: of the bar, m.
-        whole: whether they are all of its layers.
 
     Raises:
         ValueError: it leaves a stretch without a medium, overlaps the one before, or passes the

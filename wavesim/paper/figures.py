@@ -59,12 +59,7 @@ def _outer_axes(panels: Any, wavenumbers: bool, labels: list[str] | None = None)
 
 
 def dispersion_figure(studies: dict[str, Study], sector: str) -> Figure:
-    """Figure 3, one sector: each branch for a = 0 … 1, rows by branch, columns by closure.
-
-    Args:
-        studies: by closure.
-        sector: longitudinal, transverse2 or inplane.
-    """
+    """Figure 3, one sector: each branch for a = 0 … 1, rows by branch, columns by closure."""
     rows = BRANCHES[sector]
     figure = Figure(figsize=(10.0, 1.2 + 2.5 * len(rows)), layout="constrained")
     panels = figure.subplots(len(rows), len(studies), sharex=True, sharey="row", squeeze=False)

@@ -25,9 +25,6 @@ _POINTS = 401
 def summary(medium: Medium) -> dict[str, Any]:
     """Everything the plane-wave solver says about a medium, as an object that JSON can hold.
 
-    Args:
-        medium: the medium.
-
     Returns:
         {"medium": parameters and closure, SI; "units": how ω̄ and k̄ are made of ω and k;
         "sectors": {sector: {"k": (401,) rad/m, "omega": (401, 3) rad/s, ascending at
@@ -92,9 +89,6 @@ def _row(
 
 def table(medium: Medium) -> list[dict[str, Any]]:
     """One row for each distinct branch: where it starts, where it tends to, the gap above it.
-
-    Args:
-        medium: the medium.
 
     Returns:
         Rows, by sector and ascending in frequency, each with "sector" (the two transverse

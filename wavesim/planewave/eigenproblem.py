@@ -138,10 +138,6 @@ def solve(form: BlockCoefficients, k: Float) -> Eigenmodes:
 
     ω² is the Rayleigh quotient uᵀ K v of the modes found: for the acoustic branch at long waves
     that is exact relative to ω² itself, where an eigenvalue alone is so only relative to ‖K‖.
-
-    Args:
-        form: coefficients of one medium, scaled.
-        k: wavenumbers, shape (n,), scaled, real.
     """
     matrix = stiffness(form, k)
     if is_symmetric(form):

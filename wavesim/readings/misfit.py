@@ -78,17 +78,7 @@ class Comparison:
             "scale": self.scale,
             "scale_error": self.scale_error,
             "residual": self.residual,
-            "receivers": [
-                {
-                    "name": one.name,
-                    "position": one.position,
-                    "residual": one.residual,
-                    "arrival": one.arrival,
-                    "amplitude": one.amplitude,
-                    "spectrum": one.spectrum,
-                }
-                for one in self.receivers
-            ],
+            "receivers": [dict(vars(one)) for one in self.receivers],
             "notes": list(self.measured.notes),
         }
 

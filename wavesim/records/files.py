@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 
 from wavesim.records.arrays import find
 from wavesim.records.content import Content, RecordError, UnitsError
+from wavesim.records.faults.moveout import arrivals, speed
+from wavesim.records.faults.quiet import rest
 from wavesim.records.layout import Layout
 from wavesim.records.record import Record, record
 
@@ -147,7 +150,7 @@ def _build(content: Content, layout: Layout) -> Record:
     if not sources and "sources" in rest and rest["sources"].dtype.kind in "fiu":
         sources = [float(s) for s in np.atleast_1d(rest["sources"]).ravel()]
     try:
-        return record(
+        made = record(
             found.values,
             found.t,
             found.x,
@@ -164,6 +167,18 @@ def _build(content: Content, layout: Layout) -> Record:
         )
     except UnitsError as error:
         raise RecordError(f"{error} ({found.units})") from None
+    if "taken as" not in found.units or not np.isfinite(v := speed_of(made)):
+        return made
+    by_it = f"by what was assumed of units the signal goes along the receivers at {v:.3g} m/s"
+    return replace(made, notes=(*made.notes, by_it))
+
+
+def speed_of(made: Record) -> float:
+    """Speed at which the signal goes along a line of receivers, m/s; NaN where none is told."""
+    if made.ring or not np.isfinite(made.x).all():
+        return float("nan")
+    own = made.values[int(np.argmax(np.abs(made.values).max(axis=(1, 2))))]
+    return speed(made.x, arrivals(own, made.t, rest(own, np.zeros(len(made.x)))))
 
 
 def _scalar(arrays: Mapping[str, Float], name: str) -> float | None:

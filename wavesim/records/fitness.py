@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesim.records.content import RecordError
+from wavesim.records.faults.clipping import NORMALISED
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.ring_misfits import gains
 from wavesim.records.faults.unfit_receivers import PART
@@ -34,6 +35,12 @@ def for_k_at_frequency(record: Record) -> Record:
         RecordError: fewer than two are, or a source stands among them that is not named.
     """
     record = _filled(record.without_gaps())
+    if not record.ring and any(finding.what == NORMALISED for finding in record.findings):
+        raise RecordError(
+            "all receivers have one peak to the last digit: each was divided by its own, and the "
+            "decay along them with it; give them as recorded, or take wavesim dispersion, which "
+            "reads phases alone"
+        )
     if record.source_seen is not None:
         raise RecordError(
             f"the signal comes first to receivers near x = {record.source_seen:.3g} m and later to "

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.planewave.dispersion_relation import block_group_velocity, wave_speeds
+from wavesim.planewave.dispersion_relation import block_group_velocity
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
 from wavesim.records.fitness import for_pulse_test
@@ -39,7 +39,6 @@ class PulseTestRecord:
         positions: of each, m, from the source or an origin of their own; NaN where unknown.
         sent: what was sent, shape (nt,); None where it was not recorded.
         notes: what was done to the file's numbers, and assumed.
-        speeds: {wave: speed} of the medium, m/s; None where it is not known.
         unlike: why there is not one medium between the receivers; "" where there may be.
     """
 
@@ -49,7 +48,6 @@ class PulseTestRecord:
     positions: dict[str, float]
     sent: Float | None
     notes: tuple[str, ...] = ()
-    speeds: dict[str, float] | None = None
     unlike: str = ""
 
     @property
@@ -153,7 +151,6 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
         t = np.asarray(field.t)
         sent = None if others or not hasattr(source, "signal") else np.asarray(source.signal(t))
         signals = {key: np.asarray(field.at(field.receivers[key], macro)) for key in places}
-        speeds = wave_speeds(field.medium) or None
         layers = [field.layers.layer_at(field.receivers[key]) for key in places]
         one = len(set(map(id, layers))) == 1 and layers[0].last is None
         end = _gone_round(field, block, own, places)
@@ -170,7 +167,7 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
             t, signals = t[kept], {key: u[kept] for key, u in signals.items()}
             sent = None if sent is None else sent[kept]
             notes += (f"read up to {end:.4g} s, before waves come that have gone round the bar",)
-        record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, notes, speeds)
+        record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, notes)
         found.append(record if one else replace(record, unlike=UNLIKE))
     if round_at_once and not found:
         raise RecordError(

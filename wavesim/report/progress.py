@@ -112,9 +112,6 @@ def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
         with ws.progress() as tell:
             field = ws.integrate(simulation, tell)
 
-    Args:
-        what: is going on.
-
     Yields:
         What to call with the part done, 0 to 1.
     """
@@ -133,10 +130,6 @@ def part_done(what: str = "integrate") -> Iterator[Callable[[float], None]]:
 def counted(what: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
     """Show how many of some things are done while it lasts, and how long the rest takes; nothing
     when quiet or not on a terminal.
-
-    Args:
-        what: they are, such as "figures".
-        quiet: show nothing.
 
     Yields:
         What to call with how many are done, all there are, and how many failed, if any.

@@ -27,14 +27,7 @@ _PICTURES = (".png", ".pdf", ".svg")
 
 
 def summary(case: Case, steps: TimeStep, found: Found, timing: dict[str, float]) -> dict[str, Any]:
-    """What summary.json tells of a run.
-
-    Args:
-        case: that was run.
-        steps: how it was stepped.
-        found: of ``verdict.judgement.measure``.
-        timing: seconds that each stage took.
-    """
+    """What summary.json tells of a run."""
     from wavesim.io.result_layout import versions
     from wavesim.material.scaling import scales
     from wavesim.material.shown import plain
@@ -67,13 +60,6 @@ def write(
     rerun: str,
 ) -> None:
     """Write summary.json, and report.html where there is what it is drawn from.
-
-    Args:
-        summary, notes: of the run.
-        data: of ``report.page_data``; None without.
-        resolved: the case as it was run, TOML.
-        folder: where to.
-        rerun: the command that runs the case.
 
     Raises:
         OSError: a file can't be written.

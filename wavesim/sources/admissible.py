@@ -22,10 +22,6 @@ LARGEST = 1e100
 def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
     """Hold what all kinds have in common to what is admissible.
 
-    Args:
-        source: of any kind.
-        acts: what its kind may do.
-
     Raises:
         ValueError: a value is not admissible; the message names it.
     """
@@ -60,10 +56,6 @@ def check_place(source: Source, acts: tuple[str, ...] = SIGNAL_ACTS) -> None:
 
 def check_size(name: str, size: float) -> None:
     """Hold what drives to numbers whose squares, the energy, are numbers too.
-
-    Args:
-        name: of what it is.
-        size: largest |value| > 0, any unit.
 
     Raises:
         ValueError: they are not.

@@ -127,9 +127,6 @@ def read_csv(path: Path) -> tuple[list[float], list[float]]:
     Columns are parted by a comma, a semicolon or white space; empty lines, lines that begin with
     #, and one line of headings are skipped.
 
-    Args:
-        path: of the file.
-
     Returns:
         Times and values.
 

@@ -45,7 +45,7 @@ class Design:
         made: share of designs within the tolerance that keep every wish.
         trade_off: what can be had where a wish is missed.
         evaluations, starts, seconds, seed: of the search.
-        ended: whether its longest time ended it.
+        why: a search that missed a wish ended, beside its time.
         text: of the case that is the design.
     """
 
@@ -59,7 +59,7 @@ class Design:
     starts: int
     seconds: float
     seed: int
-    ended: bool
+    why: str
     text: str
 
     @property
@@ -176,7 +176,7 @@ def design(
         found.starts,
         found.seconds,
         seed,
-        found.ended,
+        found.why,
         dumps(designed_tables(tables, own, values.tolist(), by_grid)),
     )
 

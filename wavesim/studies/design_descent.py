@@ -1,4 +1,4 @@
-"""How stacks of a design go down: least squares, then linear programs on the worst frequency.
+"""How stacks of a design go down to the end: linear programs on the worst frequency.
 
 At each of some frequencies of each wish a stack misses by
 
@@ -7,17 +7,12 @@ At each of some frequencies of each wish a stack misses by
 with L = 20 log₁₀|T| in dB: kept where all e ≤ 0. Stacks are made with each variable even within ±
 its tolerance, by which e is off by s = ‖∂e/∂x δ‖, a standard deviation; e/s is what to lower where
 all are to keep it. L and ∂L/∂x of a batch of stacks come from jax at once
-(``differentiable.level_slopes``). Levenberg and Marquardt go down Σ max(0, e + margin)²,
-linear programs down the worst,
+(``differentiable.level_slopes``), and the worst is lowered by
 
     min over d of max_i (e_i + J_i d),   |d| ≤ radius,   within box and length,
 
-the radius growing where that foretells well. All stacks go in lock step.
-
-A resonance narrower than the frequencies are apart is seen by none or has slopes that lead nowhere.
-So T is taken at f + iσ: log|T| has no poles or zeros in the upper half-plane but far from the
-stop bands' floor, L there is its average over a Lorentzian of half-width σ, and as smooth.
-σ begins at the distance of the coarse frequencies, the blur, and goes down to 0.
+the radius growing where that foretells well. All stacks go in lock step, asked at the peaks of a
+finer net of frequencies.
 """
 
 from __future__ import annotations
@@ -29,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.studies.design_problem import Problem
+from wavesim.studies.design_problem import ROOM, STEPS, Problem
 
 # Frequencies of a wish: of the search, of the finer net, and of that where a layer is graded.
 COARSE, FINE, _FINE_GRADED = 96, 801, 201
@@ -37,17 +32,14 @@ COARSE, FINE, _FINE_GRADED = 96, 801, 201
 _EVEN = 32
 # Stacks whose T is computed at once.
 _TOGETHER = 4
-_MARGIN = 0.4
 # Radius of the first linear program, in x; those beyond these are ended.
 RADIUS, _WIDEST, _LEAST = 0.05, 0.3, 1e-6
 # With a new net, no first radius is less.
 _ANEW = 3e-3
 # Frequencies whose e lies so far below the worst don't bind a step.
 _FAR = 8.0
-_TOO_LONG = 100.0
 # Least s.
 _STILL = 1e-4
-_ROOM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -57,7 +49,7 @@ class Stack:
     Attributes:
         x: from 0 to 1, (n,).
         e, J: at some frequencies, (M,) and (M, n).
-        worst: e, over the finer net too where its peaks are followed.
+        worst: e, over the finer net too.
         radius: of its steps.
     """
 
@@ -83,14 +75,9 @@ class Search:
         wishes = problem.wishes
         self._limit = np.array([wish.limit for wish in wishes])
         self._sign = np.array([1.0 if wish.most else -1.0 for wish in wishes])
-        self.scale = np.array([wish.weight for wish in wishes]) / (1 + np.abs(self._limit) / 10)
-        self._net = problem.net(COARSE)
-        self._apart = self._net[:, 1] - self._net[:, 0]
+        self.scale = problem.scale
+        self._descent = problem.descent()
         self._fine = _FINE_GRADED if problem.graded else FINE
-        # The length is linear in x.
-        self._shortest = problem.length(problem.low)
-        ends = np.where(np.eye(len(problem.keys)), problem.high, problem.low)
-        self._by_x = np.array([problem.length(one) for one in ends]) - self._shortest
 
     @property
     def evaluations(self) -> int:
@@ -123,29 +110,21 @@ class Search:
         parts = []
         for first in range(0, len(values), _TOGETHER):
             some = values[first : first + _TOGETHER]
-            found = self._levels(_padded(some, _TOGETHER), frequency.astype(complex))
+            found = self._levels(_padded(some, _TOGETHER), frequency)
             parts.append(np.asarray(found)[: len(some)])
         return np.concatenate(parts)
 
-    def too_long(self, x: Any) -> Any:
-        """By what part of the limit stacks are too long, below 0 where they fit; x (…, n)."""
-        limit = self.problem.length_at_most
-        return (self._shortest + x @ self._by_x) / limit - 1 if limit else np.full(x.shape[:-1], -1)
-
-    def errors(
-        self, x: Any, nets: Any, scale: Any, blur: float = 0.0, sure: bool = False
-    ) -> tuple[Any, Any]:
+    def errors(self, x: Any, nets: Any, scale: Any, sure: bool = False) -> tuple[Any, Any]:
         """e (members, M) and ∂e/∂x (members, M, n) of stacks.
 
         Args:
             x: from 0 to 1, (members, n).
             nets: where they are asked, Hz, (members, wishes, COARSE).
             scale: of each wish's e, (wishes,).
-            blur: σ in parts of what the coarse frequencies are apart.
             sure: both are to be over s.
         """
         self._asked_of.append(len(x))
-        nets, parts = nets + 1j * blur * self._apart[:, None], []
+        parts = []
         for first in range(0, len(x), _TOGETHER):
             some, net = (_padded(a[first : first + _TOGETHER], _TOGETHER) for a in (x, nets))
             parts.append([np.asarray(a)[: len(x) - first] for a in self._slopes(some, net)])
@@ -162,69 +141,17 @@ class Search:
         e[bad], J[bad] = 1e6, 0.0
         return e, J
 
-    def everywhere(self, count: int) -> Any:
-        """Nets of so many stacks, even over each band."""
-        return np.broadcast_to(self._net, (count, *self._net.shape))
+    def descended(self, x: Any, seed: int, begin: float = 0.0) -> list[Stack]:
+        """Stacks from x (members, n) down ``Problem.descent``, the best first."""
+        self._asked_of.append(STEPS * len(x))
+        return sorted(self.begun(self._descent(x, seed, begin), self.scale), key=lambda s: s.worst)
 
-    def least_squares(self, x: Any, steps: int) -> Any:
-        """Where stacks get by Levenberg and Marquardt, x (members, n), each its best worst e."""
-        n, nets = x.shape[1], self.everywhere(len(x))
-
-        def off(x: Any) -> tuple[Any, ...]:
-            e, J = self.errors(x, nets, self.scale, 1.0)
-            r = np.maximum(e + _MARGIN * np.repeat(self.scale, COARSE), 0.0) / np.sqrt(COARSE)
-            J = np.where(r > 0, 1 / np.sqrt(COARSE), 0.0)[..., None] * J
-            over = np.maximum(self.too_long(x) + _ROOM, 0.0)
-            limit = self.problem.length_at_most or 1.0
-            r = np.concatenate([r, _TOO_LONG * over[:, None]], axis=1)
-            slope = np.where(over > 0, _TOO_LONG / limit, 0.0)[:, None, None] * self._by_x
-            return r, np.concatenate([J, slope], axis=1), np.where(over > _ROOM, 1e6, e.max(axis=1))
-
-        damped = np.full(len(x), 0.1)
-        r, J, worst = off(x)
-        best, best_x = worst, x
-        for _ in range(steps if best.min() >= 0 else 0):
-            A, g = J.transpose(0, 2, 1) @ J, (J.transpose(0, 2, 1) @ r[..., None])[..., 0]
-            held = ((x <= 0) & (g > 0)) | ((x >= 1) & (g < 0))
-            A = np.where(held[:, :, None] | held[:, None, :], 0.0, A)
-            own = np.einsum("bii->bi", A)
-            own = own + own.mean(axis=1, keepdims=True) + 1e-12
-            A[:, np.arange(n), np.arange(n)] += damped[:, None] * own + held
-            step = np.linalg.solve(A, np.where(held, 0.0, -g)[..., None])[..., 0]
-            new = np.clip(x + step, 0.0, 1.0)
-            r_new, J_new, worst = off(new)
-            down = (r_new**2).sum(axis=1) < (r**2).sum(axis=1)
-            damped = np.where(down, np.maximum(damped / 3, 1e-6), np.minimum(damped * 4, 1e6))
-            x = np.where(down[:, None], new, x)
-            r, J = np.where(down[:, None], r_new, r), np.where(down[:, None, None], J_new, J)
-            better = worst < best
-            best, best_x = np.where(better, worst, best), np.where(better[:, None], new, best_x)
-            if best.min() < 0 or self.ended:
-                break
-        return best_x
-
-    def cut(self, x: Any) -> Any:
-        """x with what adds to the length scaled down until it fits."""
-        limit = self.problem.length_at_most
-        if limit is None:
-            return x
-        most = (limit * (1 - _ROOM) - self._shortest) / np.maximum(x @ self._by_x, 1e-300)
-        return np.where(self._by_x > 0, x * np.minimum(most, 1.0)[:, None], x)
-
-    def begun(self, x: Any, scale: Any, blur: float = 0.0) -> list[Stack]:
+    def begun(self, x: Any, scale: Any) -> list[Stack]:
         """Stacks at x (members, n), cut to their length, at even frequencies; others as of
         errors."""
-        over = self.too_long(x)
-        x = np.where((over > 0)[:, None], self.cut(x), x)
-        e, J = self.errors(x, self.everywhere(len(x)), scale, blur)
+        x, net = np.asarray(self.problem.cut(x)), self.problem.net(COARSE)
+        e, J = self.errors(x, np.broadcast_to(net, (len(x), *net.shape)), scale)
         return [Stack(*one) for one in zip(x, e, J, e.max(axis=1).tolist(), strict=True)]
-
-    def down_the_worst(
-        self, stacks: list[Stack], scale: Any, steps: int, blur: float = 0.0
-    ) -> list[Stack]:
-        """Stacks after some steps down the worst of their e, the best first."""
-        found = self._down(stacks, steps, lambda x, _: self.begun(x, scale, blur))
-        return sorted(found, key=lambda one: one.worst)
 
     def _down(
         self,
@@ -251,16 +178,16 @@ class Search:
         stacks: list[Stack],
         scale: Any,
         steps: int,
-        blur: float = 0.0,
         wider: float = 0.0,
         sure: bool = False,
         enough: float = -np.inf,
         asked: Any = None,
     ) -> list[Stack]:
-        """The same where each new stack is asked at peaks of its own e on the finer net.
+        """Stacks after some steps, each new one asked at peaks of its own e on the finer net.
 
         Args:
-            stacks, scale, steps, blur, sure: as of :meth:`down_the_worst` and :meth:`errors`.
+            stacks, scale, sure: as of :meth:`begun` and :meth:`errors`.
+            steps: at most.
             wider: by what part the bands are wider.
             enough: they stop where one's worst e is below.
             asked: for each stack and wish, frequencies it is asked at besides, Hz.
@@ -269,8 +196,7 @@ class Search:
         asked = asked or [[[]] * len(frequency)] * len(stacks)
 
         def at(x: Any, asked: Any) -> list[Stack]:
-            raised = frequency + 1j * blur * self._apart[:, None]
-            level = self._levels_of(self.problem.values(x), raised)
+            level = self._levels_of(self.problem.values(x), frequency)
             e = (scale * self._sign)[:, None] * (level - self._limit[:, None])
             nets = np.array(
                 [
@@ -278,7 +204,7 @@ class Search:
                     for own, more in zip(e, asked, strict=True)
                 ]
             )
-            found, J = self.errors(x, nets, scale, blur, sure)
+            found, J = self.errors(x, nets, scale, sure)
             worst = np.nan_to_num(e, nan=1e6).max(axis=(1, 2))
             if sure:  # there s is not known
                 worst = np.where(worst > 0, worst / _STILL, -np.inf)
@@ -298,24 +224,24 @@ class Search:
         from scipy.optimize import linprog
         from scipy.sparse import block_diag
 
-        n, limit, parts, least, bounds = len(self._by_x), self.problem.length_at_most, [], [], []
+        own, parts, least, bounds = self.problem, [], [], []
         for one in stacks:
             near = one.e > one.worst - _FAR
             parts.append(np.hstack([one.J[near], -np.ones((near.sum(), 1))]))
             least.append(-one.e[near])
-            if limit is not None:
-                parts[-1] = np.vstack([parts[-1], np.append(self._by_x / limit, 0.0)])
-                least.append(-self.too_long(one.x[None]) - _ROOM / 2)
+            if limit := own.length_at_most:
+                parts[-1] = np.vstack([parts[-1], np.append(own.by_x / limit, 0.0)])
+                least.append([(own.longest * (1 + ROOM / 2) - own.by_x @ one.x) / limit])
             low, high = np.maximum(-one.radius, -one.x), np.minimum(one.radius, 1 - one.x)
             bounds += [*zip(low, high, strict=True), (None, None)]
-        goal = np.tile(np.append(np.zeros(n), 1.0), len(stacks))
+        goal = np.tile(np.append(np.zeros(len(own.keys)), 1.0), len(stacks))
         found = linprog(goal, block_diag(parts, format="csc"), np.concatenate(least), bounds=bounds,
                         method="highs-ds", options={"presolve": False})  # fmt: skip
         if found.x is not None:
             return [(d[:-1], float(d[-1])) for d in found.x.reshape(len(stacks), -1)]
         if len(stacks) > 1:
             return [way for one in stacks for way in self._steps([one])]
-        return [(np.zeros(n), stacks[0].worst)]
+        return [(np.zeros(len(own.keys)), stacks[0].worst)]
 
 
 def _moved(old: Stack, new: Stack, foretold: float) -> Stack:

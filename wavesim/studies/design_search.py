@@ -1,9 +1,9 @@
 """The search for a stack: rounds from many starts until every wish is kept.
 
-A round takes the best of some points of a Sobol sequence, follows them by least squares, and the
-best of these by linear programs (``design_descent``), at frequencies f + iσ with σ going down to 0,
-the hopeless left behind. Then they go on until every wish is kept by the exact solver too: where
-one is missed there, as at a narrow resonance, that frequency is asked from then on.
+A round takes points of a Sobol sequence down by gradients (``Problem.descent``), and the best of
+these by linear programs (``design_descent``). Then they go on until every wish is kept by the
+exact solver too: where one is missed there, as at a narrow resonance, that frequency is asked from
+then on.
 Rounds follow each other, two at a time, one from fresh starts, the other about the best there are.
 """
 
@@ -21,13 +21,9 @@ import numpy as np
 from wavesim.studies.design_descent import RADIUS, Search, Stack
 from wavesim.studies.design_tolerance import yield_of
 
-# Of a round: starts, those that go down by least squares, and how far.
-_SCREENED, _FOLLOWED, _DESCENTS = 256, 32, 25
-# Then so many best go so many steps down their worst, at frequencies even over the bands; then so
-# many at the peaks of a finer net, with such a blur, until one has so much room.
-_COARSE = (16, 10)
-_PEAKS = ((0.3, 8, 10), (0.1, 6, 10), (0.03, 4, 12), (0.0, 4, 12))
-_ENOUGH = -0.2
+# Of a round: starts at most, fewer where layers or wishes are many, so that it takes as long; and
+# those that go on, until one has so much room.
+_STARTS, _LAYERS, _FOLLOWED, _ENOUGH = 64, 1024, 4, -0.2
 # So many that miss by no more go on, by so many steps between one look of the exact solver and the
 # next; there are so many looks, and so many that better nothing.
 _POLISHED, _HOPELESS, _BETWEEN, _LOOKS, _IDLE = 3, 1.0, 8, 12, 4
@@ -36,9 +32,12 @@ _KEPT = 40
 _SECONDS = 40.0
 # What lacks less (dB) is given twice the time.
 _NEARLY = 1.0
+# What lacks more is given up once so many rounds from fresh starts end at the same, or so near it.
+_AGREE, _SAME = 3, 1.02
 _MOST = 100_000
-# Every round but the first has one that begins about so many best, moved by such parts of x.
-_ELITE, _MOVES = 4, (0.03, 0.1, 0.3)
+# Every round but the first has one that begins about so many best, moved by such parts of x, this
+# far down.
+_ELITE, _MOVES, _BEGIN = 4, (0.03, 0.1, 0.3), 0.4
 # Rounds that go side by side: a fixed number, so that a seed gives one answer on any machine.
 _SIDE_BY_SIDE = 2
 # A stack that keeps all goes on to keep it as it is made too: in bands wider by these parts of the
@@ -53,17 +52,15 @@ class Found:
 
     Attributes:
         values: of the variables, in their units, shape (n,).
-        evaluations: stacks whose T was computed.
         starts: from how many starts.
         seconds: it took.
-        ended: whether by its longest time, in the midst of a round.
+        why: it ended where a wish is missed, as a sentence goes on; "" of its time as usual.
     """
 
     values: Any
-    evaluations: int
     starts: int
     seconds: float
-    ended: bool
+    why: str
 
 
 @dataclass(frozen=True)
@@ -104,50 +101,51 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
     enough, nearly = (seconds, seconds) if seconds else (_SECONDS, 2 * _SECONDS)
     points = qmc.Sobol(len(own.problem.keys), seed=seed)
     rng = np.random.default_rng(seed)
-    found: list[Kept] = []
-    done = 0
+    found, afresh = list[Kept](), list[float]()
+    best: Kept | None = None
+    layers = sum(16 if grading else 1 for grading in own.problem.stack.gradings)
+    most = min(_STARTS, max(1, _LAYERS // (layers * len(own.problem.wishes))))
+    count, done = 1 << int(np.log2(most)), 0
     with ThreadPoolExecutor(_SIDE_BY_SIDE) as pool:
         while done < _MOST:
-            starts = [points.random(_SCREENED) for _ in range(_SIDE_BY_SIDE)]
+            starts = [(points.random(count), 0.0) for _ in range(_SIDE_BY_SIDE)]
             if found:
-                starts[-1] = _about([one.x for one in found[:_ELITE]], rng)
-            found += pool.map(partial(_round, own), starts)
+                starts[-1] = _about([one.x for one in found[:_ELITE]], count, rng), _BEGIN
+            new = list(pool.map(partial(_round, own, done), *zip(*starts, strict=True)))
+            afresh.append(new[0].short)
+            found += new
             found.sort(key=lambda one: (one.short, -one.made))
-            done += sum(map(len, starts))
-            best = found[0]
-            sure = "" if best.short else f", {100 * best.made:.0f} % of those as made"
-            say(f"search{sure}", best.short)
+            done += count * len(starts)
+            still, best = best is found[0], found[0]
+            sure = f", for more than the {100 * best.made:.0f} % as made that keep all"
+            say("search" + ("" if best.short else sure), best.short)
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
-            kept = best.short == 0 and best.made >= _SURE
-            if kept or own.ended or taken > (nearly if 0 < best.short < _NEARLY else enough):
+            kept = best.short == 0 and (best.made >= _SURE or still)
+            same = sum(short <= _SAME * best.short for short in afresh) >= _AGREE
+            hopeless = best.short > _NEARLY and same
+            over = taken > (nearly if 0 < best.short < _NEARLY else enough)
+            if kept or hopeless or own.ended or over:
                 break
-    values, taken = own.problem.values(best.x), time.perf_counter() - begun
-    return Found(values, own.evaluations, done, taken, own.ended)
+    values, taken = own.problem.values(found[0].x), time.perf_counter() - begun
+    why = "its time was up; more (--at-most 30min), " if own.ended else ""
+    if hopeless:
+        why = f"{_AGREE} searches afresh end at the same, so likely none does; "
+    return Found(values, done, taken, why)
 
 
-def _about(best: list[Any], rng: Any) -> Any:
+def _about(best: list[Any], count: int, rng: Any) -> Any:
     """Starts about the best stacks so far: half of what varies moved, by little or by much."""
-    x = np.array(best)[np.arange(_FOLLOWED) % len(best)]
+    x = np.array(best)[np.arange(count) % len(best)]
     moved = rng.choice(_MOVES, (len(x), 1)) * rng.standard_normal(x.shape)
     return np.clip(x + np.where(rng.random(x.shape) < 0.5, moved, 0.0), 0.0, 1.0)
 
 
-def _round(own: Search, starts: Any) -> Kept:
-    """The best that comes of some starts, (members, n)."""
-    x = own.cut(starts)
-    if len(x) > _FOLLOWED:
-        e, _ = own.errors(x, own.everywhere(len(x)), own.scale, 1.0)
-        order = np.argsort((np.maximum(e, 0) ** 2).mean(axis=1), kind="stable")
-        x = x[order[:_FOLLOWED]]
-    x = own.least_squares(x, _DESCENTS)
-    most, steps = _COARSE
-    stacks = sorted(own.begun(x, own.scale, 1.0), key=lambda one: one.worst)[:most]
-    if stacks[0].worst >= _ENOUGH:
-        stacks = own.down_the_worst(stacks, own.scale, steps, 1.0)
-    for blur, most, steps in _PEAKS:
-        stacks = own.down_the_peaks(stacks[:most], own.scale, steps, blur, enough=_ENOUGH)
-        stacks = sorted(stacks, key=lambda one: one.worst)
+def _round(own: Search, seed: int, starts: Any, begin: float) -> Kept:
+    """The best that comes of some starts, (members, n), at this part of the way down."""
+    stacks = own.descended(starts, seed, begin)
+    stacks = own.down_the_peaks(stacks[:_FOLLOWED], own.scale, _STEPS, enough=_ENOUGH)
+    stacks = sorted(stacks, key=lambda one: one.worst)
     going = [one for one in stacks[:_POLISHED] if one.worst < _HOPELESS]
     if going:
         return _polished(own, going)

@@ -15,7 +15,6 @@ from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.matched_record import Measured
 from wavesim.readings.misfit import Comparison, misfit
 from wavesim.records.point_table import read_points
-from wavesim.studies import medium_fit
 from wavesim.studies.fitted_keys import QUALITY, targets, with_values
 from wavesim.studies.least_squares import FitError, Solution, solve
 from wavesim.studies.waveform_fit import GAIN, LAG, Waveforms, fit_waveforms
@@ -261,6 +260,8 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
         FitError: it can't be done.
         RecordError: the table can't be read.
     """
+    from wavesim.studies import medium_fit  # slow to import, and waveforms do without
+
     varied = targets(case, keys)
     odd = next((v for v in varied if v.name == QUALITY or not v.key.startswith("medium.")), None)
     if odd is not None or not case.simulation.layers.uniform:

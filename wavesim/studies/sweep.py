@@ -20,6 +20,7 @@ from wavesim.studies.sweep_case import SweptCase, SweptMedia, check_matters, swe
 from wavesim.studies.sweep_store import Layout, Store, Variable
 from wavesim.studies.sweep_workers import SweepStoppedError, here, pool
 from wavesim.studies.variation import Axis, Region, SweepError, variation
+from wavesim.timedomain.cost import HOUR, duration_in_words, rounded
 
 MEASURES = ("gaps", "transmission", "run")
 DATASET = "sweep.zarr"
@@ -52,6 +53,7 @@ class Sweep:
         workers: int | None = None,
         scheduler: str | None = None,
         progress: Progress | None = None,
+        at_most: float = HOUR,
     ) -> Any:
         """Measure all members that are still to come, and open the dataset.
 
@@ -60,12 +62,14 @@ class Sweep:
             workers: processes on this machine; None works in this one.
             scheduler: address of a scheduler of Dask, in place of them.
             progress: called after each block.
+            at_most: what the rest may take once two blocks are done, s.
 
         Returns:
             The dataset (xarray).
 
         Raises:
-            SweepError: there is nothing to carry on, or no workers.
+            SweepError: there is nothing to carry on, or no workers; or it takes more disk than
+                there is, or longer.
             SweepStoppedError: the scheduler is gone, or nothing more can be written.
             StorageError: another run or sweep writes there.
             OSError: the dataset can't be begun.
@@ -75,12 +79,13 @@ class Sweep:
             work: Any = here
             if scheduler is not None or workers is not None:
                 work = until_the_end.enter_context(pool(workers, scheduler))
-            done = 0
+            done, each = 0, list[float]()
             store.path.parent.mkdir(parents=True, exist_ok=True)
             until_the_end.enter_context(locked(store.path.parent))
             if resume:
                 done = store.carry_on()
             else:
+                store.check_room()
                 store.create()
             tell(done, store.failed, self.count)
             jobs = ((region, self._prepared(region)) for region in store.pending)
@@ -97,7 +102,20 @@ class Sweep:
                     raise SweepStoppedError(told) from error
                 done += members
                 tell(done, store.failed, self.count)
+                each.append(seconds / members)
+                if len(each) == 2:  # what compiles, the first does
+                    self._check_time(done, np.nanmin(each) / getattr(work, "workers", 1), at_most)
         return store.open()
+
+    def _check_time(self, done: int, each: float, at_most: float) -> None:
+        left = (self.count - done) * each
+        if left > at_most:
+            raise SweepError(
+                f"{self.count} members: the {self.count - done} left take about "
+                f"{duration_in_words(left)}; longer than {duration_in_words(at_most)}: take "
+                f"{rounded(done + at_most / each)}, or carry on by --resume --at-most "
+                f"{int(1.5 * left / HOUR) + 1}h (at_most in Python)"
+            )
 
     def _prepared(self, region: Region) -> Any:
         return self.measure.prepare(self.case.varied.at(region))

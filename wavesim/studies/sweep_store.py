@@ -7,6 +7,7 @@ whatever moment, what has a status is there whole, and the dataset opens (``xarr
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import uuid
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.studies.variation import Region, SweepError, Variation
+from wavesim.timedomain.cost import free, rounded, size
 
 PENDING, DONE, FAILED = 0, 1, 2
 # What stands for a number that is not there, by its kind; all of them are read as NaN.
@@ -92,6 +94,25 @@ class Store:
         self._group: Any = None
         self._status: NDArray[np.int8] = np.zeros(varied.shape, np.int8)
 
+    def check_room(self) -> None:
+        """Hold the dataset to the disk.
+
+        Raises:
+            SweepError: it may take more than is free.
+        """
+        count, sizes = math.prod(self._varied.shape), self._sizes
+        each = sum(
+            (8 if one.kind is str else np.dtype(one.kind).itemsize)
+            * math.prod(sizes[d] for d in one.dimensions)
+            for one in (*self._layout.variables.values(), *_OWN.values())
+        )
+        room = free(self.path.parent)
+        if count * each > room:
+            raise SweepError(
+                f"{count} members take {size(count * each)} of disk; more than {size(room)}, which "
+                f"is free there: take at most {rounded(room / each)}, or another folder by --out"
+            )
+
     def create(self) -> None:
         """Begin anew, without any member; an older dataset is replaced.
 
@@ -111,7 +132,7 @@ class Store:
                 made[...] = values
                 made.update_attributes({"units": unit})
             shape, chunks = self._varied.shape, self._chunks
-            sizes = {n: len(values) for n, (values, _) in self._layout.coordinates.items()}
+            sizes = self._sizes
             for name, one in (*self._layout.variables.items(), *_OWN.items()):
                 own = tuple(sizes[d] for d in one.dimensions)
                 made = self._array(
@@ -182,14 +203,14 @@ class Store:
         Raises:
             OSError: it can't be written.
         """
-        size = self._status[region].shape
-        messages = np.asarray(messages, dtype=object).reshape(size)
+        shape = self._status[region].shape
+        messages = np.asarray(messages, dtype=object).reshape(shape)
         for name, values in found.items():
             values = np.asarray(values)
-            self._group[name][region] = values.reshape(*size, *values.shape[1:])
+            self._group[name][region] = values.reshape(*shape, *values.shape[1:])
         self._group["message"][region] = messages
-        self._group["seconds"][region] = np.full(size, seconds)
-        self._group["finished"][region] = np.full(size, now)
+        self._group["seconds"][region] = np.full(shape, seconds)
+        self._group["finished"][region] = np.full(shape, now)
         status = np.where(messages == "", DONE, FAILED).astype("i1")
         self._group["status"][region] = status
         self._status[region] = status
@@ -199,6 +220,10 @@ class Store:
         import xarray
 
         return xarray.open_zarr(self.path)
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        return {name: len(values) for name, (values, _) in self._layout.coordinates.items()}
 
     def _array(
         self, group: Any, name: str, dimensions: Any, shape: Any, chunks: Any, kind: Any

@@ -145,7 +145,9 @@ def transmission_study(
     if not 0 < low < high < np.inf:
         raise ValueError(f"band {low:g} {high:g}: must be two frequencies in Hz, 0 < F1 < F2")
     frequency = np.linspace(low, high, points)
-    curves = {sector: own.at_real(sector, 2 * np.pi * frequency) for sector in family.travelling}
+    first = {sector: family.first_alike(sector) for sector in family.travelling}
+    found = {sector: own.at_real(sector, 2 * np.pi * frequency) for sector in set(first.values())}
+    curves = {sector: found[alike] for sector, alike in first.items()}
     for asked in known.bands:
         if asked.sector not in family.travelling:
             raise ValueError(

@@ -27,11 +27,12 @@ from wavesim.studies.sweep_case import SweptCase, SweptMedia, check_matters, swe
 from wavesim.studies.sweep_store import Layout, Variable
 from wavesim.studies.transmission_study import transmission_study
 from wavesim.studies.variation import SweepError
+from wavesim.timedomain.compiled import keep_compiled
 
 # What follows a line does so to rounding, and a bit more.
 _LINEAR = 1e-9
 _MADE = 8  # members that are made to make sure
-_BLOCK = 500
+_BLOCK = 512
 _ONE_BY_ONE = 8
 _LOOKED_AT = "the layers and their media"
 _OVER = ("sector", "frequency")
@@ -49,24 +50,23 @@ class _Rule:
     """How the arrays of a stack depend on the keys: base + Σ slope (value − anchor).
 
     Attributes:
-        tree: the anchor's stack, whose arrays are those of ``base``.
-        base: arrays.
+        base: the anchor's stack.
         slopes: of each key, by array.
         anchor: values of the keys there.
     """
 
-    tree: Any
-    base: list[Any]
-    slopes: list[list[Any]]
+    base: TracedLayers
+    slopes: list[TracedLayers]
     anchor: NDArray[np.float64]
 
-    def arrays(self, values: NDArray[np.float64]) -> list[Any]:
-        """Those of members, shape (members, …) each."""
+    def stacks(self, values: NDArray[np.float64]) -> TracedLayers:
+        """Those of members as one, whose arrays have the shape (members, …)."""
         away = values - self.anchor
-        found = []
-        for n, base in enumerate(self.base):
-            slopes = np.stack([slope[n] for slope in self.slopes])
-            found.append(base + np.tensordot(away, slopes, 1))
+        found: TracedLayers = jax.tree.map(
+            lambda base, *slopes: base + np.tensordot(away, np.stack(slopes), 1),
+            self.base,
+            *self.slopes,
+        )
         return found
 
 
@@ -94,7 +94,8 @@ class TransmissionMeasure:
     def layout(self) -> Layout:
         """What is stored."""
         coordinates = {"sector": (list(self.sectors), "1"), "frequency": (self.frequency, "Hz")}
-        return Layout(_VARIABLES, coordinates, _ONE_BY_ONE if self.rule is None else _BLOCK)
+        together = self.rule is not None and not any(self.rule.base.gradings)
+        return Layout(_VARIABLES, coordinates, _BLOCK if together else _ONE_BY_ONE)
 
     def prepare(self, values: NDArray[np.float64]) -> Any:
         """Values of the keys; where each is solved alone, what :meth:`_made` makes of them."""
@@ -114,9 +115,9 @@ class TransmissionMeasure:
         """T and R, and why members have none."""
         if self.rule is None:
             return self._one_by_one(prepared)
+        keep_compiled()
         _, messages = self.media.families(prepared)
-        arrays = self.rule.arrays(prepared)
-        stack: TracedLayers = jax.tree.unflatten(self.rule.tree, arrays)
+        stack = self.rule.stacks(prepared)
         for member in np.flatnonzero((stack.thickness[:, 1:-1] <= 0).any(axis=1)):
             least = float(stack.thickness[member, 1:-1].min())
             messages[member] = messages[member] or (
@@ -125,18 +126,20 @@ class TransmissionMeasure:
         failed = np.array([message != "" for message in messages])
         if failed.all():
             return {}, messages
-        # A member that can't be is another, so that the batch keeps its shape.
-        stand_in = int(np.argmin(failed))
-        chosen = np.where(failed, stand_in, np.arange(len(failed)))
-        chosen = np.append(chosen, np.full(max(0, _BLOCK - len(chosen)), stand_in))
+        # Another stands in for a member that can't be, and for those up to a power of two, so that
+        # blocks of many sizes compile a few times.
+        chosen = np.full(1 << (len(failed) - 1).bit_length(), np.argmin(failed))
+        there = np.flatnonzero(~failed)
+        chosen[there] = there
         batch = jax.tree.map(lambda a: np.asarray(a)[chosen], stack)
-        found: dict[str, list[Any]] = {"T": [], "R": [], "transmitted": [], "reflected": []}
-        for sector in self.sectors:
-            made = _batch(batch, 2 * np.pi * self.frequency, sector)
-            parts = made.T, made.R, made.power_T, made.power_R
-            for own, value in zip(found.values(), parts, strict=True):
-                own.append(np.array(value)[: len(failed)])
-        whole = {name: np.stack(of, axis=1) for name, of in found.items()}
+        first = list(map(self.media.media[0].family.first_alike, self.sectors))
+        omega = 2 * np.pi * self.frequency
+        made = {sector: _batch(batch, omega, sector) for sector in set(first)}
+        whole = {
+            name: np.stack([getattr(made[s], _READ.get(name, name)) for s in first], axis=1)
+            for name in _VARIABLES
+        }
+        whole = {name: values[: len(failed)] for name, values in whole.items()}
         unknown = np.flatnonzero(np.isnan(whole["T"]).any(axis=(1, 2)) & ~failed)
         for values in whole.values():
             values[failed] = np.nan
@@ -172,7 +175,9 @@ class TransmissionMeasure:
 
 @functools.partial(jax.jit, static_argnames=("sector",))
 def _batch(stack: TracedLayers, omega: Any, sector: str) -> Any:
-    return jax.vmap(lambda one: transmission(one, sector, omega))(stack)
+    # Through a graded layer each member takes the slices that it needs where they go one by one.
+    together = None if any(stack.gradings) else _BLOCK
+    return jax.lax.map(lambda one: transmission(one, sector, omega), stack, batch_size=together)
 
 
 def _stack(bar: BarLayers) -> TracedLayers | None:
@@ -190,6 +195,11 @@ def _stack(bar: BarLayers) -> TracedLayers | None:
     return dataclasses.replace(made, thickness=thickness)
 
 
+def _like(made: TracedLayers | None, base: TracedLayers) -> bool:
+    structure: Any = jax.tree.structure
+    return bool(structure(made) == structure(base))
+
+
 def _rule(swept: SweptCase) -> tuple[_Rule | None, list[bool]]:
     """How stacks depend on the keys, None where not linearly; and which keys matter to them."""
     anchor, first = swept.anchor(bar_layers)
@@ -199,23 +209,19 @@ def _rule(swept: SweptCase) -> tuple[_Rule | None, list[bool]]:
         for other in others
     ]
     base = _stack(first)
-    if base is None:
+    # What graded layers take to compile is what the exact solver takes for so many.
+    few = swept.varied.count <= _ONE_BY_ONE
+    if base is None or (few and any(base.gradings)):
         return None, matters
-    arrays = jax.tree.leaves(base)
-    tree: Any = jax.tree.structure(base)
     slopes = []
     for number, other in enumerate(others):
-        if other is None:
-            slopes.append([np.zeros_like(array) for array in arrays])
-            continue
-        value, bar = other
+        value, bar = other or (np.inf, first)
         made = _stack(bar)
-        if made is None or jax.tree.structure(made) != tree:
+        if not _like(made, base):
             return None, matters
         step = value - anchor[number]
-        pairs = zip(jax.tree.leaves(made), arrays, strict=True)
-        slopes.append([np.nan_to_num((one - two) / step) for one, two in pairs])
-    rule = _Rule(tree, arrays, slopes, np.array(anchor))
+        slopes.append(jax.tree.map(lambda a, b, h=step: np.nan_to_num((a - b) / h), made, base))
+    rule = _Rule(base, slopes, np.array(anchor))
     return (rule if _holds(rule, swept) else None), matters
 
 
@@ -227,9 +233,10 @@ def _holds(rule: _Rule, swept: SweptCase) -> bool:
             made = _stack(bar_layers(swept.file(values), swept.name))
         except CaseError:
             continue
-        if made is None or jax.tree.structure(made) != rule.tree:
+        if not _like(made, rule.base):
             return False
-        for one, two in zip(jax.tree.leaves(made), rule.arrays(values[None]), strict=True):
+        told = rule.stacks(values[None])
+        for one, two in zip(jax.tree.leaves(made), jax.tree.leaves(told), strict=True):
             size = np.nanmax(np.abs(one), initial=0.0)
             if (np.abs(np.nan_to_num(one - two[0])) > _LINEAR * size).any():
                 return False

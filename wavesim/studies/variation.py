@@ -15,8 +15,8 @@ from wavesim.case.units import unit_of
 
 SAMPLERS = ("sobol", "lhs")
 _FORM = "KEY=FROM:TO:N, such as medium.anisotropy=0:1:11"
-# More members than this are taken for a slip of the pen.
-_MOST = 10**8
+# More members than this are taken for a slip of the pen, before any is made.
+_MOST = 10**7
 
 Float = NDArray[np.float64]
 Region = tuple[slice, ...]
@@ -202,7 +202,7 @@ def variation(
 
 def _check_count(count: int) -> None:
     if count > _MOST:
-        raise SweepError(f"{count:.3g} members are more than {_MOST:.0e}; take fewer values")
+        raise SweepError(f"{count:.3g} members: at most {_MOST:,} can be; take fewer values")
 
 
 def _unit_sample(count: int, dimensions: int, sampler: str, seed: int) -> Any:

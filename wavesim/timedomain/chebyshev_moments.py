@@ -173,10 +173,6 @@ def _plus(one: Any, other: Any) -> Any:
 def moments_of(bar: Bar, count: int) -> Callable[[Given], Any]:
     """A function that gives the first moments of a bar.
 
-    Args:
-        bar: its grid.
-        count: number of moments.
-
     Returns:
         moments(given): (φ, B) of each group at the receivers, shapes (count, components, blocks,
         receivers, M). Of reverse mode; under ``jax.vmap`` the batch joins the members.

@@ -242,7 +242,7 @@ def check_cost(
         ValueError: it takes more; the message says how much, and what would fit.
     """
     memory = _PART_OF_MEMORY * _memory()
-    room = float("inf") if folder is None else _free(folder)
+    room = float("inf") if folder is None else free(folder)
     given = f"duration = {simulated.duration:g}"
     frames, cells = simulated.frames, simulated.bar.cells
     asked = f"{given}: {frames} frames of {cells} cells take {found.in_words}"
@@ -250,10 +250,10 @@ def check_cost(
         part = max(memory - _LOADED, 0.0) / (found.memory - _LOADED)
         raise ValueError(
             f"{asked}; more memory than {size(memory)}, which this machine has to give: take at "
-            f"most {_rounded(cells * part)} cells, or fewer [time] samples"
+            f"most {rounded(cells * part)} cells, or fewer [time] samples"
         )
     if _WHILE_GATHERED * found.disk > room:
-        fits = _rounded(frames * room / (_WHILE_GATHERED * found.disk))
+        fits = rounded(frames * room / (_WHILE_GATHERED * found.disk))
         raise ValueError(
             f"{asked}, twice that while its parts are made one file; more disk than {size(room)}, "
             f"which is free there: take at most {fits} [time] samples, make room, or name another "
@@ -268,14 +268,14 @@ def check_cost(
         )
 
 
-def _rounded(count: float) -> str:
+def rounded(count: float) -> str:
     """Two digits of a number, downwards."""
     whole = max(int(count), 0)
     step = 10 ** max(len(str(whole)) - 2, 0)
     return str(whole // step * step)
 
 
-def _free(folder: Path) -> float:
+def free(folder: Path) -> float:
     """Bytes free where a folder is, or is to be."""
     import shutil
 

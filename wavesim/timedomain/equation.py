@@ -26,10 +26,6 @@ def energy(A: Operator, y: States) -> tuple[jax.Array, jax.Array]:
 
     v = (φ̇, Ḃ), e = (κ, B), by the norms N, H of the grid: kinetic, and stored in strains and in
     the springs of the solids.
-
-    Args:
-        A: the operator.
-        y: a state of it.
     """
     parts = [_of_group(group, part) for group, part in zip(A.groups, y, strict=True)]
     kinetic, stored = zip(*parts, strict=True)
@@ -40,12 +36,6 @@ def power(A: Operator, sources: SourceTerms, y: States, signals: Any) -> Any:
     """Power of the sources in a state: Σ_j s_j ⟨G_j, v⟩ in the norm of kinetic energy.
 
     Besides, for each macro-field that is prescribed, its rate times the force that holds it.
-
-    Args:
-        A: the operator.
-        sources: what drives it.
-        y: a state.
-        signals: s_j, shape (sources,).
     """
     moving = [
         (of_phi * part.phi_rate, of_B * part.B_rate)

@@ -102,13 +102,7 @@ def equation_of(simulated: Simulation) -> tuple[Equation, Motion]:
 def stepper_of(
     simulated: Simulation, step: TimeStep, equation: Equation, start: Motion
 ) -> diffrax.AbstractSolver:
-    """The stepper of a simulation of plain numbers, with its tables.
-
-    Args:
-        simulated: the simulation.
-        step: of :func:`time_step`.
-        equation, start: of :func:`equation_of`.
-    """
+    """The stepper of a simulation of plain numbers, with its tables."""
     if step.solver not in ("propagator", "chebyshev"):
         return getattr(diffrax, step.solver)()
     near = driven(equation, step.reach, simulated.bar.periodic)

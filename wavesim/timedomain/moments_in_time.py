@@ -117,11 +117,6 @@ def _orders(step: TimeStep) -> int:
 def tables(step: TimeStep, sources: SourceTerms, initial: bool) -> list[Float]:
     """Factors of the moments in the frames of a run.
 
-    Args:
-        step: of a bar without losses; its R.
-        sources: for their signals.
-        initial: whether there are initial fields.
-
     Returns:
         One table for each signal, of W_n, and one for initial fields, of T_n, shape (frames,
         moments) each, all of one shape.

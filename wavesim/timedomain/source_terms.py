@@ -251,11 +251,7 @@ def _points(
 def initial_state(
     sources: Sequence[Source], medium: Medium, bar: Bar, blocks: Sequence[Block], A: Operator
 ) -> States:
-    """State at t = 0: the initial fields among the sources, and else rest.
-
-    Args:
-        sources, medium, bar, blocks, A: as of :func:`source_terms`.
-    """
+    """State at t = 0: the initial fields among the sources, and else rest."""
     fields: dict[str, Any] = {}
     for source in sources:
         if not isinstance(source, InitialField):

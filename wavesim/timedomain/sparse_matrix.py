@@ -14,9 +14,6 @@ from wavesim.timedomain.operator import Difference, Group, Operator, State, Stat
 def sparse_matrix(operator: Operator | Group) -> sp.csr_array:
     """A, acting on states made flat by :func:`flat`.
 
-    Args:
-        operator: of plain numbers; or one of its groups.
-
     Returns:
         Shape (unknowns, unknowns), scaled.
     """

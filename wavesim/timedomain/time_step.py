@@ -235,10 +235,6 @@ def highest_frequency(simulation: Simulation, layers: Layers | None = None) -> f
     ω² exceeds the largest eigenvalue of the stiffnesses there, with ‖D‖ at each φ, against the
     inertias. Stretches are joined as finite elements are: no mode of the whole is faster than
     the fastest of its parts.
-
-    Args:
-        simulation: the bar, whose units are used.
-        layers: in place of its own.
     """
     units = scales(simulation.medium)
     bar, layers, largest = simulation.bar, layers or simulation.layers, 0.0
@@ -275,12 +271,7 @@ def closure_factor(bar: Bar) -> float:
 
 
 def fastest_loss(simulation: Simulation, radius: float) -> float:
-    """Largest rate at which anything on a bar is lost, scaled.
-
-    Args:
-        simulation: the bar.
-        radius: its highest frequency, scaled.
-    """
+    """Largest rate at which anything on a bar is lost, scaled."""
     unit = float(scales(simulation.medium).time)
     rates = [0.0]
     for layer in simulation.layers.layers:

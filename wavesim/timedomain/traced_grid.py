@@ -48,10 +48,6 @@ class TracedGrid:
         """Weights and indices that interpolate at a position, shape (order,).
 
         Beyond the end of the bar the weights are NaN.
-
-        Args:
-            position: m.
-            staggered: True for a field on the half-nodes.
         """
         bar, edges, width = self.bar, self.edges, self.bar.order
         counts = np.array([cells for cells, _ in bar.all_stretches])

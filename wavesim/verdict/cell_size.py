@@ -70,10 +70,6 @@ def cell_size(
 ) -> tuple[str, bool]:
     """The cell size at which all is allowed, tried out; or what else would do.
 
-    Args:
-        simulated, asked: as of :func:`too_coarse`.
-        worst: what falls short most.
-
     Returns:
         In words, and whether it was tried out that all is allowed then.
     """

@@ -90,15 +90,7 @@ def shorter_step(field: Field) -> str:
 
 
 def of_frequencies(field: Field, block: Block, k: Any, branch: int, error: float) -> str:
-    """Where ω(k) of a branch is off by this part of itself, or is not found (not a number).
-
-    Args:
-        field: the field.
-        block: whose branch.
-        k: wavenumbers judged, rad/m.
-        branch: its number.
-        error: largest |Δω|/ω.
-    """
+    """Where ω(k) of a branch is off by this part of itself, or is not found (not a number)."""
     k = np.atleast_1d(np.asarray(k, dtype=float))
     if len(k) and np.isfinite(error):
         _, by_grid = foreseen_errors.of_frequencies(field, block, k)
@@ -219,13 +211,7 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
 
 
 def of_scattering(field: Field, found: Scattered, error: Any) -> str:
-    """Where T or R is off.
-
-    Args:
-        field: the field.
-        found: what was measured.
-        error: of it at each frequency, shape (n,).
-    """
+    """Where T or R is off."""
     worst = int(np.argmax(np.where(found.judged & np.isfinite(error), error, -1.0)))
     omega = float(found.omega[worst])
     at = f"furthest off at {omega * KHZ:.4g} kHz"

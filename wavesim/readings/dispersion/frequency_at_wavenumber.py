@@ -179,7 +179,7 @@ def in_time(
         points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     if record.leak is not None:
-        echo = leaked(step, points.omega, points.amplitude, points.error, cell)
+        echo = leaked(step, points.omega, points.amplitude, points.error, cell, bool(quiet.leak))
         points = points.refused(echo, LEAKED)
     if omega_max is not None:
         low = points.omega <= omega_max

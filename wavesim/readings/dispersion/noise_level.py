@@ -36,6 +36,8 @@ _SEVERAL, _FEWEST_WAVENUMBERS = 3, 5
 # Points are of one frequency within this part of 2π/T and so many errors, no more than that; what
 # is leaked is so much weaker than where it is from, which has no like one beside it …
 _SAME, _ERRORS, _WIDEST, _WEAKER, _LIKE = 0.02, 3.0, 0.5, 0.3, 0.1
+# (where receivers are known to differ, also what is fainter than this part, within 2π/T) …
+_FAINT_PART = 0.01
 # … and so many times what chance leaves, as within so many times the width. A flat branch is met
 # by so much of another by chance; no medium has so many.
 _BY_CHANCE, _ABOUT, _SELDOM, _MOST_FLAT = 4.0, 5.0, 0.02, 4
@@ -107,7 +109,12 @@ def leakage(power: Float, per_bin: float, channels: int, off: float) -> tuple[Fl
 
 
 def leaked(
-    step: NDArray[np.int64], omega: Float, amplitude: Float, error: Float, cell: float
+    step: NDArray[np.int64],
+    omega: Float,
+    amplitude: Float,
+    error: Float,
+    cell: float,
+    differ: bool = False,
 ) -> NDArray[np.bool_]:
     """Points at the frequency of a far stronger one of another wavenumber, where many are so.
 
@@ -119,10 +126,11 @@ def leaked(
         step: index of the wavenumber, shape (m,).
         omega, amplitude, error: frequency, amplitude and standard error of ω, shape (m,).
         cell: 2π/T, unit of ω.
+        differ: whether receivers are known to, so that what is faint beside a strong one is leaked.
     """
     order = np.argsort(omega)
     ascending = omega[order]
-    result, flat = np.zeros((2, len(omega)), bool)
+    result, flat, faint = np.zeros((3, len(omega)), bool)
     groups, crowds, by_chance = 0, 0, 0.0
     for j in np.argsort(-amplitude):
         away = _ABOUT * _WIDEST * cell
@@ -143,7 +151,9 @@ def leaked(
         beside = near[np.abs(step[near] - step[j]) == 1]
         if result[j] or (amplitude[beside] > _LIKE * amplitude[j]).any():
             continue
-        weak = (step[around] != step[j]) & (amplitude[around] < _WEAKER * amplitude[j])
+        part = np.where(step[around] == step[j], np.inf, amplitude[around] / amplitude[j])
+        faint[around[(part < _FAINT_PART) & (off < cell + unsure)]] = differ
+        weak = part < _WEAKER
         own = weak & (off < width)
         by_chance += float(np.sum(width[weak & ~own])) / away
         result[around[own]] = True
@@ -153,7 +163,7 @@ def leaked(
     likely = 2 * np.sum(_SAME * cell + _ERRORS * error[strong]) / max(float(np.ptp(omega)), cell)
     if result.sum() < 2 + _BY_CHANCE * by_chance or groups < likely / _SELDOM:
         result[:] = False
-    return result | (flat & (crowds >= _MOST_FLAT))
+    return result | faint | (flat & (crowds >= _MOST_FLAT))
 
 
 # What is before a receiver's first sample above so many deviations of its first part is quiet.

@@ -12,7 +12,6 @@ from wavesim.readings.pulse.series_reading import Series
 
 def of_reading(one: Reading) -> dict[str, Any]:
     """A record: receivers with their arrivals, the best travel time, and what else there is."""
-    best = one.best
     answer: dict[str, Any] = {
         "file": one.file,
         "receivers": [
@@ -20,26 +19,13 @@ def of_reading(one: Reading) -> dict[str, Any]:
                 "name": receiver.name,
                 "position": receiver.position,
                 "arrivals": {
-                    convention: {
-                        "time": found.time,
-                        "error": found.error,
-                        "valid": not found.reason,
-                        "reason": found.reason,
-                    }
+                    convention: vars(found) | {"valid": not found.reason}
                     for convention, found in receiver.arrivals.items()
                 },
             }
             for receiver in one.receivers
         ],
-        "best": {
-            "convention": best.convention,
-            "time": best.time,
-            "error": best.error,
-            "velocity": best.velocity,
-            "velocity_error": best.velocity_error,
-            "valid": best.valid,
-            "reason": best.reason,
-        },
+        "best": vars(one.best),
         "notes": list(one.notes),
     }
     if one.packets:

@@ -197,7 +197,7 @@ def arrivals(
         if unusable and not (unusable == CLIPPED and convention == "first break"):
             picks.append((np.nan, np.nan, unusable))
         elif convention == "first break":
-            first = int(record.filled[j]) if len(record.filled) else 0
+            first = int(record.filled[j])
             place, spread, why = onset(u[first:])
             picks.append((first + place, spread, why))
         elif convention == "threshold":
@@ -227,21 +227,7 @@ def top(values: Float, start: int) -> float:
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function of other signs at two places is 0 between them, by the Illinois method.
+    """Where a function of other signs at two places is 0 between them."""
+    from scipy.optimize import brentq  # slow to import, and only a reading needs it
 
-    Dowell & Jarratt, BIT 11, 168 (1971).
-    """
-    f_low, f_high, at, before = function(low), function(high), low, high
-    side = 0
-    while abs(at - before) > _EXACT and f_low != f_high:
-        at, before = (low * f_high - high * f_low) / (f_high - f_low), at
-        value = function(at)
-        if (value > 0) == (f_high > 0):
-            high, f_high = at, value
-            f_low /= 2 if side == 1 else 1
-            side = 1
-        else:
-            low, f_low = at, value
-            f_high /= 2 if side == -1 else 1
-            side = -1
-    return at
+    return float(brentq(function, low, high, xtol=_EXACT))

@@ -1,4 +1,4 @@
-"""Attenuation and constant Q from amplitudes at several distances; Q over a band from α and v_g.
+"""Constant Q from amplitudes at several distances; Q over a band from α and v_g.
 
 At each frequency ln A(x) = const − αx. For Q that doesn't depend on frequency, α = πf/(Qc) and
 
@@ -23,9 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.spectral_windows import Spectra
-from wavesim.readings.pulse.velocity import weighted_line
 
 Float = NDArray[Any]
 
@@ -55,40 +53,6 @@ class ConstantQuality:
     reason: str = ""
 
 
-def _logarithms(seen: Spectra) -> tuple[Float, Float, bool]:
-    """ln A, the weights 1/variance, and whether these come from a known noise; shape (n, m)."""
-    size = np.abs(seen.values)
-    used = seen.above & seen.driven[:, None]
-    logarithm = np.log(np.maximum(size, 1e-290))
-    known = seen.noise_known
-    noise = np.where(seen.whole, seen.noise, np.inf)
-    # Of the noise only the part along U changes ln|U|: half of its variance.
-    weight = 2 * (size / noise) ** 2 if known else np.ones_like(size)
-    return logarithm, np.where(used, weight, 0), known
-
-
-def attenuation_of_amplitudes(seen: Spectra) -> tuple[Float, Float]:
-    """α(ω) from the slope of ln A against x.
-
-    Args:
-        seen: the spectra; with σ > 0, α is that at ω + iσ.
-
-    Returns:
-        α and its standard error, shape (n,), Np/m; the error by the noise, or by the scatter about
-        the line where that is larger or the noise is unknown. NaN where fewer than two receivers
-        count, the error also where it can't be told.
-    """
-    logarithm, weight, known = _logarithms(seen)
-    x = np.broadcast_to(seen.x, logarithm.shape)
-    b, a, variance = weighted_line(x, logarithm, weight)
-    left = (weight * (logarithm - a[:, None] - b[:, None] * x) ** 2).sum(axis=1)
-    spare = (weight > 0).sum(axis=1) - 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        excess = np.where(spare > 0, left / np.maximum(spare, 1), 1.0 if known else np.nan)
-    factor = np.maximum(excess, 1) if known else excess
-    return -b, np.sqrt(variance * factor)
-
-
 def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> ConstantQuality:
     """Q from the slope of ln A against f, over all receivers and all frequencies of the spectra.
 
@@ -100,14 +64,18 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Con
         travel_time: τ_j, shape (m,), s; a time common to all is of no account.
 
     Returns:
-        Q. Frequencies closer than the window resolves share their noise, and count accordingly.
-
-    Raises:
-        PulseError: the spectra come from an exponential window.
+        Q; none through an exponential window. Frequencies closer than the window resolves share
+        their noise, and count accordingly.
     """
     if seen.sigma:
-        raise PulseError("window: the spectral ratio over frequency needs a gate; give one")
-    logarithm, weight, known = _logarithms(seen)
+        nothing = "the spectral ratio over frequency needs a gate"
+        return ConstantQuality(np.nan, np.nan, np.nan, np.nan, 0, nothing)
+    size, known = np.abs(seen.values), seen.noise_known
+    logarithm = np.log(np.maximum(size, 1e-290))
+    noise = np.where(seen.whole, seen.noise, np.inf)
+    # Of the noise only the part along U changes ln|U|: half of its variance.
+    weight = 2 * (size / noise) ** 2 if known else np.ones_like(size)
+    weight = np.where(seen.above & seen.driven[:, None], weight, 0)
     weight = np.where((weight > 0).sum(axis=1)[:, None] >= 2, weight, 0)
     tau = np.asarray(travel_time, float) - np.asarray(travel_time, float)[0]
     frequency = seen.omega / (2 * np.pi)

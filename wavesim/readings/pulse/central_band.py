@@ -12,21 +12,26 @@ from wavesim.readings.pulse.signals import PulseError
 Float = NDArray[Any]
 
 # The band about the central frequency, over and in multiples of it.
-_LOW, _HIGH = 5.0, 8.0
+_LOW, _HIGH = 8.0, 8.0
 
 
 def band_about(u: Float, dt: float, period: float) -> Float:
-    """A fifth to four times the central frequency, by a filter that shifts no phase."""
-    from scipy.signal import butter, sosfiltfilt  # slow to import, and only a reading needs it
+    """A fifth to eight times the central frequency; what is left begins no sooner than it did.
+
+    The upper edge shifts no phase. The lower one is causal: a filter that looks ahead draws a slow
+    wave out of a base that a packet lifts, for periods before that comes.
+    """
+    from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt  # slow to import
 
     top = min(_HIGH / period, 0.45 / dt)
     low = 1 / (_LOW * period)
     if not low < top:
         raise PulseError("its signal has no period that the times can show: look at both columns")
-    edge = butter(2, [low, top], "bandpass", fs=1 / dt, output="sos")
-    # The base is continued as it stands at both ends.
-    pad = min(len(u) - 1, int(3 / (low * dt)))
-    return np.asarray(sosfiltfilt(edge, u, padtype="odd", padlen=pad))
+    upper = butter(2, top, "lowpass", fs=1 / dt, output="sos")
+    lower = butter(1, low, "highpass", fs=1 / dt, output="sos")
+    pad = min(len(u) - 1, int(3 / (top * dt)) + 8)
+    smooth = sosfiltfilt(upper, u, padtype="odd", padlen=pad)
+    return np.asarray(sosfilt(lower, smooth, zi=sosfilt_zi(lower) * smooth[0])[0])
 
 
 def central_period(

@@ -5,7 +5,7 @@ It is the pulse v(t) through coupling that forgets soon, so that before any wave
     u(t) = Σ_j a_j φ_j(t),   φ = dv/dt, v, and dv/dt followed by exp(−t/τ) at some τ,
 
 and a few a_j, fitted to the longest beginning that they explain, take it out of the rest, on which
-a wave may lie. Records of one set-up in several states hold the same of it, as only waves move.
+a wave may lie. Receivers along a line hear the same of it at once, as only waves move.
 """
 
 from __future__ import annotations
@@ -103,25 +103,17 @@ def _basis(t: Float, sent: Float, start: float, length: float, period: float) ->
     return np.stack([row / (float(np.abs(row).max()) or 1.0) for row in rows])
 
 
-def static_until(
+def _same(
     rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
-) -> float:
-    """Time up to which records of several states hold the same: crosstalk, for waves move, s.
+) -> NDArray[np.bool_]:
+    """Where all hold the same that stands out of the noise.
 
     Args:
-        rows: signals from the start on, in steps of dt, three or more.
+        rows: signals from the start on, in steps of dt, two or more.
         dt, period: of the samples, and of the central frequency, s.
         noise: standard deviation of one.
         heard: of these deviations it stands out.
     """
-    moving = np.flatnonzero(~_same(rows, dt, period, noise, heard))
-    return float(moving[0]) * dt if len(moving) else 0.0
-
-
-def _same(
-    rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
-) -> NDArray[np.bool_]:
-    """Where all hold the same that stands out of the noise; arguments as above."""
     each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
     width = max(3, int(0.5 * period / dt))
     over = np.ones(width) / width
@@ -137,7 +129,7 @@ def at_once(
 
     Args:
         rows: signals of the receivers by position, shape (nt,) each.
-        dt, period, noise, heard: as of :func:`static_until`.
+        dt, period, noise, heard: as of :func:`_same`.
 
     Returns:
         (first sample, the one after the last, whether it is over by then); None where what comes

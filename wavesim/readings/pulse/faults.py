@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import onset
+from wavesim.records.faults.clipping import clipped
+from wavesim.records.faults.quantisation import quanta
 
 Float = NDArray[Any]
 
@@ -23,11 +25,8 @@ OVERLOAD = 1e30
 _DEAD = 1e-2
 # A sample this many times the second largest, and of the median size, is a code and no signal.
 _STANDS_ALONE = 1e4
-# Equal samples in a row: at the peak they are a flat top, before the signal a padding.
-_FLAT = 4
+# Equal samples in a row before the signal are a padding.
 _PADDING = 16
-# Values that repeat more often than this on average come from a digitiser's steps.
-_REPEATED = 4
 # A record that begins above this part of its peak begins within the signal.
 _BEGUN = 0.05
 # A quiet part that bends by this many deviations of its roughness wanders.
@@ -66,37 +65,9 @@ def overload(values: Float) -> int | None:
     return None
 
 
-def step_of_digitiser(values: Float) -> float:
-    """The least step between values that repeat, LSB, unit of u; 0 where the values do not."""
-    levels = np.unique(values)
-    if len(levels) < 2 or len(levels) * _REPEATED > len(values):
-        return 0.0
-    return float(np.min(np.diff(levels)))
-
-
-def flat_tops(values: Float) -> int:
-    """How many samples lie in a row at the largest or the least value, where that is no rounding.
-
-    The top of a rounded signal is flat too, but leaves its level by a step or two; a clipped one
-    falls off steeply.
-    """
-    # A rounded top of noise may be flat by chance: a clipped one falls off by more than neighbours
-    # differ. Without rounding no four values are equal.
-    step = step_of_digitiser(values)
-    least = 2.5 * step + 5 * float(np.median(np.abs(np.diff(values)))) if step else 0.0
-    most = 0
-    for sign in (1, -1):
-        u = sign * values
-        top = u == u.max()
-        if u.max() <= np.median(u):
-            continue
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], top.astype(int), [0]])))
-        for first, last in edges.reshape(-1, 2):
-            outside = [u[i] for i in (first - 2, last + 1) if 0 <= i < len(u)]
-            drop = u.max() - max(outside) if outside else 0.0
-            if last - first >= _FLAT and drop > least:
-                most = max(most, int(last - first))
-    return most
+def flat_tops(values: Float) -> NDArray[np.bool_]:
+    """Which signals are clipped, shape (m,), of u of shape (nt, m)."""
+    return clipped(values[None], quanta(values[None]))[0]
 
 
 def padding(values: Float) -> int:
@@ -105,7 +76,7 @@ def padding(values: Float) -> int:
     A simulated signal is 0 before its front and grows from nothing: no padding.
     """
     other = np.flatnonzero(values != values[0])
-    if not len(other) or other[0] < _PADDING or step_of_digitiser(values) > 0:
+    if not len(other) or other[0] < _PADDING or quanta(values[None, :, None])[0] > 0:
         return 0
     lead = int(other[0])
     early, later = values[lead : lead + 8], values[lead + 8 : lead + 16]

@@ -7,6 +7,7 @@ slowly; transducers ring and delay; conventions are apart; two cycles may be as 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.readings.pulse.reading import SPANS
+from wavesim.readings.pulse.reading import REACHED
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import ELSEWHERE, NOTHING_ALIKE, TravelTime, correlations
-from wavesim.readings.pulse.wave_packets import Packet, begun_before, nearest, rises
+from wavesim.readings.pulse.wave_packets import Packet, begun_before, breaking, rises
 
 Float = NDArray[Any]
 
@@ -41,8 +42,12 @@ _NOT_HEARD = (0.35, 0.6)
 _HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
 # may cover its break by such a part of one; and where transducers ring on.
-_COVERS, _LEAVES, _COVERED = (0.3, 0.15), (1.2, 1.5), (0.35, 0.9)
+_COVERS, _LEAVES, _COVERED = 0.15, 1.5, (0.35, 0.9)
 
+SECOND = (
+    "two cycles are as likely, {:.3g} s apart; the error holds both: a shorter pulse would tell "
+    "them apart"
+)
 SLOW = (
     "what was sent takes about half a period or more to rise, so that its first cycle does not "
     "stand out; the error holds one cycle either way: a pulse that begins at once would tell it"
@@ -61,46 +66,68 @@ RINGING = (
 )
 
 
+@dataclass(frozen=True)
+class Arrived:
+    """An arrival of the direct wave, as it was read.
+
+    Attributes:
+        convention: by which.
+        begins, noise: when, after the start, the system's delay in it, and its noise, s.
+        open: what conventions leave open of it, as a standard error, s.
+        second: how far another cycle lies that is as likely, s; NaN where none is.
+        times: travel times by convention.
+        reason: why it does not count, or "".
+    """
+
+    convention: str
+    begins: float
+    noise: float
+    open: float
+    second: float
+    times: dict[str, TravelTime]
+    reason: str = ""
+
+
 def left_open(
-    record: TransmissionRecord,
-    heard: Sequence[Packet],
-    begins: float,
-    delays: Mapping[str, float],
+    record: TransmissionRecord, heard: Sequence[Packet], at: Arrived, delays: Mapping[str, float]
 ) -> list[tuple[float, str]]:
-    """What a record leaves open of a direct wave that seems to break at a time after the start, as
-    standard errors, s, each with a note or ""."""
+    """What a record leaves open of an arrival, as standard errors, s, each with a note or "".
+
+    They are the same parts in the same order for every record.
+    """
     slow = STEP if record.sent is not None and is_step(record.sent) else SLOW
-    own = nearest(heard, begins)
-    parts = [
-        (unknown_delay(record, delays), ""),
-        (ringing(record, own, heard, delays) if own else 0.0, RINGING),
-        (begun_earlier(record, heard, begins), EARLIER),
+    own = breaking(heard, at.begins, record.period)
+    return [
+        (at.open, ""),
+        (float(np.nan_to_num(at.second)), SECOND.format(at.second)),
+        (0.0 if delays else _DELAY * record.period, ""),
+        (0.0 if delays or own is None else ringing(record, own, heard), RINGING),
+        (begun_earlier(record, own, heard, at.begins), EARLIER),
         (slow_rise(record), slow),
     ]
-    return [one for one in parts if one[0] > 0]
 
 
-def begun_earlier(record: TransmissionRecord, heard: Sequence[Packet], begins: float) -> float:
+def begun_earlier(
+    record: TransmissionRecord, own: Packet | None, heard: Sequence[Packet], begins: float
+) -> float:
     """What a direct wave leaves open that may have begun within a wave ahead of it, or in crosstalk
     that had not ended where it was cut, as one standard error, s."""
     early = 0.0
-    own = next((one for one in heard if one.begins <= begins <= one.top), None)
     if own is not None and begun_before(own, record):
         early = begins - max(rises(own, record), record.blank - record.start)
     # What such a wave leaves behind covers the break.
-    rise, fall = slower(record, own, heard) if own else (0.0, 0.0)
-    rings = rise > _RINGS[0] / 2 and fall > _RINGS_ON
     covers = (
-        own is not None and one.top < begins < one.top + _LEAVES[rings] * record.period
-        and one.size >= _COVERS[rings] * own.size
+        own is not None and one.top < begins < one.top + _LEAVES * record.period
+        and one.size >= _COVERS * own.size
         for one in heard
     )  # fmt: skip
     if any(covers):
+        rings = own is not None and slower(record, own, heard)[1] > _RINGS_ON
         early = max(early, _COVERED[rings] * record.period)
     after = begins + record.start - record.blank
     if record.unended and after < _NEAR_UNENDED * record.period:
         early = max(early, after + _WITHIN * record.period)
-    return SPANS * early
+    return REACHED * early
 
 
 def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
@@ -113,7 +140,7 @@ def hidden(record: TransmissionRecord) -> str:
     if record.crosstalk:
         return (
             f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
-            "shield the transducers, or take a longer specimen"
+            "shield the transducers, or take a longer specimen; or is --input another column?"
         )
     return "it would arrive as what was sent begins: is --input the right column?"
 
@@ -133,20 +160,11 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     return apart if len(known) > 2 else float(np.hypot(apart, period / 8))
 
 
-def unknown_delay(record: TransmissionRecord, delays: Mapping[str, float]) -> float:
-    """What transducers that ring, and cables, may delay all conventions by, where nothing is known
-    of it, as one standard error, s."""
-    return 0.0 if delays else _DELAY * record.period
-
-
-def ringing(
-    record: TransmissionRecord, own: Packet, heard: Sequence[Packet], delays: Mapping[str, float]
-) -> float:
-    """What transducers leave open that ring on after one of the packets heard, where nothing is
-    known of their delay, as one standard error, s: they take as long to be heard as they rise more
-    slowly than what was sent."""
+def ringing(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> float:
+    """What transducers leave open that ring on after one of the packets heard, as one standard
+    error, s: they take as long to be heard as they rise more slowly than what was sent."""
     rise, fall = slower(record, own, heard)
-    rings = not delays and rise > _RINGS[0 if fall > _RINGS_ON else 1]
+    rings = rise > _RINGS[0 if fall > _RINGS_ON else 1]
     return (_NOT_HEARD[0] + _NOT_HEARD[1] * rise) * record.period if rings else 0.0
 
 

@@ -16,7 +16,6 @@ from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
 from wavesim.readings.pulse.attenuation_and_quality import (
     ConstantQuality,
     MeanQuality,
-    attenuation_of_amplitudes,
     constant_quality_of_amplitudes,
     mean_quality,
     under_its_assumption,
@@ -45,7 +44,6 @@ class PulseResult:
         arrivals, velocities: by convention.
         spectra: of the receivers, n frequencies.
         dispersion: complex k and what follows.
-        amplitude_attenuation, amplitude_error: α by amplitudes alone, shape (n,), Np/m.
         constant_quality: Q by the spectral ratio over all n frequencies, which takes the velocity
             as constant; its reason says where it is not.
         loss: between the receivers named.
@@ -57,8 +55,6 @@ class PulseResult:
     velocities: dict[str, Velocity]
     spectra: Spectra
     dispersion: Dispersion
-    amplitude_attenuation: Float
-    amplitude_error: Float
     constant_quality: ConstantQuality
     loss: Loss
 
@@ -115,8 +111,6 @@ class PulseResult:
             "quality_at_least": found.quality_at_least,
             "modulus_quality": found.modulus_quality,
             "reason": found.reason,
-            "amplitude_attenuation_Np_m": self.amplitude_attenuation,
-            "amplitude_attenuation_error_Np_m": self.amplitude_error,
             "loss_dB": loss.level,
             "loss_error_dB": loss.error,
             "loss_floor_dB": loss.floor,
@@ -183,31 +177,18 @@ def measure(
     speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}
     grid = _band(record, window, known) if omega is None else np.atleast_1d(omega).astype(float)
     seen = spectra(record, window, grid, known)
-    alpha, alpha_error = attenuation_of_amplitudes(seen)
     speed = next(
         (speeds[n].velocity for n in _FOR_TRAVEL_TIME if math.isfinite(speeds[n].velocity)),
         math.nan,
     )
-    if seen.sigma:
-        nothing = "the spectral ratio over frequency needs a gate"
-        quality = ConstantQuality(math.nan, math.nan, math.nan, math.nan, 0, nothing)
-    else:
-        quality = constant_quality_of_amplitudes(seen, record.x / speed)
     found = dispersion(record, window, grid, k_max, expected, known)
-    quality = under_its_assumption(quality, grid, found.group_velocity, found.group_error)
+    quality = under_its_assumption(
+        constant_quality_of_amplitudes(seen, record.x / speed),
+        grid, found.group_velocity, found.group_error,
+    )  # fmt: skip
     ends = through or (record.names[0], record.names[-1])
-    return PulseResult(
-        record,
-        window,
-        picks,
-        speeds,
-        seen,
-        found,
-        alpha,
-        alpha_error,
-        quality,
-        transmission_loss(record, seen, *ends),
-    )
+    loss = transmission_loss(record, seen, *ends)
+    return PulseResult(record, window, picks, speeds, seen, found, quality, loss)
 
 
 def _band(record: PulseRecord, window: Window, source: Float | None) -> Float:

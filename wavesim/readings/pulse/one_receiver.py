@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesim.readings.pulse.left_open import (
+    Arrived,
     hidden,
     in_crosstalk,
     left_open,
@@ -47,8 +48,6 @@ from wavesim.readings.pulse.wave_packets import (
 
 # A faster packet is told of from this part of the largest on.
 _TOLD = 0.27
-# A larger packet that takes so many times the direct one's time may be the S wave of a slow P wave.
-_SLOW_PAIR = (1.12, 1.47)
 # A speed that is told is meant to be right within this part, as one standard deviation.
 _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
@@ -69,7 +68,6 @@ def read_one(
     record: TransmissionRecord,
     distance: float,
     delays: Mapping[str, float],
-    speeds: Mapping[str, float] | None = None,
     wanted: Wanted = UNKNOWN,
 ) -> Reading:
     """Read a record of one receiver by itself.
@@ -78,7 +76,6 @@ def read_one(
         record: the record.
         distance: from tip to tip, m.
         delays: of the system, by convention, s.
-        speeds: {wave: speed} that packets are named by, m/s; None where they are not known.
         wanted: which wave is meant.
 
     Returns:
@@ -100,10 +97,10 @@ def read_one(
         likely /= max(float(likely.max()), 1e-300)
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
-    rivals = begun[as_well].tolist() if speeds is None else []
+    rivals = begun[as_well].tolist()
     risen = rises(heard[at], record)
     begins = float(begun[at])
-    if speeds is None and hides_two(heard[at], record):
+    if hides_two(heard[at], record):
         # A P wave comes ahead of the S wave that is meant.
         later = wanted.wave == "S"
         if wanted.speed > 0:
@@ -113,114 +110,88 @@ def read_one(
         begins = risen if later else begins
         if not (wanted.wave or wanted.speed > 0):
             rivals.append(risen)
-    if speeds is None and not rivals:
-        slower = slow_pair(heard, begins, record.period, delay, wanted)
-        rivals += [delay + slower * (begins - delay)] if slower else []
-    found = settled(record, heard, begins, distance, delays, speeds, rivals, wanted)
+    own = arrived(record, begins, delays)
+    parts = left_open(record, heard, own, delays)
+    found = settled(record, heard, own, parts, distance, delays, rivals, wanted)
     if found.best.valid and not math.isfinite(risen):
         found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
-    if at == 0 and speeds is None and _MAY_HIDE < below <= DIRECT:
+    if at == 0 and _MAY_HIDE < below <= DIRECT:
         weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"
         found = replace(found, notes=(*found.notes, weak))
-    if speeds is None and below > DIRECT and found.best.valid:
+    if below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
-    # Of waves that are told apart by their speeds the largest is the one that the test is after.
-    known = [
-        one for one in found.packets if one.wave and one.name in ("direct", f"{one.wave} wave")
-    ]
-    main = max(known, key=lambda one: one.size, default=None)
-    if main is None or main.name == "direct":
-        return found
-    return settled(record, heard, main.begins, distance, delays, speeds)
+    return found
+
+
+def arrived(record: TransmissionRecord, begins: float, delays: Mapping[str, float]) -> Arrived:
+    """The arrival of a direct wave that is known to break at about a time after the start, s."""
+    found = travel_times(record, begins, delays)
+    best, delay = found[OF_ONE], delays.get(OF_ONE, 0.0)
+    return Arrived(
+        OF_ONE, best.time + delay, best.error, open_between(found, best.time, record.period),
+        second_cycle(record, begins), found, best.reason,
+    )  # fmt: skip
 
 
 def settled(
     record: TransmissionRecord,
     heard: list[Packet],
-    begins: float,
+    at: Arrived,
+    parts: Sequence[tuple[float, str]],
     distance: float,
     delays: Mapping[str, float],
-    speeds: Mapping[str, float] | None = None,
     rivals: Sequence[float] = (),
     wanted: Wanted = UNKNOWN,
 ) -> Reading:
-    """The reading for a direct wave that is known to break at about a time after the start.
+    """The reading for an arrival of the direct wave, with all that the record leaves open of it.
 
     Args:
-        record, distance, delays, speeds: as for :func:`read_one`.
+        record, distance, delays: as for :func:`read_one`.
         heard: its packets.
-        begins: when the direct one breaks, s.
-        rivals: when others break that may be the direct one as well, s.
+        at: the arrival.
+        parts: what is open of it, as :func:`left_open` tells.
+        rivals: when others break that may be the direct one as well, after the start, s.
         wanted: what has been said of the wave.
     """
-    found = travel_times(record, begins, delays)
     delay = delays.get(OF_ONE, 0.0)
-    best = found[OF_ONE]
-    told = named(heard, begins, record.period, delay, distance, speeds)
-    notes = list(record.notes)
-    if record.crosstalk:
-        until = record.blank - record.start
-        known = bool(np.any(record.crosstalk_taken))
-        notes.append(
-            f"crosstalk up to {until:.3g} s after what was sent begins was left out"
-            + (", and what follows from what was sent taken out of the rest" if known else "")
-        )
-    notes += _other_readings(told, begins, delay, distance, rivals, wanted)
-    share = open_between(found, best.time, record.period)
-    second = second_cycle(record, begins)
-    if np.isfinite(second):
-        share = float(np.hypot(share, second))
-        notes.append(
-            f"two cycles are as likely, {second:.3g} s apart; the error holds both: a shorter "
-            "pulse would tell them apart"
-        )
-    for more, note in left_open(record, heard, begins, delays):
-        share = float(np.hypot(share, more))
-        notes += [note] if note else []
-    error = float(np.hypot(best.error, share))
-    others = [time - delay for time in rivals]
-    answer = judged(OF_ONE, best.time, error, distance, best.reason, others, wanted)
-    if answer.valid and in_crosstalk(record, begins):
-        answer = replace(answer, valid=False, reason=hidden(record))
+    time = at.begins - delay
+    told = named(heard, at.begins, record.period, delay)
+    share = math.hypot(*(part for part, _ in parts))
+    notes = [*record.notes, *_crosstalk(record)]
+    notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
+    notes += [note for part, note in parts if note and part > 0]
+    others = [one - delay for one in rivals]
+    reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    best = judged(
+        at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted
+    )
+    arrivals = {
+        name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in at.times.items()
+    }
+    if at.convention not in arrivals:
+        arrivals[at.convention] = TravelTime(at.begins, at.noise, best.reason)
     return Reading(
         record.name,
-        (ReceiverArrivals("receiver", distance, _with_delay(found, delays)),),
-        answer,
+        (ReceiverArrivals("receiver", distance, arrivals),),
+        best,
         tuple(told),
         tuple(notes),
         record,
-        common=float(np.hypot(share, spanned(best.time, others))),
+        common=share + spanned(time, others),
         delay=delay,
     )
 
 
-def slow_pair(
-    heard: Sequence[Packet], begins: float, period: float, delay: float, wanted: Wanted
-) -> float:
-    """How many times the direct wave takes a packet needs that may be its S wave as well as guided,
-    of a P wave less than √2 times as fast; 0 where there is none.
-
-    Nothing comes ahead of a P wave, and an S wave that is meant is the larger one.
-    """
-    if not heard or wanted.wave == "P" or wanted.speed > 0:
-        return 0.0
-    first = heard[0]
-    if abs(first.begins - begins) > _APART * period and not first.begins <= begins <= first.top:
-        return 0.0
-    ratios = [
-        1 + (one.top - first.top) / (begins - delay) for one in heard[1:] if one.size > first.size
+def _crosstalk(record: TransmissionRecord) -> list[str]:
+    """What was done to crosstalk."""
+    if not record.crosstalk:
+        return []
+    known = bool(np.any(record.crosstalk_taken))
+    return [
+        f"crosstalk up to {record.blank - record.start:.3g} s after what was sent begins was left "
+        "out" + (", and what follows from what was sent taken out of the rest" if known else "")
     ]
-    return next((r for r in ratios if _SLOW_PAIR[0] < r < _SLOW_PAIR[1]), 0.0)
-
-
-def _with_delay(
-    found: Mapping[str, TravelTime], delays: Mapping[str, float]
-) -> dict[str, TravelTime]:
-    """Times after what was sent, the delay of the system in them."""
-    return {
-        name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in found.items()
-    }
 
 
 def noisy(below: float) -> str:
@@ -242,27 +213,25 @@ def _other_readings(
     notes = [as_likely(distance, time - delay, wanted) for time in rivals]
     own = next((one for one in told if one.name == "direct"), None)
     for one in told:
-        if one.begins in rivals:
+        if one.begins in rivals or one.name == "direct" or not one.begins > delay:
             continue
-        speed = distance / (one.begins - delay) if one.begins > delay else math.nan
-        if own and one.wave and one.begins < begins and one.name != "direct":
-            ahead = own.top - one.top
-            its = begins - delay - ahead
+        speed = distance / (one.begins - delay)
+        were = f"the velocity would be {speed:.4g} m/s"
+        if one.begins < begins and own and one.wave:
             notes.append(
-                f"a {one.name} of {one.size:.0%} of the largest comes {ahead:.3g} s ahead, at "
-                f"about {distance / its:.3g} m/s, {(begins - delay) / its:.2f} times as fast"
+                f"a {one.name} of {one.size:.0%} of the largest comes {begins - one.begins:.3g} s "
+                f"ahead, at about {speed:.3g} m/s, "
+                f"{(begins - delay) / (one.begins - delay):.2f} times as fast"
                 + ("" if own.wave else "; so would the near field of a transmitter")
             )
-        elif one.begins < begins and one.name != "direct" and one.size >= _TOLD:
+        elif one.begins < begins and one.size >= _TOLD:
             notes.append(
                 f"an earlier packet of {one.size:.0%} of the largest is taken for a faster wave or "
-                f"the near field; were it the direct one, the velocity would be {speed:.4g} m/s"
+                f"the near field; were it the direct one, {were}"
             )
-        follows = own is not None and one.begins > begins and one.name != "direct"
-        if own and follows and one.size > 2 * own.size:
+        elif own and one.begins > begins and one.size > 2 * own.size:
             notes.append(
                 f"a packet {one.size / own.size:.1f} times as large follows; were it the "
-                f"direct one and this a near field, the velocity would be {speed:.4g} m/s: "
-                f"{say_which(wanted)}"
+                f"direct one and this a near field, {were}: {say_which(wanted)}"
             )
     return notes

@@ -21,10 +21,10 @@ from wavesim.readings.pulse.wave_packets import Packet
 OF_ONE = "first break"
 # An answer whose standard error is more than this part of it is none.
 _LARGEST_ERROR = 0.25
-# Of two waves' distance this part is a standard error whose 95 % bar reaches over both; up to so
-# much of it the answer counts.
-SPANS = 0.55
-_LARGEST_OPEN = 0.3
+# Of the distance to another wave this part is a standard error whose 95 % bar reaches there; an
+# answer with bars of up to so many standard errors counts.
+REACHED = 1 / 1.96
+_LARGEST_OPEN = 0.36
 
 
 @dataclass(frozen=True)
@@ -123,11 +123,6 @@ def say_which(wanted: Wanted) -> str:
     return roughly if wanted.wave else f"--wave P or S says which is sent, {roughly}"
 
 
-def spanned(time: float, rivals: Sequence[float]) -> float:
-    """Standard error of a time for which some others may stand as well, s."""
-    return SPANS * max((abs(time - other) for other in rivals), default=0.0)
-
-
 def judged(
     convention: str,
     time: float,
@@ -149,18 +144,22 @@ def judged(
     """
     if not reason and not time > 0:
         reason = "it arrives before it is sent: look at --delay"
-    velocity = distance / time if time > 0 else math.nan
-    bar = velocity * error / time if time > 0 else math.nan
     if not reason and not np.isfinite(error):
         reason = "its error is not known"
+    velocity = distance / time if time > 0 else math.nan
     others = [other for other in rivals if other > 0]
-    alone, error = error, float(np.hypot(error, spanned(time, others)))
-    if others and time > 0:
-        apart = max(abs(velocity - distance / other) for other in others)
-        bar = float(np.hypot(bar, SPANS * apart))
+    # Each of them is known no better than this one: its own bar is to lie within the other.
+    apart = max((abs(velocity - distance / other) for other in others), default=0.0)
+    bar = velocity * error / time + REACHED * apart if time > 0 else math.nan
+    alone, error = error, error + spanned(time, others)
     if not reason and alone > _LARGEST_ERROR * time:
         reason = f"its standard error is {alone / time:.0%} of it"
     if not reason and min(error / time, bar / velocity) > _LARGEST_OPEN:
         speeds = " or ".join(f"{distance / one:.4g}" for one in sorted([time, *others]))
         reason = f"it is one of several waves, of {speeds} m/s: {say_which(wanted)}"
     return Best(convention, time, error, velocity, bar, not reason, reason)
+
+
+def spanned(time: float, rivals: Sequence[float]) -> float:
+    """Standard error, beside that of a time, for some others that may stand as well, s."""
+    return REACHED * max((abs(time - other) for other in rivals), default=0.0)

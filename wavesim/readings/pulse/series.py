@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse import crosstalk
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.wave_packets import Packet
 
 Float = NDArray[Any]
@@ -262,18 +261,3 @@ def _peak(x: Float, y: Float, at: int) -> float:
     a, b, c = y[at - 1 : at + 2]
     bend = a - 2 * b + c
     return float(x[at] + (0.5 * (a - c) / bend * (x[1] - x[0]) if bend < 0 else 0.0))
-
-
-def static_until(records: Sequence[TransmissionRecord]) -> float:
-    """Time after the start up to which all records hold the same crosstalk, s.
-
-    Args:
-        records: of one set-up and several states, three or more.
-    """
-    least = min(len(r.t[r.t >= r.start]) for r in records)
-    dt = max(r.interval for r in records)
-    after = np.arange(least - 1) * dt
-    rows = [np.interp(r.start + after, r.t, r.raw) for r in records]
-    period = float(np.median([r.period for r in records]))
-    noise = float(np.nan_to_num(np.median([r.noise for r in records])))
-    return crosstalk.static_until(rows, dt, period, noise, HEARD)

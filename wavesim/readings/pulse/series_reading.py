@@ -3,35 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.left_open import hidden, in_crosstalk, left_open, open_between, ringing
-from wavesim.readings.pulse.one_receiver import settled, slow_pair, unheard
+from wavesim.readings.pulse.left_open import Arrived, left_open, open_between
+from wavesim.readings.pulse.one_receiver import arrived, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
-from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted, judged, spanned
+from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
     STRESS_POWER,
     Followed,
     clearest,
     follow,
-    static_until,
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
     begun_before,
-    direct,
     hidden_by_noise,
     hides_two,
     likelihoods,
-    nearest,
     packets,
 )
 
@@ -96,7 +93,6 @@ def read_series(
         )
     check_distance(distance)
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
-    records = _without_what_is_static(records)
     heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
     grows = bool((p > 0).all()) and any(word in parameter.lower() for word in _STRESSES)
@@ -114,15 +110,29 @@ def read_series(
     arrival = float(begun[reference])
     found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
-    alone = [
+    each = _on_one_line(records, found, delays)
+    parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
+    period = np.array([one.period for one in records])
+    # What a set-up leaves open it leaves open in most of its records, as many periods of each.
+    open_ = np.array([[part for part, _ in own] for own in parts]) / period[:, None]
+    usual = np.median(open_, axis=0) * period[:, None]
+    usual[:, 1] = [at.second for at in each]
+    readings = [
         settled(
-            one, packet, time + delay, float(d), delays, None, [t + delay for t in others], wanted
+            one,
+            packet,
+            at,
+            [(o, note) for o, (_, note) in zip(own, part, strict=True)],
+            float(d),
+            delays,
+            [t + delay for t in others],
+            wanted,
         )
-        for one, packet, time, d, others in zip(records, heard, found.time, L, rivals, strict=True)
+        for one, packet, at, own, part, d, others in zip(
+            records, heard, each, np.nan_to_num(usual).tolist(), parts, L, rivals, strict=True
+        )
     ]
-    readings = _with_own(_on_one_line(alone, heard, found, L, rivals, delays, wanted), begun)
-    law = law_of(readings, p)
-    return readings, Series(parameter, p, law)
+    return readings, Series(parameter, p, law_of(readings, p))
 
 
 def _direct_of_each(
@@ -178,12 +188,6 @@ def _rivals(
 ) -> list[list[float]]:
     """When other waves arrive at each record that may be the direct one as well, s."""
     as_well = [one for one in waves[1:] if one.likely >= RIVAL]
-    slower = [
-        slow_pair(own, time + delay, record.period, delay, wanted)
-        for record, own, time in zip(records, heard, found.time, strict=True)
-    ]
-    pairs = [ratio for ratio in slower if ratio]
-    follows = float(np.median(pairs)) if len(pairs) >= len(records) / 2 else 0.0
     result: list[list[float]] = []
     for i, (record, own, time) in enumerate(zip(records, heard, found.time, strict=True)):
         times = []
@@ -196,23 +200,7 @@ def _rivals(
         if not waves:
             likely = likelihoods(own, delay, wanted.wave)
             times = [q.begins - delay for q, w in zip(own, likely, strict=True) if w >= RIVAL]
-        if follows and not times:
-            times = [time * follows]
         result.append([t for t in times if abs(t - time) > _SAME * record.period and t > 0])
-    return result
-
-
-def _with_own(readings: list[Reading], begun: Float) -> list[Reading]:
-    """A note where a record by itself would be read otherwise."""
-    result = []
-    for one, time in zip(readings, begun, strict=True):
-        best, record = one.best, one.record
-        assert record is not None
-        if best.valid and time > 0 and abs(time - best.time) > _SAME * record.period:
-            speed = one.receivers[0].position / time
-            note = f"by itself it would be read as {speed:.4g} m/s: look whether a cycle was missed"
-            one = replace(one, notes=(*one.notes, note))
-        result.append(one)
     return result
 
 
@@ -228,104 +216,49 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
         return power_law(p, velocity, noise, common / time)
 
 
-def _without_what_is_static(records: Sequence[TransmissionRecord]) -> list[TransmissionRecord]:
-    """Records blanked up to where all hold the same, if that is before their direct waves."""
-    if len(records) < 3 or not any(one.crosstalk for one in records):
-        return list(records)
-    until = static_until(records)
-    first = [packets(one) for one in records]
-    breaks = [own[at].begins for own in first if (at := direct(own)) is not None]
-    if not breaks or until > 0.8 * min(breaks):
-        return list(records)
-    return [
-        blanked(one, one.start + until) if one.start + until > one.blank else one for one in records
-    ]
-
-
 def _on_one_line(
-    alone: list[Reading],
-    heard: Sequence[list[Packet]],
-    found: Followed,
-    distance: Float,
-    rivals: Sequence[Sequence[float]],
-    delays: Mapping[str, float],
-    wanted: Wanted,
-) -> list[Reading]:
+    records: Sequence[TransmissionRecord], found: Followed, delays: Mapping[str, float]
+) -> list[Arrived]:
     """Followed arrivals, put where the records' own first breaks lie.
 
     Following tells how the arrival moves, and jumps no cycle; where it breaks is told by the
     records, each with its noise. The difference is taken as a line over the time.
     """
-    own = np.array([one.best.time for one in alone])
-    period = np.array([one.record.period if one.record else np.nan for one in alone])
-    off = own - found.time
+    delay = delays.get(OF_ONE, 0.0)
+    alone = [arrived(one, t + delay, delays) for one, t in zip(records, found.time, strict=True)]
+    period = np.array([one.period for one in records])
+    off = np.array([one.begins - delay for one in alone]) - found.time
     near = np.isfinite(off) & (np.abs(off) < _SAME * period)
     moved = _line(found.time, off, near)
     left = np.abs(off - moved)[near]
     scatter = 1.4826 * float(np.median(left)) if near.any() else 0.0
-    shares = period * np.hypot(
-        _open_in_periods(alone, found.time + moved, period), _ringing(alone, heard, delays)
-    )
-    readings = []
-    for i, one in enumerate(alone):
-        time = float(found.time[i] + moved[i])
-        noise = float(np.hypot(np.nan_to_num(found.error[i]), scatter))
-        arrivals = one.receivers[0].arrivals
-        share = float(shares[i])
-        notes = list(one.notes)
-        if np.isfinite(found.rival[i]):
-            share = float(np.hypot(share, found.rival[i]))
-            notes.append(
-                f"two cycles follow its neighbours as well, {found.rival[i]:.3g} s apart; the "
-                "error holds both"
-            )
-        reason = ""
-        record = one.record
-        assert record is not None
-        for more, _ in left_open(record, heard[i], time + one.delay, delays):
-            share = float(np.hypot(share, more))
-        if len(alone) > 1 and not found.correlation[i] >= LEAST_CORRELATION:
-            reason = UNLIKE
-        elif in_crosstalk(record, time):
-            reason = hidden(record)
-        error = float(np.hypot(noise, share))
-        best = judged(FOLLOWED, time, error, float(distance[i]), reason, rivals[i], wanted)
-        share = float(np.hypot(share, spanned(time, rivals[i])))
-        followed = TravelTime(time + one.delay, noise, "" if best.valid else best.reason)
-        receiver = replace(one.receivers[0], arrivals={**arrivals, FOLLOWED: followed})
-        readings.append(
-            replace(one, receivers=(receiver,), best=best, notes=tuple(notes), common=share)
+    time = found.time + moved
+    noise = np.hypot(np.nan_to_num(found.error), scatter)
+    share = _open_in_periods(alone, time, period)
+    unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
+    return [
+        Arrived(
+            FOLLOWED, time[i] + delay, noise[i], share * period[i], found.rival[i], one.times,
+            UNLIKE if unlike[i] else "",
         )
-    return readings
+        for i, one in enumerate(alone)
+    ]  # fmt: skip
 
 
-def _open_in_periods(alone: list[Reading], time: Float, period: Float) -> float:
+def _open_in_periods(alone: Sequence[Arrived], time: Float, period: Float) -> float:
     """What conventions leave open in the whole series, as one standard error, in periods.
 
     A single record's convention may have read something else; in the median over all it has not.
     """
     apart = {}
-    for name in alone[0].receivers[0].arrivals:
-        own = [one.receivers[0].arrivals[name] for one in alone]
-        each = np.array([a.time - one.delay for a, one in zip(own, alone, strict=True)])
-        off = (each - time) / period
+    for name in alone[0].times:
+        own = [one.times[name] for one in alone]
+        off = (np.array([one.time for one in own]) - time) / period
         if np.isfinite(off).sum() >= max(1, len(alone) // 2):
             apart[name] = TravelTime(float(np.nanmedian(off)), 0.0)
         else:
             apart[name] = TravelTime(np.nan, np.nan, next(a.reason for a in own if a.reason))
     return open_between(apart, 0.0, 1.0)
-
-
-def _ringing(
-    alone: Sequence[Reading], heard: Sequence[Sequence[Packet]], delays: Mapping[str, float]
-) -> float:
-    """What transducers leave open that ring, in periods: the same in all records of a series."""
-    rings = [
-        ringing(one.record, own, packets, delays) / one.record.period
-        for one, packets in zip(alone, heard, strict=True)
-        if one.record and (own := nearest(packets, one.best.time + one.delay)) is not None
-    ]
-    return float(np.median(rings)) if rings else 0.0
 
 
 def _line(x: Float, y: Float, own: NDArray[np.bool_]) -> Float:

@@ -61,6 +61,8 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
         record: the signals.
         period: of the central frequency, s.
     """
+    from scipy.signal import find_peaks  # slow to import, and only a reading needs it
+
     own = [j for j, why in enumerate(record.unusable) if not why]
     if len(own) < 2:
         return []
@@ -69,7 +71,7 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
     for j in own:
         size = moving_mean(envelope(record.values[:, j]), max(3, reach // 2))
         least = max(_COUNTS * size.max(), _ABOVE_NOISE * float(np.nan_to_num(record.noise[j])))
-        at = _tops(size, least, reach)
+        at, _ = find_peaks(size, height=least, distance=reach, prominence=least / 2)
         if not len(at):
             return []
         tops.append((record.t[at], size[at] / size.max()))
@@ -89,8 +91,6 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
     for one in enough:
         if all(_another(one, other, period) for other in kept):
             kept.append(one)
-    if not kept:
-        return []
     kept = sorted(kept, key=lambda one: -one.size)[:_MOST]
     if not kept:
         return []
@@ -102,26 +102,6 @@ def waves_passing(record: PulseRecord, period: float) -> list[Passing]:
         )
         for i, (one, time) in enumerate(zip(kept, whole, strict=True))
     ]
-
-
-def _tops(size: Float, least: float, reach: int) -> NDArray[np.int_]:
-    """Tops of a row from a size on, the largest within a reach, which rise by half of that size
-    above what parts them from larger ones."""
-    every = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
-    every = every[size[every] >= least]
-    kept: list[int] = []
-    for at in every[np.argsort(-size[every], kind="stable")].tolist():
-        if all(abs(at - other) >= reach for other in kept):
-            kept.append(at)
-
-    def rises(at: int) -> bool:
-        bases = []
-        for side in (size[at::-1], size[at:]):
-            higher = np.flatnonzero(side > size[at])
-            bases.append(side[: higher[0] if len(higher) else len(side)].min())
-        return bool(size[at] - max(bases) >= least / 2)
-
-    return np.array(sorted(at for at in kept if rises(at)), int)
 
 
 def _on_line(

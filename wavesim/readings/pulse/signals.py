@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.first_break import WEAK, onset
 from wavesim.records.evenness import even
+from wavesim.records.faults.quantisation import quanta
 from wavesim.records.windows import noise_density
 
 Float = NDArray[Any]
@@ -52,10 +53,7 @@ class PulseRecord:
         quiet: time up to which each is nothing but noise, shape (m,), s; t₀ where none is known,
             infinite where no arrival stands out at all.
         filled: samples at each one's beginning that were filled in, shape (m,).
-        clipped: samples in a row at each one's limit, shape (m,); 0 where none has flat tops.
-        begun: whether the record begins within each one's signal, shape (m,).
-        marked: whether each one holds a mark of overload and was set to 0, shape (m,).
-        wandering: whether the base under each one drifts, but not along a line, shape (m,).
+        unusable: why the shape of each one's signal tells nothing, m of them; "" where it does.
         notes: what was put right, and what keeps a receiver from being read.
     """
 
@@ -64,11 +62,8 @@ class PulseRecord:
     x: Float
     values: Float
     quiet: Float
-    filled: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, int))
-    clipped: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, int))
-    begun: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
-    marked: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
-    wandering: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    filled: NDArray[np.int_]
+    unusable: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
     @property
@@ -85,22 +80,6 @@ class PulseRecord:
         if name not in self.names:
             raise PulseError(f"receiver {name!r}: unknown; take one of {', '.join(self.names)}")
         return self.names.index(name)
-
-    @cached_property
-    def unusable(self) -> tuple[str, ...]:
-        """Why the shape of each signal tells nothing, m of them; "" where it does."""
-        none = np.zeros(len(self.names), int)
-        told = {
-            MARKED: self.marked,
-            CLIPPED: self.clipped,
-            BEGUN: self.begun,
-            WANDERS: self.wandering,
-        }
-        parts = [part if len(part) else none for part in told.values()]
-        return tuple(
-            next((why for why, one in zip(told, each, strict=True) if one), "")
-            for each in zip(*parts, strict=True)
-        )
 
     @cached_property
     def noise(self) -> Float:
@@ -129,14 +108,13 @@ class PulseRecord:
     @cached_property
     def _least(self) -> Float:
         """Noise of rounding, shape (m,): of the digitiser, LSB/√12, or of the arithmetic."""
-        steps = np.array([faults.step_of_digitiser(u) for u in self.values.T])
+        steps = quanta(self.values[None])
         return np.maximum(_ROUNDING * np.abs(self.values).max(axis=0), steps / np.sqrt(12))
 
     def _quiet_parts(self) -> list[Float]:
-        filled = self.filled if len(self.filled) else np.zeros(len(self.names), int)
         return [
             self.values[first : int(np.searchsorted(self.t, end)), j]
-            for j, (first, end) in enumerate(zip(filled, self.quiet, strict=True))
+            for j, (first, end) in enumerate(zip(self.filled, self.quiet, strict=True))
         ]
 
 
@@ -173,12 +151,11 @@ def pulse_record(
     if not (np.isfinite(x).all() and (np.diff(x) > 0).all()):
         raise PulseError(f"positions = {x.tolist()} m: must be finite and all different")
     values = np.stack([checked(name, signals[name], time) for name in names], axis=1)
-    marked = np.array([_marked(name, values[:, j], time, notes) for j, name in enumerate(names)])
-    if (~marked).sum() < 2:
+    why = [_marked(name, values[:, j], time, notes) for j, name in enumerate(names)]
+    if why.count("") < 2:
         raise PulseError(f"{notes[-1]}; at least 2 receivers without one are needed")
-    values[:, marked] = 0.0
+    values[:, [bool(one) for one in why]] = 0.0
     filled = np.array([faults.padding(u) for u in values.T])
-    wandering = np.zeros(len(names), bool)
     quiet = np.full(len(names), np.nan if quiet_until is None else float(quiet_until))
     for j, name in enumerate(names):
         own = values[filled[j] :, j]
@@ -188,7 +165,8 @@ def pulse_record(
         if count < FEWEST_QUIET:
             continue
         base, what = faults.base(own, count, max(FEWEST_QUIET, len(own) // 10))
-        wandering[j] = bool(np.isnan(base).any())
+        if np.isnan(base).any():
+            why[j] = why[j] or WANDERS
         if what:
             own -= base
             notes.append(f"{name}: {what} was taken out")
@@ -197,32 +175,20 @@ def pulse_record(
         if filled[j]:
             values[: filled[j], j] = 0.0
             notes.append(f"{name}: the first {filled[j]} samples are equal, and count as filled in")
-    clipped = np.array([faults.flat_tops(u) for u in values.T])
-    whole = ~marked & (clipped == 0)
-    notes += [
-        f"{name}: flat tops of {n} samples: clipped, its amplitudes tell nothing; lower the gain"
-        for name, n in zip(names, clipped, strict=True)
-        if n
-    ]
+    for j in np.flatnonzero(faults.flat_tops(values)).tolist():
+        why[j] = why[j] if why[j] == MARKED else CLIPPED
+    whole = np.array([one not in (MARKED, CLIPPED) for one in why])
     for j in np.flatnonzero(whole)[faults.reversed_receivers(values[:, whole], x[whole])]:
         values[:, j] *= -1
         notes.append(f"{names[j]}: reversed beside the others, turned over; check its polarity")
-    notes += [f"{names[j]}: {WANDERS}" for j in np.flatnonzero(wandering)]
-    found = PulseRecord(
-        time, names, x, values, quiet, filled, clipped, marked=marked, wandering=wandering
-    )
-    begun = np.array(
-        [
-            faults.begins_within(u, s) and np.isfinite(until)
-            for u, s, until in zip(values.T, found.noise, quiet, strict=True)
-        ]
-    )
+    found = PulseRecord(time, names, x, values, quiet, filled, tuple(why))
+    for j, (u, s, until) in enumerate(zip(values.T, found.noise, quiet, strict=True)):
+        if why[j] in ("", WANDERS) and faults.begins_within(u, s) and np.isfinite(until):
+            why[j] = BEGUN
     notes += [
-        f"{name}: the record begins within the signal: trigger earlier"
-        for name, one in zip(names, begun, strict=True)
-        if one
+        f"{name}: {one}" for name, one in zip(names, why, strict=True) if one not in ("", MARKED)
     ]
-    return replace(found, begun=begun, notes=tuple(notes))
+    return replace(found, unusable=tuple(why), notes=tuple(notes))
 
 
 def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
@@ -304,16 +270,16 @@ def checked(name: str, signal: ArrayLike, time: Float) -> Float:
     return np.array(one, float)
 
 
-def _marked(name: str, u: Float, time: Float, notes: list[str]) -> bool:
-    """Whether a sample is a mark of overload or of a missing value, told in the notes."""
+def _marked(name: str, u: Float, time: Float, notes: list[str]) -> str:
+    """MARKED where a sample is a mark of overload or of a missing value, told in the notes."""
     at = faults.overload(u)
     if at is None:
-        return False
+        return ""
     notes.append(
         f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, no "
         "signal; the receiver was left out"
     )
-    return True
+    return MARKED
 
 
 def _quiet_samples(u: Float) -> float:

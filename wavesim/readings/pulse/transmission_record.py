@@ -24,6 +24,7 @@ from wavesim.readings.pulse.signals import (
     even_time_axis,
     finely,
 )
+from wavesim.records.faults.quantisation import quanta
 
 Float = NDArray[Any]
 
@@ -153,8 +154,8 @@ def transmission_record(
             raise PulseError(
                 f"the {whose}'s signal reaches {np.abs(row).max():.3g}: is it its own?"
             )
-    step = faults.step_of_digitiser(u)
-    clipped = bool(faults.flat_tops(u))
+    step = float(quanta(u[None, :, None])[0])
+    clipped = bool(faults.flat_tops(u[:, None])[0])
     time, u, v, said = finely(time, u, v)
     notes += said
     if v is not None:
@@ -169,24 +170,9 @@ def transmission_record(
     if clipped:
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
     found = TransmissionRecord(
-        name,
-        time,
-        v,
-        start,
-        length,
-        raw,
-        raw[:0],
-        raw,
-        np.zeros(len(raw)),
-        noise,
-        start,
-        0.0,
-        0.0,
-        False,
-        False,
-        clipped,
-        tuple(notes),
-    )
+        name, time, v, start, length, raw, raw[:0], raw, np.zeros(len(raw)), noise, start,
+        0.0, 0.0, False, False, clipped, tuple(notes),
+    )  # fmt: skip
     return _ready(found)
 
 

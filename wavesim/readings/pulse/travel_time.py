@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.arrivals import CONVENTIONS, envelope_peak, top
-from wavesim.readings.pulse.central_band import is_step
+from wavesim.readings.pulse.arrivals import CONVENTIONS, top
+from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
@@ -71,19 +71,22 @@ def travel_times(
         {convention: travel time}.
     """
     found: dict[str, TravelTime] = {}
+    sent = record.sent
+    if sent is not None:
+        sent = None if is_step(sent) else band_about(sent, record.interval, record.period)
     for name in CONVENTIONS:
         if name == "first break":
             one = _first_break(record, begins)
         elif record.sent is None:
             one = TravelTime(np.nan, np.nan, NOT_SENT)
-        elif is_step(record.sent):
+        elif sent is None:
             one = TravelTime(np.nan, np.nan, STEP)
         elif record.unusable and name != "correlation":
             one = TravelTime(np.nan, np.nan, record.unusable)
         else:
             one = {"threshold": _threshold, "envelope": _envelope, "correlation": _correlation}[
                 name
-            ](record, record.sent, begins)
+            ](record, sent, begins)
         if abs(one.time - begins) > _ELSEWHERE * record.period:
             one = TravelTime(np.nan, np.nan, ELSEWHERE)
         found[name] = TravelTime(one.time - delays.get(name, 0.0), one.error, one.reason)
@@ -171,7 +174,8 @@ def _envelope(record: TransmissionRecord, sent: Float, begins: float) -> TravelT
     if first is None:
         return TravelTime(np.nan, np.nan, "the packet's envelope has no top")
     place = own.start + top_of(size, first)
-    there = envelope_peak(sent, 0.0)[0]
+    its = envelope(sent)
+    there = top_of(its, _first_top(its) or 1)
     peak = float(size[first])
     bend = max(2 * peak - float(size[first - 1] + size[first + 1]), 1e-12 * peak)
     error = float(np.nan_to_num(record.noise_in_band)) / np.sqrt(bend * peak) * record.interval

@@ -11,7 +11,7 @@ to the transmitter and returned.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,12 +40,9 @@ _AHEAD_PAIR_S = (1.0, 1.0, 1.0, 0.8, 0.7, 0.5, 0.2)
 _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
 _AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
 _AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
-_AFTER_PAIR_P = (1.0, 1.0, 0.6, 0.4, 0.1, 0.03, 0.01)
 _AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.15, 0.05)
-# What is not faint ahead of a wave known as P; a wave known as S that an S wave seems to follow, by
-# their ratio of times, as guided waves are not much slower.
+# What is not faint ahead of a wave known as P.
 _FAINT, _BEFORE_P = 0.15, 0.1
-_S_BEFORE_S = ((1.45, 1.6), (0.4, 0.1))
 # A packet breaks no longer before it rises, in periods, and no longer after.
 _RISES, _BEGUN = 0.42, 0.2
 # Another packet may be the direct one as well from this part of its likelihood on.
@@ -62,8 +59,6 @@ _ECHO = 0.08
 LULL = 0.3
 # V_P/V_S of dry grains: above √(4/3), the least that an elastic solid has.
 P_OVER_S = (1.155, 2.6)
-# A packet's time may be off by this part of that of the wave which it is.
-_OFF = 0.15
 _FASTER = "faster wave or near field"
 _ABOVE_NOISE = 5.0
 
@@ -133,9 +128,10 @@ def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packe
     return whole
 
 
-def nearest(found: Sequence[Packet], begins: float) -> Packet | None:
-    """The packet that breaks nearest a time, s."""
-    return min(found, key=lambda one: abs(one.begins - begins), default=None)
+def breaking(found: Sequence[Packet], begins: float, period: float) -> Packet | None:
+    """The packet that breaks about a time and rises after it, s."""
+    own = (one for one in found if one.begins - _BEGUN * period <= begins <= one.top)
+    return next(own, None)
 
 
 def hidden_by_noise(record: TransmissionRecord) -> float:
@@ -156,28 +152,19 @@ def break_between(record: TransmissionRecord, low: int, high: int) -> tuple[floa
     return float(record.t[0] + (low + found.place) * dt - record.start), found.error * dt
 
 
-def named(
-    found: list[Packet],
-    direct: float,
-    period: float,
-    delay: float,
-    distance: float = math.nan,
-    speeds: Mapping[str, float] | None = None,
-) -> list[Packet]:
+def named(found: list[Packet], direct: float, period: float, delay: float) -> list[Packet]:
     """Packets with their names.
 
-    What comes ahead of the direct wave is the precursor of a wave that is known to be as fast; a P
-    precursor where no speeds are known and it takes 1/1.15 to 1/2.6 of the direct wave's time, as a
-    P wave does of an S wave's. (The near field of a transmitter has the speed of P waves too.)
-    Times are compared by tops, as a break ahead of a larger packet is uncertain.
+    What comes ahead of the direct wave is a P precursor where it takes 1/1.15 to 1/2.6 of the
+    direct wave's time, as a P wave does of an S wave's. (The near field of a transmitter has the
+    speed of P waves too.) Times are compared by tops, as a break ahead of a larger packet is
+    uncertain.
 
     Args:
         found: of :func:`packets`.
         direct: first break of the direct wave after the start, s.
         period: of the central frequency, s.
         delay: of the system, s.
-        distance: from tip to tip, m.
-        speeds: {wave: speed} of waves that there may be, m/s; None where they are not known.
     """
     straight = [
         one
@@ -186,37 +173,19 @@ def named(
     ]
     top = straight[0].top if straight else math.nan
     echo = 3 * (direct - delay) + delay
-    times = {name: distance / speed for name, speed in (speeds or {}).items()}
-
-    def nearest(travel: float) -> str:
-        near = min(times, key=lambda name: abs(times[name] - travel), default="")
-        room = max(_APART * period, _OFF * times[near]) if near else 0.0
-        return near if near and abs(times[near] - travel) <= room else ""
-
-    main = nearest(direct - delay) if straight else ""
-    base = times.get(main, direct - delay)
-
-    def wave(one: Packet) -> str:
-        travel = base + one.top - top
-        if speeds is not None:
-            return nearest(travel)
-        ratio = base / travel if travel > 0 else 0.0
-        return "P" if P_OVER_S[0] <= ratio <= P_OVER_S[1] else ""
-
     result = []
     for one in found:
-        its = wave(one) if straight else ""
+        travel, wave = direct - delay + one.top - top, ""
         if one in straight:
-            name, its = "direct", main
+            name = "direct"
         elif one.begins < direct:
-            name = f"{its} precursor" if its and its != main else _FASTER
-        elif speeds and its and its != main:
-            name = f"{its} wave"
+            ahead = travel > 0 and P_OVER_S[0] <= (direct - delay) / travel <= P_OVER_S[1]
+            name, wave = ("P precursor", "P") if ahead else (_FASTER, "")
         elif abs(one.begins - echo) < max(_ECHO * echo, _APART * period):
-            name, its = "reflected", main
+            name = "reflected"
         else:
-            name, its = "guided or reflected", ""
-        result.append(replace(one, name=name, wave=its if name != _FASTER else ""))
+            name = "guided or reflected"
+        result.append(replace(one, name=name, wave=wave))
     return result
 
 
@@ -232,7 +201,6 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
     top = np.array([one.top for one in found])
     result = np.zeros(len(found))
     ahead_pair = _AHEAD_PAIR_S if wave == "S" else _AHEAD_PAIR
-    after_pair = _AFTER_PAIR_P if wave == "P" else _AFTER_PAIR
     for i, one in enumerate(found):
         time = max(one.begins - delay, 1e-12)
         travel = np.maximum(time + top - one.top, 0.05 * time)
@@ -247,14 +215,9 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
             return np.asarray(sure * as_pair + (1 - sure) * otherwise)
 
         ahead = mixed(size[:i], _SIZE, ahead_pair, _AHEAD_ELSE, sure=pair[:i])
-        after = mixed(size[i + 1:], _AFTER, after_pair, _AFTER_ELSE, sure=pair[i + 1:])  # fmt: skip
+        after = mixed(size[i + 1 :], _AFTER, _AFTER_PAIR, _AFTER_ELSE, sure=pair[i + 1 :])
         weight = float(np.prod(ahead) * np.prod(after))
-        strong = (size[:i] > _FAINT).any()
-        weight *= _BEFORE_P if wave == "P" and strong else 1.0
-        if wave == "S" and not strong:
-            followed = (size[i + 1 :] >= 0.5) & (pair[i + 1 :] > 0.5)
-            weight *= np.interp(ratio[i + 1 :], *_S_BEFORE_S)[followed].min(initial=1.0)
-        result[i] = weight
+        result[i] = weight * (_BEFORE_P if wave == "P" and (size[:i] > _FAINT).any() else 1.0)
     return result / max(float(result.max(initial=0.0)), 1e-300)
 
 

@@ -1,4 +1,4 @@
-"""Flat tops, stuck stretches and samples that are there twice."""
+"""Flat tops, stuck stretches, samples that are there twice, and what was done to all of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.faults.finding import CURED, Finding, places
+from wavesim.records.content import RecordError
+from wavesim.records.faults.finding import CURED, TOLD, Finding, places
 from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
@@ -20,6 +21,11 @@ _ROUNDED, _STEPS, _ABOVE_NOISE = 1.0, 8, 4.0
 _OFF = 0.2
 _MOST_HELD = 16
 _STUCK = 8
+# Peaks that are equal to this part are so by division. A rectified signal never falls below rest by
+# this part of its peak, and dips so many times, shortly, between lobes of that part.
+_EQUAL = 1e-6
+_BELOW, _LOBE, _DIPS = 0.02, 0.1, 2
+NORMALISED = "normalised"
 
 
 def clipped(values: Float, quantum: Float) -> tuple[Mask, Float]:
@@ -141,3 +147,31 @@ def without_stuck(
                     f"({where})")
         )  # fmt: skip
     return values
+
+
+def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Finding]) -> None:
+    """Refuse signals that are rectified, and tell of channels divided by their peaks.
+
+    Args:
+        values: shape (C, nt, nx), NaN where a sample is missing, with noise.
+        flat, quantum: which receivers have flat tops, and their least step, shape (nx,).
+        found: findings, added to.
+    """
+    for v in values:
+        size = np.nanmax(np.abs(v), axis=0)
+        dips = []
+        for lobes in (np.abs(v) > _LOBE * size).T:
+            gaps = np.diff(np.flatnonzero(lobes)) - 1
+            dips.append(np.sum((gaps > 0) & (gaps < lobes.sum() / (1 + np.sum(gaps > 0)))))
+        if np.nanmin(v + _BELOW * size) > 0 and np.median(dips) >= _DIPS:
+            raise RecordError(
+                "values never fall below rest, but dip to it between lobes: they are rectified, "
+                "and every frequency in them is another; give the signal as it was"
+            )
+        equal = np.ptp(size) <= _EQUAL * size.max() and not flat.any()
+        if len(size) > 2 and equal and not (quantum > _EQUAL * size).any():
+            found.append(
+                Finding(NORMALISED, "all receivers", f"peaks of {size.max():.6g}", TOLD,
+                        "all receivers have one peak to the last digit: each was divided by its "
+                        "own, so that amplitudes along them tell nothing")
+            )  # fmt: skip

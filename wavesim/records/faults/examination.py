@@ -11,7 +11,7 @@ from wavesim.records.content import RecordError, UnitsError
 from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, misfits
-from wavesim.records.faults.clipping import clipped, once_each, without_stuck
+from wavesim.records.faults.clipping import clipped, once_each, tell_processed, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
@@ -49,6 +49,8 @@ def samples(
         where = places(x, flat, labels)
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
                              f"flat tops at {where}"))  # fmt: skip
+    if _noisy(values):
+        tell_processed(values, flat, quantum, found)
     values = without_stuck(values, t, x, labels, quantum, found)
     values = without_spikes(values, t, x, labels, flat, found)
     quantisation.tell(quantum, values, x, labels, found)

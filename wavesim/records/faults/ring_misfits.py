@@ -30,18 +30,13 @@ from wavesim.records.faults.ring_waves import (
     ring_waves,
     strong_frequencies,
 )
-from wavesim.records.faults.unfit_receivers import MOST, PART, unfit
+from wavesim.records.faults.unfit_receivers import PART, unfit
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 FEWEST = 16
 _FRAMES = 64
-# It is off where what is left there is so many times the others', and this part of the waves; so
-# many may be.
-_OFF, _PART, _MOST = 10.0, 1e-4, 0.1
-# A factor that explains all but this part of a receiver is one.
-_ALONE = 0.05
 # Windowed, neighbouring frequencies hang together: so many count as one.
 _TOGETHER = 2.0
 # Gains are unequal where their χ² is above its mean by so many of its deviations.
@@ -126,14 +121,6 @@ def gains(component: Float, known: Mask | None = None) -> Gains:
     now = ring_waves(_righted(U, omega, off), odd)
     if now is None:
         return Gains(1 + off[0], off[1], off[2], odd, alone)
-    for _ in range(_ROUNDS if nx > MOST else 0):
-        one = _without_worst(now, off, odd)
-        after = ring_waves(_righted(U, omega, one[0]), one[1]) if one else None
-        if not one or after is None or not _less_left(now, after):
-            break
-        off, odd, now = *one, after
-        if odd.sum() > max(1, _MOST * nx):
-            return equal
     kinds: list[int] = []
     for _ in range(_ROUNDS):
         sure = _sure(now, omega, odd)
@@ -236,28 +223,6 @@ def ring_misfits(
         )
         found.append(Finding("misfit", where, f"{int(new.sum())} of {nx}", TAKEN_OUT, said))
     return mended, odd
-
-
-def _without_worst(now: RingWaves, off: Float, odd: Mask) -> tuple[Float, Mask] | None:
-    """What receivers are off by, with the worst put right, or odd; None where all fit."""
-    share = (1 - now.own)[:, None]
-    expected = now.U - now.R / share
-    left = np.mean(now.weight * np.abs(now.R) ** 2 / share, axis=0)
-    whole = np.mean(now.weight * np.abs(now.V) ** 2)
-    usual = float(np.median(left[~odd]))
-    left = np.where(odd, 0, left)
-    j = int(left.argmax())
-    if left[j] < _OFF * usual or left[j] < _PART * whole:
-        return None
-    weight, told, seen = now.weight[:, 0], expected[:, j], now.U[:, j]
-    factor = float(np.sum(weight * np.real(np.conj(told) * seen)))
-    factor /= max(float(np.sum(weight * np.abs(told) ** 2)), 1e-300)
-    rest = float(np.sum(weight * np.abs(seen - factor * told) ** 2))
-    alone = rest < _ALONE * float(np.sum(weight * np.abs(seen) ** 2)) and abs(factor) > _ALONE
-    off, odd = off.copy(), odd.copy()
-    off[:, j] = ((1 + off[0, j]) * factor - 1, *off[1:, j]) if alone else 0.0
-    odd[j] = not alone
-    return off, odd
 
 
 def _sure(now: RingWaves, omega: Float, odd: Mask) -> Float:

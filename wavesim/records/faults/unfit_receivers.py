@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-FEWEST, MOST = 6, 128
-# No more than this part of the receivers may be off, and waves take no more than this of the rest.
-PART, _WAVES = 0.25, 0.25
+FEWEST = 6
+# No more than this part of the receivers may be off, and waves are no more than this of the rest,
+# and than so many.
+PART, _WAVES, _MOST_WAVES = 0.25, 0.25, 32
 # A wave stands so many times above the median of all wavenumbers, or this part of the field.
 _ABOVE, _ROUNDING = 3.5, 1e-8
 # What is left must fall by this factor without one, of few and of many; so many of the worst are
@@ -64,7 +65,7 @@ def unfit(U: Any, known: Mask) -> Unfit:
     """
     nx = U.shape[1]
     off, factor = known.copy(), np.full(nx, np.nan)
-    if not FEWEST <= nx <= MOST or len(U) < _FEWEST_FREQUENCIES:
+    if nx < FEWEST or len(U) < _FEWEST_FREQUENCIES:
         return Unfit(off, factor, True)
     size = np.sum(np.abs(U) ** 2, axis=1)
     loud = np.argsort(-size, kind="stable")[:_FREQUENCIES]
@@ -148,7 +149,7 @@ def _waves(U: Any, good: Mask) -> tuple[Any, Float]:
     product, heard = fft(good), fft(seen, axis=1)
     waves, goes = np.zeros((n, 0), int), np.ones((n, 1), bool)
     own = goes[:, :0]
-    for _ in range(max(2, int(_WAVES * good.sum()))):
+    for _ in range(min(max(2, int(_WAVES * good.sum())), _MOST_WAVES)):
         size = np.abs(fft(left, axis=1))
         above = np.maximum(_ABOVE * np.median(size, axis=1), floor)
         size[taken] = 0
