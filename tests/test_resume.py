@@ -177,8 +177,10 @@ def test_killed_run_resumes_bit_for_bit(ring_run, tmp_path):
     assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
 
 
-def test_a_run_shorter_than_a_chunk_resumes_once_complete(bar_run, tmp_path):
-    """None of its frames ever filled a chunk of a part; a field that is not there is told."""
+@pytest.mark.parametrize("damage", ["field", "state"])
+def test_a_run_shorter_than_a_chunk_resumes_once_complete(bar_run, tmp_path, damage):
+    """None of its frames ever filled a chunk of a part. A field that is not there is told, and a
+    state of single precision, which would go on to other bits."""
     short = bar_run.case, "--set", "time.samples=20", "--out", tmp_path, "--quiet"
     call("run", *short)
     before = tmp_path / "before.h5"
@@ -187,7 +189,12 @@ def test_a_run_shorter_than_a_chunk_resumes_once_complete(bar_run, tmp_path):
     assert resumed.exit_code in (0, 1), resumed.output
     assert different(before, tmp_path / "result.h5") == []
     with h5py.File(tmp_path / "result.h5", "r+") as file:
-        del file["fields/phi1"]
+        if damage == "field":
+            del file["fields/phi1"]
+        else:
+            state = file["restart/state/0"][()]
+            del file["restart/state/0"]
+            file["restart/state/0"] = state.astype(np.float32)
     damaged = call("run", *short, "--resume")
     assert damaged.exit_code == 2
     assert "damaged" in damaged.output

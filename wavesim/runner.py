@@ -266,8 +266,8 @@ def _integrated(
         The energy of each chunk.
     """
     from wavesim.io.result_reader import StorageError
-    from wavesim.report.terminal import FAILED
-    from wavesim.timedomain.integrate import NotFiniteError, Timing, stream
+    from wavesim.report.terminal import BAD_INPUT, FAILED
+    from wavesim.timedomain.integrate import CarryOnError, NotFiniteError, Timing, stream
 
     energies, spent = [], Timing()
     try:
@@ -275,6 +275,9 @@ def _integrated(
             storing.add(chunk)
             energies.append(chunk.energy)
             tell("integrate", (chunk.first + chunk.count) / simulated.frames)
+    except CarryOnError as error:
+        said = f"{results.path}: damaged: {error}; run without --resume"
+        raise RunError(said, BAD_INPUT) from None
     except NotFiniteError as error:
         storing.wait()
         results.finish("failed")

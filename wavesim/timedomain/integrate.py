@@ -35,6 +35,10 @@ _TERM = diffrax.ODETerm(lambda steps, motion, run: run.rate(steps, motion))
 _NO_TERM = diffrax.ODETerm(lambda steps, motion, run: motion)
 
 
+class CarryOnError(ValueError):
+    """A state that an integration can't be carried on from."""
+
+
 class NotFiniteError(RuntimeError):
     """The integration produced values that are not finite.
 
@@ -183,6 +187,7 @@ def stream(
 
     Raises:
         ValueError: the solver is not there, or not for such a bar.
+        CarryOnError: the state has other shapes or types than this simulation's.
         NotFiniteError: the integration failed.
     """
     timing = timing or Timing()
@@ -195,6 +200,9 @@ def stream(
     carried = (motion, _memory(stepper, equation, motion, h))
     if carry_on is not None:
         frame, arrays = carry_on
+        alike = [(np.shape(a), np.asarray(a).dtype) for a in arrays]
+        if alike != [(np.shape(a), np.asarray(a).dtype) for a in jax.tree.leaves(carried)]:
+            raise CarryOnError("the state to carry on from is not of this simulation")
         carried = jax.tree.unflatten(jax.tree.structure(carried), list(arrays))
     known = (equation, stepper, carried, np.asarray(0.0), h)
     settings = {"frames": size, "per_frame": step.per_frame}
