@@ -35,7 +35,7 @@ from wavesim.readings.bar.bloch import repeated_stretch
 from wavesim.readings.bar.excited_band import line
 from wavesim.readings.bar.transmission import exact_scattering
 from wavesim.sources import Ricker
-from wavesim.verdict.bar import SIGNAL_TOLERANCE
+from wavesim.verdict.foreseen_errors import SIGNAL_TOLERANCE
 
 TO_KHZ = 1 / (2e3 * np.pi)
 SLAB = chain((0.02, STIFF), (0.006, SOFT), (0.02, STIFF))

@@ -254,11 +254,13 @@ def test_it_knows_signals_alone():
     own |= {
         "wavesim.readings.dispersion.line_fit",
         "wavesim.readings.dispersion.phase_beam",
+        "wavesim.records.content",
         "wavesim.records.evenness",
         "wavesim.records.faults.clipping",
         "wavesim.records.faults.finding",
         "wavesim.records.faults.quantisation",
         "wavesim.records.faults.quiet",
+        "wavesim.records.units",
         "wavesim.records.windows",
     }
     own |= {"wavesim.material.arguments", "wavesim.material.shown"}  # how a wrong argument is told

@@ -205,12 +205,6 @@ class Results:
             self._created = str(file.attrs["created_utc"])
             self._ends = file["restart/ends"][()].tolist()
             self._frames = self._stored = len(file["t"])
-            for name in self.simulation.fields:
-                if file[f"fields/{name}"].shape != (self._frames, self._points(name)):
-                    raise StorageError(
-                        f"{self.path}: damaged: fields/{name} is not of this case; run without "
-                        "--resume"
-                    )
             running = file.attrs["status"] == "running"
             missing = [e for e in self._ends if not self._part(e).is_file()]
             if missing and running:
@@ -218,6 +212,12 @@ class Results:
                     f"{self._part(missing[0])}: is missing, so that the run can't be resumed; run "
                     "without --resume"
                 )
+            for name in self.simulation.fields:
+                if file[f"fields/{name}"].shape != (self._frames, self._points(name)):
+                    raise StorageError(
+                        f"{self.path}: damaged: fields/{name} is not of this case; run without "
+                        "--resume"
+                    )
             names = [f"energy/{name}" for name in file["energy"] if name != "t"]
             for receiver in self.simulation.receivers:
                 names += [f"receivers/{receiver}/{name}" for name in self.simulation.fields]
