@@ -21,7 +21,7 @@ from wavesim.studies.design_descent import Search
 from wavesim.studies.design_problem import Problem
 from wavesim.studies.design_search import Tell, search
 from wavesim.studies.design_tolerance import Offset, allowed_offsets, trade_off, yield_of
-from wavesim.studies.designed_case import designed_tables, halves
+from wavesim.studies.designed_case import designed_tables
 
 # Digits that a value is written with; what is reached is that of the value as written.
 _DIGITS = 10
@@ -160,9 +160,8 @@ def design(
         say("tolerances", short)
 
     def by_grid(tables: dict[str, Any]) -> bool:
-        with suppress(CaseError):
-            alike = tables | {"layers": halves(tables["layers"])}
-            return serves(build(parse(dumps(alike), name, (), folder), name))
+        with suppress(CaseError):  # of graded layers it is not foretold what a grid does to T
+            return not own.graded and serves(build(parse(dumps(tables), name, (), folder), name))
         return False
 
     return Design(

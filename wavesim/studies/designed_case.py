@@ -8,7 +8,6 @@ from typing import Any
 from wavesim.case.layered_case import BUFFER, BarLayers
 from wavesim.case.schema import HALF_SPACE
 from wavesim.case.toml_text import lay_over
-from wavesim.material.parameter import PARAMETERS
 from wavesim.studies.design_problem import Problem
 
 # In branch lengths: where a source stands, and how far receivers are from the specimen.
@@ -84,23 +83,6 @@ def designed_tables(
                 break
     order = ("title", "medium", "bar", "layers", "sources", "receivers", "time")
     return {k: tables[k] for k in order if k in tables} | tables
-
-
-def halves(layers: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Layers with halves of its ends' media in the place of each graded one: these need no finer
-    grid, and what it does to them is soon told."""
-    found: list[dict[str, Any]] = []
-    for table in layers:
-        pairs = {k: v for k, v in table.items() if isinstance(v, list) and k in PARAMETERS}
-        if "layers" in table:
-            found.append(table | {"layers": halves(table["layers"])})
-        elif pairs and "thickness" in table:
-            plain = {k: v for k, v in table.items() if k != "grading"}
-            plain["thickness"] = table["thickness"] / 2
-            found += [plain | {k: v[end] for k, v in pairs.items()} for end in (0, 1)]
-        else:
-            found.append(table)
-    return found
 
 
 def _short(value: float, digits: int = 6) -> float:
