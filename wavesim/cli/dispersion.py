@@ -274,7 +274,6 @@ def _show_branches(shown: Any, points: Any) -> None:
 
 def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
-
     from wavesim.material.shown import DECIBELS, HERTZ
 
     headings = "frequency\nkHz", "attenuation\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
@@ -282,9 +281,8 @@ def _decays(own: Any) -> Any:
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
         k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        decibels = 1e-3 * DECIBELS * k.imag
-        row = f"{hertz / 1e3:.5g}", f"{decibels:.4g}", f"{k.real / 1e3:.4g}", size, str(n + 1)
-        table.add_row(*row)
+        loss = f"{1e-3 * DECIBELS * k.imag:.4g}"
+        table.add_row(f"{hertz / 1e3:.5g}", loss, f"{k.real / 1e3:.4g}", size, str(n + 1))
     return table
 
 
