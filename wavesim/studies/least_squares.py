@@ -34,6 +34,8 @@ _NAMED = 0.15
 # The spectrum of noise is a mean over so many bins 2π/T to either side.
 _BINS = 8
 _MOST_EVALUATIONS = 60
+# Correlation of errors beyond which they hang together.
+_TIED = 0.9
 
 
 class FitError(ValueError):
@@ -157,6 +159,41 @@ def solve(
         ends,
         bool(answer.success),
     )
+
+
+@dataclass(frozen=True)
+class Tied:
+    """Two parameters whose errors hang together: the data tell a sum of them better than either.
+
+    Attributes:
+        keys: which, a and b.
+        value: correlation of their errors, –.
+        factor, told, told_error: a + factor · b = told ± told_error, SI.
+    """
+
+    keys: tuple[str, str]
+    value: float
+    factor: float
+    told: float
+    told_error: float
+
+
+def tied(
+    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = _TIED
+) -> tuple[Tied, ...]:
+    """Pairs of parameters whose errors hang together by more than the least."""
+    keys, found = list(values), []
+    for i, j in zip(*np.tril_indices(len(keys), -1), strict=True):
+        both = keys[i], keys[j]
+        size = float(np.sqrt(max(cov[i, i] * cov[j, j], 0.0)))
+        if not size > 0 or not abs(cov[i, j]) > least * size:
+            continue
+        if np.isfinite([errors[key] for key in both]).all():
+            factor = -float(cov[i, j] / cov[j, j])
+            told = values[both[0]] + factor * values[both[1]]
+            left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
+            found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
+    return tuple(found)
 
 
 def _uncertainty(
