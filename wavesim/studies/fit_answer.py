@@ -75,7 +75,7 @@ def compare(
         )
         said += f": so {other.residual:.2%} would be left over, in place of {found.residual:.1%}"
     elif other.residual > _LARGEST_RESIDUAL:
-        said = "the case is another than what was measured, whatever receivers, polarity and lag"
+        said = "the case is another than what was measured, whoever's the columns are"
     else:
         return found
     return replace(found, measured=replace(measured, notes=(*measured.notes, said)))
@@ -206,6 +206,9 @@ def of_waveforms(
     fitted = replace(case, simulation=replace(case.simulation, layers=layers))
     scale = data.scale_of(solution.values)
     beside = compare(fitted, measured, lag if lag is not None else solution.values[LAG], scale)
+    # What was fitted to columns of other receivers is no case to lay them on.
+    far = beside.residual > _LARGEST_RESIDUAL
+    notes = (compare(case, measured, lag, gain) if far else beside).measured.notes
     nuisances = {
         key: (solution.values[key], solution.errors[key]) for key in (GAIN, LAG)
         if key in solution.values
@@ -223,7 +226,7 @@ def of_waveforms(
         tied(solution.values, solution.errors, solution.covariance),
         beside.residual,
         solution.evaluations,
-        beside.measured.notes,
+        notes,
         comparison=beside,
     )
 
@@ -240,7 +243,7 @@ def _reason(solution: Solution, key: str, residual: float) -> str:
         with_what = f" apart from {', '.join(others)}" if others else ""
         return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
     if key in solution.at_limits:
-        return "it ended at the limit of what is admissible"
+        return "it ended at the limit of what is admissible: hold it, or begin elsewhere with --set"
     return "" if solution.converged else "the fit did not settle: begin closer, with --set"
 
 
