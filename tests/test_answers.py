@@ -4,21 +4,47 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
+from io import StringIO
 
 import numpy as np
 import pytest
 from madeup import SOFT, STIFF, chain, field_of, reading_of, scattered_of
+from rich.console import Console
+from rich.text import Text
 
 from wavesim import planewave
 from wavesim.case.load import load
 from wavesim.grid.bar import layered_bar
 from wavesim.material.shown import with_error
 from wavesim.report.answers import answers, verdict
+from wavesim.report.terminal import new_table
 from wavesim.sources import Ricker
 from wavesim.verdict.bar_answers import of_bar
 from wavesim.verdict.endless import endless_notes, of_endless
 
 KHZ = 2e3 * np.pi
+
+
+@pytest.mark.parametrize("width", [18, 26, 40, 60, 79, 80, 200])
+def test_no_digit_of_a_table_is_lost_however_narrow_the_terminal(width):
+    """Every number is whole where there is room for it and its row's name, and else goes on below;
+    no line is wider than the terminal."""
+    table = new_table("receiver", "first break\n(µs)", "threshold (µs)", "correlation (µs)")
+    numbers = ["2510.303 ± 6e-05", "2454.135 ± 0.00001", "2538.5964 ± 0.0003"]
+    table.add_row("x=10 mm", "–", Text("13.45"), "14.444")
+    table.add_section()
+    table.add_row("velocity (m/s)", *numbers)
+    out = StringIO()
+    Console(file=out, width=width, highlight=False).print(table)
+    lines = out.getvalue().splitlines()
+    assert max(map(len, lines)) <= width
+    for number in [*numbers, "13.45", "14.444"]:
+        if width >= 40:
+            assert any(number in line for line in lines), number
+        else:
+            digits = "".join(line[-width // 2 :].strip() for line in lines)
+            assert all(part in digits for part in number.split(" ± ")[-1:])
+
 
 
 @pytest.mark.parametrize("value", [0.0, 4.2e-7, 0.0123, 1.0, -713.4, 36963.7, -9.9996e5, 2.5e11])

@@ -85,11 +85,12 @@ def console(quiet: bool = False) -> Any:
 
 def new_table(*headings: str, words: int = 1) -> Any:
     """A table to print: words in its first columns, which may be broken, and numbers in the others,
-    whose digits never are."""
+    whose digits never are: where it is too wide it goes on below, with its words again."""
     from rich import box
-    from rich.table import Table
 
-    made = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    from wavesim.report.number_table import NumberTable
+
+    made = NumberTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
         word = number < words
         made.add_column(
