@@ -10,8 +10,8 @@ from dataclasses import replace
 from wavesim.case.load import Case
 from wavesim.case.schema import AnalysisTable
 from wavesim.simulation.field import Field
-from wavesim.simulation.simulation import Simulation
-from wavesim.verdict.foreseen_errors import Foretold, foretold, with_spacing
+from wavesim.simulation.simulation import Simulation, with_spacing
+from wavesim.verdict.foreseen_errors import Foretold, foretold
 
 # A size is looked for that leaves this part of what is allowed, in so many tries.
 _ASIDE, _TRIES = 0.6, 3

@@ -69,9 +69,10 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         passing, said = pulse_tests(field)
         if field.receivers:
             known = known or expected(field)
-            error, heard = Loudness(field).compared(known.signals)
-            checks += signal_checks(field, error)
-            said = receiver_notes(field, known.signals, heard, known.refused) + said
+            exact = known.signals or known.finer
+            error, heard = Loudness(field).compared(exact)
+            checks += signal_checks(field, error, finer=bool(known.finer))
+            said = receiver_notes(field, exact, heard, known.refused) + said
         told = endless_notes(field, held) + said
         return Found(checks, of_endless(field, held), held, found, passing, told)
     from wavesim.readings.bar.pulse_test import rows
