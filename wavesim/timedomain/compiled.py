@@ -20,8 +20,13 @@ _COMPILED: dict[Any, Any] = {}
 _KEPT = 32
 _made = 0
 # What XLA leaves out for a CPU where it is to be quick: a third of the time. Elementwise loops then
-# take up to twice as long, products of matrices, which are a library's, as long as before.
-_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+# take up to twice as long, products of matrices, which are a library's, as long as before. Of what
+# is compiled in more parts, beside each other, each part costs a start.
+_QUICK = {
+    "xla_cpu_use_fusion_emitters": False,
+    "xla_backend_optimization_level": 1,
+    "xla_cpu_parallel_codegen_split_count": 4,
+}
 _ALONE = Lock()
 
 

@@ -6,12 +6,15 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from wavesim.case.load import Case
-from wavesim.case.schema import AnalysisTable
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation, with_spacing
 from wavesim.verdict.foreseen_errors import Foretold, foretold
+
+if TYPE_CHECKING:  # slow to import, and drawing does without
+    from wavesim.case.load import Case
+    from wavesim.case.schema import AnalysisTable
 
 # A size is looked for that leaves this part of what is allowed, in so many tries.
 _ASIDE, _TRIES = 0.6, 3

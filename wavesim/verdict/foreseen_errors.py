@@ -13,12 +13,11 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.schema import AnalysisTable
 from wavesim.layered.signals import BeyondNumbersError, Contour, contour_of, field_spectra
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
@@ -37,6 +36,9 @@ from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation, at_double_moment
 from wavesim.sources import EXCITED, Source, excitation, excited_band
+
+if TYPE_CHECKING:  # slow to import, and drawing does without
+    from wavesim.case.schema import AnalysisTable
 
 # What is allowed: of a signal, in its peak; of T and R, in the incident wave; of ω(k) and k(ω), in
 # themselves.
@@ -89,7 +91,10 @@ def foretold(
         table: how it is to be analysed, by default where None.
         k_range: wavenumbers of a ring that are judged, rad/m; those by default where None.
     """
-    table = table or AnalysisTable()
+    if table is None:
+        from wavesim.case.schema import AnalysisTable
+
+        table = AnalysisTable()
     try:
         with np.errstate(all="ignore"):
             if simulated.endless:

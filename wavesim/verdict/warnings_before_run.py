@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesim.case.load import Case
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.shown import KHZ
@@ -22,6 +21,7 @@ from wavesim.timedomain.absorber import least_absorber
 from wavesim.timedomain.time_step import TimeStep, slower
 
 if TYPE_CHECKING:  # slow to import, and only where it is asked for
+    from wavesim.case.load import Case
     from wavesim.verdict.foreseen_errors import Foretold
 
 # A wave propagates where its k turns less than this part of it into decay.

@@ -14,7 +14,6 @@ from wavesim.layered.signals import signals
 from wavesim.material.family import known_field
 from wavesim.readings.bar.bloch import Cells, Repeated, cells, repeated_stretch
 from wavesim.readings.bar.eigenfrequencies import Ringing, audible, ringing
-from wavesim.readings.bar.grid_signals import on_thirds
 from wavesim.readings.bar.loudness import Loudness
 from wavesim.readings.bar.pulse_test import PulseTest, pulse_test, spectra
 from wavesim.readings.bar.transmission import Scattered, Specimen, scattered, specimen
@@ -158,6 +157,8 @@ def expected(
             known = layers, bar.left, bar.right, field.sources, seen, field.t
             found.signals.update(asked(signals, *known) or {})
             if not found.signals:
+                from wavesim.readings.bar.grid_signals import on_thirds  # loads scipy
+
                 found.finer.update(asked(on_thirds, field.simulation, seen) or {})
         blocks = () if field.simulation.endless else field.blocks
         for block in (block for block in blocks if block.macro):
