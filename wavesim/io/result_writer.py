@@ -28,7 +28,8 @@ from wavesim.io.result_reader import (
     CHECKSUM,
     StorageError,
     WriteError,
-    attributes_checksum,
+    checksum,
+    hold,
     reading,
 )
 from wavesim.io.whole_files import way_out, written
@@ -111,6 +112,7 @@ class Results:
                 lay_out(file, *self._known("running"))
                 for name in self.simulation.fields:
                     self._show(file, name)
+                file.attrs[CHECKSUM] = checksum(file)
             self._stored = self._frames
 
     def _keep(self, values: Mapping[str, np.ndarray]) -> None:
@@ -184,7 +186,7 @@ class Results:
                 for path, (values, unit) in (tables or {}).items():
                     put(file, path, values, unit)
                 attach_axes(file)
-                file.attrs[CHECKSUM] = attributes_checksum(file)
+                file.attrs[CHECKSUM] = checksum(file)
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def carry_on(self) -> tuple[int, list[np.ndarray]]:
@@ -202,6 +204,7 @@ class Results:
                 "--resume"
             )
         with reading(self.path) as file:
+            hold(self.path, file)
             if file.attrs["case"] != self.told["case"]:
                 raise StorageError(
                     f"{self.path}: was made by another case than this; run without --resume, or "

@@ -80,9 +80,10 @@ def measure(
         summary, said = passing()
         if field.receivers:
             known = known or expected(field)
-            error, heard = Loudness(field).compared(known.signals)
-            checks += signal_checks(field, error)
-            said = receiver_notes(field, known.signals, heard, known.refused) + said
+            exact = known.signals or known.finer
+            error, heard = Loudness(field).compared(exact)
+            checks += signal_checks(field, error, finer=bool(known.finer))
+            said = receiver_notes(field, exact, heard, known.refused) + said
         said = endless_notes(field, held) + said
         return Found(checks, of_endless(field, held), held, found, summary, said)
     from wavesim.readings.bar.pulse_test import rows
