@@ -186,6 +186,13 @@ def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends():
     assert (most["level_at_real_frequency"], most["level"]) == pytest.approx((-10, -30))
     (table,) = answers({"answers": {"transmission": [band, most]}})
     assert "800 or more" in [column.shown(band) for column in table.columns]
+    # What shows more of it drives its upper end, in frames that hold what it drives.
+    given = dict(pair.split("=") for pair in shlex.split(band["closer"])[1::2])
+    source = Ricker("phi1", 0.008, float(given["sources.0.peak_frequency"]))
+    assert source.peak_frequency == pytest.approx(8e5, rel=1e-2)
+    samples = int(given.get("time.samples", len(field.t)))
+    highest = np.pi * (samples - 1) / field.t[-1]
+    assert abs(source.spectrum(highest)) < 1e-3 * abs(source.spectrum(2 * np.pi * 8e5))
 
 
 def check(name, passed, **more):

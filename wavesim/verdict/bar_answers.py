@@ -80,10 +80,12 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         where = f"about {', '.join(own)}" if own else f"stop band {number}"
         middle = (low + high) / 2
         level_there = plain(np.interp(middle, omega, steady))
-        # What is told of as a whole needs no other source.
+        # What is told of as a whole needs no other source; and what drives other frequencies tells
+        # less of the bands that were asked for.
         shown = low if opened[0] else high, high if opened[1] else low
         gap = Gap("", found.sector, *shown)
-        more = to_see_more(field, found.sector, gap) if any(opened) else ""
+        asked = any(opened) and not found.bands
+        more = to_see_more(field, found.sector, gap) if asked else ""
         edges = low * HERTZ, high * HERTZ, middle * HERTZ
         rows.append(_level_row(where, *edges, level_there, opened, more))
     known = np.flatnonzero(within & np.isfinite(steady))

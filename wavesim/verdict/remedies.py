@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -18,7 +19,7 @@ from wavesim.readings.bar.transmission import Band, Scattered
 from wavesim.readings.dispersion.decay_along_ring import Attenuation
 from wavesim.readings.pulse.spectral_windows import Gate
 from wavesim.simulation.field import Field
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, default_samples
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.verdict import foreseen_errors
 from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower, sized
@@ -285,14 +286,24 @@ def to_see_more(field: Field, sector: str, gap: Gap, frequencies: int = 0) -> st
     if frequencies and _driven(field, fields, (gap.lower + gap.upper) / 2):
         return _finer(field, frequencies)
     peak = float(f"{(gap.lower + gap.upper) / 2 * HERTZ:.3g}")
-    sets = [
-        f"--set sources.{number}.{_PEAK_KEY[source.kind]}={peak:.4g}"
-        for number, source in enumerate(field.sources)
-        if source.field in fields and source.kind in _PEAK_KEY
-    ]
     if any(source.field in fields for source in field.sources):
-        return " ".join(sets)
+        return _driven_at(field.simulation, fields, peak)
     return f'not driven: add [[sources]] with field = "{fields[0]}", peak_frequency = {peak:.4g}'
+
+
+def _driven_at(simulated: Simulation, fields: Sequence[str], peak: float) -> str:
+    """What to change for sources of these fields with their peak there, Hz, and frames to do."""
+    sources: list[Any] = list(simulated.sources)
+    sets = []
+    for number, source in enumerate(sources):
+        if source.field in fields and source.kind in _PEAK_KEY:
+            key = _PEAK_KEY[source.kind]
+            sources[number] = dataclasses.replace(source, **{key: peak})
+            sets.append(f"--set sources.{number}.{key}={peak:.4g}")
+    samples = default_samples(sources, simulated.layers, simulated.duration)
+    if sets and samples > simulated.frames:
+        sets.append(f"--set time.samples={samples}")
+    return " ".join(sets)
 
 
 def _finer(field: Field, frequencies: int) -> str:
