@@ -46,7 +46,6 @@ def test_no_digit_of_a_table_is_lost_however_narrow_the_terminal(width):
             assert all(part in digits for part in number.split(" ± ")[-1:])
 
 
-
 @pytest.mark.parametrize("value", [0.0, 4.2e-7, 0.0123, 1.0, -713.4, 36963.7, -9.9996e5, 2.5e11])
 @pytest.mark.parametrize("error", [3.3e-12, 9.96e-5, 0.19, 12.0, 4.7e4])
 def test_a_value_stands_to_two_digits_of_its_error(value, error):
