@@ -95,7 +95,11 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
     pulse = synthetic.Pulse(o["peak_frequency"], o["source"], width=o["width"])
     made = synthetic.synthesize(waves, t, x, pulse, length, o["k_max"], spoil, ring=o["ring"])
     write(file, made)
-    click.echo(f"{file}: {len(made.t)} frames, {len(made.x)} receivers")
+    of = "" if relation else f", {sector} waves"
+    click.echo(f"{file}: {len(made.t)} frames, {len(made.x)} receivers{of}")
+    told = file if Path(file).suffix == ".npz" else ""
+    next_to_do = f"wavesim score {told} POINTS.csv" if told else "an .npz carries the truth as well"
+    click.echo(f"Then: wavesim dispersion {file}; {next_to_do}")
 
 
 @click.command(short_help="Points of any program against a record's truth.")
@@ -111,11 +115,18 @@ def score(truth: str, points: str, k_max: float | None, as_json: bool) -> None:
     standard error; or what dispersion and attenuation write with --out.
     """
     from wavesim.records.content import RecordError
-    from wavesim.records.files import read
+    from wavesim.records.files import own_result, read
     from wavesim.records.point_table import read_points
     from wavesim.verdict.score import points_of
     from wavesim.verdict.score import score as held
 
+    if own_result(truth):
+        stop(
+            f"{truth}: is a run, of waves of several kinds, which wavesim dispersion holds against "
+            "the exact ones; points of another program need a record of one kind, of wavesim "
+            "synthesize FILE.npz --medium CASE --sector NAME",
+            BAD_INPUT,
+        )
     record = read(Path(truth))
     columns = read_points(points)
     found = points_of(columns["k"], columns["omega"], columns.get("error"), columns.get("valid"))

@@ -128,7 +128,8 @@ def truth_of(record: Record) -> Truth:
     answer = record.answer or {}
     if "k" not in answer or "omega" not in answer:
         raise RecordError(
-            "carries no truth (arrays truth_k and truth_omega): make one with wavesim synthesize"
+            "carries no truth (arrays truth_k and truth_omega): make one with wavesim synthesize "
+            "FILE.npz; as .csv it has none"
         )
     k, omega = np.asarray(answer["k"], float), np.asarray(answer["omega"])
     omega = omega[:, None] if omega.ndim == 1 else omega
