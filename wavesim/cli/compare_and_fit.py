@@ -169,9 +169,11 @@ def fit(out: str | None, as_json: bool, **given: Any) -> None:
     --shear S.json.
     """
     from wavesim.material.shown import plain
+    from wavesim.report.progress import working
 
     of_speeds = given["speeds"] or given["shear"]
-    found, comparison = (_of_speeds if of_speeds else _of_record)(**given)
+    with working("fit"):
+        found, comparison = (_of_speeds if of_speeds else _of_record)(**given)
     answer = plain(found)
     if as_json:
         print_json(answer)

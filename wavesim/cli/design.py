@@ -57,23 +57,23 @@ def design(
     folder = folder_for(out, case)
     shown, allowed = console(quiet), longest(at_most) if at_most else None
     keep_compiled()
+    from wavesim.report.progress import working
     from wavesim.studies.design import design as designed
     from wavesim.verdict.cell_size import serves
 
-    last = ""
+    begun = False
 
-    def tell(stage: str, short: float) -> None:
-        nonlocal last
-        if not last:  # what can't be written into is told before the search
-            with writing(folder):
-                last = stage
-            return
-        line = f"{stage}: " + ("all kept" if short == 0 else f"the worst lacks {short:.3g} dB")
-        if line != last and shown.is_terminal:
-            shown.print(line)
-        last = line
+    with working("design", quiet) as say:
 
-    found = designed(case, seed, overrides, allowed, serves, tell)
+        def tell(stage: str, short: float) -> None:
+            nonlocal begun
+            if not begun:  # what can't be written into is told before the search
+                with writing(folder):
+                    begun = True
+            kept = f"; one wish lacks {short:.3g} dB yet" if short else "; all wishes kept"
+            say(stage + (kept if short < float("inf") else ""))
+
+        found = designed(case, seed, overrides, allowed, serves, tell)
     answer = found.summary()
     with writing(folder):
         (folder / "design.toml").write_text(found.text, encoding="utf-8")
@@ -161,11 +161,13 @@ def _may(off: Any, unit: str) -> str:
 def _verify(shown: Any, folder: Path, answer: dict[str, Any]) -> bool:
     """Run the design; whether its T is the exact one, at ω + iσ where the source drives it."""
     from wavesim import runner
+    from wavesim.report.progress import progress
 
     case = str(folder / "design.toml")
     loaded = read_case(case)
-    affordable(case, loaded, planned(case, loaded), "1h", folder / "run")
-    outcome = runner.run(loaded, folder / "run")
+    taken = affordable(case, loaded, planned(case, loaded), "1h", folder / "run")
+    with progress(loaded.simulation.frames, shown.quiet, taken.stages) as tell:
+        outcome = runner.run(loaded, folder / "run", progress=tell)
     checks = [c for c in outcome.summary["checks"] if "T: |ΔT|" in c["name"]]
     agrees = bool(checks) and all(check["measured"] <= _AGREES for check in checks)
     answer["verified"] = {"agrees": agrees, "checks": checks}
@@ -176,4 +178,5 @@ def _verify(shown: Any, folder: Path, answer: dict[str, Any]) -> bool:
     if not checks:
         for note in outcome.notes:
             shown.print(f"Note: {note}.")
+    shown.print(f"Its page: {folder / 'run' / 'report.html'}")
     return agrees

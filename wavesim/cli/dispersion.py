@@ -78,6 +78,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
     from wavesim.records.of_medium import of_file
     from wavesim.records.record import RecordError
+    from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
     file = given["file"]
@@ -85,7 +86,8 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     found = of_file(Path(file), _layout(given), medium, given["sector"])
     fit = None
     try:
-        results = work(found)
+        with working("reading waves off the record"):
+            results = work(found)
         if given["parameters"]:
             start = medium_of(given["medium"], found)
             if start is None:
@@ -241,10 +243,8 @@ def _count(number: int, one: str, more: str) -> str:
 def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
     """Each wave: where found, |Δω|/ω against the continuum and, of a simulated field, its grid."""
     kinds = ("grid", "continuum") if on_grid else ("continuum",)
-    errors = []
-    for kind in kinds:
-        where = f"\n{kind}" if on_grid else ""
-        errors += [f"|Δω|/ω{where}\nmedian", f"{where}\nlargest"]
+    of = [f"\n{kind}" if on_grid else "" for kind in kinds]
+    errors = [text for kind in of for text in (f"|Δω|/ω{kind}\nmedian", f"{kind}\nlargest")]
     table = new_table("wave", "found", "missed", *errors, "in 95 %\nbar")
     table.padding = (0, 0)  # no wider than 80 columns
     for row in rows:

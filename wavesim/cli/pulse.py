@@ -93,11 +93,13 @@ def pulse(
     or a series of records of one set-up in different states (--against).
     """
     from wavesim.readings.pulse.answers import answer
+    from wavesim.report.progress import working
 
     layout = replace(layout, input=column)
     tests, refused = _read(files, layout)
     setup = _setup(distance, delay, face_to_face, against, layout)
-    readings, series = _readings(files, tests, refused, setup, expected, wave)
+    with working(f"reading {len(tests)} pulse test{'s' * (len(tests) > 1)}"):
+        readings, series = _readings(files, tests, refused, setup, expected, wave)
     found = answer(readings, series)
     if as_json:
         print_json(found)

@@ -11,6 +11,7 @@ from rich.progress import (
     BarColumn,
     Progress,
     ProgressColumn,
+    SpinnerColumn,
     Task,
     TaskID,
     TextColumn,
@@ -153,3 +154,25 @@ def counted(what: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
             bar.update(task, completed=done, total=of, failed=told)
 
         yield tell
+
+
+@contextmanager
+def working(what: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """Show that something is under way, and since when, where no one knows how long it takes;
+    nothing when quiet or not on a terminal.
+
+    Yields:
+        What to call with how far it is, in words.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda text: None
+        return
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda text: bar.update(task, description=f"{what}: {text}")

@@ -117,7 +117,7 @@ def search(own: Search, seed: int, seconds: float | None = None, tell: Tell | No
             found.sort(key=lambda one: (one.short, -one.made))
             done += count * len(starts)
             still, best = best is found[0], found[0]
-            sure = f", for more than the {100 * best.made:.0f} % as made that keep all"
+            sure = f" for a yield above {100 * best.made:.0f} %"
             say("search" + ("" if best.short else sure), best.short)
             # Not what other programs took of the time.
             taken = min(time.perf_counter() - begun, time.process_time() - worked)
