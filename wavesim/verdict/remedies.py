@@ -191,6 +191,8 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
             f"move [[sources]] position = {caught[0]:g} into {low:.4g} to "
             f"{high:.4g} m: it stands in an absorbing layer, which takes up what it sends"
         )
+    if told := absorber(field):
+        return told
     if sent_back and not _tried(field.simulation)[1]:
         return (
             f"take {lower(field)}, or stiffer media at the absorbing ends, which send back some of "
@@ -201,9 +203,8 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
     reach = ONE_SIDED * bar.spacing
     position = field.receivers[receiver]
     near = [face for face in faces if abs(position - face) <= reach]
-    told = absorber(field)
-    if told or not near:
-        return told or of_grid(field)
+    if not near:
+        return of_grid(field)
     return (
         f'move [[receivers]] "{receiver}" more than {reach:.3g} m ({ONE_SIDED} cells) from the '
         f"interface or end at {near[0]:g} m (now at {position:g}), or {finer(field)}"
