@@ -33,9 +33,10 @@ def test_q_of_the_pulse_test_comes_back_from_its_receivers(shipped):
     assert q["value"] == pytest.approx(60, rel=0.05)
     assert abs(q["value"] - 60) <= 2 * q["error"]
     each, error = (np.array(one["frequencies"][k], float) for k in ("quality", "quality_error"))
-    assert np.isfinite(each).sum() >= 11
     assert np.nanmax(np.abs(each / 60 - 1)) <= 0.05
-    assert np.nanmax(np.abs(each - 60) / error) <= 2
+    own = np.isfinite(each)
+    assert own.sum() >= 11
+    assert np.mean(np.abs(each - 60)[own] <= 2 * error[own]) >= 0.9
     assert not one["spectral_ratio"]["valid"]
     assert "the velocity changes by" in one["spectral_ratio"]["reason"]
     told = run.summary["pulse"]["records"][0]
