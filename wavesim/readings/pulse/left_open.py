@@ -26,8 +26,8 @@ Float = NDArray[Any]
 _FURTHEST = 0.7
 # Another lag with this part of the largest correlation is a second cycle.
 _SECOND = 0.9
-# What takes longer than this to rise, in periods, has no first cycle that stands out.
-_SLOW = 0.45
+# Of what takes longer than this to rise, in periods, the first cycle may not stand out.
+_SLOW = 0.2
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
@@ -49,8 +49,8 @@ SECOND = (
     "them apart"
 )
 SLOW = (
-    "what was sent takes about half a period or more to rise, so that its first cycle does not "
-    "stand out; the error holds one cycle either way: a pulse that begins at once would tell it"
+    "what was sent rises slowly, so that its first cycle may not stand out; the error holds the "
+    "time in which it rises: a pulse that begins at once would tell it"
 )
 STEP = (
     "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
@@ -194,11 +194,11 @@ def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
 
 
 def slow_rise(record: TransmissionRecord) -> float:
-    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
-    field runs into its wave; 0 of what does neither."""
+    """What a burst that rises slowly leaves open of its first cycle, s, as long as that takes, and
+    a step, whose near field runs into its wave; 0 of what does neither."""
     if record.sent is not None and is_step(record.sent):
         return _OF_A_STEP * record.period
-    return record.period if record.rise > _SLOW * record.period else 0.0
+    return record.rise if record.rise > _SLOW * record.period else 0.0
 
 
 def second_cycle(record: TransmissionRecord, begins: float) -> float:
