@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.left_open import Arrived, left_open, open_between
-from wavesim.readings.pulse.one_receiver import arrived, settled, unheard
+from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
@@ -26,6 +26,7 @@ from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
     begun_before,
+    breaking,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -117,6 +118,10 @@ def read_series(
     open_ = np.array([[part for part, _ in own] for own in parts]) / period[:, None]
     usual = np.median(open_, axis=0) * period[:, None]
     usual[:, 1] = [at.second for at in each]
+    beside = float(np.median([
+        _beside(one, packet, at, float(d), delay, wanted)
+        for one, packet, at, d in zip(records, heard, each, L, strict=True)
+    ]))  # fmt: skip
     readings = [
         settled(
             one,
@@ -125,7 +130,7 @@ def read_series(
             [(o, note) for o, (_, note) in zip(own, part, strict=True)],
             float(d),
             delays,
-            [t + delay for t in others],
+            [t + delay for t in others] + ([at.begins + beside * one.period] if beside else []),
             wanted,
         )
         for one, packet, at, own, part, d, others in zip(
@@ -133,6 +138,22 @@ def read_series(
         )
     ]
     return readings, Series(parameter, p, law_of(readings, p))
+
+
+def _beside(
+    record: TransmissionRecord,
+    heard: Sequence[Packet],
+    at: Arrived,
+    distance: float,
+    delay: float,
+    wanted: Wanted,
+) -> float:
+    """How long after an arrival its wave may break as well, as another runs into it, in periods."""
+    own = breaking(heard, at.begins, record.period)
+    if own is None:
+        return 0.0
+    both = np.array(run_into(own, record, distance, delay, wanted)) - at.begins
+    return float(both[np.argmax(np.abs(both))]) / record.period if np.isfinite(both).all() else 0.0
 
 
 def _direct_of_each(
