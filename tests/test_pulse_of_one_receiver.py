@@ -279,7 +279,7 @@ def test_what_cannot_be_read_is_refused():
 
 
 def slow(resonance, travel):
-    """Two cycles in a Hann window, whose first quarter of one has a seventh of their height, through
+    """Two cycles in a Hann window, whose first quarter of it has a seventh of the height, through
     two resonators, 1/(1 − y² + iy/4) each, y = f/f_r; a lossless wave arrives after ``travel``."""
     t = 2e-6 * np.arange(-100, 2 * 4096 - 100)
     f = np.fft.rfftfreq(len(t), 2e-6)
