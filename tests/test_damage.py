@@ -64,6 +64,23 @@ def test_a_damaged_field_is_told_by_its_name(small_run, tmp_path):
         field["phi1"]
 
 
+def test_a_flipped_bit_of_a_single_number_is_told(small_run, tmp_path):
+    """Each array that HDF5 itself keeps no checksum of, by one bit of each."""
+    with h5py.File(small_run.result) as file:
+        found = []
+        file.visititems(lambda name, one: found.append(one))
+        plain = [one for one in found if isinstance(one, h5py.Dataset) and not one.chunks]
+        places = [one.id.get_offset() for one in plain if one.id.get_storage_size()]
+    assert places
+    for at in places:
+        data = bytearray(small_run.result.read_bytes())
+        data[at] ^= 4
+        path = tmp_path / "broken.h5"
+        path.write_bytes(data)
+        with pytest.raises(resultfile.StorageError, match="damaged"):
+            resultfile.describe(path)
+
+
 def test_a_folder_has_one_run(tmp_path):
     with locked(tmp_path):
         text = (tmp_path / NAME).read_text()

@@ -98,6 +98,17 @@ def test_a_fault_costs_nothing_and_is_said(name):
     assert one.origin.record.notes
 
 
+def test_any_two_of_a_few_sparse_receivers_that_are_exchanged_are_put_back(rng):
+    """Five of 0.4 wavelengths apart: an exchange that leaves none odd explains all best."""
+    clean = ricker(T[:, None] - 0.02 * np.arange(1, 6) / SPEED, 6e4)
+    clean += 1e-3 * rng.standard_normal(clean.shape)
+    for a, b in zip(*np.triu_indices(5, 1), strict=True):
+        values = clean.copy()
+        values[:, [a, b]] = clean[:, [b, a]]
+        found = from_arrays({"t": T, "x": 0.02 * np.arange(1, 6), "values": values})
+        assert [f.what for f in found.findings] == ["swapped"], (a, b)
+
+
 @pytest.mark.parametrize("size", [0.1, 1.0])
 def test_hum_of_many_periods_is_taken_out(size):
     t, x = np.arange(4000) * 1e-4, 2 + 0.25 * np.arange(N)

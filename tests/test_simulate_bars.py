@@ -18,7 +18,7 @@ import wavesim as ws
 from wavesim.layered import signals
 from wavesim.layered.signals import contour_of
 from wavesim.material.layers import as_layers
-from wavesim.verdict.grid_signals import grid_spectra
+from wavesim.readings.bar.grid_signals import grid_spectra
 
 LENGTH = 0.016
 CELL = 1.25e-4
@@ -43,6 +43,20 @@ def layered(layers, left, right, cell=CELL):
     return ws.layered_bar(layers, cell, 8, left, right, 4e-3 if "absorbing" in (left, right) else 0)
 
 
+def off_its_grid(field, receivers):
+    """Largest difference of any field from the elimination of the grid's band matrix at each ω."""
+    layers, sources, duration = field.layers, field.sources, field.simulation.duration
+    grid = contour_of(layers, sources, duration)
+    on_grid = grid_spectra(field.simulation, receivers, grid.omega)
+    worst = 0.0
+    for name, position in receivers.items():
+        for key, spectrum in on_grid[name].items():
+            value = field.at(position, key)
+            off = np.abs(grid.signal(spectrum, field.t) - value).max()
+            worst = max(worst, off / np.abs(value).max())
+    return worst
+
+
 def error(medium, bar, sources, receivers=RECEIVERS, duration=DURATION):
     """Largest difference of any field at any receiver, over that field's largest value there.
 
@@ -51,13 +65,8 @@ def error(medium, bar, sources, receivers=RECEIVERS, duration=DURATION):
     """
     field = ws.simulate(medium, bar, sources, duration, FRAMES)
     layers = as_layers(medium, bar.length)
-    grid = contour_of(layers, sources, duration)
-    on_grid = grid_spectra(field.simulation, receivers, grid.omega)
-    for name, position in receivers.items():
-        for key, spectrum in on_grid[name].items() if not field.simulation.gradient_felt else ():
-            value = field.at(position, key)
-            off = np.abs(grid.signal(spectrum, field.t) - value).max()
-            assert off <= 1e-7 * np.abs(value).max()
+    if not field.simulation.gradient_felt:
+        assert off_its_grid(field, receivers) <= 1e-7
     exact = signals(layers, bar.left, bar.right, sources, receivers, field.t)
     worst = 0.0
     for name, position in receivers.items():
@@ -145,6 +154,17 @@ def test_a_prescribed_end_does_not_drift():
 def test_losses(damping, ends):
     """Every loss law, in echoes and all round a ring; 1e-5, measured 1e-8 to 3e-7."""
     assert error(lossy(SOFT, damping), uniform(*ends), [ws.Ricker("phi1", 0.0076, 5e5)]) <= 1e-5
+
+
+@pytest.mark.parametrize("field", ["phi1", "B11"])
+def test_an_initial_value_where_viscosity_changes(field):
+    """Which the exact solver does not have. Viscous stress feels no strain that was there before,
+    layer by layer: as its grid has it without a step in time, 1e-6, measured 2e-8 to 6e-7."""
+    laws = ws.Damping(mass=1e4, stiffness=2e-9), ws.Damping(stiffness=2e-8)
+    layers = bar_of(*(lossy(SOFT, law) for law in laws), edges=(0.0, 0.0076, LENGTH))
+    bar, source = layered(layers, "fixed", "free"), ws.InitialField(field, 0.0073, 9e-4, 1e-6)
+    run = ws.simulate(layers, bar, [source], DURATION, FRAMES)
+    assert off_its_grid(run, RECEIVERS) <= 1e-6
 
 
 def bar_of(*media, edges=(0.0, 0.0041, 0.0083, 0.0122, LENGTH), closure="consistent"):

@@ -224,6 +224,18 @@ def test_a_member_that_fails_is_told_of_and_stops_nothing(tmp_path):
     assert (tmp_path / "figures" / "gaps.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize(
+    ("given", "plain"),
+    [
+        ("layers.1.thickness=3mm:0.6 cm:4", "layers.1.thickness=0.003:0.006:4"),
+        ("sources.0.peak_frequency=0.1MHz:300 kHz:3", "sources.0.peak_frequency=1e5:3e5:3"),
+        ("layers.0.G_n_a.1=1e3N·m:2e3:2", "layers.0.G_n_a.1=1e3:2e3:2"),
+    ],
+)
+def test_a_range_with_units_is_the_same_in_si(given, plain):
+    assert np.array_equal(variation([given]).values, variation([plain]).values)
+
+
 def test_media_whose_waves_grow_are_found(rng):
     """All at once by discriminants, and one by one by check_hyperbolic, which solves at all k."""
     a, eta = rng.uniform(-1, 2, 40), rng.uniform(0.05, 2, 40)

@@ -162,6 +162,29 @@ def test_a_comparison_finds_lag_scale_and_what_is_left(record, tmp_path):
     assert all(abs(one.arrival) < 5e-9 and one.residual < 0.06 for one in exact.receivers)
 
 
+@pytest.mark.parametrize(
+    ("change", "stated", "said"),
+    [
+        (lambda u: {"near": u["far"], "far": u["near"]}, {}, "matched to far is near, near is far"),
+        (lambda u: u | {"far": -u["far"]}, {}, "far of reversed polarity"),
+        (lambda u: u, {"lag": 3.3e-6}, "otherwise, --lag"),
+        (lambda u: u, {"scale": 3.7e4}, "otherwise, --scale -3"),
+    ],
+)
+def test_a_record_that_lies_otherwise_on_its_case_is_said_to(
+    change, stated, said, record, tmp_path
+):
+    """Columns exchanged, one turned, a lag or a scale stated wrong: what is told leaves noise."""
+    loaded = load(case(tmp_path, **TRUTH))
+    other = replace(record, signals=change(record.signals))
+    found = compare(loaded, matched(other, loaded.simulation, None), **stated)
+    (note,) = [one for one in found.measured.notes if "laid otherwise" in one]
+    assert said in note
+    assert float(note.split("so ")[1].split("%")[0]) < 6
+    exact = compare(loaded, matched(record, loaded.simulation, None))
+    assert not any("otherwise" in one for one in exact.measured.notes)
+
+
 @pytest.mark.parametrize("held", [0.0, 0.9], ids=["jitter", "jitter of a narrow band"])
 def test_least_squares_errors_are_those_of_repeated_experiments(held):
     """The spread over 200 made-up experiments, in which all receivers share a jitter, is what the

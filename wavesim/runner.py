@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the process beside a run is begun before they are loaded
 
 Progress = Callable[[str, float], None]
 _EXPECTED = "wavesim.readings.bar.reading.expected"
+_PULSE_TESTS = "wavesim.verdict.judgement.pulse_tests"
 
 
 class RunError(RuntimeError):
@@ -121,12 +122,13 @@ def run(
         tell("analyse", 0.0)
         field = _field(results, steps, storing, kept, energies)
         pictures = Pictures(worker, folder, figures, field)
-        found = measure(case, field, known.result())
+        until_the_end.enter_context(results.gathering(storing.wait))
+        passing = worker.ask(_PULSE_TESTS, field)
+        found = measure(case, field, known.result(), passing.result)
         laps.end("analyse")
         tell("figures", 0.0)
         pictures.of_found(found, case.title or folder.name)
         storing.wait()
-        until_the_end.enter_context(results.gathering())
         if not kept:
             # The file is read until all is drawn: only then may another take its place.
             pictures.wait()

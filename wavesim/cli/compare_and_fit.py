@@ -202,7 +202,8 @@ def _of_record(
         stop("--vary: required, but not given; name what to fit, as medium.anisotropy", BAD_INPUT)
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
     from wavesim.records.content import RecordError
-    from wavesim.studies.fit_answer import is_points, of_points, of_waveforms
+    from wavesim.records.point_table import is_points
+    from wavesim.studies.fit_answer import of_points, of_waveforms
     from wavesim.studies.least_squares import FitError
 
     field, lag, scale, layout = (beside[name] for name in ("field", "lag", "scale", "layout"))

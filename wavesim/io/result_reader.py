@@ -65,30 +65,34 @@ def _first(error: Exception) -> str:
 
 # What the library keeps for itself, references among them.
 _OF_THE_LIBRARY = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
-CHECKSUM = "checksum"
+CHECKSUM = "sha256"
 
 
-def attributes_checksum(file: h5py.File) -> str:
-    """SHA-256 of all attributes: of texts among them HDF5 itself has no checksum."""
+def checksum(file: h5py.File) -> str:
+    """SHA-256 of what HDF5 itself has no checksum of: attributes, as texts among them, and single
+    numbers and other arrays that are not stored in chunks."""
     found = hashlib.sha256()
 
     def add(name: str, item: Any) -> None:
         for key in sorted(item.attrs):
             if key not in (*_OF_THE_LIBRARY, CHECKSUM):
                 found.update(f"{name}\0{key}\0{item.attrs[key]!r}\0".encode(errors="replace"))
+        if hasattr(item, "chunks") and not (item.chunks or item.is_virtual):
+            value = item[()]
+            found.update(value if isinstance(value, bytes) else np.asarray(value).tobytes())
 
     add("", file)
     file.visititems(add)
     return found.hexdigest()
 
 
-def _hold(path: Path, file: h5py.File) -> None:
-    """Hold a file's attributes to their checksum, where it has one."""
+def hold(path: Path, file: h5py.File) -> None:
+    """Hold a file's attributes and single numbers to their checksum, where it has one."""
     stored = file.attrs.get(CHECKSUM)
-    if stored is not None and stored != attributes_checksum(file):
+    if stored is not None and stored != checksum(file):
         raise StorageError(
-            f"{path}: damaged: its attributes (case, units, names) are not those that were "
-            "written; run the case again, or take a whole copy"
+            f"{path}: damaged: its attributes (case, units, names) or single numbers are not those "
+            "that were written; run the case again, or take a whole copy"
         )
 
 
@@ -171,7 +175,7 @@ def describe(path: Path) -> Stored:
         StorageError: it is not a result of wavesim.
     """
     with reading(path) as file:
-        _hold(path, file)
+        hold(path, file)
         return Stored(str(file.attrs["case"]), str(file.attrs["status"]), len(file["t"]))
 
 

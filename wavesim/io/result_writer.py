@@ -4,15 +4,16 @@ No file that a reader may see is ever changed in place: the frames of a run go t
 result.h5, packed and written once each, and result.h5 itself, which presents them as one array and
 holds the last frames, which fill no whole chunk of a part, is written anew after a chunk and moved
 into place. A run that is killed, at whatever instant, so leaves a whole file of whole chunks. At
-the end the parts are gathered into result.h5, by a thread, while figures are drawn.
+the end the parts are gathered into result.h5, by a thread, while the run is measured.
 """
 
 from __future__ import annotations
 
 import datetime
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,8 @@ from wavesim.io.result_reader import (
     CHECKSUM,
     StorageError,
     WriteError,
-    attributes_checksum,
+    checksum,
+    hold,
     reading,
 )
 from wavesim.io.whole_files import way_out, written
@@ -56,7 +58,7 @@ class Results:
         self._tail: dict[str, np.ndarray] = {}
         self._series: dict[str, np.ndarray] = {}
         self._state: Sequence[np.ndarray] = ()
-        self._gathering: Gathering | None = None
+        self._gathering: Future[Gathering] | None = None
 
     def create(self) -> None:
         """Begin anew: what an earlier run left must not pass for this one's."""
@@ -110,6 +112,7 @@ class Results:
                 lay_out(file, *self._known("running"))
                 for name in self.simulation.fields:
                     self._show(file, name)
+                file.attrs[CHECKSUM] = checksum(file)
             self._stored = self._frames
 
     def _keep(self, values: Mapping[str, np.ndarray]) -> None:
@@ -131,25 +134,34 @@ class Results:
         self._tail = {name: data[full:].copy() for name, data in whole.items()}
 
     @contextmanager
-    def gathering(self) -> Iterator[None]:
+    def gathering(self, stored: Callable[[], object] = lambda: None) -> Iterator[None]:
         """While this lasts, gather all parts into the file to come; :meth:`finish` makes it so.
 
         What was gathered is thrown away where it ends without that.
+
+        Args:
+            stored: returns when all is appended; the gathering begins then, beside who called.
         """
-        with self._writing():
-            self._room()
-            first = [0, *self._ends]
-            parts = [(at, self._part(end)) for at, end in zip(first, self._ends, strict=False)]
-            if not self._tail:  # gathered before
-                parts = [(0, self.path)]
-            points = {name: self._points(name) for name in self.simulation.fields}
-            known = self.path, points, parts, self._tail, self._frames
-            self._gathering = Gathering(*known)
-        try:
-            yield
-        finally:
-            self._gathering.abandon()
-            self._gathering = None
+
+        def begun() -> Gathering:
+            stored()
+            with self._writing():
+                self._room()
+                first = [0, *self._ends]
+                parts = [(at, self._part(end)) for at, end in zip(first, self._ends, strict=False)]
+                if not self._tail:  # gathered before
+                    parts = [(0, self.path)]
+                points = {name: self._points(name) for name in self.simulation.fields}
+                return Gathering(self.path, points, parts, self._tail, self._frames)
+
+        with ThreadPoolExecutor(1) as beside:
+            self._gathering = beside.submit(begun)
+            try:
+                yield
+            finally:
+                with suppress(Exception):  # told of by who waits for what is stored, or finishes
+                    self._gathering.result().abandon()
+                self._gathering = None
 
     def finish(
         self, status: str, tables: Mapping[str, tuple[np.ndarray, str]] | None = None
@@ -167,14 +179,14 @@ class Results:
                 self.finish(status, tables)
             return
         with self._writing():
-            with self._gathering.file() as file:
+            with self._gathering.result().file() as file:
                 lay_out(file, *self._known(status))
                 for name in self.simulation.fields:
                     label(file, self.simulation, name, file[f"fields/{name}"])
                 for path, (values, unit) in (tables or {}).items():
                     put(file, path, values, unit)
                 attach_axes(file)
-                file.attrs[CHECKSUM] = attributes_checksum(file)
+                file.attrs[CHECKSUM] = checksum(file)
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def carry_on(self) -> tuple[int, list[np.ndarray]]:
@@ -192,6 +204,7 @@ class Results:
                 "--resume"
             )
         with reading(self.path) as file:
+            hold(self.path, file)
             if file.attrs["case"] != self.told["case"]:
                 raise StorageError(
                     f"{self.path}: was made by another case than this; run without --resume, or "

@@ -36,8 +36,13 @@ def components(block: Block, field: str) -> list[tuple[int, float]]:
     return [(i, part[field]) for i, part in parts if part.get(field)]
 
 
-def body_loads(stack: Stack, sources: Sequence[Any], periodic: bool) -> list[Load]:
-    """Loads of body sources and initial values on a block; round a ring, their images as well."""
+def body_loads(
+    stack: Stack, sources: Sequence[Any], periodic: bool, inertial: bool = False
+) -> list[Load]:
+    """Loads of body sources and initial values on a block; round a ring, their images as well.
+
+    Those of initial values are as viscous stress leaves them, or else inertial alone.
+    """
     units, found = stack.units, []
     for source in sources:
         acts = acts_of(source)
@@ -50,7 +55,8 @@ def body_loads(stack: Stack, sources: Sequence[Any], periodic: bool) -> list[Loa
         if acts == "initial":
             # The value is not normalised; φ̈ + ω₀²φ = φ(0) δ′(t), whose transform is −iω φ(0).
             strength = strength * (units.time**2 * math.sqrt(2 * math.pi) * width / units.length)
-            strength = strength / units.unit(source.field) * _let_go(stack, source)[0]
+            strength = strength / units.unit(source.field)
+            strength = strength if inertial else strength * _let_go(stack, source)[0]
         else:
             strength = strength / (units.force(source.field) * units.length)
         length = stack.layers.length

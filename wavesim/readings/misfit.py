@@ -24,6 +24,8 @@ Float = NDArray[Any]
 _IN_BAND = 0.1
 # A correlation is looked at so many times between its samples.
 _PARTS = 50
+# Columns are laid otherwise by so many strongest frequencies, at so many lags to a period.
+_FREQUENCIES, _TO_A_PERIOD = 256, 16
 
 
 @dataclass(frozen=True)
@@ -118,3 +120,40 @@ def misfit(
         amplitude,
         float(np.std(level)),
     )
+
+
+def laid_otherwise(
+    recorded: Float, there: Float, step: float, begin: float, reach: float
+) -> tuple[NDArray[np.int_], Float, float]:
+    """How columns lie on a case's signals best, whosever they are said to be.
+
+    With one lag t₀ for all, that assignment π with signs that explains most, Σ_j |c_jπ(j)(t₀)| of
+    the correlations.
+
+    Args:
+        recorded, there: recorded and simulated signals, shapes (nt, m) and (N, m), without offset.
+        step: Δt of both, s.
+        begin: of the record on the clock of the case, s.
+        reach: largest |t₀|, s.
+
+    Returns:
+        π, the column that is each receiver's, and its sign, shape (m,); t₀, s.
+    """
+    from scipy.optimize import linear_sum_assignment  # slow to import, and few comparisons need it
+
+    size = len(recorded) + len(there)
+    U, V = (np.fft.rfft(part, size, axis=0) for part in (recorded, there))
+    loud = np.sum(np.abs(U) * np.abs(V), axis=1)
+    some = np.argsort(loud)[-_FREQUENCIES:]
+    omega = 2 * np.pi * some / (size * step)
+    centre = float(np.sum(omega * loud[some]) / np.sum(loud[some]))
+    lags = np.arange(-reach, reach, 2 * np.pi / centre / _TO_A_PERIOD)
+    both = (np.conj(V[some, :, None]) * U[some, None, :]).reshape(len(some), -1)
+    best: tuple[float, Any, Any, float] = (-1.0, None, None, 0.0)
+    for lag in lags.tolist():
+        c = (np.exp(1j * omega * (lag - begin)) @ both).real.reshape(V.shape[1], -1)
+        rows, columns = linear_sum_assignment(-np.abs(c))
+        found = c[rows, columns]
+        if np.abs(found).sum() > best[0]:
+            best = float(np.abs(found).sum()), columns, np.sign(found), lag
+    return best[1], best[2], best[3]

@@ -111,3 +111,15 @@ def _flags(path: Path, column: Any) -> NDArray[np.bool_]:
             "False"
         )
     return np.asarray(words.isin(_TRUE), bool)
+
+
+def is_points(path: Path) -> bool:
+    """Whether a file is a table of points, as wavesim dispersion or attenuation writes it."""
+    if not path.is_file() or path.suffix.lower() not in (".csv", ".txt"):
+        return False
+    with path.open(encoding="utf-8", errors="replace") as file:
+        names = {name.strip() for name in file.readline(4096).split(",")}
+    return any(
+        {"omega_rad_per_s", f"{k}_rad_per_m", error} <= names
+        for k, error in (("k", "omega_error_rad_per_s"), ("k_imag", "k_error_rad_per_m"))
+    )

@@ -231,7 +231,11 @@ def verdict(summary: Summary) -> str:
     if not short and all(check["name"].startswith("energy") for check in checks):
         return f"{passed}, of energy alone: the notes say why nothing else was checked."
     if not short:
-        return f"{passed}: the simulation agrees with the exact solution."
+        own = any(check["name"].endswith("beside thirds of the cells") for check in checks)
+        other = (
+            "itself on cells a third as long: the notes say why" if own else "the exact solution"
+        )
+        return f"{passed}: the simulation agrees with {other}."
     more = f" and {len(short) - 1} more" if len(short) > 1 else ""
     return f"{passed}; {short_name(short[0]['name'])}{more} fell short: see what to change."
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wavesim.verdict.judgement import FOR_PULSE_TESTS
 from wavesim.worker import Answer, Here, Worker
 
 if TYPE_CHECKING:  # the process is begun before they are loaded
@@ -99,6 +100,8 @@ def begun_beside() -> Worker:
     beside.prepare("importlib.import_module", _DRAWING)
     beside.prepare("importlib.import_module", _PAGE_DATA)
     beside.prepare(f"{_DRAWING}.warm_up")
+    for name in FOR_PULSE_TESTS:
+        beside.prepare("importlib.import_module", name)
     return beside
 
 

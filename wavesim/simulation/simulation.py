@@ -10,14 +10,15 @@ import functools
 import math
 import numbers
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.grid.bar import Bar
+from wavesim.grid.bar import Bar, layered_bar
 from wavesim.grid.points import sampling
 from wavesim.grid.stencils import modified_wavenumber
+from wavesim.grid.summation_by_parts import closure
 from wavesim.material.arguments import checked
 from wavesim.material.family import Block
 from wavesim.material.layers import Layer, Layers, as_layers
@@ -206,6 +207,19 @@ def simulation(
     layers = as_layers(medium, bar.length)
     known = tuple(sources), duration, samples, dict(receivers or {}), solver, step
     return Simulation(layers, bar, *known)
+
+
+def with_spacing(simulated: Simulation, spacing: float) -> Simulation:
+    """The same on a grid of other cells (m), as a case with that [bar] spacing has it."""
+    bar, layers = simulated.bar, simulated.layers
+    if bar.stretches:
+        least = closure(bar.order).cells
+        sizes = [min(spacing, layer.thickness / least) for layer in layers.layers]
+        made = layered_bar(layers, sizes, bar.order, bar.left, bar.right, bar.absorber)
+    else:
+        cells = round(bar.length / spacing)
+        made = replace(bar, cells=cells, spacing=bar.length / cells)
+    return replace(simulated, bar=made)
 
 
 def at_double_moment(simulated: Simulation, position: float) -> bool:

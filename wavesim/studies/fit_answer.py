@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from wavesim.case.load import Case
 from wavesim.readings.dispersion.points import BranchPoints
-from wavesim.readings.matched_record import Measured
-from wavesim.readings.misfit import Comparison, misfit
+from wavesim.readings.matched_record import Measured, resampling
+from wavesim.readings.misfit import Comparison, laid_otherwise, misfit
 from wavesim.records.point_table import read_points
 from wavesim.studies.fitted_keys import QUALITY, targets, with_values
-from wavesim.studies.least_squares import FitError, Solution, solve
-from wavesim.studies.waveform_fit import GAIN, LAG, Waveforms, fit_waveforms
+from wavesim.studies.least_squares import FitError, Solution, Tied, solve, tied
+from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms
 
 Float = NDArray[Any]
 
@@ -53,7 +53,54 @@ def compare(
         measured: the record.
         lag, scale: stated, s and –; fitted where None.
     """
-    data = Waveforms(case, [], measured, lag, scale, known=signals_of(case, measured))
+    frames = signals_of(case, measured)
+    found = _beside(case, measured, lag, scale, frames)
+    if not found.residual > _LOOKED_INTO:
+        return found
+    sim, step = case.simulation, measured.interval
+    own = resampling(sim.frames, sim.interval, np.arange(0.0, sim.duration + step / 2, step))
+    there, recorded = (part - part.mean(axis=0) for part in (own @ frames, measured.values))
+    reach = max(REACH * sim.duration, abs(lag or 0.0) + sim.duration / 2)
+    order, sign, at = laid_otherwise(recorded, there, step, float(measured.t[0]), reach)
+    sign = sign * (1 if sign.sum() > 0 else -1)
+    laid = replace(measured, values=measured.values[:, order] * sign, t=measured.t - at)
+    other = _beside(case, laid, None, None, frames)
+    if other.residual < _FAR_LESS * found.residual:
+        said = _laid(
+            replace(found, lag=at + other.lag, scale=other.scale),
+            order,
+            sign,
+            lag is not None and abs(at + other.lag - lag) > step,
+            scale is not None,
+        )
+        said += f": so {other.residual:.2%} would be left over, in place of {found.residual:.1%}"
+    elif other.residual > _LARGEST_RESIDUAL:
+        said = "the case is another than what was measured, whoever's the columns are"
+    else:
+        return found
+    return replace(found, measured=replace(measured, notes=(*measured.notes, said)))
+
+
+def _laid(better: Comparison, order: Any, sign: Float, late: bool, sized: bool) -> str:
+    """How a record lies on a case better than as it is matched; its lag and scale, where other."""
+    names = better.measured.names
+    moved = [f"{names[i]} is {name}" for name, i in zip(names, order, strict=True)
+             if names[i] != name]  # fmt: skip
+    turned = [names[i] for i, one in zip(order, sign, strict=True) if one < 0]
+    parts = [f"what is matched to {', '.join(moved)}"] if moved else []
+    parts += (
+        [f"{', '.join(turned)} of reversed polarity: turn round or leave out"] if turned else []
+    )
+    parts += [f"--scale {better.scale:.4g}"] if sized else []
+    parts += [f"--lag {better.lag:.4g}"] if late or not parts else []
+    return "laid otherwise, " + "; ".join(parts)
+
+
+def _beside(
+    case: Case, measured: Measured, lag: float | None, scale: float | None, frames: Float
+) -> Comparison:
+    """The record beside the case as it is matched, where its field at the receivers is known."""
+    data = Waveforms(case, [], measured, lag, scale, known=frames)
     values = data.beginning()
     solution: Solution | None = solve(data, values) if data.parameters else None
     if solution is not None:
@@ -67,10 +114,6 @@ def compare(
         misfit(name, x, recorded[:, j], there[inside, j], left[inside, j], measured.interval)
         for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True))
     )
-    turned = [one.name for one in per if one.amplitude < 0]
-    if turned:
-        said = f"{', '.join(turned)}: of reversed polarity beside the case; turn round or leave out"
-        measured = replace(measured, notes=(*measured.notes, said))
     return Comparison(
         measured, there, per,
         lag if lag is not None else values[LAG], errors.get(LAG, np.nan),
@@ -79,27 +122,11 @@ def compare(
     )  # fmt: skip
 
 
+# From so much left over on, another way to lay the record on the case is looked for, and told where
+# it leaves less than this part of that.
+_LOOKED_INTO, _FAR_LESS = 0.1, 0.5
 # More than this of the record left over says that the case is another than what was measured.
 _LARGEST_RESIDUAL = 0.5
-# Correlation of errors beyond which they hang together.
-_TIED = 0.9
-
-
-@dataclass(frozen=True)
-class Tied:
-    """Two parameters whose errors hang together: the data tell a sum of them better than either.
-
-    Attributes:
-        keys: which, a and b.
-        value: correlation of their errors, –.
-        factor, told, told_error: a + factor · b = told ± told_error, SI.
-    """
-
-    keys: tuple[str, str]
-    value: float
-    factor: float
-    told: float
-    told_error: float
 
 
 @dataclass(frozen=True)
@@ -179,6 +206,9 @@ def of_waveforms(
     fitted = replace(case, simulation=replace(case.simulation, layers=layers))
     scale = data.scale_of(solution.values)
     beside = compare(fitted, measured, lag if lag is not None else solution.values[LAG], scale)
+    # What was fitted to columns of other receivers is no case to lay them on.
+    far = beside.residual > _LARGEST_RESIDUAL
+    notes = (compare(case, measured, lag, gain) if far else beside).measured.notes
     nuisances = {
         key: (solution.values[key], solution.errors[key]) for key in (GAIN, LAG)
         if key in solution.values
@@ -196,7 +226,7 @@ def of_waveforms(
         tied(solution.values, solution.errors, solution.covariance),
         beside.residual,
         solution.evaluations,
-        measured.notes,
+        notes,
         comparison=beside,
     )
 
@@ -213,38 +243,8 @@ def _reason(solution: Solution, key: str, residual: float) -> str:
         with_what = f" apart from {', '.join(others)}" if others else ""
         return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
     if key in solution.at_limits:
-        return "it ended at the limit of what is admissible"
+        return "it ended at the limit of what is admissible: hold it, or begin elsewhere with --set"
     return "" if solution.converged else "the fit did not settle: begin closer, with --set"
-
-
-def tied(
-    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = _TIED
-) -> tuple[Tied, ...]:
-    """Pairs of parameters whose errors hang together by more than the least."""
-    keys, found = list(values), []
-    for i, j in zip(*np.tril_indices(len(keys), -1), strict=True):
-        both = keys[i], keys[j]
-        size = float(np.sqrt(max(cov[i, i] * cov[j, j], 0.0)))
-        if not size > 0 or not abs(cov[i, j]) > least * size:
-            continue
-        if np.isfinite([errors[key] for key in both]).all():
-            factor = -float(cov[i, j] / cov[j, j])
-            told = values[both[0]] + factor * values[both[1]]
-            left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
-            found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
-    return tuple(found)
-
-
-def is_points(path: Path) -> bool:
-    """Whether a file is a table of points, as wavesim dispersion or attenuation writes it."""
-    if not path.is_file() or path.suffix.lower() not in (".csv", ".txt"):
-        return False
-    with path.open(encoding="utf-8", errors="replace") as file:
-        names = {name.strip() for name in file.readline(4096).split(",")}
-    return any(
-        {"omega_rad_per_s", f"{k}_rad_per_m", error} <= names
-        for k, error in (("k", "omega_error_rad_per_s"), ("k_imag", "k_error_rad_per_m"))
-    )
 
 
 def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = None) -> FitAnswer:

@@ -3,15 +3,17 @@
     minimise Σ_i |r_i(θ, ν)|²
 
 over the parameters θ that are wanted and nuisances ν (gain, lag) that are not, by scipy's trust
-region with exact derivatives. Errors come from the residuals themselves, in groups that share a
-disturbance (all receivers at one time share its jitter):
+region with exact derivatives. Errors come from the residuals themselves: by the jackknife, what the
+answer moves by where a block of data is left out,
 
-    cov = (JᵀJ)⁻¹ (Σ_g J_gᵀ r_g r_gᵀ J_g) (JᵀJ)⁻¹,
+    cov = Σ_b δ_b δ_bᵀ,    δ_b = (JᵀJ − J_bᵀJ_b)⁻¹ J_bᵀ r_b,
 
-or of what noise of their spectrum, smoothed over some bins, makes of J, as noise of a narrow band
-is alike for a while; or s²(JᵀJ)⁻¹, whichever is most; s² is what is left over. A direction of
-(θ, ν), each in units of its own size, along which J hardly changes is one that the data do not
-tell: it is named, and what lies along it has no error bar. Liang & Zeger, Biometrika 73, 13 (1986).
+of blocks of one time (all receivers share its jitter), of 4, 16 … as long as none tells most of a
+direction, as disturbances last; or of what noise of their spectrum, smoothed over some bins, makes
+of J, as noise of a narrow band is alike for a while; or s²(JᵀJ)⁻¹, whichever is most; s² is what is
+left over. A direction of (θ, ν), each in units of its own size, along which J hardly changes is one
+that the data do not tell: it is named, and what lies along it has no error bar.
+Bell & McCaffrey, Survey Methodol. 28, 169 (2002).
 """
 
 from __future__ import annotations
@@ -31,9 +33,13 @@ _CONDITION = 1e-7
 _UNKNOWN = 3.0
 # Parts of a direction below this are not named, but part of the error.
 _NAMED = 0.15
+# A block tells at most this part of a direction; blocks begin at so many places.
+_TOLD_BY_ONE, _BEGINNINGS = 0.5, 4
 # The spectrum of noise is a mean over so many bins 2π/T to either side.
 _BINS = 8
 _MOST_EVALUATIONS = 60
+# Correlation of errors beyond which they hang together.
+_TIED = 0.9
 
 
 class FitError(ValueError):
@@ -159,6 +165,41 @@ def solve(
     )
 
 
+@dataclass(frozen=True)
+class Tied:
+    """Two parameters whose errors hang together: the data tell a sum of them better than either.
+
+    Attributes:
+        keys: which, a and b.
+        value: correlation of their errors, –.
+        factor, told, told_error: a + factor · b = told ± told_error, SI.
+    """
+
+    keys: tuple[str, str]
+    value: float
+    factor: float
+    told: float
+    told_error: float
+
+
+def tied(
+    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = _TIED
+) -> tuple[Tied, ...]:
+    """Pairs of parameters whose errors hang together by more than the least."""
+    keys, found = list(values), []
+    for i, j in zip(*np.tril_indices(len(keys), -1), strict=True):
+        both = keys[i], keys[j]
+        size = float(np.sqrt(max(cov[i, i] * cov[j, j], 0.0)))
+        if not size > 0 or not abs(cov[i, j]) > least * size:
+            continue
+        if np.isfinite([errors[key] for key in both]).all():
+            factor = -float(cov[i, j] / cov[j, j])
+            told = values[both[0]] + factor * values[both[1]]
+            left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
+            found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
+    return tuple(found)
+
+
 def _uncertainty(
     r: Float, J: Float, groups: NDArray[np.int_], size: Float
 ) -> tuple[Float, list[Float], list[float]]:
@@ -173,15 +214,10 @@ def _uncertainty(
     told = (s > _CONDITION * s[0]) & (error < _UNKNOWN)
     inverse = np.where(told, 1 / np.where(told, s, 1.0), 0.0)
     plain = (Vt.T * inverse**2) @ Vt * variance
-    # Scores of each group, in the directions that are told.
-    slopes = U * inverse
-    scores = np.zeros((int(groups.max()) + 1, p))
-    np.add.at(scores, groups, slopes * r[:, None])
-    count = int(scores.any(axis=1).sum())
     # Each parameter's variance is the largest of those.
     found = np.diag(plain)
-    for part in (scores.T @ scores * count / max(count - p, 1), _coloured(r, slopes, groups)):
-        found = np.maximum(found, np.diag(Vt.T @ part @ Vt))
+    for part in (*_left_out(r, U, groups), _coloured(r, U, groups)):
+        found = np.maximum(found, np.diag((Vt.T * inverse) @ part @ (Vt.T * inverse).T))
     ratio = np.sqrt(found / np.maximum(np.diag(plain), 1e-300))
     covariance = plain * ratio[:, None] * ratio
     return (
@@ -189,6 +225,31 @@ def _uncertainty(
         [row for row, ok in zip(Vt, told, strict=True) if not ok],
         np.maximum(error, _UNKNOWN)[~told].tolist(),
     )
+
+
+def _left_out(r: Float, U: Float, groups: NDArray[np.int_]) -> list[Float]:
+    """Σ_b δ_b δ_bᵀ for each length of blocks, in the directions U that J = U s Vᵀ tells, (p, p)."""
+    p, times = U.shape[1], int(groups.max()) + 1
+    score, told = np.zeros((times + 1, p)), np.zeros((times + 1, p, p))
+    np.add.at(score, groups + 1, U * r[:, None])
+    for i in range(p):
+        np.add.at(told[:, i], groups + 1, U * U[:, i : i + 1])
+    score, told = np.cumsum(score, axis=0), np.cumsum(told, axis=0)
+    found: list[Float] = []
+    for length in (4**i for i in range(times.bit_length() // 2)):
+        begin = np.unique(np.arange(_BEGINNINGS) * length // _BEGINNINGS)
+        total = np.zeros((p, p))
+        for first in begin:
+            ends = np.unique(np.r_[0, np.arange(first, times, length), times])
+            rest = np.eye(p) - np.diff(told[ends], axis=0)
+            if length > 1 and np.linalg.eigvalsh(rest)[:, 0].min() < 1 - _TOLD_BY_ONE:
+                return found
+            moved = np.linalg.solve(
+                rest + 1e-9 * np.eye(p), np.diff(score[ends], axis=0)[..., None]
+            )
+            total += moved[..., 0].T @ moved[..., 0] / len(begin)
+        found.append(total)
+    return found
 
 
 def _coloured(r: Float, slopes: Float, groups: NDArray[np.int_]) -> Float:

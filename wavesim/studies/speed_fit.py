@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.medium import Medium
-from wavesim.studies.fit_answer import FitAnswer, tied
-from wavesim.studies.least_squares import FitError
+from wavesim.studies.fit_answer import FitAnswer
+from wavesim.studies.least_squares import FitError, tied
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
 NO_BARS = "without errors of the speeds the values have none: give --speed-errors E_P E_S"

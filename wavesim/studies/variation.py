@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.units import unit_of
+from wavesim.case.units import meant_by, unit_of
 
 SAMPLERS = ("sobol", "lhs")
 _FORM = "KEY=FROM:TO:N, such as medium.anisotropy=0:1:11"
@@ -44,7 +44,7 @@ class Axis:
     @property
     def unit(self) -> str:
         """SI, "1" for a number without one."""
-        return unit_of(self.key.rpartition(".")[2]) or "1"
+        return _unit(self.key) or "1"
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Variation:
 
 
 def parsed(text: str) -> Axis:
-    """An axis of its text, KEY=FROM:TO:N or KEY=FROM:TO.
+    """An axis of its text, KEY=FROM:TO:N or KEY=FROM:TO, numbers in SI or with a unit: 3mm.
 
     Raises:
         SweepError: it has another form, or the range is empty.
@@ -125,9 +125,8 @@ def parsed(text: str) -> Axis:
         raise SweepError(
             f"--vary {text}: * stands for all layers in [[design.variables]] alone; name one number"
         )
-    low, high = (
-        _number(text, name, part) for name, part in zip(("FROM", "TO"), parts, strict=False)
-    )
+    ends, unit = zip(("FROM", "TO"), parts, strict=False), _unit(key)
+    low, high = (_number(text, name, part, unit) for name, part in ends)
     count = 0
     if len(parts) == 3:
         if not parts[2].isdecimal() or int(parts[2]) < 1:
@@ -144,12 +143,23 @@ def parsed(text: str) -> Axis:
     return Axis(key, low, high, count)
 
 
-def _number(text: str, name: str, part: str) -> float:
+def _unit(key: str) -> str:
+    """Of a key's number; of a pair's ends, such as layers.0.G_n_a.1, the pair's."""
+    names = [part for part in key.split(".") if not part.isdecimal()]
+    return unit_of(names[-1]) if names else ""
+
+
+def _number(text: str, name: str, part: str, unit: str) -> float:
     try:
         value = float(part)
     except ValueError:
+        value = float(meant_by(unit, part) or "nan")
+        if math.isfinite(value):
+            return value
+        of = f" in {unit}" if unit else ""
         raise SweepError(
-            f"--vary {text}: {name} = {part or 'nothing'}: must be a number; the form is {_FORM}"
+            f"--vary {text}: {name} = {part or 'nothing'}: must be a number{of}; the form is "
+            f"{_FORM}"
         ) from None
     if not math.isfinite(value):
         raise SweepError(f"--vary {text}: {name} = {part}: must be finite")

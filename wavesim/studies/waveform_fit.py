@@ -35,7 +35,7 @@ Float = NDArray[Any]
 GAIN, LAG = "gain", "lag"
 # A lag is looked for up to this part of the run, and beyond 1.5 periods where it explains so much
 # more.
-_REACH, _FAR_BETTER = 0.5, 1.5
+REACH, _FAR_BETTER = 0.5, 1.5
 # A plan is made for waves faster by the root of this.
 _ROOM = 1.4
 # Step of the law's own derivative by Q, over Q.
@@ -77,7 +77,7 @@ class Waveforms:
         if self.gain is None:
             found.append(Parameter(GAIN, 1.0, -np.inf, np.inf, 1.0, False))
         if self.lag is None:
-            reach = _REACH * self.case.simulation.duration
+            reach = REACH * self.case.simulation.duration
             found.append(Parameter(LAG, 0.0, -reach, reach, self.time_scale, False))
         return found
 
@@ -205,7 +205,7 @@ class Waveforms:
         pairs = zip(recorded.T, (there - there.mean(axis=0)).T, strict=True)
         c = np.sum([cross_correlation(u, one) for u, one in pairs], axis=0)
         lags = self.measured.t[0] + step * (np.arange(len(c)) - (len(own) - 1))
-        inside = np.abs(lags) <= _REACH * sim.duration
+        inside = np.abs(lags) <= REACH * sim.duration
         return float(lags[int(np.argmax(np.where(inside, np.abs(c), -1.0)))])
 
     @cached_property

@@ -20,8 +20,11 @@ _COMPILED: dict[Any, Any] = {}
 _KEPT = 32
 _made = 0
 # What XLA leaves out for a CPU where it is to be quick: a third of the time. Elementwise loops then
-# take up to twice as long, products of matrices, which are a library's, as long as before.
-_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+# take up to twice as long, products of matrices, which are a library's, as long as before. Of what
+# is compiled in more parts, beside each other, each part costs a start. The last one jax 0.10
+# knows, 0.11 does not.
+_QUICK = {"xla_backend_optimization_level": 1, "xla_cpu_parallel_codegen_split_count": 4}
+_QUICKEST = _QUICK | {"xla_cpu_use_fusion_emitters": False}
 _ALONE = Lock()
 
 
@@ -57,8 +60,9 @@ def compiled(
 
 def _of_xla(lowered: Any, quickly: bool) -> Any:
     if quickly and jax.default_backend() == "cpu":
-        with suppress(jax.errors.JaxRuntimeError):  # an XLA that knows no such option
-            return lowered.compile(compiler_options=_QUICK)
+        for options in (_QUICKEST, _QUICK):
+            with suppress(jax.errors.JaxRuntimeError):  # an XLA that knows no such option
+                return lowered.compile(compiler_options=options)
     return lowered.compile()
 
 

@@ -57,7 +57,8 @@ def judge_bar(field: Field, reading: Reading) -> list[Check]:
     """
     if not reading.moved:
         return []
-    checks = signal_checks(field, reading.error, sent_back(field))
+    comes_back = "" if reading.finer else sent_back(field)  # thirds of the cells absorb as well
+    checks = signal_checks(field, reading.error, comes_back, bool(reading.finer))
     for scattered in reading.scattered:
         checks += _scattered_checks(field, scattered) + _band_checks(field, scattered)
     for cells in reading.cells:

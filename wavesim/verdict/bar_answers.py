@@ -247,7 +247,8 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
             "no receiver: nothing was held against the exact solver; add [[receivers]] to compare "
             "signals"
         )
-    found += receiver_notes(field, reading.exact, reading.heard, reading.refused)
+    held = reading.exact or reading.finer
+    found += receiver_notes(field, held, reading.heard, reading.refused)
     if field.energy is not None and not field.layers.conserves_energy:
         found.append(
             'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '

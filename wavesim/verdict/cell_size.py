@@ -6,12 +6,15 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from wavesim.case.load import Case
-from wavesim.case.schema import AnalysisTable
 from wavesim.simulation.field import Field
-from wavesim.simulation.simulation import Simulation
-from wavesim.verdict.foreseen_errors import Foretold, foretold, with_spacing
+from wavesim.simulation.simulation import Simulation, with_spacing
+from wavesim.verdict.foreseen_errors import Foretold, foretold
+
+if TYPE_CHECKING:  # slow to import, and drawing does without
+    from wavesim.case.load import Case
+    from wavesim.case.schema import AnalysisTable
 
 # A size is looked for that leaves this part of what is allowed, in so many tries.
 _ASIDE, _TRIES = 0.6, 3
@@ -90,14 +93,20 @@ def cell_size(
             told = foretold(finer, *asked)  # type: ignore[arg-type]
         if told is None:
             seen = f" (tried out to {spacing:g} m)" if spacing < simulated.bar.spacing else ""
-            return f"take {other}[bar] spacing = {tried:g} or finer{seen}", False
+            return f"take {other}{sized(simulated, tried)}{seen}", False
         now = max((f.error * worst.allowed / f.allowed for f in told), default=0.0)
         if now <= worst.allowed:
-            return f"take {other}[bar] spacing = {tried:g} ({finer.bar.cells} cells) or finer", True
+            return f"take {other}{sized(simulated, tried)}", True
         order = max(math.log(error / now) / math.log(spacing / tried), _LEAST_ORDER)
         error, spacing = now, tried
     text = f"take {other}{gentler(simulated)}: cells of {spacing:g} m would still leave {error:.1e}"
     return text, False
+
+
+def sized(simulated: Field | Simulation, spacing: float) -> str:
+    """A cell size (m), with how many cells it makes, which a case may give."""
+    cells = round(simulated.bar.length / spacing)
+    return f"[bar] spacing = {spacing:g} ({cells} cells) or finer"
 
 
 def rounded(length: float) -> float:

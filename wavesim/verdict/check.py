@@ -71,20 +71,24 @@ def judged(
 
 
 def signal_checks(
-    field: Field, found: Mapping[str, Mapping[str, float]], comes_back: str = ""
+    field: Field,
+    found: Mapping[str, Mapping[str, float]],
+    comes_back: str = "",
+    finer: bool = False,
 ) -> list[Check]:
-    """Signals at receivers beside the exact ones.
+    """Signals at receivers beside the exact ones, or those of a finer grid.
 
     Args:
         field: the field.
         found: {receiver: {field: error}}, of ``Loudness.compared``.
         comes_back: of ``remedies.of_signal``.
+        finer: whether beside a grid of thirds of the cells.
     """
-    checks = []
+    checks, beside = [], ", beside thirds of the cells" if finer else ""
     for receiver, errors in found.items():
         # What is not a number is larger than any.
         worst = max(errors, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
-        label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst})"
+        label = f"signal at {receiver}: |Δu|/peak, worst of {len(errors)} fields ({worst}){beside}"
         known = field, receiver, comes_back
         checks.append(judged(label, errors[worst], SIGNAL_TOLERANCE, remedies.of_signal, *known))
     return checks
@@ -100,7 +104,7 @@ def receiver_notes(
 
     Args:
         field: the field.
-        exact: by receiver, those that the exact solver has.
+        exact: by receiver, what it was held against.
         heard: of ``Loudness.compared``; None where all arrived.
         refused: why the exact solver does not have some of it.
     """

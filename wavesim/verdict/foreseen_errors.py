@@ -1,9 +1,9 @@
 """By how much the grid of a run will miss what is exact, found before it.
 
 Of a bar with layers or ends, signals at receivers, T and R as its grid has them stand beside those
-of the exact solver (``grid_signals.py``), of graded layers, which take that long, signals alone
-beside those of a grid of half the cells; of a ring of one medium ω(k) besides, at the grid's
-modified wavenumbers.
+of the exact solver (``grid_signals.py``), or where layers are graded, which takes that long, those
+of a grid of thirds of the cells; of a ring of one medium ω(k) besides, at the grid's modified
+wavenumbers.
 """
 
 from __future__ import annotations
@@ -13,26 +13,32 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.case.schema import AnalysisTable
-from wavesim.grid.bar import layered_bar
-from wavesim.grid.summation_by_parts import closure
 from wavesim.layered.signals import BeyondNumbersError, Contour, contour_of, field_spectra
 from wavesim.material.family import Block
 from wavesim.material.layers import Layers
 from wavesim.material.scaling import judged_range
 from wavesim.planewave.dispersion_relation import block_oscillations
+from wavesim.readings.bar.grid_signals import grid_spectra, in_thirds
 from wavesim.readings.bar.loudness import ARRIVED, NODE, ROUNDING, TAIL, blurred, reach
-from wavesim.readings.bar.transmission import TOLD, Specimen, amplitudes, specimen
+from wavesim.readings.bar.transmission import (
+    TOLD,
+    Buffers,
+    amplitudes,
+    buffers,
+    exact_scattering,
+)
 from wavesim.records.relations import OfMedium
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation, at_double_moment
 from wavesim.sources import EXCITED, Source, excitation, excited_band
-from wavesim.verdict.grid_signals import grid_spectra
+
+if TYPE_CHECKING:  # slow to import, and drawing does without
+    from wavesim.case.schema import AnalysisTable
 
 # What is allowed: of a signal, in its peak; of T and R, in the incident wave; of ω(k) and k(ω), in
 # themselves.
@@ -85,7 +91,10 @@ def foretold(
         table: how it is to be analysed, by default where None.
         k_range: wavenumbers of a ring that are judged, rad/m; those by default where None.
     """
-    table = table or AnalysisTable()
+    if table is None:
+        from wavesim.case.schema import AnalysisTable
+
+        table = AnalysisTable()
     try:
         with np.errstate(all="ignore"):
             if simulated.endless:
@@ -97,19 +106,6 @@ def foretold(
     except (BeyondNumbersError, np.linalg.LinAlgError, ArithmeticError, MemoryError):
         return None  # numbers so far out that no transform holds them
     return found and [one for one in found if math.isfinite(one.error)]
-
-
-def with_spacing(simulated: Simulation, spacing: float) -> Simulation:
-    """The same on a grid of other cells (m), as a case with that [bar] spacing has it."""
-    bar, layers = simulated.bar, simulated.layers
-    if bar.stretches:
-        least = closure(bar.order).cells
-        sizes = [min(spacing, layer.thickness / least) for layer in layers.layers]
-        made = layered_bar(layers, sizes, bar.order, bar.left, bar.right, bar.absorber)
-    else:
-        cells = round(bar.length / spacing)
-        made = replace(bar, cells=cells, spacing=bar.length / cells)
-    return replace(simulated, bar=made)
 
 
 def limit_of(simulated: Simulation) -> str:
@@ -188,7 +184,7 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         if low <= x <= high and not at_double_moment(simulated, x) and not blurred(simulated, x)
     }
     graded = simulated.layers.graded
-    specimens = [] if graded else list(_specimens(simulated, table))
+    specimens = list(_specimens(simulated, table))
     blocks = sum(bool(block.macro) for block in simulated.blocks)
     if not blocks or not (seen or specimens):
         return []
@@ -230,10 +226,14 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
     }
     found = []
     ends = bar.left, bar.right
-    if graded:
-        exact = grid_spectra(with_spacing(simulated, bar.spacing / 2), seen, grid.omega)
-    else:
-        exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
+    finer = in_thirds(simulated) if graded else None
+    exact = None
+    with suppress(ValueError):  # what the exact solver does not have
+        if not finer:
+            exact = field_spectra(simulated.layers, *ends, sources, seen, grid.omega, False)
+    if exact is None:
+        finer = finer or in_thirds(simulated)
+        exact = grid_spectra(finer, seen, grid.omega)
     for name in seen:
         worst = Foretold(f'the signal at "{name}"', 0.0, SIGNAL_TOLERANCE)
         for field, on_grid in record[name, 0].items():
@@ -254,39 +254,50 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
             if name == _BUFFER
         )
         hidden = tail * math.exp(-known.sigma * simulated.duration) + ROUNDING * overall[field]
-        found += _of_scattering(simulated, block, known, hidden / known.sigma)
+        found += _of_scattering(simulated, block, known, hidden / known.sigma, finer)
     return found
 
 
-def _specimens(simulated: Simulation, table: AnalysisTable) -> Iterator[tuple[Block, Specimen]]:
+def _specimens(simulated: Simulation, table: AnalysisTable) -> Iterator[tuple[Block, Buffers]]:
     """What stands between half-spaces, in each block that tells of it."""
     field = Field(simulated, simulated.times, {})
     for block in (block for block in simulated.blocks if block.macro):
-        with suppress(ValueError):  # what the exact solver does not have
-            known = specimen(field, block, table.frequencies, table.damping)
-            if known is not None and known.judged.any():
-                yield block, known
+        known = buffers(field, block, table.frequencies, table.damping)
+        if known is not None and known.judged.any():
+            yield block, known
 
 
 def _of_scattering(
-    simulated: Simulation, block: Block, known: Specimen, hidden: float
+    simulated: Simulation, block: Block, known: Buffers, hidden: float, finer: Simulation | None
 ) -> Iterator[Foretold]:
-    """T and R, where they can be told; hidden as of ``Loudness.hidden``."""
+    """T and R, where they can be told, beside exact ones, or those of a finer grid; hidden as of
+    ``Loudness.hidden``."""
     (name,) = block.macro[0]
-    x = simulated.bar.nodes
-    ends = []
-    for nodes, face, k in zip((known.before, known.behind), known.faces, known.k, strict=True):
-        step = max(1, (nodes.stop - nodes.start) // _NODES)
-        places = {i: float(x[i]) for i in range(nodes.start, nodes.stop, step)}
-        spectra = grid_spectra(simulated, places, known.omega + 1j * known.sigma)
-        values = np.array([spectra[place][name] for place in places]).T
-        ends.append(amplitudes(values, x[list(places)] - face, k))
-    (a, b), (c, _) = ends
+    x, omega = simulated.bar.nodes, known.omega + 1j * known.sigma
+    ends = known.before, known.behind
+    places = {
+        i: float(x[i])
+        for nodes in ends
+        for i in range(nodes.start, nodes.stop, max(1, (nodes.stop - nodes.start) // _NODES))
+    }
+
+    def told(on: Simulation) -> tuple[Any, Any, Any]:
+        spectra = grid_spectra(on, places, omega)
+        found = []
+        for nodes, face, k in zip(ends, known.faces, known.k, strict=True):
+            own = [i for i in places if nodes.start <= i < nodes.stop]
+            values = np.array([spectra[i][name] for i in own]).T
+            found.append(amplitudes(values, x[own] - face, k))
+        (a, b), (c, _) = found
+        return a, c / a, b / a
+
+    a, *measured = told(simulated)
     judged = known.judged & (np.abs(a) * TOLD >= hidden)
     if not judged.any():
         return
-    for letter, measured, exact in (("T", c / a, known.T_exact), ("R", b / a, known.R_exact)):
-        off = float(np.abs(measured - exact)[judged].max())
+    exact = told(finer)[1:] if finer else exact_scattering(simulated.layers, block.sector, omega)
+    for letter, one, other in zip("TR", measured, exact, strict=True):
+        off = float(np.abs(one - other)[judged].max())
         yield Foretold(f"{letter} of {block.sector} waves", off, AMPLITUDE_TOLERANCE)
 
 

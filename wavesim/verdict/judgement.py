@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what measures is loaded while a run compiles
@@ -34,15 +36,23 @@ class Found:
     notes: list[str]
 
 
+# The modules that read the pulse tests of a run.
+FOR_PULSE_TESTS = "wavesim.records.of_pulse_test", "wavesim.readings.pulse.answers", "scipy.signal"
+
+
 def needed(simulated: Simulation) -> tuple[str, ...]:
-    """The modules that measure a run of this case."""
-    pulse = "wavesim.records.of_pulse_test", "wavesim.readings.pulse.answers"
+    """The modules that measure a run of this case, its pulse tests apart."""
     if simulated.endless:
-        return "wavesim.verdict.endless", "wavesim.readings.bar.reading", *pulse
-    return "wavesim.verdict.bar_answers", *pulse, "scipy.signal"
+        return "wavesim.verdict.endless", "wavesim.readings.bar.reading"
+    return "wavesim.verdict.bar_answers", "scipy.signal"
 
 
-def measure(case: Case, field: Any, known: Any = None) -> Found:
+def measure(
+    case: Case,
+    field: Any,
+    known: Any = None,
+    passing: Callable[[], tuple[dict[str, Any], list[str]]] | None = None,
+) -> Found:
     """Measure a field and hold it against theory.
 
     Every bar is measured by what its receivers record; an endless one by its waves, ω(k) and k(ω),
@@ -52,8 +62,9 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         case: the case.
         field: the field of its run.
         known: what the exact solvers say of its receivers; worked out where None.
+        passing: gives what :func:`pulse_tests` reads of it; read here where None.
     """
-    table = case.analysis
+    table, passing = case.analysis, passing or partial(pulse_tests, field)
     if case.simulation.endless:
         from wavesim.readings.bar.loudness import Loudness
         from wavesim.readings.bar.reading import expected
@@ -66,21 +77,22 @@ def measure(case: Case, field: Any, known: Any = None) -> Found:
         held = [hold(field, m, case.k_range) for m in measured]
         checks = judge(field, held)
         found = tables(held)
-        passing, said = pulse_tests(field)
+        summary, said = passing()
         if field.receivers:
             known = known or expected(field)
-            error, heard = Loudness(field).compared(known.signals)
-            checks += signal_checks(field, error)
-            said = receiver_notes(field, known.signals, heard, known.refused) + said
-        told = endless_notes(field, held) + said
-        return Found(checks, of_endless(field, held), held, found, passing, told)
+            exact = known.signals or known.finer
+            error, heard = Loudness(field).compared(exact)
+            checks += signal_checks(field, error, finer=bool(known.finer))
+            said = receiver_notes(field, exact, heard, known.refused) + said
+        said = endless_notes(field, held) + said
+        return Found(checks, of_endless(field, held), held, found, summary, said)
     from wavesim.readings.bar.pulse_test import rows
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.bar import judge_bar
     from wavesim.verdict.bar_answers import bar_notes, of_bar
 
     reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
-    summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | pulse_tests(field)[0]
+    summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | passing()[0]
     checks = judge_bar(field, reading)
     answers = of_bar(field, reading)
     told = bar_notes(reading, field)

@@ -21,8 +21,8 @@ from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.verdict import foreseen_errors
-from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower
-from wavesim.verdict.warnings_before_run import graded_into_absorber
+from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower, sized
+from wavesim.verdict.warnings_before_run import changes_in_absorber
 
 # A row of an answer: names, SI numbers and, where there is no number, None.
 Row = dict[str, Any]
@@ -56,7 +56,7 @@ def finer(field: Field) -> str:
     tried, _ = _tried(field.simulation)
     if tried:
         return f"{tried} {now}"
-    text = f"take [bar] spacing = {field.bar.spacing / 2:.6g} or finer {now}"
+    text = f"take {sized(field, field.bar.spacing / 2)} {now}"
     return text + (f", or [bar] order = {WELL}" if field.bar.order < WELL else "")
 
 
@@ -149,8 +149,8 @@ def _more_damping(field: Field, damping: float, more: float) -> str:
 def absorber(field: Field) -> str | None:
     """A longer absorber, where it is short, or one in a uniform layer."""
     bar = field.bar
-    if graded := graded_into_absorber(field):
-        return graded
+    if changed := changes_in_absorber(field):
+        return changed
     if not bar.absorber:
         return None
     least = least_absorber(field.layers)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesim.case.load import Case
 from wavesim.material.damping import quality
 from wavesim.material.family import is_macro, known_field
 from wavesim.material.shown import KHZ
@@ -22,6 +21,7 @@ from wavesim.timedomain.absorber import least_absorber
 from wavesim.timedomain.time_step import TimeStep, slower
 
 if TYPE_CHECKING:  # slow to import, and only where it is asked for
+    from wavesim.case.load import Case
     from wavesim.verdict.foreseen_errors import Foretold
 
 # A wave propagates where its k turns less than this part of it into decay.
@@ -283,14 +283,14 @@ def _absorbed(simulated: Simulation) -> Iterator[str]:
                 f"{key} = {inside[0]:g}: stands in an absorbing layer, where waves are no waves of "
                 f"the medium; move it into {low:g} to {high:g} m"
             )
-    if graded := graded_into_absorber(simulated):
-        yield f"[bar] absorber = {bar.absorber:g}: {graded}"
+    if changed := changes_in_absorber(simulated):
+        yield f"[bar] absorber = {bar.absorber:g}: {changed}"
     room = 2 * float(simulated.medium.length_scale)
     free = (
         low + room if bar.left == "absorbing" else 0.0,
         high - room if bar.right == "absorbing" else bar.length,
     )
-    near = [x for x in layers.interfaces if not free[0] <= x <= free[1]]
+    near = [x for x in layers.interfaces if low <= x <= high and not free[0] <= x <= free[1]]
     if near:
         yield (
             f"[[layers]] from = {near[0]:g}: an interface within two branch lengths of an "
@@ -304,20 +304,20 @@ def _absorbed(simulated: Simulation) -> Iterator[str]:
         )
 
 
-def graded_into_absorber(simulated: Field | Simulation) -> str:
-    """What to change where a graded layer reaches into an absorbing one, which takes up what the
-    grading in it would send back; "" where none does."""
+def changes_in_absorber(simulated: Field | Simulation) -> str:
+    """What to change where the medium changes within an absorbing layer, which takes up what the
+    change would send back; "" where it does not."""
     bar, (first, *_, last) = simulated.bar, (*simulated.layers.layers, simulated.layers.layers[-1])
     low, high = bar.clear
-    if low > 0 and first.last is not None and first.start < low:
+    if low > 0 and (first.last is not None or first.end < low * (1 - 1e-9)):
         within, uniform = f"0 to {low:g}", "before"
-    elif high < bar.length and last.last is not None and last.end > high:
+    elif high < bar.length and (last.last is not None or last.start > high * (1 + 1e-9)):
         within, uniform = f"{high:g} to {bar.length:g}", "behind"
     else:
         return ""
     return (
-        f"a graded layer lies in the absorbing layer, {within} m, which takes up what it would "
-        f"send back from there; put a uniform [[layers]] of that length {uniform} the graded one"
+        f"the medium changes in the absorbing layer, {within} m, which takes up what that would "
+        f"send back; put a uniform [[layers]] of that length {uniform} it"
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +41,7 @@ class Reading:
             tests, of each sector that has them.
         moved: whether anything moved at all.
         refused: why the exact solvers do not have some of it.
+        finer: signals of a grid of thirds of the cells, where the exact solver has none.
     """
 
     exact: dict[str, dict[str, Float]]
@@ -52,6 +53,7 @@ class Reading:
     heard: Mapping[str, set[str]] | None = None
     moved: bool = True
     refused: tuple[str, ...] = ()
+    finer: Mapping[str, dict[str, Float]] = field(default_factory=dict)
 
     def tables(self) -> dict[str, tuple[Any, str]]:
         """All arrays with their units, by their path in result.h5."""
@@ -109,11 +111,13 @@ class Expected:
     Attributes:
         signals: {receiver: {field: signal (nt,)}}, in its unit; none inside an absorber, which is
             no part of the bar that it ends, and none on a point source of a micro-field.
+        finer: of a grid of thirds of the cells, where the exact solver has none.
         specimens, repeated, eigenfrequencies: by sector, of those that have them.
         refused: why the exact solvers do not have some of it.
     """
 
     signals: dict[str, dict[str, Float]]
+    finer: dict[str, dict[str, Float]]
     specimens: dict[str, Specimen]
     repeated: dict[str, Repeated]
     eigenfrequencies: dict[str, Float]
@@ -138,7 +142,7 @@ def expected(
     low, high = bar.clear
     seen = {name: x for name, x in field.receivers.items() if low <= x <= high}
     seen = {name: x for name, x in seen.items() if not at_double_moment(field.simulation, x)}
-    found = Expected({}, {}, {}, {}, [])
+    found = Expected({}, {}, {}, {}, {}, [])
 
     def asked(make: Callable[..., Any], *arguments: Any) -> Any:
         try:
@@ -152,6 +156,10 @@ def expected(
         if seen:
             known = layers, bar.left, bar.right, field.sources, seen, field.t
             found.signals.update(asked(signals, *known) or {})
+            if not found.signals:
+                from wavesim.readings.bar.grid_signals import on_thirds  # loads scipy
+
+                found.finer.update(asked(on_thirds, field.simulation, seen) or {})
         blocks = () if field.simulation.endless else field.blocks
         for block in (block for block in blocks if block.macro):
             if (between := asked(specimen, field, block, frequencies, damping, bands)) is not None:
@@ -192,7 +200,7 @@ def read_bar(
         )
     known = known or expected(field, frequencies, damping, bands)
     exact, loud = known.signals, Loudness(field)
-    error, heard = loud.compared(exact)
+    error, heard = loud.compared(exact or known.finer)
     of = {block.sector: block for block in field.blocks if block.macro}
     pulses = [pulse_test(field, block, exact, damping, heard) for block in of.values() if exact]
     rung = [ringing(field, of[name], one, exact) for name, one in known.eigenfrequencies.items()]
@@ -206,4 +214,5 @@ def read_bar(
         heard,
         loud.moved,
         tuple(known.refused),
+        known.finer,
     )

@@ -59,8 +59,8 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Specimen:
-    """What lies between two buffers, and what is known of it before any field is.
+class Buffers:
+    """What a specimen lies between, and frequencies at which it is looked at.
 
     Attributes:
         sector: of the wave.
@@ -69,14 +69,8 @@ class Specimen:
         k: the buffers' wavenumbers at ω + iσ, shape (n,) each, rad/m.
         omega: real part of the frequencies, shape (n,), rad/s.
         sigma: their imaginary part σ, rad/s.
-        T_exact, R_exact: of the exact solver at ω + iσ, at the faces, shape (n,): what is measured
-            of a record is compared there.
         judged: where the source has more than 1 % of its peak spectrum and the wave in the buffers
             propagates, shape (n,).
-        line: ω, T and R once more on a line fine enough to be drawn, and T at real ω there.
-        T_real, R_real: of the exact solver at real ω, which a stack is judged by as a filter, shape
-            (n,); NaN where a graded layer without losses has its asymptote, and there is none.
-        bands: those that are asked for in this sector.
     """
 
     sector: str
@@ -86,9 +80,24 @@ class Specimen:
     k: tuple[Complex, Complex]
     omega: NDArray[Any]
     sigma: float
+    judged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Specimen(Buffers):
+    """What lies between two buffers, and what is known of it before any field is.
+
+    Attributes:
+        T_exact, R_exact: of the exact solver at ω + iσ, at the faces, shape (n,): what is measured
+            of a record is compared there.
+        line: ω, T and R once more on a line fine enough to be drawn, and T at real ω there.
+        T_real, R_real: of the exact solver at real ω, which a stack is judged by as a filter, shape
+            (n,); NaN where a graded layer without losses has its asymptote, and there is none.
+        bands: those that are asked for in this sector.
+    """
+
     T_exact: Complex
     R_exact: Complex
-    judged: NDArray[np.bool_]
     line: tuple[NDArray[Any], Complex, Complex, Complex]
     T_real: Complex
     R_real: Complex
@@ -129,14 +138,14 @@ def _stretch(field: Field, low: float, high: float) -> slice | None:
     return slice(int(first), int(last)) if last - first >= _FEWEST_NODES else None
 
 
-def specimen(
+def buffers(
     field: Field,
     block: Block,
     frequencies: int,
     damping: float,
     bands: Sequence[BandTable] = (),
-) -> Specimen | None:
-    """What is known of a specimen between buffers, the first and the last layer of a bar.
+) -> Buffers | None:
+    """The first and the last layer of a bar, where a specimen lies between them.
 
     Args:
         field: of a bar with two absorbing ends and two layers or more, its sources in the first;
@@ -147,7 +156,7 @@ def specimen(
         bands: those to be judged, of any sector.
 
     Returns:
-        What is known; None where the bar is no such bar, or its buffers are too short.
+        None where the bar is no such bar, or its buffers are too short.
     """
     layers, bar = field.layers, field.bar
     if (bar.left, bar.right) != ("absorbing", "absorbing"):
@@ -167,29 +176,40 @@ def specimen(
     asked = [band for band in bands if band.sector == block.sector]
     also = [2 * np.pi * np.linspace(band.low, band.high, _IN_BAND) for band in asked]
     omega, sigma, size = contour(field, own, frequencies, damping, also)
+    s, faces = omega + 1j * sigma, (first.end, last.start)
+    k, other = (wavenumber(layer.medium, block.sector, s) for layer in (first, last))
+    carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in (k, other)], axis=0)
+    judged = (size >= JUDGED) & carried
+    return Buffers(block.sector, before, behind, faces, (k, other), omega, sigma, judged)
+
+
+def specimen(
+    field: Field,
+    block: Block,
+    frequencies: int,
+    damping: float,
+    bands: Sequence[BandTable] = (),
+) -> Specimen | None:
+    """What is known of a specimen between buffers; arguments and None as of :func:`buffers`."""
+    looked = buffers(field, block, frequencies, damping, bands)
+    if looked is None:
+        return None
+    layers, omega, sigma = field.layers, looked.omega, looked.sigma
     s, fine = omega + 1j * sigma, line(omega, sigma)
-    k = tuple(wavenumber(layer.medium, block.sector, s) for layer in (first, last))
-    carried = np.all([np.abs(wave.imag) < np.abs(wave.real) for wave in k], axis=0)
     T, R = exact_scattering(layers, block.sector, np.concatenate([s, fine + 1j * sigma]))
     real = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
     count = len(omega)
     return Specimen(
-        block.sector,
-        before,
-        behind,
-        (first.end, last.start),
-        (k[0], k[1]),
-        omega,
-        sigma,
-        T[:count],
-        R[:count],
-        (size >= JUDGED) & carried,
-        (fine, T[count:], R[count:], real.T[count:]),
-        real.T[:count],
-        real.R[:count],
-        tuple(
+        **vars(looked),
+        T_exact=T[:count],
+        R_exact=R[:count],
+        line=(fine, T[count:], R[count:], real.T[count:]),
+        T_real=real.T[:count],
+        R_real=real.R[:count],
+        bands=tuple(
             Band(band, *between(layers).extremes(block.sector, band.low, band.high))
-            for band in asked
+            for band in bands
+            if band.sector == block.sector
         ),
     )
 

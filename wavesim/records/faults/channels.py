@@ -156,7 +156,8 @@ def _mend(
     mended.out[which] = True
     if kind == "delayed":
         word = "earlier" if max(those.values()) < 0 else "later"
-        listed = listed.replace("-", "") if word == "earlier" else listed
+        sign = -1 if word == "earlier" else 1
+        listed = ", ".join(f"{sign * size:.3g}" for size in list(those.values())[:6])
         said = f"{word} by {listed} s than neighbours say: left out ({where})"
         return Finding(kind, where, f"{word} by {listed} s", TAKEN_OUT, said)
     said = f"{len(which)} dead receivers left out ({where})"
@@ -190,20 +191,8 @@ def _judge(
     wrong &= np.abs(off.factor) > _STEADY * off.unsteady
     wrong &= _alone(np.abs(off.factor), wrong)
     dead = wrong & (off.factor < np.log(_DEAD))
-    if late.sum() == 2 and not dead.any():
-        a, b = np.flatnonzero(late)
-        exchanged = U.copy()
-        exchanged[:, [a, b]] = exchanged[:, [b, a]]
-        again = _off(exchanged, omega, x, floor)
-        if (
-            again is not None
-            and again.coherent > off.coherent
-            and (
-                np.abs(again.delay[[a, b]])
-                < np.maximum(_DEVIATIONS * again.spread_delay, _PHASE / off.omega)
-            ).all()
-        ):
-            return found | {int(a): ("swapped", 0.0), int(b): ("swapped", 0.0)}
+    if late.any() and not dead.any() and (pair := _exchanged(U, omega, x, floor, off)):
+        return found | dict.fromkeys(pair, ("swapped", 0.0))
     if 0 < dead.sum() <= most:
         found |= {int(j): ("dead", 0.0) for j in np.flatnonzero(dead)}
     late &= ~dead
@@ -215,6 +204,25 @@ def _judge(
             int(j): ("mis-scaled", float(np.exp(off.factor[j]))) for j in np.flatnonzero(wrong)
         }
     return found
+
+
+def _exchanged(U: Any, omega: Float, x: Float, floor: Float, off: _Off) -> tuple[int, int] | None:
+    """Which two channels, put in each other's place, leave none that does not fit."""
+    unit = (U / np.maximum(np.abs(U), 1e-300)) ** 2
+    steer = np.exp(-2j * np.outer(_wavenumbers(x), x - x.mean())).T
+    beam = unit @ steer
+    best = 0.0, (0, 0)
+    for a, b in zip(*np.triu_indices(len(x), 1), strict=True):
+        other = beam + np.outer(unit[:, b] - unit[:, a], steer[a] - steer[b])
+        coherent = float(np.median(np.abs(other).max(axis=1)))
+        best = max(best, (coherent, (int(a), int(b))))
+    exchanged = U.copy()
+    exchanged[:, best[1]] = U[:, best[1][::-1]]
+    again = _off(exchanged, omega, x, floor)
+    if again is None or again.coherent <= off.coherent or (again.odd | again.turned).any():
+        return None
+    near = np.maximum(_DEVIATIONS * again.spread_delay, _PHASE / again.omega)
+    return best[1] if (np.abs(again.delay) < near).all() else None
 
 
 def _alone(size: Float, candidate: Mask) -> Mask:
@@ -253,8 +261,7 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
     count, nx = U.shape
     size = np.maximum(np.abs(U), 1e-300)
     unit = U / size
-    spacing = float(np.median(np.diff(x)))
-    k = np.linspace(-np.pi / spacing, np.pi / spacing, 16 * nx + 1)
+    k = _wavenumbers(x)
     steer = np.exp(-1j * np.outer(k, x - x.mean()))
     # Of squared phasors, which polarity does not turn; by it alone k is open to π/spacing, and
     # taken so that most phasors agree, and small.
@@ -295,6 +302,11 @@ def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
         spread(middle),
         float(np.median(omega)),
     )
+
+
+def _wavenumbers(x: Float) -> Float:
+    """Wavenumbers that receivers tell apart, ±π/d, rad/m."""
+    return np.linspace(-1, 1, 16 * len(x) + 1) * np.pi / float(np.median(np.diff(x)))
 
 
 def _delays(phase: Float, omega: Float) -> Float:

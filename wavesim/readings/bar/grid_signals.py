@@ -6,7 +6,8 @@ eliminated as in ``layered/cross_section.py``: with D, norms N and H and Q = HD 
     [Qᵀ (𝒟/s) D − ω² N ι I_φ s] φ = F + Qᵀ C_φB X Π,    s = 1 + i d/ω in absorbing layers,
 
 a band of a few numbers at each ω. What it differs by from ``layered/signals.py`` is what stencils,
-closures, absorbers and sources laid on points do to a signal, all at once.
+closures, absorbers and sources laid on points do to a signal, all at once. Viscous stress feels of
+an initial strain κ₀ only what κ changes by: to σ come −β_d (C_φφ κ₀ − C_φB B₀), to Π likewise.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from scipy.sparse import csr_array
 from wavesim.grid.bar import Bar
 from wavesim.grid.points import gaussian, sampling, spread
 from wavesim.layered.cross_section import Limit, Section, limit
-from wavesim.layered.signals import named
-from wavesim.layered.source_loads import acts_of, body_loads, components, held_back
+from wavesim.layered.signals import contour_of, named
+from wavesim.layered.source_loads import acts_of, body_loads, components
 from wavesim.layered.stack import Stack
 from wavesim.material.family import Block
-from wavesim.simulation.simulation import Simulation
+from wavesim.simulation.simulation import Simulation, with_spacing
 from wavesim.timedomain.absorber import absorption
 
 Values = NDArray[Any]
@@ -38,6 +39,10 @@ P = TypeVar("P")  # what a place is called
 _STIFF = 1e12
 # Friction below this part of the strongest is not felt.
 _CALM = 1e-3
+# Cells times frequencies that are held in memory; and, times blocks, that are worked out beside a
+# run, in about 20 s.
+_AT_ONCE = 1_000_000
+_MOST = 2e7
 
 
 def grid_spectra(
@@ -53,12 +58,47 @@ def grid_spectra(
     Returns:
         {place: {field: shape (N,)}}, the field's unit times s.
     """
-    found: dict[P, dict[str, Values]] = {name: {} for name in places}
-    for block in simulated.blocks:
-        for name, fields in _of_block(simulated, block, places, omega).items():
+    found: dict[P, dict[str, Values]] = {
+        name: {field: np.zeros(len(omega), complex) for field in simulated.fields}
+        for name in places
+    }
+    share = max(1, _AT_ONCE // simulated.bar.cells)
+    for block, start in itertools.product(simulated.blocks, range(0, len(omega), share)):
+        own = slice(start, start + share)
+        for name, fields in _of_block(simulated, block, places, omega[own]).items():
             for field, values in fields.items():
-                found[name][field] = found[name].get(field, 0) + values
+                found[name][field][own] += values
     return found
+
+
+def in_thirds(simulated: Simulation) -> Simulation:
+    """The same on cells a third as long, whose error is a ninth, or less, where differences are of
+    order 2 or more: a grid to hold another against."""
+    return with_spacing(simulated, simulated.bar.spacing / 3)
+
+
+def on_thirds(
+    simulated: Simulation, receivers: Mapping[str, float]
+) -> dict[str, dict[str, Values]]:
+    """Signals at receivers (m) by a grid of thirds of the cells, {receiver: {field: (nt,)}}.
+
+    Raises:
+        ValueError: the gradient term Γ counts, or it would take long.
+    """
+    finer = in_thirds(simulated)
+    grid = contour_of(simulated.layers, simulated.sources, simulated.duration)
+    why = "the gradient term Γ counts" if simulated.gradient_felt else ""
+    if finer.bar.cells * len(grid.omega) * len(simulated.blocks) > _MOST:
+        why = "it takes too long"
+    if why:
+        raise ValueError(
+            f"nor were signals held against those of thirds of the cells, as {why}; run it again "
+            f"with [bar] spacing = {finer.bar.spacing:.6g} and compare"
+        )
+    return {
+        name: {field: grid.signal(values, simulated.times) for field, values in fields.items()}
+        for name, fields in grid_spectra(finer, receivers, grid.omega).items()
+    }
 
 
 def _of_block(
@@ -69,14 +109,14 @@ def _of_block(
     sections = _sections(stack, bar)
     limits = [(cells, limit(one, stack.scaled)) for cells, one in sections]
     inertia = _inertia(stack, bar) if block.macro else np.zeros((1, len(bar.nodes)))
-    force, pushed = _forces(simulated, stack, sections, inertia)
+    force, pushed, strained = _forces(simulated, stack, sections, inertia)
     seen, weights = _sampled(bar, places.values(), True)
     # A block without a macro-field follows what drives it, each point by itself.
     values = np.zeros((len(omega), len(places)))
     kappa = np.zeros((len(omega), len(seen)))
     if block.macro:
         near, at_nodes = _sampled(bar, places.values(), False)
-        phi, kappa = _moved(simulated, stack, limits, inertia, (force, pushed), seen)
+        phi, kappa = _moved(simulated, stack, limits, inertia, (force, pushed, strained), seen)
         values = phi[:, near] @ at_nodes
     B = np.zeros((len(block.micro), *kappa.shape), complex)
     for cells, one in limits:
@@ -88,9 +128,8 @@ def _of_block(
             B[..., own] += one.X[..., component].T[:, :, None] * amount
     strains = B @ weights
     found, p = {}, len(block.macro)
-    for place, (name, x) in enumerate(places.items()):
-        held = held_back(stack, simulated.sources, bar.periodic, x)
-        there = values[:, place, None][:, :p] + held[:, :p], strains[:, :, place].T + held[:, p:]
+    for place, name in enumerate(places):
+        there = values[:, place, None][:, :p], strains[:, :, place].T
         found[name] = named(block, *there, stack.units)
     return found
 
@@ -100,15 +139,16 @@ def _moved(
     stack: Stack,
     limits: Sequence[tuple[slice, Limit]],
     inertia: Values,
-    driven: tuple[Values, Mapping[int, Values]],
+    driven: tuple[Values, Mapping[int, Values], Values],
     seen: Values,
 ) -> tuple[Values, Values]:
     """φ at nodes, shape (N, nodes), and κ at the half-nodes that are seen; driven as of _forces."""
-    bar, (force, pushed) = simulated.bar, driven
+    bar, (force, pushed, begun) = simulated.bar, driven
     length, scaled = float(stack.units.length), stack.scaled
     at_node, at_half = (_stretching(simulated, stack, x) for x in (bar.nodes, bar.half_nodes))
     D, half_norm = bar.difference_matrix * length, bar.differences.half_norm / length
-    stiffness, strained = (np.zeros((len(scaled), bar.cells), complex) for _ in range(2))
+    stiffness = np.zeros((len(scaled), bar.cells), complex)
+    strained = stiffness + begun
     for cells, one in limits:
         stiffness[:, cells] = one.D[:, None]
         for component, total in pushed.items():
@@ -151,26 +191,44 @@ def _forces(
     stack: Stack,
     sections: Sequence[tuple[slice, Section]],
     inertia: Values,
-) -> tuple[Values, dict[int, Values]]:
-    """F at nodes, shape (N, nodes), and Π of each micro-field that is driven, (N, half-nodes)."""
+) -> tuple[Values, dict[int, Values], Values]:
+    """F at nodes, shape (N, nodes), Π of each micro-field that is driven, (N, half-nodes), and what
+    viscous stress does not feel of σ, (half-nodes,)."""
     bar, length = simulated.bar, float(stack.units.length)
     node_norm = bar.differences.node_norm / length
     force = np.zeros((len(stack.scaled), len(bar.nodes)), complex)
+    none = np.zeros((len(stack.scaled), bar.cells), complex)
     pushed: dict[int, Values] = {}
+    kappa = np.zeros(bar.cells)
+    begun = np.zeros((len(stack.block.micro), bar.cells))
     for source in simulated.sources:
-        for load in body_loads(stack, [source], False):
+        for load in body_loads(stack, [source], False, inertial=True):
             micro = load.component - len(stack.block.macro)
             density, points = _laid(bar, source, micro >= 0)
             on = np.outer(load.strength, density * length)
+            if load.inertial:
+                value = (on[0] / (-1j * stack.scaled[0] * stack.units.time)).real
+                if micro < 0:
+                    kappa += bar.difference_matrix @ value * length
+                else:
+                    begun[micro] += value
             if micro < 0:
                 force[:, points] += on * (inertia if load.inertial else node_norm[None])[:, points]
                 continue
             for cells, one in sections if load.inertial else ():
                 mine = (points >= cells.start) & (points < cells.stop)
                 on[:, mine] *= (one.own.i_B * one.losses(stack.scaled)[1])[:, None]
-            none = np.zeros((len(stack.scaled), bar.cells), complex)
-            pushed.setdefault(micro, none)[:, points] += on
-    return force, pushed
+            pushed.setdefault(micro, none.copy())[:, points] += on
+    strained = np.zeros(bar.cells)
+    for cells, one in sections if kappa.any() or begun.any() else ():
+        own, viscous = one.own, one.damping.stiffness
+        at = viscous * kappa[cells], viscous * begun[:, cells]
+        if one.macro:
+            strained[cells] = own.c_pp[0, 0] * at[0] - own.c_pb[0] @ at[1]
+        back = own.c_bb @ at[1] - (np.outer(own.c_bp[:, 0], at[0]) if one.macro else 0)
+        for micro, total in enumerate(back) if viscous else ():
+            pushed.setdefault(micro, none.copy())[:, cells] += total
+    return force, pushed, strained
 
 
 def _at_ends(simulated: Simulation, stack: Stack) -> list[tuple[int, Values]]:
