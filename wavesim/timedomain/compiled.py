@@ -21,8 +21,8 @@ _KEPT = 32
 _made = 0
 # What XLA leaves out for a CPU where it is to be quick: a third of the time. Elementwise loops then
 # take up to twice as long, products of matrices, which are a library's, as long as before. Of what
-# is compiled in more parts, beside each other, each part costs a start. The last one jax 0.10 knows,
-# 0.11 does not.
+# is compiled in more parts, beside each other, each part costs a start. The last one jax 0.10
+# knows, 0.11 does not.
 _QUICK = {"xla_backend_optimization_level": 1, "xla_cpu_parallel_codegen_split_count": 4}
 _QUICKEST = _QUICK | {"xla_cpu_use_fusion_emitters": False}
 _ALONE = Lock()
