@@ -255,6 +255,31 @@ def test_a_wave_that_arrives_late_is_foreseen():
     assert one.error > 100 * one.allowed
 
 
+@pytest.mark.parametrize(
+    ("text", "overrides", "told", "followed"),
+    [
+        (
+            ENDED,
+            ["sources.0.delay=5e-7"],
+            r"delay = 5e-07: .* take at least (\S+) s",
+            "sources.0.delay",
+        ),
+        (ENDED, [], r"lengthen \[time\] duration to (\S+) or more, or move", "time.duration"),
+    ],
+    ids=["jump", "eigenfrequencies"],
+)
+def test_what_is_told_to_change_mends_it(text, overrides, told, followed):
+    """A signal that begins with a jump, which no grid mends; neighbours among eigenfrequencies."""
+
+    def said(*changes):
+        case = built(text, *overrides, *changes)
+        found = measure(case, ws.integrate(case.simulation))
+        lines = [one.remedy for one in found.checks if not one.passed] + found.notes
+        return next((match for one in lines if (match := re.search(told, one))), None)
+
+    assert said(f"{followed}={said()[1]}") is None
+
+
 LET_GO = """
 [medium]
 stiffness_damping = 2e-9

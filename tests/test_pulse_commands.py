@@ -24,13 +24,19 @@ def pulse(*words):
 
 
 def test_q_of_the_pulse_test_comes_back_from_its_receivers(shipped):
-    """The law has Q = 60: to 5 %, within the bars; the spectral ratio (34) is refused."""
+    """The law has Q = 60: to 5 %, within the bars, over the band and at each frequency of it
+    (3.5 % next to the gap, 1 % elsewhere); the spectral ratio (34) is refused."""
     run = shipped("pulse_test")
     (one,) = json.loads(pulse(run.folder, "--json").output)["records"]
     q = one["quality"]
     assert q["valid"]
     assert q["value"] == pytest.approx(60, rel=0.05)
     assert abs(q["value"] - 60) <= 2 * q["error"]
+    each, error = (np.array(one["frequencies"][k], float) for k in ("quality", "quality_error"))
+    assert np.nanmax(np.abs(each / 60 - 1)) <= 0.05
+    own = np.isfinite(each)
+    assert own.sum() >= 11
+    assert np.mean(np.abs(each - 60)[own] <= 2 * error[own]) >= 0.9
     assert not one["spectral_ratio"]["valid"]
     assert "the velocity changes by" in one["spectral_ratio"]["reason"]
     told = run.summary["pulse"]["records"][0]

@@ -276,3 +276,34 @@ def test_what_cannot_be_read_is_refused():
     noise = np.random.default_rng(0).standard_normal(len(t))
     best = read_one(transmission_record(t, noise, sent, "r"), L, {}).best
     assert not best.valid
+
+
+def slow(resonance, travel):
+    """Two cycles in a Hann window, whose first quarter of it has a seventh of the height, through
+    two resonators, 1/(1 − y² + iy/4) each, y = f/f_r; a lossless wave arrives after ``travel``."""
+    t = 2e-6 * np.arange(-100, 2 * 4096 - 100)
+    f = np.fft.rfftfreq(len(t), 2e-6)
+    x, y = np.clip(1e4 * t, 0, 2), f / resonance
+    sent = np.sin(2 * np.pi * x) * np.sin(np.pi * x / 2) ** 2
+    passed = np.fft.rfft(sent) * np.exp(-2j * np.pi * f * travel) / (1 - y**2 + 1j * y / 4) ** 2
+    got = np.fft.irfft(passed, len(t))
+    got = got / np.abs(got).max() + 0.005 * np.random.default_rng(1).standard_normal(len(t))
+    return transmission_record(t[:1600], got[:1600], sent[:1600], "slow")
+
+
+@pytest.mark.parametrize("resonance", [8e3, 1.2e4, 1.6e4])
+def test_a_burst_that_rises_slowly_is_held_by_its_bar_however_it_is_passed_on(resonance):
+    """Law: resonators are heard from when the wave is there, however slowly they rise."""
+    best = read_one(slow(resonance, 1e-3), 0.12, {}).best
+    assert best.valid, best.reason
+    assert abs(best.time - 1e-3) <= 1.96 * best.error
+
+
+def test_what_is_known_too_badly_is_known_of_a_longer_path():
+    """A remedy that is given: the time of 1.5 periods' path is not known to a quarter, that of
+    ten is."""
+    near = read_one(slow(1.2e4, 1.5e-4), 0.018, {}).best
+    assert not near.valid
+    assert near.reason.endswith("or take a longer path")
+    far = read_one(slow(1.2e4, 1e-3), 0.12, {}).best
+    assert far.valid, far.reason

@@ -47,6 +47,17 @@ CLOCKS += "".join(
     ",".join(f"{a:.9g},{b:.9g}" for b in row) + "\n" for a, row in zip(T, U, strict=True)
 )
 PLACED = ",".join(PLACES)
+BIG = ("1,234.5", "-12,345.25", "1,234,567.5", "12.5")
+
+
+def parted(mark, decimal):
+    """Numbers of BIG in turn at four receivers, of which thousands are parted."""
+    cells = [one.replace(",", "_").replace(".", decimal).replace("_", mark) for one in BIG]
+    times = [f"{a:.12g}".replace(".", decimal) for a in T * 1e6]
+    lines = [";".join([a, *cells[i % 4 :], *cells[: i % 4]]) for i, a in enumerate(times)]
+    return HEAD.replace("t_s", "t_us").replace(",", ";") + "\n".join(lines) + "\n"
+
+
 TEXTS = {
     "plain": HEAD + rows(),
     "a row of units": f"x-axis,{PLACED}\nsecond,Volt,Volt,Volt,Volt\n" + rows(),
@@ -56,6 +67,12 @@ TEXTS = {
     "us in a row of metadata": "X Units,us\nY Units,V\n" + HEAD.replace("t_s", "t") + rows(T * 1e6),
     "ms in a comment": "# time in ms, voltages in mV\n" + HEAD.replace("t_s", "t") + rows(T * 1e3),
     "units of all in a comment": "# Units: us, V\n" + HEAD.replace("t_s", "t") + rows(T * 1e6),
+    "a power of ten": HEAD.replace("t_s", "Time (x10^-3 s)") + rows(T * 1e3),
+    "tex": HEAD.replace("t_s", r"$t$ [$\mu$s]") + rows(T * 1e6),
+    "a hump": HEAD.replace("t_s", "timeUs") + rows(T * 1e6),
+    "a row of blank cells": HEAD + rows().replace("\n", "\n,,,,\n", 3),
+    "a row of places with decimal commas": "x (mm);20,0;25,0;30,0;35,0\nt_s;a;b;c;d\n"
+    + rows(comma=";", decimal=","),
     "ms in Russian": HEAD.replace("t_s", "Время (мс)") + rows(T * 1e3),
     "metadata above": "".join(f"Key {i},Value\n" for i in range(20)) + HEAD + rows(),
     "comments above": "% Model, bar\n% Version, 6\n" + HEAD + rows(),
@@ -81,6 +98,28 @@ TEXTS = {
 def test_a_table_of_text_whoever_wrote_it(tmp_path, name):
     path = tmp_path / "a.csv"
     path.write_text(TEXTS[name], encoding="utf-8")
+    same(read(path))
+
+
+@pytest.mark.parametrize(
+    ("mark", "decimal"), [(",", "."), (".", ","), (" ", ","), ("\u202f", ","), ("'", ".")]
+)
+def test_thousands_may_be_parted(tmp_path, mark, decimal):
+    path = tmp_path / "big.csv"
+    path.write_text(parted(mark, decimal), encoding="utf-8")
+    numbers = [float(one.replace(",", "")) for one in BIG]
+    found = from_arrays(
+        {"t": T, "x": X, "u": [numbers[i % 4 :] + numbers[: i % 4] for i in range(N)]}
+    )
+    same(read(path), u=found.values[0])
+
+
+def test_columns_in_units_of_their_own_are_put_in_one(tmp_path):
+    names = (
+        f"{place} ({unit})" for place, unit in zip(PLACES, ("V", "mV", "V", "mV"), strict=True)
+    )
+    path = tmp_path / "units.csv"
+    path.write_text(",".join(["t_s", *names]) + "\n" + rows(u=U * [1, 1000, 1, 1000]))
     same(read(path))
 
 
@@ -148,6 +187,16 @@ def test_marks_of_overload_are_missing_samples(tmp_path):
             HEAD + rows().replace(f"{U[3, 1]:g}", "bad7", 1),
             r"row 5, column 3 .*'bad7' is no number",
         ),
+        (
+            "t (us),x (mm),u\n" + "".join(f"{i // 4},{i % 4},0.{i}\n" for i in range(99)),
+            r"column 2 \('x \(mm\)'\) holds places.*a column for each receiver",
+        ),
+        (
+            HEAD
+            + "".join(f"{i},{1.1 + i / 1e3:.3f},{i},2,3\n" for i in range(64))
+            + "64,105,0,2,3\n",
+            r"column 2 .*holds '1.100' beside '105', as of thousands",
+        ),
         (HEAD + rows().replace(f"{U[3, 1]:g}", '"', 1), "row 5: a quotation mark has no other"),
         (
             HEAD + rows().replace("\n", ",7\n", 1),
@@ -160,6 +209,8 @@ def test_marks_of_overload_are_missing_samples(tmp_path):
         "sensors",
         "no heading",
         "a word",
+        "a row for each time and place",
+        "thousands or decimals",
         "a quotation mark",
         "decimal commas",
     ],

@@ -244,7 +244,16 @@ def places_of(content: Content, layout: Layout, count: int) -> tuple[Float, str,
             unit = layout.position_unit or content.units.get(key) or unit_in(key, "position")
             step = float(number.ravel()[0]) * (factor(unit, "position") or 1.0)
             if step > 0 and np.isfinite(step):
-                return step * np.arange(count), f"positions by {key} of the file", 0.0
+                begin = next(
+                    (
+                        float(a.ravel()[0])
+                        for n, a in arrays.items()
+                        if a.size == 1 and re.search(r"(^|[/.])x_?(0|start|first)(_|$)", n.lower())
+                    ),
+                    0.0,
+                )
+                begin *= factor(unit, "position") or 1.0
+                return begin + step * np.arange(count), f"positions by {key} of the file", 0.0
     if not layout.placed:
         return np.full(count, np.nan), "", 0.0
     return None

@@ -10,11 +10,12 @@ Said = tuple[float, str | None]
 # The last four are µ read in another encoding than it was written in.
 _MICRO = ("u", "µ", "μ", "æ", "Âµ", "Î¼", "�")
 _SMALL = {"m": 1e-3, "n": 1e-9, "p": 1e-12} | dict.fromkeys(_MICRO, 1e-6)
-_WORDS = {"milli": 1e-3, "micro": 1e-6, "nano": 1e-9, "pico": 1e-12, "": 1.0}
+_WORDS = {"milli": 1e-3, "micro": 1e-6, "mikro": 1e-6, "nano": 1e-9, "pico": 1e-12, "": 1.0}
 TIME = (
     {f"{p}{s}": f for p, f in _SMALL.items() for s in ("s", "sec", "secs")}
     | {f"{p}second{s}": f for p, f in _WORDS.items() for s in ("", "s")}
-    | dict.fromkeys(("s", "sec", "secs", "sek", "sekunde", "sekunden", "seconde", "secondes"), 1.0)
+    | {f"{p}se{x}": f for p, f in _WORDS.items() for x in ("kunde", "kunden", "conde", "condes")}
+    | dict.fromkeys(("s", "sec", "secs", "sek"), 1.0)
     | {"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "нс": 1e-9}
     | {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
 )
@@ -43,6 +44,11 @@ NAMES = {
     "time": ("s", "ms", "us", "ns", "min", "h"),
     "position": ("m", "cm", "mm", "um", "km", "in", "ft"),
 }
+# 10^-6 s, ×10⁻⁶ s, 1e-6 s
+_POWER = re.compile(
+    r"(?:[x×*·]?\s*10\s*(?:\^\s*\{?|(?=[-+]))|1[eE])([-+]?\d+)\}?\s*[·*]?\s*([^\W\d]+)"
+)
+_RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
@@ -57,8 +63,19 @@ def factor(unit: str | None, kind: str) -> float | None:
         return None
     text = unit.strip().strip("()[]{}<>").strip()
     table = _TABLES[kind]
+    if power := _POWER.fullmatch(text.translate(_RAISED)):
+        of = factor(power.group(2), kind)
+        return of and float(f"{of:g}e{power.group(1)}") if of in (None, 1.0) else None
     # Ms and MS are no milliseconds to a physicist, but no instrument means megaseconds.
     return table.get(text, table.get(text.lower()))
+
+
+def size_of_values(heading: str, unit: str) -> tuple[str, float] | None:
+    """Of what a column's values are and in how much of it: ("V", 1e-3) of "CH1 (mV)"; or None."""
+    for text in (unit, *re.findall(r"[\(\[]\s*([^()\[\]]+?)\s*[\)\]]", heading)):
+        if found := re.fullmatch(r"([munpkMµμ]?)(V|A|Pa|N|g|m/s|m/s\^?2|m/s²)", text.strip()):
+            return found.group(2), (_SMALL | {"k": 1e3, "M": 1e6, "": 1.0})[found.group(1)]
+    return None
 
 
 def is_unit(text: str) -> bool:
@@ -68,7 +85,8 @@ def is_unit(text: str) -> bool:
     return bool(bare) and bool(known)
 
 
-_BRACKETED = r"[\(\[\{<]\s*((?:[^\d\W]|�)+)\s*[\)\]\}>]"
+_BRACKETED = r"[\(\[\{<]\s*((?:[x×*·]?\s*1[0eE][^a-zA-Z]*)?(?:[^\d\W]|�)+)\s*[\)\]\}>]"
+_MICRO_OF_TEX = re.compile(r"\$|\\,|(\\mu)\s*")
 
 
 def unknown_unit_in(heading: str) -> str | None:
@@ -79,10 +97,12 @@ def unknown_unit_in(heading: str) -> str | None:
 
 def unit_in(heading: str, kind: str) -> str | None:
     """The unit that a heading or a name carries: "Time (us)", "t_ms", "Zeit/µs", "time, us"."""
+    heading = _MICRO_OF_TEX.sub(lambda found: "u" if found.group(1) else "", heading)
     for pattern in (
         _BRACKETED,
         r"(?:[/_,:]|\bin\b)\s*((?:[^\d\W_]|�)+)\.?\s*$",
         r"\s((?:[^\d\W_]|�)+)\.?\s*$",
+        r"[a-z]([UMN]s|Sec|[CM]m)$",
     ):
         for found in re.findall(pattern, heading):
             if factor(found, kind) is not None:

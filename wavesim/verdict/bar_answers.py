@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from wavesim.material.damping import quality
 from wavesim.material.shown import HERTZ, KHZ, decibels, plain
-from wavesim.planewave.dispersion_relation import Gap, open_gaps
+from wavesim.planewave.dispersion_relation import Gap, long_wave_speed, open_gaps
 from wavesim.readings.bar.bloch import Cells
 from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.excited_band import JUDGED, pulses
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
+from wavesim.readings.dispersion.spectrum import LOBE_BINS
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import default_samples
 from wavesim.sources import excitation, unfolded
@@ -31,6 +32,8 @@ from wavesim.verdict.check import receiver_notes
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 _MOST_MODES = 5
+# Lobes between neighbours that are told apart, πc/L of long waves, which others are slower than.
+_TELLS = 6
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
 _STOPPED, _FLOOR = -20.0, -120.0
 
@@ -302,9 +305,17 @@ def _too_short(reading: Reading, field: Field) -> list[str]:
     if not any(block.macro for block in field.blocks):
         return []
     last = float(field.t[-1])
+    # Neighbours of a wave of speed c lie πc/L apart, and are told by this many bins.
+    across = [
+        sum(one.thickness / long_wave_speed(one.medium, sector) for one in field.layers.layers)
+        for sector in dict.fromkeys(block.sector for block in field.blocks if block.macro)
+        if len(field.medium.family.blocks_of(sector)) == 1
+    ]
+    needed = _TELLS * LOBE_BINS * min(across, default=last)
+    more = f"lengthen [time] duration to {needed:.2g} or more, or " if needed > last else ""
     return [
         f"no eigenfrequency was judged: none that a record of {last:.3g} s tells from the next is "
-        "heard at the receivers; lengthen [time] duration, or move a receiver"
+        f"heard at the receivers; {more}move a receiver"
     ]
 
 

@@ -23,7 +23,7 @@ from wavesim.simulation.simulation import Simulation, default_samples
 from wavesim.timedomain.absorber import least_absorber
 from wavesim.verdict import foreseen_errors
 from wavesim.verdict.cell_size import WELL, cell_size, gentler, lower, sized
-from wavesim.verdict.warnings_before_run import changes_in_absorber
+from wavesim.verdict.warnings_before_run import begins_with_a_jump, changes_in_absorber
 
 # A row of an answer: names, SI numbers and, where there is no number, None.
 Row = dict[str, Any]
@@ -47,6 +47,8 @@ _SERVES = 18.0
 ONE_SIDED = 8
 # Steppers that leave no error of their own, rounding apart, whatever the step.
 _EXACT_IN_TIME = ("propagator", "chebyshev")
+# A source peaks in the middle of a band to this part of it.
+_THERE = 0.05
 # Part of an asymptote's frequency that a wave stays below it to be longer than a few cells.
 _BELOW = 0.95
 
@@ -147,9 +149,12 @@ def _more_damping(field: Field, damping: float, more: float) -> str:
     return longer_run(field, "of what still rings too much lies past the record's end")
 
 
-def absorber(field: Field) -> str | None:
-    """A longer absorber, where it is short, or one in a uniform layer."""
+def whatever_the_grid(field: Field) -> str | None:
+    """What no grid mends: a source that begins with a jump, an absorber where the medium changes,
+    or one that is short."""
     bar = field.bar
+    if jumps := [told for source in field.sources for told in begins_with_a_jump(source)]:
+        return jumps[0]
     if changed := changes_in_absorber(field):
         return changed
     if not bar.absorber:
@@ -165,7 +170,7 @@ def absorber(field: Field) -> str | None:
 
 def of_grid(field: Field) -> str:
     """An absorber that is too short, or else a finer grid or a band that it carries better."""
-    told = absorber(field)
+    told = whatever_the_grid(field)
     if told:
         return told
     inexact = field.stepper and field.stepper not in _EXACT_IN_TIME
@@ -192,6 +197,8 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
             f"move [[sources]] position = {caught[0]:g} into {low:.4g} to "
             f"{high:.4g} m: it stands in an absorbing layer, which takes up what it sends"
         )
+    if told := whatever_the_grid(field):
+        return told
     if sent_back and not _tried(field.simulation)[1]:
         return (
             f"take {lower(field)}, or stiffer media at the absorbing ends, which send back some of "
@@ -202,9 +209,8 @@ def of_signal(field: Field, receiver: str, sent_back: str = "") -> str:
     reach = ONE_SIDED * bar.spacing
     position = field.receivers[receiver]
     near = [face for face in faces if abs(position - face) <= reach]
-    told = absorber(field)
-    if told or not near:
-        return told or of_grid(field)
+    if not near:
+        return of_grid(field)
     return (
         f'move [[receivers]] "{receiver}" more than {reach:.3g} m ({ONE_SIDED} cells) from the '
         f"interface or end at {near[0]:g} m (now at {position:g}), or {finer(field)}"
@@ -236,10 +242,18 @@ def of_band(field: Field, found: Scattered, band: Band) -> str:
         return f"take [time] samples = {math.ceil(2.2 * high * float(field.t[-1])) + 1} or more"
     at = found.omega[dark] * KHZ
     span = f"{at[0]:.4g} to {at[-1]:.4g} kHz" if len(at) else ""
+    if any((np.abs(k.imag) >= np.abs(k.real))[dark].any() for k in found.k):
+        return (
+            f"no word on {span}, where a buffer carries nothing; take stiffer buffers ([[layers]])"
+        )
+    peak = (low + high) / 2
+    if any(abs(source.peak_frequency / peak - 1) < _THERE for source in field.sources):
+        return (
+            f"no word on {span}; {longer_run(field, 'its end hides what the sources drive there')}"
+        )
     return (
-        f"no word on {span}: there the sources drive too little, or a buffer carries nothing; take "
-        f"[[sources]] peak_frequency = {(low + high) / 2:.4g}, less [[sources]] width, or stiffer "
-        "buffers"
+        f"no word on {span}, as the sources drive too little there; take [[sources]] "
+        f"peak_frequency = {peak:.4g}, or less [[sources]] width"
     )
 
 

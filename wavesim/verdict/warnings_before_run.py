@@ -82,7 +82,7 @@ def _in_time(simulated: Simulation) -> Iterator[str]:
             f"{late[0].end:.4g} s; lengthen the run"
         )
     for source in simulated.sources:
-        yield from _begins_with_a_jump(source)
+        yield from begins_with_a_jump(source)
 
 
 def _at_rest(simulated: Simulation) -> Iterator[str]:
@@ -321,7 +321,8 @@ def changes_in_absorber(simulated: Field | Simulation) -> str:
     )
 
 
-def _begins_with_a_jump(source: Source) -> Iterator[str]:
+def begins_with_a_jump(source: Source) -> Iterator[str]:
+    """What to change where a signal has begun before the run does."""
     if isinstance(source, Ricker | GaussianDerivative):
         # From three quarters of the way to its onset on, a pulse is below 1e-8 of its peak.
         least = 0.75 * (source.peak_time - source.onset)

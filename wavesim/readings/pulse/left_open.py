@@ -26,8 +26,8 @@ Float = NDArray[Any]
 _FURTHEST = 0.7
 # Another lag with this part of the largest correlation is a second cycle.
 _SECOND = 0.9
-# What takes longer than this to rise, in periods, has no first cycle that stands out.
-_SLOW = 0.45
+# Of what takes longer than this to rise, in periods, the first cycle may not stand out.
+_SLOW = 0.2
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
 _OF_A_STEP = 0.6
 # Transducers that ring delay what they pass on, in periods.
@@ -37,9 +37,9 @@ _DELAY = 0.14
 # fall to half, too; their first cycles are unheard for about a constant and a part of that.
 _RINGS, _RINGS_ON, _NEAR_TOP = (0.15, 0.3), 0.45, 0.9
 _NOT_HEARD = (0.35, 0.6)
-# A wave that breaks within this part of a period after the crosstalk is hidden by it.
-# … and up to here it may have begun in crosstalk that had not ended, by so much.
-_HIDDEN, _NEAR_UNENDED, _WITHIN = 0.1, 0.75, 0.25
+# A wave that breaks within this part of a period after the crosstalk is hidden by it, and within
+# that where it had not ended.
+_HIDDEN, _NEAR_UNENDED = 0.1, 0.75
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
 # may cover its break by such a part of one; and where transducers ring on.
 _COVERS, _LEAVES, _COVERED = 0.15, 1.5, (0.35, 0.9)
@@ -49,8 +49,8 @@ SECOND = (
     "them apart"
 )
 SLOW = (
-    "what was sent takes about half a period or more to rise, so that its first cycle does not "
-    "stand out; the error holds one cycle either way: a pulse that begins at once would tell it"
+    "what was sent rises slowly, so that its first cycle may not stand out; the error holds the "
+    "time in which it rises: a pulse that begins at once would tell it"
 )
 STEP = (
     "what was sent is a step, whose near field runs into the wave; the error holds that: a single "
@@ -110,8 +110,8 @@ def left_open(
 def begun_earlier(
     record: TransmissionRecord, own: Packet | None, heard: Sequence[Packet], begins: float
 ) -> float:
-    """What a direct wave leaves open that may have begun within a wave ahead of it, or in crosstalk
-    that had not ended where it was cut, as one standard error, s."""
+    """What a direct wave leaves open that may have begun within a wave ahead of it, or in
+    crosstalk, as one standard error, s."""
     early = 0.0
     if own is not None and begun_before(own, record):
         early = begins - max(rises(own, record), record.blank - record.start)
@@ -124,15 +124,13 @@ def begun_earlier(
     if any(covers):
         rings = own is not None and slower(record, own, heard)[1] > _RINGS_ON
         early = max(early, _COVERED[rings] * record.period)
-    after = begins + record.start - record.blank
-    if record.unended and after < _NEAR_UNENDED * record.period:
-        early = max(early, after + _WITHIN * record.period)
     return REACHED * early
 
 
 def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
     """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
-    return record.covered or begins + record.start - record.blank < _HIDDEN * record.period
+    beyond = (begins + record.start - record.blank) / record.period
+    return record.covered or beyond < (_NEAR_UNENDED if record.unended else _HIDDEN)
 
 
 def hidden(record: TransmissionRecord) -> str:
@@ -194,11 +192,11 @@ def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
 
 
 def slow_rise(record: TransmissionRecord) -> float:
-    """What a burst that rises slowly leaves open of its first cycle, s, and a step, whose near
-    field runs into its wave; 0 of what does neither."""
+    """What a burst that rises slowly leaves open of its first cycle, s, as long as that takes, and
+    a step, whose near field runs into its wave; 0 of what does neither."""
     if record.sent is not None and is_step(record.sent):
         return _OF_A_STEP * record.period
-    return record.period if record.rise > _SLOW * record.period else 0.0
+    return record.rise if record.rise > _SLOW * record.period else 0.0
 
 
 def second_cycle(record: TransmissionRecord, begins: float) -> float:

@@ -153,7 +153,8 @@ def judged(
     bar = velocity * error / time + REACHED * apart if time > 0 else math.nan
     alone, error = error, error + spanned(time, others)
     if not reason and alone > _LARGEST_ERROR * time:
-        reason = f"its standard error is {alone / time:.0%} of it"
+        reason = f"its standard error is {alone / time:.0%} of it, above {_LARGEST_ERROR:.0%}: "
+        reason += "average more, send a shorter pulse, or take a longer path"
     if not reason and min(error / time, bar / velocity) > _LARGEST_OPEN:
         speeds = " or ".join(f"{distance / one:.4g}" for one in sorted([time, *others]))
         reason = f"it is one of several waves, of {speeds} m/s: {say_which(wanted)}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.left_open import Arrived, left_open, open_between
-from wavesim.readings.pulse.one_receiver import arrived, settled, unheard
+from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
@@ -26,6 +26,7 @@ from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
     begun_before,
+    breaking,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -41,6 +42,8 @@ _SAME = 0.6
 # of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
 _OFF_LINE = 0.06
 _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
+# As a pulse changes its form with the state, its break is seen otherwise, in periods over a series.
+_FORM = 0.1
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
@@ -117,6 +120,10 @@ def read_series(
     open_ = np.array([[part for part, _ in own] for own in parts]) / period[:, None]
     usual = np.median(open_, axis=0) * period[:, None]
     usual[:, 1] = [at.second for at in each]
+    beside = float(np.median([
+        _beside(one, packet, at, float(d), delay, wanted)
+        for one, packet, at, d in zip(records, heard, each, L, strict=True)
+    ]))  # fmt: skip
     readings = [
         settled(
             one,
@@ -125,7 +132,7 @@ def read_series(
             [(o, note) for o, (_, note) in zip(own, part, strict=True)],
             float(d),
             delays,
-            [t + delay for t in others],
+            [t + delay for t in others] + ([at.begins + beside * one.period] if beside else []),
             wanted,
         )
         for one, packet, at, own, part, d, others in zip(
@@ -133,6 +140,22 @@ def read_series(
         )
     ]
     return readings, Series(parameter, p, law_of(readings, p))
+
+
+def _beside(
+    record: TransmissionRecord,
+    heard: Sequence[Packet],
+    at: Arrived,
+    distance: float,
+    delay: float,
+    wanted: Wanted,
+) -> float:
+    """How long after an arrival its wave may break as well, as another runs into it, in periods."""
+    own = breaking(heard, at.begins, record.period)
+    if own is None:
+        return 0.0
+    both = np.array(run_into(own, record, distance, delay, wanted)) - at.begins
+    return float(both[np.argmax(np.abs(both))]) / record.period if np.isfinite(both).all() else 0.0
 
 
 def _direct_of_each(
@@ -210,10 +233,11 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
     velocity = np.array([b.velocity if b.valid else np.nan for b in best])
     time = np.array([b.time for b in best])
     common = np.array([one.common for one in readings])
+    part = [r.record.period / r.best.time for r in readings if r.record and r.best.valid]
     total = np.array([b.error for b in best])
     with np.errstate(invalid="ignore", divide="ignore"):
         noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
-        return power_law(p, velocity, noise, common / time)
+        return power_law(p, velocity, noise, common / time, _FORM * float(np.mean(part or [0.0])))
 
 
 def _on_one_line(

@@ -193,7 +193,8 @@ def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
     if last > 0.8 * len(v):
         # A step stays: what it sends, it sends as it rises.
         level = float(np.median(v[-max(4, len(v) // 50) :]))
-        last = int(np.flatnonzero(np.abs(v - level) >= 0.1 * peak)[-1]) + 1
+        moving = np.flatnonzero(np.abs(v - level) >= 0.1 * peak)
+        last = min(int(moving[-1]) + 1, len(v) - 1)  # a run may end while it is sent
     # The start lies before the first sample above the part, by how fast it rises there.
     rise = abs(v[min(first + 1, len(v) - 1)] - v[first])
     back = min(abs(v[first]) / rise, 1.0) if rise > 0 else 0.0

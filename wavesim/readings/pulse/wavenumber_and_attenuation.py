@@ -3,7 +3,7 @@
 Between receivers one wave runs towards larger x, U ∝ e^{ikx}, with k = k(ω + iσ); σ = 0 through a
 gate. What holds at real ω follows by the first two terms of the series
 
-    k(ω) ≈ k − iσ k′ − σ² k″/2,      k′ = dk/dω, a local parabola along ω
+    k(ω) ≈ k − iσ k′ − σ² k″/2,      k′ = dk/dω, a local polynomial in ω
 
 (which fails close to a band edge, where k(ω) branches). From it c = ω/Re k, v_g = 1/Re k′,
 α = Im k, and two quality factors, which must not be mixed up:
@@ -38,10 +38,10 @@ Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
 DECIBELS_PER_NEPER = 20 / np.log(10)
-# Frequencies in the parabola along ω.
+# Frequencies in the polynomial along ω.
 _SPAN = 7
-# Deviations of the noise that explain a difference.
-_EXPLAINED = 3.0
+# Of a difference's square this many variances of its noise are explained.
+_EXPLAINED = 2.0
 # A loss is seen where α is this many times its standard error.
 SEEN = 3.0
 
@@ -166,7 +166,7 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
 def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispersion:
     """All that follows from k(ω + iσ)."""
     omega, sigma = seen.omega, seen.sigma
-    k1, e1, k2, e2 = _parabola(omega, damped, error, seen.duration)
+    k1, e1, k2, e2, k3 = _slopes(omega, damped, error, seen.duration)
     if sigma:
         k = damped - 1j * sigma * k1 - sigma**2 * k2 / 2
         k_error = np.sqrt(
@@ -174,7 +174,8 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
             + np.abs(sigma**2 * k2 / 2) ** 2
         )  # fmt: skip
         k1 = k1 - 1j * sigma * k2
-        e1 = np.hypot(e1, sigma * e2)
+        # The first term that is left out counts as an error.
+        e1 = np.sqrt(e1**2 + (sigma * e2) ** 2 + np.abs(sigma**2 * k3 / 2) ** 2)
     else:
         k, k_error = damped, error
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -186,7 +187,9 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
         modulus = np.where(seen_loss, (k**2).real / (k**2).imag, np.nan)
         most = np.maximum(k.imag, 0.0) + SEEN * k_error
         at_least = np.where((k1.real > 0) & (most > 0), omega * k1.real / (2 * most), np.nan)
-        quality_error = np.abs(quality) * np.hypot(k_error / k.imag, e1 / k1.real)
+        part = np.hypot(k_error / k.imag, e1 / k1.real)
+        # Half of how far it is to where 1/Q is two errors less, and 1/π: what Q means to 1/πQ.
+        quality_error = np.hypot(np.abs(quality) * part / np.maximum(1 - 2 * part, 0.1), 1 / np.pi)
         phase_error = phase**2 / omega * k_error
         group_error = group**2 * e1
     reason = [
@@ -200,36 +203,41 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
     )  # fmt: skip
 
 
-def _parabola(
+def _slopes(
     omega: Float, k: Complex, error: Float, duration: float
-) -> tuple[Complex, Float, Complex, Float]:
-    """k′, k″ by a parabola through the frequencies about each, and their errors.
+) -> tuple[Complex, Float, Complex, Float, Complex]:
+    """k′ and k″ by a polynomial through the frequencies about each, with their errors, and k‴.
 
-    Neighbours closer than the window resolves, 2π/T, share their noise: errors grow by the √ of
-    how many share it. To that comes by how much a cubic gives another slope, as far as noise
-    doesn't explain it. NaN where a neighbour is missing; at the ends it leans inwards.
+    A parabola or a cubic, whichever tells k′ better: to its noise comes by how much the two next
+    degrees give another slope, as far as noise doesn't explain it. Neighbours closer than the
+    window resolves, 2π/T, share their noise: errors grow by the √ of how many share it. NaN where a
+    neighbour is missing; at the ends it leans inwards.
     """
     n = len(omega)
-    first, second = np.full((2, n), complex(np.nan, np.nan))
+    first, second, third = np.full((3, n), complex(np.nan, np.nan))
     e1, e2 = np.full((2, n), np.nan)
     span = min(_SPAN, n)
     if span < 4:
-        return first, e1, second, e2
+        return first, e1, second, e2, third
     for i in range(n):
         low = min(max(i - span // 2, 0), n - span)
         own = slice(low, low + span)
         if not np.isfinite(k[own]).all():
             continue
         s = omega[own] - omega[i]
-        scale = np.abs(s).max()
-        powers = (s / scale)[:, None] ** np.arange(4)
-        inverse, cubic = np.linalg.pinv(powers[:, :3]), np.linalg.pinv(powers)
-        _, b, c = inverse @ k[own]
-        first[i], second[i] = b / scale, 2 * c / scale**2
+        powers = (s / np.abs(s).max())[:, None] ** np.arange(span)
+        # Rows that give k′, k″/2, k‴/6 by a polynomial of each degree.
+        fits = [np.linalg.pinv(powers[:, :d])[1:4] for d in range(3, min(span, 6) + 1)]
         shared = max(1.0, 2 * np.pi / duration / float(np.mean(np.diff(omega[own]))))
-        deviations = np.sqrt(((inverse * error[own]) ** 2).sum(axis=1) * shared)
-        apart = cubic[1] - inverse[1]
-        noise = np.sqrt(((apart * error[own]) ** 2).sum() * shared)
-        bias = max(0.0, float(np.abs(apart @ k[own]) - _EXPLAINED * noise))
-        e1[i], e2[i] = np.hypot(deviations[1], bias) / scale, 2 * deviations[2] / scale**2
-    return first, e1, second, e2
+        noise = error[own] * np.sqrt(shared)
+        tried = []
+        for d in range(min(len(fits) - 1, 2)):
+            apart = [more[0] - fits[d][0] for more in fits[d + 1 : d + 3]]
+            off = [abs(a @ k[own]) ** 2 - _EXPLAINED * np.sum((a * noise) ** 2) for a in apart]
+            tried.append(np.sqrt(np.sum((fits[d][0] * noise) ** 2) + max(0.0, *off)))
+        best, unit = int(np.argmin(tried)), float(np.abs(s).max())
+        first[i], e1[i] = fits[best][0] @ k[own] / unit, tried[best] / unit
+        second[i] = 2 * (fits[best][1] @ k[own]) / unit**2
+        e2[i] = 2 * np.linalg.norm(fits[best][1] * noise) / unit**2
+        third[i] = 6 * (fits[1][2] @ k[own]) / unit**3
+    return first, e1, second, e2, third

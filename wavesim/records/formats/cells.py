@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from wavesim.records.content import RecordError, check_size
 from wavesim.records.formats.dialect import CLOCK, MARKS, NUMBERS, OVERLOAD
 
+# So many numbers look like thousands that are parted, at least.
+_PARTED = 20
+
 
 def numbers_of(
     body: list[tuple[int, str]],
@@ -54,6 +57,7 @@ def numbers_of(
         column = table[c]
         if column.dtype.kind in "fiu":
             data[:, c] = column
+            _check_thousands(data[:, c], c, body, cells, headings)
         elif column.dtype.kind == "b" or not len(column):
             raise RecordError(f"{_column(c, headings)}: holds no numbers")
         else:
@@ -66,6 +70,26 @@ def numbers_of(
     for r, c in gone[:100_000]:
         overload[c] += cells(body[r][1])[c].strip().lower() in OVERLOAD
     return data, overload, dated
+
+
+def _check_thousands(
+    column: NDArray[Any], c: int, body: list[tuple[int, str]], cells: Any, headings: list[str]
+) -> None:
+    """Refuse whole numbers that have a mark from a thousand on, as "1.234" beside "543"."""
+    size = np.abs(column)
+    whole = size == np.round(size)
+    parted = np.flatnonzero(~whole & np.isfinite(size))
+    beside = np.flatnonzero(whole & (size >= 100))
+    if len(parted) < _PARTED or not len(beside) or size[parted].min() < 1 or np.nanmax(size) >= 1e3:
+        return
+    texts = [cells(body[r][1])[c] for r in (*parted, beside[0])]
+    if all(re.fullmatch(r"[-+−]?\d{1,3}[.,]\d{3}", text) for text in texts[:-1]) and re.fullmatch(
+        r"[-+−]?\d{3}", texts[-1]
+    ):
+        raise RecordError(
+            f"{_column(c, headings)}: holds {texts[0]!r} beside {texts[-1]!r}, as of thousands "
+            "that are parted: write numbers without"
+        )
 
 
 def _odd_column(
@@ -83,13 +107,16 @@ def _odd_column(
         if text.lower() in MARKS:
             continue
         if NUMBERS[decimal].fullmatch(text):
-            result[r] = float(text.replace(",", ".").replace("D", "e").replace("d", "e"))
+            bare = re.sub(rf"[ '’\u00a0\u202f{'.' if decimal == ',' else ','}]", "", text)
+            result[r] = float(bare.replace(",", ".").replace("D", "e").replace("d", "e"))
         elif CLOCK.fullmatch(text):
             dated += 1
         else:
             remedy = "correct the cell, or leave it blank for a sample that is missing"
             if any(form.fullmatch(text) for form in NUMBERS.values()):
-                remedy = "rows differ in their decimal mark; write all alike"
+                remedy = (
+                    "rows differ in their decimal mark, or thousands are parted; write all alike"
+                )
             raise RecordError(
                 f"row {body[r][0]}, {_column(c, headings)}: {text[:30]!r} is no number: {remedy}"
             )

@@ -19,6 +19,7 @@ from wavesim.records.units import (
     is_index,
     is_time,
     position_in,
+    size_of_values,
     unit_in,
     unit_of_time_said,
     unknown_unit_in,
@@ -60,6 +61,7 @@ def of_table(table: Table) -> Content:
         first = clocks[0]
         _check_time(table, first)
         arrays["t"] = table.data[:, first]
+        _check_long(table, arrays["t"], channels)
         heading = unit_in(table.headings[first], "time")
         unit = heading or table.units[first]
         if factor(unit, "time") is not None:
@@ -83,6 +85,7 @@ def of_table(table: Table) -> Content:
         if sure:
             settled.add("t")
         notes.append(f"times by {said}")
+    notes += _of_one_size(arrays["values"], table, channels)
     labels = [table.headings[c].strip() or f"column {table.columns[c]}" for c in channels]
     labels = [
         label if labels.count(label) == 1 else f"{label} (column {table.columns[c]})"
@@ -104,6 +107,16 @@ def of_table(table: Table) -> Content:
     return found
 
 
+def _of_one_size(values: NDArray[Any], table: Table, channels: list[int]) -> list[str]:
+    """Columns in V and mV, put in the unit of the first."""
+    said = [size_of_values(table.headings[c], table.units[c]) for c in channels]
+    known = [one for one in said if one is not None]
+    if len(known) < len(said) or len(set(known)) < 2 or len({of for of, _ in known}) > 1:
+        return []
+    values *= np.array([size for _, size in known]) / known[0][1]
+    return [f"columns differ in their unit of {known[0][0]}: all put in that of the first"]
+
+
 _NO_TIME = re.compile(r"(freq|frequenz|fréquence|wavenumber|wavelength)", re.IGNORECASE)
 
 
@@ -118,6 +131,20 @@ def _check_time(table: Table, clock: int) -> None:
         raise RecordError(
             f"column {table.columns[clock]} ({heading[:40]!r}) holds {what or 'no times'}: a row "
             "for each time is needed, and a column for each receiver"
+        )
+
+
+def _check_long(table: Table, t: NDArray[Any], channels: list[int]) -> None:
+    """Refuse a row for each time and place."""
+    places = next(
+        (c for c in channels if _OF_PLACES.match(table.headings[c].strip(' "').replace("_", " "))),
+        None,
+    )
+    if places is not None and 2 * len(np.unique(t)) <= len(t):
+        raise RecordError(
+            f"column {table.columns[places]} ({table.headings[places].strip()[:40]!r}) holds "
+            "places, and each time stands in several rows: a row for each time is needed, and a "
+            "column for each receiver"
         )
 
 
@@ -293,21 +320,23 @@ def _positions(found: Content, table: Table, channels: list[int]) -> None:
     found.columns = tuple(found.columns[j] for j in keep)
 
 
+_OF_PLACES = re.compile(r"(x|positions?|pos|offsets?|distance|dist)\b[^\d]*$", re.IGNORECASE)
+
+
 def _row_of_positions(
     table: Table, channels: list[int]
 ) -> tuple[list[tuple[float, str | None] | None], str]:
     """Numbers in a row named "x (m)" or "position [mm]", or headings under a corner t_s/x_m, and
     which row says so."""
     nothing: list[tuple[float, str | None] | None] = [None] * len(channels)
-    named = re.compile(r"(x|position|positions|pos|offset|offsets|distance|dist)\b[^\d]*$", re.I)
     for row in table.above:
         corner = row[0].strip() if row else ""
         corner_of_both = re.search(r"[/\\|]\s*(x|position|offset)\b.*$", corner, re.I)
-        if not (named.match(corner.replace("_", " ")) or corner_of_both):
+        if not (_OF_PLACES.match(corner.replace("_", " ")) or corner_of_both):
             continue
         unit = unit_in(corner_of_both.group() if corner_of_both else corner, "position")
         try:
-            numbers = [float(row[table.columns[c] - 1]) for c in channels]
+            numbers = [float(row[table.columns[c] - 1].replace(",", ".")) for c in channels]
         except (ValueError, IndexError):
             continue
         if unit is not None and len(set(numbers)) == len(numbers):

@@ -20,9 +20,14 @@ _NOT_THERE = """nan -nan na n/a #n/a null none nil - -- --- missing bad err erro
     #div/0! 1.#qnan -1.#ind 1.#nan ?"""
 OVERLOAD = frozenset(_OUT_OF_RANGE.split())
 MARKS = OVERLOAD | {"", *_NOT_THERE.split()}
+# Thousands may be parted, by what can't be a decimal mark there.
 NUMBERS = {
-    ".": re.compile(r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"),
-    ",": re.compile(r"[-+−]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?"),
+    mark: re.compile(
+        rf"[-+−]?(?:(?:\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)(?:[eEdD][-+]?\d+)?"
+        rf"|[1-9]\d{{0,2}}(?:(?:[ '’\u00a0\u202f]\d{{3}})+(?:{re.escape(mark)}\d*)?"
+        rf"|(?:{re.escape(other)}\d{{3}})+{re.escape(mark)}\d*|(?:{re.escape(other)}\d{{3}}){{2,}}))"
+    )
+    for mark, other in (".,", ",.")
 }
 CLOCK = re.compile(
     r"(?:\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4})(?:[T ]\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?)?"

@@ -19,6 +19,8 @@ def from_hdf5(path: Path) -> Content:
 
     stored = read_arrays(path, LARGEST)
     said = {of: text for path, text in stored.texts.items() if (of := measured_by(path))}
+    # Numbers that are attributes have no path.
+    said |= {of.rsplit("/", 1)[-1]: text for of, text in said.items()}
     content = Content(dict(stored.arrays), said | stored.units)
     for name, number in stored.numbers.items():
         content.arrays.setdefault(name, np.array(number))

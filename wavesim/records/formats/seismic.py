@@ -120,6 +120,9 @@ def _delay(trace: Any) -> float:
             return float(value[0]) if value else 0.0
         except ValueError:
             return 0.0
+    if "sac" in stats:  # from the origin of the event
+        origin = stats.sac.get("o", -12345.0)
+        return float(stats.sac.get("b", 0.0)) - origin if origin != -12345.0 else 0.0
     header = stats.get("segy") or stats.get("su")
     # A whole number of ms.
     return header.trace_header.delay_recording_time * 1e-3 if header else 0.0

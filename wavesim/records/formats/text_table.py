@@ -77,7 +77,7 @@ def read_table(path: Path) -> Table:
     lines = re.split(r"\r\n|\r|\n", decoded(path.read_bytes()))
     numbered = [
         (number, line) for number, line in enumerate(lines, 1)
-        if line.strip() and not line.lstrip().startswith(_COMMENTS)
+        if line.strip(' \t,;|"') and not line.lstrip().startswith(_COMMENTS)
     ]  # fmt: skip
     comments = [(n, line) for n, line in enumerate(lines, 1)
                 if line.lstrip().startswith(_COMMENTS)]  # fmt: skip
