@@ -74,7 +74,7 @@ def _write(study: Any, answer: Any, folder: Path) -> None:
 
 
 def _tell(study: Any) -> None:
-    """A few frequencies of each sector, the gaps of the layers, and notes."""
+    """A few frequencies of each sector, bands asked for, gaps of the layers there, and notes."""
     import numpy as np
 
     from wavesim.studies.transmission_study import decibels, kept
@@ -93,10 +93,6 @@ def _tell(study: Any) -> None:
         values = (f"{one[n]:.2f}" if np.isfinite(one[n]) else "no answer" for one in levels)
         table.add_row(f"{frequency[n] / scale:.1f}", *values)
     out.print(table)
-    gaps = new_table("layers", "sector", "gap", f"from {unit}", f"to {unit}", words=3)
-    for where, sector, name, low, high in study.gaps:
-        gaps.add_row(where, sector, name, f"{low / scale:.2f}", f"{high / scale:.2f}")
-    out.print(gaps)
     if study.bands:
         bands = new_table("band", "from kHz", "to kHz", "dB", "T from", "to dB", "")
         for band, highest, lowest in study.bands:
@@ -108,5 +104,11 @@ def _tell(study: Any) -> None:
             told = ", ".join(limits) or "–"
             bands.add_row(band.sector, *ends, told, *span, word if limits else "")
         out.print(bands)
+    gaps = new_table("layers", "sector", "gap", f"from {unit}", f"to {unit}", words=3)
+    for where, sector, name, low, high in study.gaps:
+        if low < frequency[-1] and high > frequency[0]:  # the files have all
+            gaps.add_row(where, sector, name, f"{low / scale:.2f}", f"{high / scale:.2f}")
+    if gaps.rows:
+        out.print(gaps)
     for note in study.notes:
         out.print(f"Note: {note}.")

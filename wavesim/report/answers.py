@@ -87,12 +87,13 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("record:\nsimulated", "attenuation", "decay"),
             Column("record:\nexact", "attenuation_exact", "decay"),
         ),
-        "Steady wave: what it loses at that frequency, exact. A record that ends tells it at "
-        "ω + iσ: simulated, beside what is exact there; the longer the record, the nearer. "
-        "Edges are the medium's, exact.",
+        "Steady wave: what a wave that never ends loses there, exact: the number to take. A record "
+        "that ends tells it blurred, at a complex frequency ω + iσ: simulated, beside what is "
+        "exact there. These two must agree with each other, and come near the steady wave's the "
+        "longer the record is. Edges are the medium's, exact.",
     ),
     "stopped": (
-        "Where no wave at all travels",
+        "Where none of these waves travels",
         (
             Column("from", "lower", "frequency"),
             Column("to", "upper", "frequency"),
@@ -122,9 +123,11 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("record:\nsimulated", "level", "level"),
             Column("record:\nexact", "level_exact", "level"),
         ),
-        "Steady wave: T at that frequency, exact. A stop band is where it is below −20 dB; an edge "
-        "past what the run tells of is marked “or less” or “or more”. A record that ends tells T "
-        "at ω + iσ: simulated, beside what is exact there.",
+        "Steady wave: T of a wave that never ends, exact: the number to take, and what wishes are "
+        "held against. A stop band is where it is below −20 dB; an edge past what the run tells of "
+        "is marked “or less” or “or more”. A record that ends tells T blurred, at a complex "
+        "frequency ω + iσ, where late waves count less: simulated, beside what is exact there. "
+        "These two must agree with each other, not with the steady wave's.",
     ),
     "mode": (
         "Eigenfrequencies, the lowest",

@@ -243,7 +243,7 @@ def bands(
         console.print("At every frequency some wave propagates.")
     for low, high, low_bar, high_bar in full_gaps:
         console.print(
-            f"No wave propagates between {shown(low)} and {shown(high)} {unit} "
+            f"None of these waves propagates between {shown(low)} and {shown(high)} {unit} "
             f"(ω̄ {low_bar:.4f} – {high_bar:.4f})."
         )
     console.print(f"ω̄ = 1 is {bar_hz / scale:.5g} {unit}.")

@@ -203,7 +203,7 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
     Returns:
         "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) in the
         middle, measured and exact at ω + iσ, exact at real ω, and what to set to look closer;
-        "full_gaps": where no wave at all travels, edges in Hz, if there are any; "velocities":
+        "full_gaps": where none of its waves travels, edges in Hz, if there are any; "velocities":
         phase velocity (m/s) of each acoustic branch at the smallest wavenumber judged.
     """
     rows: list[Row] = []
