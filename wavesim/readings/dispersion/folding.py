@@ -11,7 +11,7 @@ Float = NDArray[Any]
 
 FOLDED = (
     "folded: phases run on by more than half a turn between receivers, so that k is ambiguous; "
-    "space receivers closer"
+    "space receivers closer, or have wavesim pulse follow a pulse's arrivals"
 )
 # A mode points to k = 0 within this part of 2π/d.
 _TO_ZERO = 0.3
