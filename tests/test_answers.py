@@ -208,7 +208,7 @@ def test_verdict_is_a_sentence_that_names_what_fell_short():
     assert "exact" not in alone
     told = verdict({"checks": [*good, check("T of x: |ΔT| …", False), check("R: |ΔR|", False)]})
     assert "3 of 5 checks passed" in told
-    assert "T of x and 1 more fell short" in told
+    assert "“T of x” and 1 more fell short" in told
     assert "\n" not in told
 
 

@@ -240,7 +240,7 @@ def verdict(summary: Summary) -> str:
         )
         return f"{passed}: the simulation agrees with {other}."
     more = f" and {len(short) - 1} more" if len(short) > 1 else ""
-    return f"{passed}; {short_name(short[0]['name'])}{more} fell short: see what to change."
+    return f"{passed}; “{short_name(short[0]['name'])}”{more} fell short: see what to change."
 
 
 def explained(checks: Sequence[Mapping[str, Any]]) -> str:

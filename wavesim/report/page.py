@@ -176,7 +176,9 @@ def _closer(summary: Mapping[str, Any], folder: Path, rerun: str) -> list[dict[s
         name = gaps[0].split(",")[0].split()[-1] if len(gaps) == 1 else "closer"
         out = shlex.quote(f"{folder}_{name}")
         command = f"{_laid_over(rerun, told)} --out {out}" if told.startswith("--set") else told
-        found.append({"name": ", ".join(gaps), "command": command})
+        finer = "time.duration=" in told
+        why = "frequencies twice as fine" if finer else "driven there" if command != told else ""
+        found.append({"name": ", ".join(gaps) + f": {why}" * bool(why), "command": command})
     return found
 
 

@@ -28,7 +28,7 @@ from wavesim.simulation.simulation import default_samples
 from wavesim.sources import excitation, unfolded
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import sent_back, wavenumbers
-from wavesim.verdict.check import receiver_notes
+from wavesim.verdict.check import energy_note, receiver_notes
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 _MOST_MODES = 5
@@ -254,11 +254,7 @@ def bar_notes(reading: Reading, field: Field) -> list[str]:
         )
     held = reading.exact or reading.finer
     found += receiver_notes(field, held, reading.heard, reading.refused)
-    if field.energy is not None and not field.layers.conserves_energy:
-        found.append(
-            'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
-            'take "consistent" to have it judged'
-        )
+    found += energy_note(field)
     found += [note for pulse in reading.pulses if (note := _blind(field, pulse))]
     return found + _folded(reading, field) + _too_short(reading, field) + _near_cutoffs(field)
 

@@ -138,6 +138,16 @@ def _some(names: list[str]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
+def energy_note(field: Field) -> list[str]:
+    """That energy was not judged, where the equations conserve none."""
+    if field.energy is None or field.layers.conserves_energy:
+        return []
+    return [
+        'energy was not judged: the equations of closure "printed" conserve none where a ≠ 0; '
+        'take "consistent" to have it judged'
+    ]
+
+
 def energy_checks(field: Field) -> list[Check]:
     """Energy balance, where the closure conserves energy in every layer.
 

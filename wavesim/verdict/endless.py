@@ -14,7 +14,7 @@ from wavesim.planewave.dispersion_relation import Gap, full_gaps, gaps, open_gap
 from wavesim.simulation.field import Field
 from wavesim.verdict import remedies
 from wavesim.verdict.branches import Held, faint
-from wavesim.verdict.check import Check, energy_checks, judged
+from wavesim.verdict.check import Check, energy_checks, energy_note, judged
 from wavesim.verdict.foreseen_errors import (
     MAXIMUM_TOLERANCE,
     MEDIAN_TOLERANCE,
@@ -141,7 +141,8 @@ def endless_notes(field: Field, held: Sequence[Held]) -> list[str]:
             "between the sources"
         )
     weak = faint(held)
-    return found + _not_judged(field, held) + ([weak] if weak else [])
+    found += _not_judged(field, held) + ([weak] if weak else [])
+    return found + energy_note(field)
 
 
 def _not_judged(field: Field, held: Sequence[Held]) -> list[str]:
