@@ -30,7 +30,7 @@ Data = dict[str, Any]
 
 # Tiles of the space-time picture; frames and places of the field in the bar; of a signal.
 _TILES = (220, 400)
-_FRAMES, _PLACES, _SAMPLES = 80, 1200, 1500
+_FRAMES, _PLACES, _SAMPLES = 80, 1200, 4000
 # Numbers of all snapshots and of all signals together, and frequencies of a spectrum, at most.
 _ALL_PLACES, _ALL_SAMPLES, _FREQUENCIES, _WAVENUMBERS = 1_000_000, 150_000, 400, 320
 # Amplitudes and powers are shown so far below their largest, dB.
