@@ -114,6 +114,15 @@ def test_a_eta_and_q_of_a_recorded_pulse_are_within_their_bars(record, tmp_path)
     assert found.residual < 0.05
 
 
+def test_bars_that_what_is_held_spoils_do_not_count(record, tmp_path):
+    """With Q held at 0.7 of what it is the losses that are left over go with the signals."""
+    loaded = load(case(tmp_path, Q=0.7 * TRUTH["Q"]))
+    keys = [NAMES["a"], NAMES["eta"]]
+    found = of_waveforms(loaded, matched(record, loaded.simulation, None), keys, None, None)
+    assert all("goes with the signals" in reason for reason in found.reasons.values())
+    assert found.comparison.systematic == pytest.approx(found.residual, rel=0.2)
+
+
 def test_what_the_data_do_not_tell_is_said(record, tmp_path):
     """Density and all stiffnesses raised alike change a moment's field as a gain does."""
     loaded = load(case(tmp_path, **TRUTH))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.matched_record import Measured
 from wavesim.simulation.bandlimited import between, cross_correlation
@@ -24,6 +24,8 @@ Float = NDArray[Any]
 _IN_BAND = 0.1
 # A correlation is looked at so many times between its samples.
 _PARTS = 50
+# Signals explain what is left over by so many copies to either side, told apart to this part.
+_TAPS, _TOLD = 4, 1e-6
 # Columns are laid otherwise by so many strongest frequencies, at so many lags to a period.
 _FREQUENCIES, _TO_A_PERIOD = 256, 16
 
@@ -60,6 +62,7 @@ class Comparison:
         lag, lag_error: t₀, s; NaN error where it was stated.
         scale, scale_error: s, unit of the record over that of the field.
         residual: rms of all that is left, over the record's, –.
+        systematic: the part of that which goes with the signals, as :func:`goes_with` has it, –.
     """
 
     measured: Measured
@@ -70,6 +73,7 @@ class Comparison:
     scale: float
     scale_error: float
     residual: float
+    systematic: float
 
     def summary(self) -> dict[str, Any]:
         """As plain data, SI."""
@@ -80,6 +84,7 @@ class Comparison:
             "scale": self.scale,
             "scale_error": self.scale_error,
             "residual": self.residual,
+            "systematic": self.systematic,
             "receivers": [dict(vars(one)) for one in self.receivers],
             "notes": list(self.measured.notes),
         }
@@ -120,6 +125,34 @@ def misfit(
         amplitude,
         float(np.std(level)),
     )
+
+
+def goes_with(there: Float, left: Float, positions: ArrayLike, lag: float) -> float:
+    """The part of what is left over that the signals explain, of its power, –.
+
+    Where the waves are another medium's, or the pulse another, what is left is near
+
+        r_j(t) = Σ_l (a_l + b_l x_j) φ(x_j, t − l τ),     l = −4 … 4,
+
+    a and b by least squares; noise of any kind, and times that jitter, hardly ever are.
+
+    Args:
+        there: signals, shape (nt, m).
+        left: what is left over, shape (nt, m).
+        positions: x_j, shape (m,), m.
+        lag: τ in samples, a quarter of a period or so.
+    """
+    x = np.asarray(positions, float)
+    x = (x - x.mean()) / (np.ptp(x) or 1.0)
+    there, left = (part - part.mean(axis=0) for part in (there, left))
+    reach = _TAPS * max(1, round(lag))
+    calm = np.pad(there, ((reach, reach), (0, 0)))
+    at = np.linspace(0, 2 * reach, 2 * _TAPS + 1).astype(int)
+    moved = [calm[first : first + len(there)] for first in at]
+    columns = np.stack([(part * by).ravel() for part in moved for by in (1.0, x)], axis=1)
+    found = np.linalg.lstsq(columns, left.ravel(), _TOLD)[0]
+    power = float(np.sum(left**2)) or 1.0
+    return max(0.0, 1 - float(np.sum((left.ravel() - columns @ found) ** 2)) / power)
 
 
 def laid_otherwise(

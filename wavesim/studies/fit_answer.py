@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wavesim.case.load import Case
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.matched_record import Measured, resampling
-from wavesim.readings.misfit import Comparison, laid_otherwise, misfit
+from wavesim.readings.misfit import Comparison, goes_with, laid_otherwise, misfit
 from wavesim.records.point_table import read_points
 from wavesim.studies.fitted_keys import QUALITY, targets, with_values
 from wavesim.studies.least_squares import FitError, Solution, Tied, solve, tied
@@ -114,17 +114,23 @@ def _beside(
         misfit(name, x, recorded[:, j], there[inside, j], left[inside, j], measured.interval)
         for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True))
     )
+    residual = float(np.sqrt(np.mean(left[inside] ** 2) / np.mean(recorded**2)))
+    quarter = 0.25 / (data.centre * measured.interval)
+    explained = goes_with(there[inside], left[inside], measured.positions, quarter)
     return Comparison(
         measured, there, per,
         lag if lag is not None else values[LAG], errors.get(LAG, np.nan),
         found, errors.get(GAIN, np.nan) * abs(found / values.get(GAIN, 1.0)),
-        float(np.sqrt(np.mean(left[inside] ** 2) / np.mean(recorded**2))),
+        residual, residual * float(np.sqrt(explained)) if explained > _NO_NOISE else 0.0,
     )  # fmt: skip
 
 
 # From so much left over on, another way to lay the record on the case is looked for, and told where
 # it leaves less than this part of that.
 _LOOKED_INTO, _FAR_LESS = 0.1, 0.5
+# What is left over goes with the signals where they explain this part of its power (of noise and of
+# jitter 0.04 at most was seen); so much of the record's rms spoils what is fitted.
+_NO_NOISE, _SPOILS = 0.3, 0.01
 # More than this of the record left over says that the case is another than what was measured.
 _LARGEST_RESIDUAL = 0.5
 
@@ -220,7 +226,7 @@ def of_waveforms(
         "waveforms",
         values,
         {key: solution.errors[key] for key in values},
-        {key: _reason(solution, key, beside.residual) for key in values},
+        {key: _reason(solution, key, beside) for key in values},
         nuisances,
         solution.degenerate,
         tied(solution.values, solution.errors, solution.covariance),
@@ -231,11 +237,11 @@ def of_waveforms(
     )
 
 
-def _reason(solution: Solution, key: str, residual: float) -> str:
+def _reason(solution: Solution, key: str, beside: Comparison) -> str:
     """Why a value does not count, or ""."""
-    if residual > _LARGEST_RESIDUAL:
+    if beside.residual > _LARGEST_RESIDUAL:
         return (
-            f"{residual:.0%} of the record is left over: the case is another than what "
+            f"{beside.residual:.0%} of the record is left over: the case is another than what "
             "was measured, or the first guess too far off"
         )
     if not np.isfinite(solution.errors[key]):
@@ -244,6 +250,12 @@ def _reason(solution: Solution, key: str, residual: float) -> str:
         return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
     if key in solution.at_limits:
         return "it ended at the limit of what is admissible: hold it, or begin elsewhere with --set"
+    if beside.systematic > _SPOILS:
+        return (
+            f"what is left over, {beside.systematic:.1%} of the record, goes with the signals and "
+            "is no noise: something that is held is off, and the errors do not hold that; vary "
+            "more keys, or hold them at other values with --set"
+        )
     return "" if solution.converged else "the fit did not settle: begin closer, with --set"
 
 
