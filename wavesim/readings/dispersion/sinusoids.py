@@ -154,7 +154,7 @@ def fit(
         The fit.
     """
     count, p = series.shape[-1], omega.shape[1]
-    omega, decay = omega.copy(), decay.copy()
+    omega, decay = np.maximum(omega, _SLOWEST / count), decay.copy()
     active = np.arange(len(series))
     for _ in range(steps):
         if not len(active):
