@@ -154,7 +154,7 @@ def test_crosstalk_and_dead_receivers_are_left_out(clean, part, dead, known):
 @pytest.mark.parametrize("sweep", [0.0, 3e9], ids=["tone", "chirp"])
 @pytest.mark.parametrize("rise", [1e-6, 8e-6])
 def test_a_record_that_ends_while_it_is_sent_holds_the_truth_or_tells_nothing(sweep, rise):
-    """What is sent lasts, from 300 kHz on; it reaches 20 mm at 10 µs, 60 mm at 23 µs, and the record
+    """What is sent lasts, from 300 kHz on; 20 mm are reached at 10 µs, 60 mm at 23 µs; the record
     ends at 24, 32 and 44 µs, within its rise where that is slow. Exact c there is 2990 m/s."""
     tau = np.clip(T - 3e-6, 0, None)
     sent = np.sin(2 * np.pi * (3e5 + sweep * tau / 2) * tau) * np.minimum(tau / rise, 1)
