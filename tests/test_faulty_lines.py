@@ -138,6 +138,16 @@ def test_where_waves_run_both_ways_a_mode_folds_by_its_modulus(sign):
     assert np.array_equal(folded, true[there] > np.pi)
 
 
+def test_a_mode_that_runs_through_zero_is_folded_on_either_side_of_it():
+    """k − 2π/d of a dispersive mode: below 0 its phases run back, and what is above is the same."""
+    omega = np.linspace(0.8, 1.4, 40) * 1e3
+    true = np.pi * (2 * omega / 1e3 + 0.3 * (omega / 1e3) ** 2)
+    seen = true - 2 * np.pi * np.round(true.mean() / (2 * np.pi))
+    assert (seen < 0).sum() < (seen > 0).sum()
+    assert folded_branches(np.zeros(40, int), seen, omega, 1.0).all()
+    assert not folded_branches(np.zeros(40, int), true / 4, omega, 1.0).any()
+
+
 def test_a_gain_that_turns_a_wave_round_is_refused(rng):
     """Two receivers, the nearer of a tenth of the gain: what decays toward the source is no wave
     that comes from there."""

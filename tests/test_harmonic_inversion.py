@@ -11,6 +11,7 @@ from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, series
 from wavesim.readings.dispersion.harmonic_inversion import invert
+from wavesim.readings.dispersion.sinusoids import fit
 from wavesim.records.of_field import references
 from wavesim.verdict.recovered_points import match
 
@@ -34,6 +35,16 @@ def test_exact_sinusoids_to_rounding(rng):
     assert found.amplitude == pytest.approx(np.linalg.norm(amplitude, axis=0), rel=1e-9)
     assert found.settled.all()
     assert found.residual.max() < 1e-24
+
+
+def test_a_constant_has_no_phase(rng):
+    """Of many sinusoids laid through an offset one tends to ω = 0, where its sine is nothing."""
+    series = (1.0 + 1e-3 * np.arange(800) + 1e-3 * rng.normal(size=800))[None, None]
+    omega = [0.99, 0.053, 0.0516, 0.0024, 0.0636, 1e-18, 0.0222, 0.0467, 0.0324, 0.0069]
+    decay = [0.0, -0.002, 0.046, 0.005, 0.006, 0.04, -9e-4, 1.6e-3, -1.7e-3, 6.8e-3]
+    found = fit(series, np.array([omega]), np.array([decay]))
+    assert np.isfinite(found.omega).all()
+    assert np.isfinite(found.unit).all()
 
 
 @pytest.mark.parametrize("apart", [0.6, 1.0, 1.5])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.fitness import for_frequency_at_k
 from wavesim.records.record import RecordError, record
@@ -67,6 +68,16 @@ def test_a_record_cut_inside_its_pulse_has_no_waves_but_the_pulse_s(frames):
     assert np.mean(np.abs(own.k - dispersive(own.omega)) < 1.96 * own.k_error) >= 0.95
     assert (own.bar < own.omega / 2).all()
     assert any(reason.startswith("the record begins or ends") for reason in points.reason)
+
+
+def test_the_foot_of_a_pulse_is_no_noise(rng):
+    """A burst of which a twentieth is there when the record begins: noise is what is there when it
+    has gone. Variance within a factor 2 of 80 samples' and no more, in the burst's band."""
+    t = np.arange(2000) - 150.0
+    u = np.exp(-((t / 87) ** 2)) * np.cos(0.3 * t) + 0.01 * rng.normal(size=2000)
+    variance = noise_variance(u[:, None], 1.0, np.array([0.25, 0.3, 0.35]))
+    assert (variance > 0.25e-4).all()
+    assert (variance < 4e-4).all()
 
 
 def test_a_tone_is_one_wave_and_none_at_other_frequencies():

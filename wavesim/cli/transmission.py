@@ -77,7 +77,7 @@ def _tell(study: Any) -> None:
     """A few frequencies of each sector, bands asked for, gaps of the layers there, and notes."""
     import numpy as np
 
-    from wavesim.studies.transmission_study import decibels, kept
+    from wavesim.studies.transmission_study import kept, level
 
     out = console()
     alike: dict[bytes, list[str]] = {}
@@ -88,7 +88,7 @@ def _tell(study: Any) -> None:
     frequency = study.frequency
     unit, scale = ("kHz", 1e3) if frequency[-1] >= 1e3 else ("Hz", 1.0)
     table = new_table(unit, *(f"{name}\nT, dB" for name in names), words=0)
-    levels = [decibels(study.curves[own[0]].T) for own in alike.values()]
+    levels = [level(study.curves[own[0]].T) for own in alike.values()]
     for n in np.unique(np.linspace(0, len(frequency) - 1, _ROWS).round().astype(int)):
         values = (f"{one[n]:.2f}" if np.isfinite(one[n]) else "no answer" for one in levels)
         table.add_row(f"{frequency[n] / scale:.1f}", *values)

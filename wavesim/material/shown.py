@@ -102,9 +102,9 @@ def with_error(value: float, error: float = math.nan, unit: str = "") -> str:
     return f"{value:.{min(max(1, first - last), 12)}e} ± {error:.1e}{end}"
 
 
-def decibels(amplitude: Any, reference: float = 1.0) -> Any:
-    """20 log₁₀ of an amplitude over a reference, cut at −300 dB."""
-    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, 1e-15))
+def decibels(amplitude: Any, reference: float = 1.0, least: float = 1e-15) -> Any:
+    """20 log₁₀ of an amplitude over a reference, cut at the least that is told from 0: −300 dB."""
+    return 20 * np.log10(np.maximum(np.abs(amplitude) / reference, least))
 
 
 def plain(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,14 @@ import numpy as np
 from wavesim.case.layered_case import BarLayers
 from wavesim.case.schema import BandTable
 from wavesim.layered.transmission import Specimen, Transmission, specimen
-from wavesim.material.shown import plain
+from wavesim.material.shown import decibels, plain
 from wavesim.planewave.band_edges import asymptotes, gaps
 
 POINTS = 400
 # Where the band begins and ends by default, over the first asymptote of the half-spaces.
 _FROM, _TO = 0.05, 0.99
+# T of thick stacks is exact far below what a picture shows.
+level = partial(decibels, least=1e-300)
 
 
 @dataclass(frozen=True)
@@ -85,8 +88,8 @@ class Study:
                 "frequency": self.frequency,
                 "T": curve.T,
                 "R": curve.R,
-                "T_dB": decibels(curve.T),
-                "R_dB": decibels(curve.R),
+                "T_dB": level(curve.T),
+                "R_dB": level(curve.R),
                 "transmitted": curve.power_T,
                 "reflected": curve.power_R,
             }
@@ -114,8 +117,8 @@ class Study:
                 ("T_imag", curve.T.imag),
                 ("R_real", curve.R.real),
                 ("R_imag", curve.R.imag),
-                ("T_dB", decibels(curve.T)),
-                ("R_dB", decibels(curve.R)),
+                ("T_dB", level(curve.T)),
+                ("R_dB", level(curve.R)),
                 ("transmitted", curve.power_T),
                 ("reflected", curve.power_R),
             ):
@@ -202,11 +205,6 @@ def _listed(names: list[str]) -> str:
     """As "layers.0, layers.2", cut where it is long."""
     shown = ", ".join(names[:3])
     return f"{shown}, …" if len(names) > 3 else shown
-
-
-def decibels(amplitude: Any) -> Any:
-    """20 log₁₀ |amplitude|, no lower than −6000 dB."""
-    return 20 * np.log10(np.maximum(np.abs(amplitude), 1e-300))
 
 
 def _spans(frequency: Any, chosen: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -115,12 +116,19 @@ def _in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
         if piece[0] and abs(k[piece[0]]) + abs(k[piece[0] - 1]) > _EDGE * 2 * np.pi / gap:
             beyond = True
         result[piece] = beyond or is_folded(k[piece], omega[piece], gap)
-    # A piece too short to tell is as those about it.
-    for piece in pieces:
-        about = result[max(piece[0] - 1, 0)] or result[min(piece[-1] + 1, len(k) - 1)]
-        if len(piece) < _FEWEST and about:
-            result[piece] = True
+    # What goes on through k = 0 is one mode, of which the longer piece tells, or that is folded.
+    for before, after in [*pairwise(pieces), *reversed([*pairwise(pieces)])]:
+        both = np.concatenate([before, after])
+        short = min(len(before), len(after)) < _FEWEST
+        if k[after[0]] * k[before[-1]] < 0 and (short or _goes_on(k, omega, before, after)):
+            result[both] |= result[both].any()
     return result
+
+
+def _goes_on(k: Float, omega: Float, before: NDArray[Any], after: NDArray[Any]) -> bool:
+    """Whether both pieces of a mode run to the same side, through k = 0."""
+    slopes = [_straight(k[own], omega[own])[0] for own in (before, after)]
+    return bool(slopes[0] * slopes[1] > 0 and slopes[0] * (k[after[0]] - k[before[-1]]) > 0)
 
 
 # A step from near π/d to near −π/d passes through it.

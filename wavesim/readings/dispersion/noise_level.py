@@ -5,7 +5,8 @@ and lines that are broad and random (thermal motion) all leave a continuum about
 is a line that stands out of the continuum close to it.
 
 Of a receiver's transform: white noise shows where there is no signal, at the highest frequencies.
-Noise in the signal's own band, of wind or of a filtered amplifier, shows before the signal comes.
+Noise in the signal's own band, of wind or of a filtered amplifier, shows where the record is
+quietest: before the signal comes, or when it has gone.
 Samples on a ladder of steps q have q/√12 in any case.
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import gammaincinv
@@ -167,11 +169,9 @@ def leaked(
 
 
 # What is before a receiver's first sample above so many deviations of its first part is quiet.
-_FIRST_PART = 0.04
-_ABOVE_FIRST = 6.0
-_QUIET_PART = 0.8
-_FEWEST_QUIET = 48
-_LEAST_NOISE = 1e-5
+# Noise is what is in the quietest stretch as long as that, or as a tenth of the record: in the
+# first may be a pulse's foot, which is all there is where that is below this part of the peak.
+_FIRST_PART, _ABOVE_FIRST, _QUIET_PART, _FEWEST_QUIET, _LEAST_NOISE = 0.04, 6.0, 0.8, 48, 1e-5
 _FEWEST_LIVE = 16
 # Rounding, over the largest value.
 ROUNDING = 1e-15
@@ -184,13 +184,18 @@ def white_level(values: Float, quantum: Float | float = 0.0) -> Float:
         values: shape (nt, nx); what is exactly constant at either end does not count as signal.
         quantum: q, the least step between samples, shape (nx,) or (), unit of the values.
     """
-    live = np.flatnonzero((np.diff(values, axis=0) != 0).any(axis=1))
-    inner = values[live[0] : live[-1] + 2] if len(live) > _FEWEST_LIVE else values
+    inner = _live(values)
     window = np.hanning(len(inner))
     spectrum = np.abs(np.fft.rfft(inner * window[:, None], axis=0)) ** 2
     top = spectrum[-max(4, len(spectrum) // 10) : -1]
     white = np.sqrt(np.median(top, axis=0) / np.log(2) / np.sum(window**2))
     return np.asarray(np.maximum(white, np.asarray(quantum) / np.sqrt(12)))
+
+
+def _live(values: Float) -> Float:
+    """Without what is exactly constant at either end, unless that is nearly all."""
+    live = np.flatnonzero((np.diff(values, axis=0) != 0).any(axis=1))
+    return values[live[0] : live[-1] + 2] if len(live) > _FEWEST_LIVE else values
 
 
 def noise_variance(
@@ -206,19 +211,17 @@ def noise_variance(
         omega: ω, shape (nω,), rad/s.
         quantum: q, the least step between samples, shape (nx,) or (), unit of the values.
     """
-    count, receivers = values.shape
     variance = np.tile(white_level(values, quantum) ** 2, (len(omega), 1))
-    head = values[: max(16, int(_FIRST_PART * count))]
+    head, peak = values[: max(16, int(_FIRST_PART * len(values)))], np.abs(values).max(axis=0)
     middle, spread = head.mean(axis=0), head.std(axis=0)
-    peak = np.abs(values).max(axis=0)
     loud = np.abs(values - middle) > _ABOVE_FIRST * spread + 1e-12 * peak
-    first = np.where(loud.any(axis=0), loud.argmax(axis=0), count)
-    for at in range(receivers):
-        quiet = int(_QUIET_PART * first[at])
-        # What is less is the foot of a pulse, which no instrument's noise leaves to be seen.
-        if quiet < _FEWEST_QUIET or not spread[at] > _LEAST_NOISE * peak[at]:
-            continue
-        own = noise_density(values[:quiet, at], interval, omega / (2 * np.pi)) / interval
+    first = np.where(loud.any(axis=0), loud.argmax(axis=0), len(values))
+    quiet, inner = (_QUIET_PART * first).astype(int), _live(values)
+    for at in np.flatnonzero((quiet >= _FEWEST_QUIET) & (spread > _LEAST_NOISE * peak)):
+        size = min(quiet[at], max(_FEWEST_QUIET, len(inner) // 10), len(inner))
+        parts = sliding_window_view(inner[:, at], size)[:: size // 4]
+        quietest = parts[parts.std(axis=1).argmin()]
+        own = noise_density(quietest, interval, omega / (2 * np.pi)) / interval
         variance[:, at] = np.maximum(variance[:, at], own)
     return np.maximum(variance, (ROUNDING * peak.max(initial=0.0)) ** 2)
 

@@ -27,6 +27,8 @@ _FINE = 64
 # Longest step of a frequency, in bins 2π/N; growth and decay over the series are held to these.
 _LONGEST_STEP = 0.4
 _DECAY = (-2.0, 40.0)
+# Least phase over the series, rad: below it a cosine is a constant, and has no sine.
+_SLOWEST = 0.01
 # Steps shorter than this many radians (nepers) over the series, or this part of the standard
 # error, change nothing.
 _RADIANS = 1e-12
@@ -152,7 +154,7 @@ def fit(
         The fit.
     """
     count, p = series.shape[-1], omega.shape[1]
-    omega, decay = omega.copy(), decay.copy()
+    omega, decay = np.maximum(omega, _SLOWEST / count), decay.copy()
     active = np.arange(len(series))
     for _ in range(steps):
         if not len(active):
@@ -164,8 +166,8 @@ def fit(
         limit = _LONGEST_STEP * 2 * np.pi / count
         step = now.step * np.minimum(1, limit / np.maximum(longest, 1e-300))[:, None]
         moved = omega[active] + step[:, :p]
-        # −ω is the same real sinusoid.
-        omega[active] = np.abs(moved)
+        # −ω is the same real sinusoid, and one of ω = 0 has no phase.
+        omega[active] = np.maximum(np.abs(moved), _SLOWEST / count)
         decay[active] = np.clip(decay[active] + step[:, p:], _DECAY[0] / count, _DECAY[1] / count)
         small = np.abs(now.step) <= np.maximum(_RADIANS / count, _OF_ERROR * now.error)
         active = active[~small.all(axis=1)]
