@@ -165,6 +165,29 @@ def test_a_gain_that_turns_a_wave_round_is_refused(rng):
         assert points.valid.all() == (gain == 1)
 
 
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("turns", [2.3, 5.7, 10.6])
+def test_a_pulse_that_runs_for_turns_between_receivers_has_k_where_it_is_unfolded_alone(
+    count, turns, rng
+):
+    """Constant speed, α from 1/Q = 0.03: k = ω(1 + i/2Q)/c exactly; half a turn is passed within
+    the band, and what is called valid is right to 2 % or three of its bars."""
+    f, x = 5e4, 0.01 + turns * SPEED / 5e4 * np.arange(count)
+    n, t = 8192, 5e-7 * np.arange(8192)
+    s = (np.pi * f * (t - 4e-5)) ** 2
+    omega = 2 * np.pi * np.fft.rfftfreq(n, 5e-7)
+    spectrum = np.fft.rfft((1 - 2 * s) * np.exp(-s))
+    u = np.fft.irfft(spectrum * np.exp(1j * omega * x[:, None] / SPEED * (-1 + 0.015j)), n).T
+    u = u[: int((x[-1] / SPEED + 2e-4) / 5e-7)]
+    u += 0.003 * np.abs(u[:, -1]).max() * rng.normal(size=u.shape)
+    read = 2 * np.pi * np.linspace(8e3, 1.2e5, 40)
+    points = in_space(record(u, t[: len(u)], x, sources=(0.0,)), read)
+    own = points.valid
+    off = np.abs(points.k[own].real - points.omega[own].real / SPEED)
+    assert (off <= np.maximum(3 * points.bar[own], 0.02 * points.omega[own].real / SPEED)).all()
+    assert sum(reason.startswith("folded") for reason in points.reason) > 20
+
+
 @pytest.mark.parametrize("turn", [1.2, 1.6])
 def test_a_wave_whose_phases_run_against_its_decay_is_folded(turn, rng):
     """Receivers turn/2 of a wavelength apart: phases seem to run back while amplitudes fall.

@@ -17,28 +17,50 @@ GROWS = (
 )
 # Arrivals tell a direction by so many errors.
 _SURELY = 4.0
+# A pulse's band is where its power is this part of its most; k is about sω to this part.
+_LOUD, _ABOUT = 0.01, 0.3
 
 
-def _direction(come: Float, x: Float, period: float) -> float:
-    """1 where the signal goes along x by when it comes to receivers, shape (nx,), s; −1 against."""
+def slowness(come: Float, x: Float, period: float) -> float:
+    """Of the signal along x by when it comes to receivers, shape (nx,), s; 0 where it is unsure."""
     away = x - x.mean()
     late = float(away @ come / (away @ away))
     left = come - come.mean() - late * away
     error = float(np.sqrt(left @ left / max(len(x) - 2, 1) / (away @ away)))
     sure = abs(late) > _SURELY * error and abs(late) * np.ptp(x) > period / 12
-    return float(np.sign(late)) if sure else 0.0
+    return late if sure else 0.0
 
 
-def against_travel(points: BranchPoints, come: Float, x: Float, models: Any) -> tuple[Any, Any]:
+def runs_on(
+    points: BranchPoints, late: float, gap: float, power: Float, omega: Float
+) -> NDArray[np.bool_]:
+    """Points of a pulse whose phases run on by more than a turn within its band.
+
+    Its phases between receivers d apart change by d s dω: those below half a turn lie in no more
+    than a turn of it, whatever part of them seems to; at its begin, where k is about sω.
+
+    Args:
+        points: of waves.
+        late: s, its slowness, s/m.
+        gap: d, of receivers on an even line that folds at the same k, m.
+        power: at each frequency, shape (n,).
+        omega: shape (n,), rad/s.
+    """
+    loud, expected = power >= _LOUD * power.max(initial=0.0), abs(late) * points.omega.real
+    near = np.abs(np.abs(points.k.real) - expected) < _ABOUT * expected
+    begins = near & (expected * gap < np.pi)
+    return ~begins & bool(abs(late) * gap * np.ptp(omega[loud]) > 2 * np.pi)
+
+
+def against_travel(points: BranchPoints, late: float, models: Any) -> tuple[Any, Any]:
     """Waves one way, of which phases run another than they come; of which amplitudes grow so.
 
     Args:
         points: in the order of the models.
-        come: when the signal comes to receivers, shape (nx,), s.
-        x: positions, shape (nx,), m.
+        late: of :func:`slowness`.
         models: number of pairs, whether both ways, and the fit of each frequency.
     """
-    goes = _direction(come, x, 2 * np.pi / float(np.median(points.omega.real)))
+    goes = float(np.sign(late))
     turned = np.concatenate([fit.backward[i, :pairs] > fit.forward[i, :pairs]
                              for i, (pairs, _, fit) in enumerate(models)])  # fmt: skip
     alone = np.repeat([not both for _, both, _ in models], [pairs for pairs, _, _ in models])

@@ -73,18 +73,25 @@ def points_to_zero(k: Float, omega: Float, gap: float) -> bool:
     return bool(abs(offset) + blur < _TO_ZERO * 2 * np.pi / gap)
 
 
-def folded_branches(branch: NDArray[Any], k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
+def folded_branches(
+    branch: NDArray[Any],
+    k: Float,
+    omega: Float,
+    gap: float,
+    beyond: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
     """Points of branches whose Re k has run through ±π/d, shape (m,).
 
     Args:
         branch: of each point, joined by |k|, −1 for none, shape (m,).
         k, omega, gap: as of :func:`is_folded`, in any order.
+        beyond: those known to, shape (m,).
     """
-    folded = np.zeros(len(k), bool)
+    folded = np.zeros(len(k), bool) if beyond is None else beyond.copy()
     own = [np.flatnonzero(branch == number) for number in np.unique(branch[branch >= 0])]
     for at in own:
         at = at[np.argsort(omega[at])]
-        folded[at] = _in_pieces(k[at], omega[at], gap)
+        folded[at] |= _in_pieces(k[at], omega[at], gap)
     # A few points by themselves are no mode that is not, where many others are.
     found = int(folded.sum())
     for at in own:

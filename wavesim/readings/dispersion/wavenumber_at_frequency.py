@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.branch_joining import join
-from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel
+from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel, runs_on, slowness
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
 from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
 from wavesim.readings.dispersion.noise_level import noise_variance
@@ -180,14 +180,17 @@ def in_space(
     # A loss that may be none tells no direction.
     turned = (points.k.real < 0) & (points.k.imag < points.bar)
     seen, points = points, replace(points, k=np.where(turned, -points.k.real + 0j, points.k))
-    if not record.lattice:
-        gap = np.pi / highest_wavenumber(x)
-        folded = folded_branches(points.branch, points.k.real, points.omega.real, gap)
-        points = points.refused(folded, FOLDED)
+    beyond = grows = np.zeros(len(points), bool)
+    gap = np.pi / highest_wavenumber(x)
     if not record.ring:
         come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
-        folded, grows = against_travel(seen, come, x, models)
-        points = points.refused(folded & (not record.lattice), FOLDED).refused(grows, GROWS)
+        late = slowness(come, x, 2 * np.pi / float(np.median(points.omega.real)))
+        beyond, grows = against_travel(seen, late, models)
+        beyond |= runs_on(seen, late, gap, np.sum(np.abs(U) ** 2, axis=1), omega)
+    if not record.lattice:
+        known = points.branch, points.k.real, points.omega.real
+        points = points.refused(folded_branches(*known, gap, beyond), FOLDED)
+    points = points.refused(grows, GROWS)
     return _with_branches(_enough(points, U * used, models), omega)
 
 
