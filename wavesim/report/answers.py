@@ -254,17 +254,6 @@ def verdict(summary: Summary) -> str:
     return f"{passed}; “{short_name(short[0]['name'])}”{more} fell short: see what to change."
 
 
-def explained(checks: Sequence[Mapping[str, Any]]) -> str:
-    """What is to be known of some checks to read them; "" where their names tell it."""
-    if not any("edge, at judged k" in check["name"] for check in checks):
-        return ""
-    return (
-        "An edge at judged k is the top of the branch below a gap, or the bottom of the one above, "
-        "over the wavenumbers that are judged. Branches reach asymptotes and cutoffs only beyond: "
-        "the gap itself is narrower, and stands under what was found."
-    )
-
-
 def short_name(name: str) -> str:
     """A check's name without what was compared."""
     for mark in (": |", ": difference", " over "):

@@ -19,7 +19,6 @@ from wavesim.material.scaling import scales
 from wavesim.material.shown import KHZ, in_time, with_error
 from wavesim.report.answers import (
     answers,
-    explained,
     measured_and_allowed,
     number,
     short_name,
@@ -92,8 +91,6 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
             console.print(f"     {name} is {measured}, allowed {allowed}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
-    if explained(short):
-        console.print(explained(short), style="dim")
 
 
 def survey(
