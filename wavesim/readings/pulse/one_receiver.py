@@ -99,14 +99,11 @@ def read_one(
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
     rivals = begun[as_well].tolist()
-    risen = rises(heard[at], record)
     begins, other = run_into(heard[at], record, distance, delay, wanted)
     rivals += [other] if math.isfinite(other) else []
     own = arrived(record, begins, delays)
     parts = left_open(record, heard, own, delays)
     found = settled(record, heard, own, parts, distance, delays, rivals, wanted)
-    if found.best.valid and not math.isfinite(risen):
-        found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
     if at == 0 and _MAY_HIDE < below <= DIRECT:
         weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"

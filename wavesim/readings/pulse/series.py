@@ -40,9 +40,8 @@ _TRUST = 0.15
 _BURST = 1.6
 # The weight of the direct wave that a record shows by itself, and how near it counts, in periods.
 _ALONE, _NEAR = 0.2, 0.25
-# The packet about its break, in periods; another shift nearly as good is a rival.
+# The packet about its break, in periods.
 _PACKET = (-0.5, 1.5)
-_NEARLY = 0.97
 # Neighbours up to so far apart vote.
 _REACH = 3
 # A record that correlates better by so much the other way round was connected so.
@@ -58,19 +57,14 @@ class Followed:
     """Arrival of one wave through a series.
 
     Attributes:
-        reference: index of the record that was picked first.
         time: of the arrival after the start, less the delay, shape (n,), s.
         error: how far the pairs' votes are apart, shape (n,), s.
         correlation: of each record with its neighbours at the stretch found, shape (n,).
-        rival: the best other stretch: how far it lies, in s, shape (n,); NaN where none correlates
-            nearly as well.
     """
 
-    reference: int
     time: Float
     error: Float
     correlation: Float
-    rival: Float
 
 
 def clearest(
@@ -212,7 +206,7 @@ def _voted(
     """
     n = len(signals)
     rows, values, weights, pairs = [], [], [], []
-    rival, best = np.full(n, np.nan), np.zeros(n)
+    best = np.zeros(n)
     for a in range(n):
         for b in range(a + 1, min(a + _REACH + 1, n)):
             i, j = order[a], order[b]
@@ -231,13 +225,6 @@ def _voted(
             pairs.append((i, j))
             if b == a + 1:
                 best[i], best[j] = max(best[i], C[top]), max(best[j], C[top])
-                # Another cycle is a top of its own, not the flank of one further off.
-                tops = np.r_[False, (C[1:-1] >= C[:-2]) & (C[1:-1] > C[2:]), False]
-                second = int(np.argmax(np.where(tops & ~near, C, -2.0)))
-                if C[second] > _NEARLY * C[top]:
-                    centre = order.index(reference)
-                    which = j if abs(a - centre) < abs(b - centre) else i
-                    rival[which] = abs(lags[second])
     hold = np.zeros(n)
     hold[reference] = 1.0
     # What no pair tells stays where it was followed to.
@@ -251,7 +238,7 @@ def _voted(
         off[i].append(left)
         off[j].append(left)
     spread = np.array([np.sqrt(np.mean(np.square(one))) if one else np.nan for one in off])
-    return Followed(reference, time, spread, best, rival)
+    return Followed(time, spread, best)
 
 
 def _peak(x: Float, y: Float, at: int) -> float:
