@@ -110,8 +110,8 @@ def _tell(study: Any) -> None:
         if low < frequency[-1] and high > frequency[0]:  # the files have all
             ends = f"{low / scale:.2f}", f"{high / scale:.2f}"
             alike_gaps.setdefault((where, name, *ends), []).append(sector)
-    for (where, *told), sectors in alike_gaps.items():
-        gaps.add_row(where, "\n".join(sectors), *told)
+    for (where, *numbers), sectors in alike_gaps.items():
+        gaps.add_row(where, "\n".join(sectors), *numbers)
     if gaps.rows:
         out.print(gaps)
     for note in study.notes:
