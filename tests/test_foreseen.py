@@ -11,7 +11,7 @@ from wavesim.case.schema import parse
 from wavesim.readings.bar.loudness import Loudness
 from wavesim.report.answers import verdict
 from wavesim.timedomain.time_step import time_step
-from wavesim.verdict.foreseen_errors import foretold, limit_of
+from wavesim.verdict.foreseen_errors import foretold, limit_of, untold
 from wavesim.verdict.judgement import measure
 from wavesim.verdict.warnings_before_run import foreseen as said
 
@@ -183,6 +183,14 @@ def test_what_is_too_much_to_work_out_beforehand_is_none_and_named():
         assert told in limit_of(simulated)
     assert foretold(ws.Simulation(layers, bar, pulse, **known))
     assert not limit_of(ws.Simulation(layers, bar, pulse, **known))
+    # Of a ring the branches are told, and that its receivers are not.
+    round_about = ws.Bar(4000, 8e-6)
+    ring = ws.Simulation(layers, round_about, pulse, **known)
+    errors = foretold(ring)
+    assert errors
+    assert not any("far" in one.what for one in errors)
+    assert "4000 cells" in untold(ring, errors)
+    assert untold(ws.Simulation(layers, round_about, pulse, 6e-5), errors) == ""
 
 
 AMID_A_SOURCE = """

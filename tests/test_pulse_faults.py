@@ -151,6 +151,22 @@ def test_crosstalk_and_dead_receivers_are_left_out(clean, part, dead, known):
     assert len(read.receivers) == (5 if dead is None else 4)
 
 
+@pytest.mark.parametrize("sweep", [0.0, 3e9], ids=["tone", "chirp"])
+@pytest.mark.parametrize("rise", [1e-6, 8e-6])
+def test_a_record_that_ends_while_it_is_sent_holds_the_truth_or_tells_nothing(sweep, rise):
+    """What is sent lasts, from 300 kHz on; 20 mm are reached at 10 µs, 60 mm at 23 µs; the record
+    ends at 24, 32 and 44 µs, within its rise where that is slow. Exact c there is 2990 m/s."""
+    tau = np.clip(T - 3e-6, 0, None)
+    sent = np.sin(2 * np.pi * (3e5 + sweep * tau / 2) * tau) * np.minimum(tau / rise, 1)
+    values = through(lambda w: LOSSY.lossless(w) / C, T, sent, X)
+    answered = 0
+    for n in (2200, 2600, 3200):
+        best = read_array("a", T[:n], *named(values[:n], X), sent[:n], EXPECTED).best
+        answered += best.valid
+        assert not best.valid or abs(best.velocity - 2990) <= 2 * best.velocity_error
+    assert answered
+
+
 def test_crosstalk_that_lasts_into_the_wave_is_refused_where_nobody_knows_it(clean):
     tau = T + 1e-6
     sent = np.where((tau >= 0) & (tau <= 3e-5), np.sin(2 * np.pi * F * tau), 0)

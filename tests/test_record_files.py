@@ -73,6 +73,14 @@ TEXTS = {
     "a row of blank cells": HEAD + rows().replace("\n", "\n,,,,\n", 3),
     "a row of places with decimal commas": "x (mm);20,0;25,0;30,0;35,0\nt_s;a;b;c;d\n"
     + rows(comma=";", decimal=","),
+    "remarks below the units": f"Name,Time,{PLACED}\nUnit,ms,V,V,V,V\nRemark,,sent,a,b,c\n"
+    + "".join(f",{line}\n" for line in rows(T * 1e3).splitlines()),
+    "an interval with its unit in brackets": f"Sample,{PLACED}\nSampling interval (us),0.5,,,\n"
+    + "".join(f"{i},{line.split(',', 1)[1]}\n" for i, line in enumerate(rows().splitlines())),
+    "a rate in a comment": f"# decimation = 64; fs = 2 MS/s\n{PLACED}\n"
+    + "".join(line.split(",", 1)[1] + "\n" for line in rows().splitlines()),
+    "ten to a power, times": HEAD.replace("t_s", "Time [x1e-6 s]") + rows(T * 1e6),
+    "milliseconds in Spanish": HEAD.replace("t_s", "Tiempo (milisegundos)") + rows(T * 1e3),
     "ms in Russian": HEAD.replace("t_s", "Время (мс)") + rows(T * 1e3),
     "metadata above": "".join(f"Key {i},Value\n" for i in range(20)) + HEAD + rows(),
     "comments above": "% Model, bar\n% Version, 6\n" + HEAD + rows(),
@@ -114,10 +122,9 @@ def test_thousands_may_be_parted(tmp_path, mark, decimal):
     same(read(path), u=found.values[0])
 
 
-def test_columns_in_units_of_their_own_are_put_in_one(tmp_path):
-    names = (
-        f"{place} ({unit})" for place, unit in zip(PLACES, ("V", "mV", "V", "mV"), strict=True)
-    )
+@pytest.mark.parametrize("form", ["{} ({})", "{} / {}"])
+def test_columns_in_units_of_their_own_are_put_in_one(tmp_path, form):
+    names = map(form.format, PLACES, ("V", "mV", "V", "mV"))
     path = tmp_path / "units.csv"
     path.write_text(",".join(["t_s", *names]) + "\n" + rows(u=U * [1, 1000, 1, 1000]))
     same(read(path))
@@ -290,6 +297,22 @@ def test_arrays_as_long_as_an_axis_say_which_it_is():
     same(from_arrays(own, Layout(interval=T[1], spacing=5e-3)))
     bare = from_arrays({"u": np.c_[U, U][:32], "dt": T[1], "dx": 5e-3})
     assert "taken as times down, receivers across" in bare.notes[0]
+    # No record has two frames; rows and columns alone are signals, of one receiver too.
+    same(from_arrays({"u": U[:, :2].T, "fs": 2e6, "dx": 5e-3}), x=X[:2] - X[0], u=U[:, :2])
+    one = from_arrays({"u": U[:, :1].T, "time": T[None]}, Layout(placed=False))
+    assert (one.values[0, :, 0] == U[:, 0]).all()
+    assert one.t == pytest.approx(T)
+
+
+def test_an_axis_is_known_by_its_unit_alone(tmp_path):
+    """Where its name says nothing: a coordinate in cm is of places, one in ms of times."""
+    import xarray
+
+    axes = {
+        "lag": ("lag", T * 1e3, {"units": "ms"}),
+        "sensor": ("sensor", X * 100, {"units": "cm"}),
+    }
+    same(from_xarray(xarray.DataArray(U.T, axes, ("sensor", "lag"))))
 
 
 def test_places_in_two_axes_are_along_their_line():

@@ -155,8 +155,10 @@ def test_a_relation_of_ones_own_decays_as_it_says():
 
 def test_what_cannot_be_made_is_said():
     t, x = np.linspace(0, 0.02, 400), positions(41, 0.01)
-    with pytest.raises(RecordError, match=r"length = 0\.001 m"):
+    with pytest.raises(RecordError, match=r"length = 0\.001 m: holds 0 wavenumbers"):
         synthesize(CHAIN, t, x, Pulse(1500.0), 0.001)
+    with pytest.raises(RecordError, match="holds inf wavenumbers"):
+        synthesize(CHAIN, t, 1e300 * x, Pulse(1500.0), 1e302, 1e9)
     with pytest.raises(RecordError, match="noise = -1"):
         Spoil(noise=-1)
     with pytest.raises(ValueError, match="no k"):

@@ -108,6 +108,13 @@ def test_a_band_says_its_unit_and_one_far_too_low_is_told(path):
     assert "--band 600kHz 1000kHz" in low["notes"][0]
 
 
+def test_names_of_gaps_far_off_what_is_shown_are_not_drawn(tmp_path):
+    """At 1 to 2 Hz their places are half a million widths of the picture away."""
+    done = call("transmission", "slab", "--band", "1", "2", "--points", "3", "--out", tmp_path)
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "transmission.png").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -142,7 +142,11 @@ def shade(
         else:
             own, place = axes.get_yaxis_transform(), (at, middle)
             turned = {"ha": "right" if at > 0.5 else "left", "va": "center"}
-        axes.text(*place, name, fontsize=7, bbox=LABEL, transform=own, clip_on=True, **turned)
+        # Text is drawn however far off; an annotation, only where its place is seen.
+        axes.annotate(
+            name, place, xycoords=own, fontsize=7, bbox=LABEL, clip_on=True, annotation_clip=True,
+            **turned,
+        )  # fmt: skip
 
 
 def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:

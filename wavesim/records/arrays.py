@@ -21,12 +21,14 @@ from wavesim.records.axes import (
     axes_of,
     bare,
     interval_said,
+    is_axis,
     listed,
     named,
     times_fall,
     times_of,
 )
 from wavesim.records.content import Content, RecordError
+from wavesim.records.faults.gaps import FEWEST_FRAMES
 from wavesim.records.layout import Layout
 from wavesim.records.units import position_in
 
@@ -74,9 +76,8 @@ def find(content: Content, layout: Layout) -> Found:
     arrays = {n: np.asarray(a) for n, a in content.arrays.items()}
     truth = {n[len(_TRUTH) :]: a for n, a in arrays.items() if n.startswith(_TRUTH)}
     arrays = {n: a for n, a in arrays.items() if not n.startswith(_TRUTH)}
-    # Rows and columns of a larger array's length are one row, as MATLAB has no other.
-    largest = max((a.size for a in arrays.values()), default=0)
-    arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and a.size < largest else a
+    # Rows and columns are of one axis, as MATLAB has no other.
+    arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and not content.labels else a
               for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
     content = replace(content, arrays=arrays, unplaced=dict(content.unplaced))
@@ -97,7 +98,10 @@ def find(content: Content, layout: Layout) -> Found:
     values, labels, name = _values(content, layout)
     swapped = np.swapaxes(values, -1, -2)
     fits = [0 if labels else as_long(content, layout, one.shape[-2:]) for one in (values, swapped)]
-    axes = axes_of(content, layout, values) if fits[0] >= fits[1] else None
+    # Of two ways that nothing tells apart, the one that has the frames of a record.
+    frames, count = (0, 0) if labels else values.shape[-2:]
+    lies = fits[0] < fits[1] or (fits == [0, 0] and frames < FEWEST_FRAMES <= count)
+    axes = None if lies else axes_of(content, layout, values)
     if axes is None:
         axes = axes_of(content, layout, swapped)
         if axes is not None:
@@ -231,10 +235,10 @@ def _side_by_side(content: Content, layout: Layout) -> tuple[Float, tuple[str, .
     own = {
         n: a for n, a in arrays.items()
         if a.ndim == 1 and a.dtype.kind in "fiubc" and len(a) > 1 and n != layout.time
-        and n != layout.positions and bare(n) not in TIMES
+        and n != layout.positions and not is_axis(content, n, "time")
     }  # fmt: skip
-    times = [n for n, a in arrays.items() if a.ndim == 1 and (bare(n) in TIMES
-                                                              or n == layout.time)]  # fmt: skip
+    times = [n for n, a in arrays.items()
+             if a.ndim == 1 and (n == layout.time or is_axis(content, n, "time"))]  # fmt: skip
     length = len(arrays[times[0]]) if times else max((len(a) for a in own.values()), default=0)
     # Positions would be as many as signals, so that one of a signal's length is a signal too.
     own = {n: a for n, a in own.items() if len(a) == length}

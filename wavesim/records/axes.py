@@ -20,10 +20,11 @@ TIMES = ("t", "time", "times", "tt", "taxis", "timeaxis", "tvec", "timevector", 
 POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offsets", "distance",
               "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
               "coordinates")  # fmt: skip
-_INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "tstep", "timestep",
-              "ts", "xincrement", "tinterval")  # fmt: skip
-_RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
-_STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin")
+INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "samplingperiod",
+             "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
+             "deltax", "tinterval", "tinc", "hresolution")  # fmt: skip
+RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
+STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
 # Seconds since 1970 are fewer: this is the year 5138.
@@ -38,6 +39,12 @@ def bare(name: str) -> str:
     if unit and last.lower().endswith("_" + unit.lower()):
         last = last[: -len(unit) - 1]
     return re.sub(r"[^a-z]", "", last.lower())
+
+
+def is_axis(content: Content, name: str, kind: str) -> bool:
+    """Whether an array is called as times ("time") or positions are, or says a unit of theirs."""
+    usual = TIMES if kind == "time" else POSITIONS
+    return bare(name) in usual or factor(content.units.get(name), kind) is not None
 
 
 def listed(arrays: dict[str, Float]) -> str:
@@ -80,7 +87,7 @@ def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) ->
         return layout.time
     return next(
         (n for n, a in content.arrays.items()
-         if bare(n) in TIMES and a.shape in ((shape[0],), shape)),
+         if is_axis(content, n, "time") and a.shape in ((shape[0],), shape)),
         None,
     )  # fmt: skip
 
@@ -92,7 +99,7 @@ def _array_of_places(content: Content, layout: Layout, count: int) -> str | None
         return layout.positions
     return next(
         (n for n, a in content.arrays.items()
-         if bare(n) in POSITIONS and a.dtype.kind in "fiu"
+         if is_axis(content, n, "position") and a.dtype.kind in "fiu"
          and a.shape in ((count,), (count, 1), (1, count), (count, 2), (count, 3))),
         None,
     )  # fmt: skip
@@ -123,7 +130,7 @@ def times_of(
         return None
     start, note = 0.0, f"times by {step[1]}"
     for key, number in _numbers(content):
-        if bare(key) in _STARTS or re.search(r"(^|[/.])t0(_|$)", key.lower()):
+        if bare(key) in STARTS or re.search(r"(^|[/.])t0(_|$)", key.lower()):
             unit = layout.time_unit or content.units.get(key) or unit_in(key, "time")
             start, note = number * (factor(unit, "time") or 1.0), f"{note}, from its {key} on"
     return start + step[0] * np.arange(frames), note, 0.0
@@ -147,7 +154,7 @@ def _numbers(content: Content) -> list[tuple[str, float]]:
 
 def interval_said(content: Content, layout: Layout) -> tuple[float, str] | None:
     """The interval that a file's numbers say, s, and which of them."""
-    for usual, inverse in ((_INTERVALS, False), (_RATES, True)):
+    for usual, inverse in ((INTERVALS, False), (RATES, True)):
         for key, number in _numbers(content):
             if bare(key) in usual and number > 0:
                 kind = "frequency" if inverse else "time"

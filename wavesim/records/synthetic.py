@@ -71,6 +71,8 @@ def driven(omega: Float, t: Float, peak_frequency: float, delay: float) -> Float
 _HALF_DURATION = 2.0
 # exp(−(kw)²/2) is below 1e-16 from kw of this on.
 _WIDTHS = 8.6
+# Wavenumbers of a record at most.
+_MOST = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -169,12 +171,13 @@ def synthesize(
     nyquist = np.pi / float(np.median(np.diff(np.sort(x))))
     if k_max is None:
         k_max = _WIDTHS / pulse.width if pulse.width > 0 else nyquist
-    count = int(np.floor(k_max * length / (2 * np.pi) * (1 + 1e-12)))
-    if count < 1:
+    count = float(np.floor(k_max * length / (2 * np.pi) * (1 + 1e-12)))
+    if not 1 <= count <= _MOST:
         raise RecordError(
-            f"length = {length:g} m: holds no wavenumber up to k_max = {k_max:g} rad/m; lengthen it"
+            f"length = {length:g} m: holds {count:g} wavenumbers up to k_max = {k_max:g} rad/m; "
+            f"must be 1 to {_MOST:g}: take another length or k_max"
         )
-    k = 2 * np.pi * np.arange(count + 1) / length
+    k = 2 * np.pi * np.arange(int(count) + 1) / length
     omega, weights = waves.omega(k), waves.weights(k)
     # k and −k are the same wave at 0 and, on a lattice, at its Nyquist wavenumber.
     at_edge = np.isclose(k, nyquist, rtol=1e-9) & (lattice or ring)

@@ -10,11 +10,12 @@ Said = tuple[float, str | None]
 # The last four are µ read in another encoding than it was written in.
 _MICRO = ("u", "µ", "μ", "æ", "Âµ", "Î¼", "�")
 _SMALL = {"m": 1e-3, "n": 1e-9, "p": 1e-12} | dict.fromkeys(_MICRO, 1e-6)
-_WORDS = {"milli": 1e-3, "micro": 1e-6, "mikro": 1e-6, "nano": 1e-9, "pico": 1e-12, "": 1.0}
+_WORDS = {"milli": 1e-3, "mili": 1e-3, "micro": 1e-6, "mikro": 1e-6, "nano": 1e-9, "": 1.0}
+_SECONDS = ("second", "seconds", "sekunde", "sekunden", "seconde", "secondes", "segundo",
+            "segundos", "secondo", "secondi")  # fmt: skip
 TIME = (
     {f"{p}{s}": f for p, f in _SMALL.items() for s in ("s", "sec", "secs")}
-    | {f"{p}second{s}": f for p, f in _WORDS.items() for s in ("", "s")}
-    | {f"{p}se{x}": f for p, f in _WORDS.items() for x in ("kunde", "kunden", "conde", "condes")}
+    | {f"{p}{s}": f for p, f in _WORDS.items() for s in _SECONDS}
     | dict.fromkeys(("s", "sec", "secs", "sek"), 1.0)
     | {"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "нс": 1e-9}
     | {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
@@ -46,7 +47,7 @@ NAMES = {
 }
 # 10^-6 s, ×10⁻⁶ s, 1e-6 s
 _POWER = re.compile(
-    r"(?:[x×*·]?\s*10\s*(?:\^\s*\{?|(?=[-+]))|1[eE])([-+]?\d+)\}?\s*[·*]?\s*([^\W\d]+)"
+    r"[x×*·]?\s*(?:10\s*(?:\^\s*\{?|(?=[-+]))|1[eE])([-+]?\d+)\}?\s*[·*]?\s*([^\W\d]+)"
 )
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -71,8 +72,9 @@ def factor(unit: str | None, kind: str) -> float | None:
 
 
 def size_of_values(heading: str, unit: str) -> tuple[str, float] | None:
-    """Of what a column's values are and in how much of it: ("V", 1e-3) of "CH1 (mV)"; or None."""
-    for text in (unit, *re.findall(r"[\(\[]\s*([^()\[\]]+?)\s*[\)\]]", heading)):
+    """Of what a column's values are and in how much of it: ("V", 1e-3) of "CH1 (mV)", "CH1 / mV";
+    or None."""
+    for text in (unit, *re.findall(r"[\(\[/]\s*([^()\[\]]+?)\s*(?:[\)\]]|$)", heading)):
         if found := re.fullmatch(r"([munpkMµμ]?)(V|A|Pa|N|g|m/s|m/s\^?2|m/s²)", text.strip()):
             return found.group(2), (_SMALL | {"k": 1e3, "M": 1e6, "": 1.0})[found.group(1)]
     return None

@@ -178,18 +178,16 @@ def _ends(bar: Bar) -> str:
 
 def _errors(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
     """Of each kind of what is judged the worst, beside what is allowed."""
-    if errors is None:
-        from wavesim.verdict.foreseen_errors import limit_of
+    from wavesim.verdict.foreseen_errors import untold
 
-        why = limit_of(simulated) or "too many cells and frequencies to work out"
-        return f"not known beforehand, as {why}; the run's checks tell, if it is solved exactly"
     worst: dict[float, Foretold] = {}
-    for one in errors:
+    for one in errors or ():
         if one.error >= worst.get(one.allowed, one).error:
             worst[one.allowed] = one
     told = [
         f"{one.what} off by {one.error:.1e} (allowed {one.allowed:g})" for one in worst.values()
     ]
+    told += [missing] if (missing := untold(simulated, errors)) else []
     return "; ".join(told) or "nothing is judged that they would show in"
 
 

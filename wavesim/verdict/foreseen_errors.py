@@ -84,7 +84,8 @@ def foretold(
     table: AnalysisTable | None = None,
     k_range: tuple[float, float] | None = None,
 ) -> list[Foretold] | None:
-    """What the grid will do to each thing that is judged; None where that is too much to work out.
+    """What the grid will do to each thing that is judged; None where that is too much to work out,
+    and of a ring, whose branches always are, without its receivers then.
 
     Args:
         simulated: what is to be run.
@@ -109,18 +110,34 @@ def foretold(
 
 
 def limit_of(simulated: Simulation) -> str:
-    """Why :func:`foretold` does not work out what the grid of a simulation does; "" where it may.
-
-    Only what hangs on the simulation: an answer that needs too many frequencies is None besides.
-    """
-    if simulated.bar.cells > _MOST_CELLS:
-        return f"{simulated.bar.cells} cells are more than {_MOST_CELLS:.0f}"
+    """Why :func:`foretold` does not work out what the grid of a simulation does to signals, T and
+    R; "" where it does, or where no macro-field is judged."""
+    bar, graded = simulated.bar, simulated.layers.graded
+    blocks = sum(bool(block.macro) for block in simulated.blocks)
+    if not blocks or (simulated.endless and not simulated.receivers):
+        return ""
+    if bar.cells > _MOST_CELLS:
+        return f"{bar.cells} cells are more than {_MOST_CELLS:.0f}"
     if simulated.gradient_felt:
         return "the gradient term Γ counts here"
     for one in simulated.sources:
         if (one.end - one.onset) * one.excited[1] > _MOST_PHASE:
             return f"the signal of the {one.field} source is too long, {one.end - one.onset:.3g} s"
+    try:
+        with np.errstate(all="ignore"):
+            grid = _contour(simulated.layers, simulated.sources, float(simulated.times[-1]))
+    except (BeyondNumbersError, ArithmeticError):
+        return "what the sources send is beyond numbers so early"
+    each = bar.cells * blocks * (_FOLDED if bar.periodic else 1) * (_GRADED if graded else 1)
+    if each * len(grid.omega) > BUDGET:
+        return f"{bar.cells} cells at {len(grid.omega)} frequencies take too long to work out"
     return ""
+
+
+def untold(simulated: Simulation, errors: Sequence[Foretold] | None) -> str:
+    """What of a grid's errors is not known beforehand, and why; "" where all is."""
+    why = limit_of(simulated) or ("" if errors is not None else "no transform has it")
+    return why and f"at receivers not known beforehand, as {why}; the run's checks tell"
 
 
 def _of_ring(
@@ -175,24 +192,19 @@ def _along_ring(
 def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | None:
     """Signals at receivers, and T and R."""
     bar, sources = simulated.bar, simulated.sources
-    if limit_of(simulated):
-        return None
     low, high = bar.clear
     seen = {
         name: x
         for name, x in simulated.receivers.items()
         if low <= x <= high and not at_double_moment(simulated, x) and not blurred(simulated, x)
     }
-    graded = simulated.layers.graded
     specimens = list(_specimens(simulated, table))
-    blocks = sum(bool(block.macro) for block in simulated.blocks)
-    if not blocks or not (seen or specimens):
+    if not any(block.macro for block in simulated.blocks) or not (seen or specimens):
         return []
-    t = simulated.times
-    each = bar.cells * blocks * (_FOLDED if bar.periodic else 1) * (_GRADED if graded else 1)
-    grid = _contour(simulated.layers, tuple(sources), float(t[-1]))
-    if each * len(grid.omega) > BUDGET:
+    if limit_of(simulated):
         return None
+    t = simulated.times
+    grid = _contour(simulated.layers, sources, float(t[-1]))
     about = {(name, 0): x for name, x in seen.items()}
     for name, x in [*seen.items(), *((f"source {i}", s.position) for i, s in enumerate(sources))]:
         near = reach(simulated, x)
@@ -226,7 +238,7 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
     }
     found = []
     ends = bar.left, bar.right
-    finer = in_thirds(simulated) if graded else None
+    finer = in_thirds(simulated) if simulated.layers.graded else None
     exact = None
     with suppress(ValueError):  # what the exact solver does not have
         if not finer:

@@ -58,7 +58,8 @@ def threshold(values: Float, fraction: float, noise: float) -> Pick:
         noise: standard deviation, unit of u; NaN where unknown.
 
     Returns:
-        (position, error s √(1 + fraction²)/|u′|, reason).
+        (position, error s √(1 + fraction²)/|u′|, reason). Where the record ends while the signal
+        still grows, what it grew by in the last period is an error of its peak.
     """
     at = int(np.argmax(np.abs(values)))
     if values[at] == 0:
@@ -76,7 +77,19 @@ def threshold(values: Float, fraction: float, noise: float) -> Pick:
     sign = np.sign(values[after])
     place = _zero(lambda at: float(sign * between(values, at)) - level, after - 1, after)
     steep = abs(float(slope(values, place)))
-    return place, noise * np.hypot(1, fraction) / steep, _unless_known(noise)
+    of_peak = fraction * np.hypot(noise, _grown(values, at, level))
+    return place, np.hypot(noise, of_peak) / steep, _unless_known(noise)
+
+
+def _grown(values: Float, at: int, level: float) -> float:
+    """By how much |u| at its largest, ``at``, is larger than before the last period above a level,
+    where the record ends within that; else 0."""
+    loud = np.flatnonzero(np.abs(values) >= level)
+    swings = loud[np.flatnonzero(np.diff(np.sign(values[loud]), prepend=0))]
+    begin = int(swings[-2:][0])
+    if at < begin or len(values) - loud[-1] > loud[-1] - begin + 1:
+        return 0.0
+    return float(np.abs(values[at]) - np.abs(values[:begin]).max(initial=0.0))
 
 
 def envelope_peak(values: Float, noise: float) -> Pick:

@@ -6,6 +6,7 @@ slowly; transducers ring and delay; conventions are apart; two cycles may be as 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +18,7 @@ from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.reading import REACHED
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.travel_time import ELSEWHERE, NOTHING_ALIKE, TravelTime, correlations
+from wavesim.readings.pulse.travel_time import TravelTime, correlations
 from wavesim.readings.pulse.wave_packets import Packet, begun_before, breaking, rises
 
 Float = NDArray[Any]
@@ -147,15 +148,11 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     """What the conventions leave open about a time, as one standard error, s.
 
     Seven tenths of the distance to the one that lies furthest, as of an even distribution up to
-    1.2 times that; an eighth of a period more where only one or two tell; half of one where others
-    were read and none bears it out.
+    1.2 times that; an eighth of a period more where only one or two tell.
     """
     known = [one.time for one in found.values() if np.isfinite(one.time)]
-    if len(known) < 2:
-        alone = sum(one.reason in (ELSEWHERE, NOTHING_ALIKE) for one in found.values()) > 1
-        return period / 2 if alone else period / 8
-    apart = _FURTHEST * float(np.abs(np.array(known) - time).max())
-    return apart if len(known) > 2 else float(np.hypot(apart, period / 8))
+    apart = _FURTHEST * max((abs(one - time) for one in known), default=0.0)
+    return apart if len(known) > 2 else math.hypot(apart, period / 8)
 
 
 def ringing(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> float:

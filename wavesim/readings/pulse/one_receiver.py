@@ -60,7 +60,7 @@ NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 def unheard(record: TransmissionRecord, distance: float) -> Reading:
     """A reading of a record in which nothing stands out."""
-    reason = f"{hidden(record)}; or average more" if record.crosstalk else NOTHING
+    reason = hidden(record) if record.crosstalk else NOTHING
     nothing = refused(record.name, "receiver", distance, reason)
     return replace(nothing, record=record, notes=record.notes)
 
@@ -99,14 +99,11 @@ def read_one(
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
     rivals = begun[as_well].tolist()
-    risen = rises(heard[at], record)
     begins, other = run_into(heard[at], record, distance, delay, wanted)
     rivals += [other] if math.isfinite(other) else []
     own = arrived(record, begins, delays)
     parts = left_open(record, heard, own, delays)
     found = settled(record, heard, own, parts, distance, delays, rivals, wanted)
-    if found.best.valid and not math.isfinite(risen):
-        found = replace(found, best=replace(found.best, valid=False, reason=hidden(record)))
     below = hidden_by_noise(record)
     if at == 0 and _MAY_HIDE < below <= DIRECT:
         weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"
@@ -175,8 +172,9 @@ def settled(
     others = [one - delay for one in rivals]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
     best = judged(
-        at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted
-    )
+        at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted,
+        "average more" if at.noise > share else "send a shorter pulse",
+    )  # fmt: skip
     arrivals = {
         name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in at.times.items()
     }

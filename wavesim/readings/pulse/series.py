@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
+from wavesim.readings.pulse.travel_time import top_of
 from wavesim.readings.pulse.wave_packets import Packet
 
 Float = NDArray[Any]
@@ -33,16 +34,15 @@ Float = NDArray[Any]
 _FROM, _TO = 0.9, 1.7
 # Stretches that are tried between neighbours, and the prior's width, in ln r.
 _MOST = 0.5
-_PRIOR, _PRIOR_ON_LINE = 0.25, 0.06
+_PRIOR = (0.25, 0.06)
 # Its weight beside a correlation.
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
 _BURST = 1.6
 # The weight of the direct wave that a record shows by itself, and how near it counts, in periods.
 _ALONE, _NEAR = 0.2, 0.25
-# The packet about its break, in periods; another shift nearly as good is a rival.
+# The packet about its break, in periods.
 _PACKET = (-0.5, 1.5)
-_NEARLY = 0.97
 # Neighbours up to so far apart vote.
 _REACH = 3
 # A record that correlates better by so much the other way round was connected so.
@@ -58,19 +58,14 @@ class Followed:
     """Arrival of one wave through a series.
 
     Attributes:
-        reference: index of the record that was picked first.
         time: of the arrival after the start, less the delay, shape (n,), s.
         error: how far the pairs' votes are apart, shape (n,), s.
         correlation: of each record with its neighbours at the stretch found, shape (n,).
-        rival: the best other stretch: how far it lies, in s, shape (n,); NaN where none correlates
-            nearly as well.
     """
 
-    reference: int
     time: Float
     error: Float
     correlation: Float
-    rival: Float
 
 
 def clearest(
@@ -145,8 +140,7 @@ def follow(
             C = signals[i].correlations(signals[index], np.exp(log_time[i]), lags + shift)
             total += C / len(near)
         expected = foreseen[index] - foreseen[near[0]]
-        prior = _PRIOR_ON_LINE if sure else _PRIOR
-        other = -_TRUST * (lags - expected) ** 2 / (2 * prior**2)
+        other = -_TRUST * (lags - expected) ** 2 / (2 * _PRIOR[sure] ** 2)
         off = np.exp(log_time[near[0]] + lags) - alone[index]
         other += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
         score = total + other
@@ -212,7 +206,7 @@ def _voted(
     """
     n = len(signals)
     rows, values, weights, pairs = [], [], [], []
-    rival, best = np.full(n, np.nan), np.zeros(n)
+    best = np.zeros(n)
     for a in range(n):
         for b in range(a + 1, min(a + _REACH + 1, n)):
             i, j = order[a], order[b]
@@ -226,18 +220,12 @@ def _voted(
             row = np.zeros(n)
             row[j], row[i] = 1.0, -1.0
             rows.append(row)
-            values.append(rough[j] - rough[i] + _peak(lags, C, top))
+            at = lags[0] + top_of(C, top) * (lags[1] - lags[0])
+            values.append(rough[j] - rough[i] + at)
             weights.append(float(C[top]) ** 2 / (b - a))
             pairs.append((i, j))
             if b == a + 1:
                 best[i], best[j] = max(best[i], C[top]), max(best[j], C[top])
-                # Another cycle is a top of its own, not the flank of one further off.
-                tops = np.r_[False, (C[1:-1] >= C[:-2]) & (C[1:-1] > C[2:]), False]
-                second = int(np.argmax(np.where(tops & ~near, C, -2.0)))
-                if C[second] > _NEARLY * C[top]:
-                    centre = order.index(reference)
-                    which = j if abs(a - centre) < abs(b - centre) else i
-                    rival[which] = abs(lags[second])
     hold = np.zeros(n)
     hold[reference] = 1.0
     # What no pair tells stays where it was followed to.
@@ -251,13 +239,4 @@ def _voted(
         off[i].append(left)
         off[j].append(left)
     spread = np.array([np.sqrt(np.mean(np.square(one))) if one else np.nan for one in off])
-    return Followed(reference, time, spread, best, rival)
-
-
-def _peak(x: Float, y: Float, at: int) -> float:
-    """Top of a parabola through three values."""
-    if not 0 < at < len(x) - 1:
-        return float(x[at])
-    a, b, c = y[at - 1 : at + 2]
-    bend = a - 2 * b + c
-    return float(x[at] + (0.5 * (a - c) / bend * (x[1] - x[0]) if bend < 0 else 0.0))
+    return Followed(time, spread, best)

@@ -42,8 +42,6 @@ _SAME = 0.6
 # of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
 _OFF_LINE = 0.06
 _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
-# As a pulse changes its form with the state, its break is seen otherwise, in periods over a series.
-_FORM = 0.1
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
@@ -113,13 +111,12 @@ def read_series(
     arrival = float(begun[reference])
     found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
-    each = _on_one_line(records, found, delays)
+    each = _followed(records, found, delays)
     parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     period = np.array([one.period for one in records])
     # What a set-up leaves open it leaves open in most of its records, as many periods of each.
     open_ = np.array([[part for part, _ in own] for own in parts]) / period[:, None]
     usual = np.median(open_, axis=0) * period[:, None]
-    usual[:, 1] = [at.second for at in each]
     beside = float(np.median([
         _beside(one, packet, at, float(d), delay, wanted)
         for one, packet, at, d in zip(records, heard, each, L, strict=True)
@@ -233,36 +230,28 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
     velocity = np.array([b.velocity if b.valid else np.nan for b in best])
     time = np.array([b.time for b in best])
     common = np.array([one.common for one in readings])
-    part = [r.record.period / r.best.time for r in readings if r.record and r.best.valid]
     total = np.array([b.error for b in best])
     with np.errstate(invalid="ignore", divide="ignore"):
         noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
-        return power_law(p, velocity, noise, common / time, _FORM * float(np.mean(part or [0.0])))
+        return power_law(p, velocity, noise, common / time)
 
 
-def _on_one_line(
+def _followed(
     records: Sequence[TransmissionRecord], found: Followed, delays: Mapping[str, float]
 ) -> list[Arrived]:
-    """Followed arrivals, put where the records' own first breaks lie.
-
-    Following tells how the arrival moves, and jumps no cycle; where it breaks is told by the
-    records, each with its noise. The difference is taken as a line over the time.
-    """
-    delay = delays.get(OF_ONE, 0.0)
-    alone = [arrived(one, t + delay, delays) for one, t in zip(records, found.time, strict=True)]
+    """Followed arrivals, which jump no cycle, with what the records' own first breaks are off."""
+    delay, time = delays.get(OF_ONE, 0.0), found.time
+    alone = [arrived(one, t + delay, delays) for one, t in zip(records, time, strict=True)]
     period = np.array([one.period for one in records])
-    off = np.array([one.begins - delay for one in alone]) - found.time
-    near = np.isfinite(off) & (np.abs(off) < _SAME * period)
-    moved = _line(found.time, off, near)
-    left = np.abs(off - moved)[near]
-    scatter = 1.4826 * float(np.median(left)) if near.any() else 0.0
-    time = found.time + moved
+    off = np.abs(np.array([one.begins - delay for one in alone]) - time)
+    near = off < _SAME * period
+    scatter = 1.4826 * float(np.median(off[near])) if near.any() else 0.0
     noise = np.hypot(np.nan_to_num(found.error), scatter)
     share = _open_in_periods(alone, time, period)
     unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
     return [
         Arrived(
-            FOLLOWED, time[i] + delay, noise[i], share * period[i], found.rival[i], one.times,
+            FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,
             UNLIKE if unlike[i] else "",
         )
         for i, one in enumerate(alone)
@@ -283,15 +272,3 @@ def _open_in_periods(alone: Sequence[Arrived], time: Float, period: Float) -> fl
         else:
             apart[name] = TravelTime(np.nan, np.nan, next(a.reason for a in own if a.reason))
     return open_between(apart, 0.0, 1.0)
-
-
-def _line(x: Float, y: Float, own: NDArray[np.bool_]) -> Float:
-    """A line through most of the points, whatever the others do; a constant for few."""
-    from scipy.stats import theilslopes  # slow to import, and only a reading needs it
-
-    if own.sum() < 1:
-        return np.zeros(len(x))
-    if own.sum() < 5 or np.ptp(x[own]) == 0:
-        return np.full(len(x), float(np.median(y[own])))
-    slope, start = theilslopes(y[own], x[own])[:2]
-    return np.asarray(start + slope * x)

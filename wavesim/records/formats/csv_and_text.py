@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.records.axes import INTERVALS, RATES, STARTS
 from wavesim.records.content import Content, RecordError
 from wavesim.records.faults.clock import on_clock
 from wavesim.records.formats.text_table import Table, read_table
@@ -157,11 +158,10 @@ def _unit_above(rows: list[list[str]]) -> tuple[str, str] | None:
     return None
 
 
-_INTERVALS = ("sampleinterval", "samplinginterval", "samplingperiod", "sampleperiod", "deltax",
-              "xinc", "xincrement", "increment", "tinc", "hresolution", "clock", "dt")  # fmt: skip
-_RATES = ("samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs")
-_STARTS = ("x0", "xorg", "xorigin", "start", "t0", "hoffset")
-_VALUE = re.compile(rf"({NUMBER})\s*([^\W\d_]*)$")
+# What only rows above numbers mean by these.
+_INTERVALS = (*INTERVALS, "increment", "clock")
+_STARTS = (*STARTS, "x0", "start", "t0")
+_VALUE = re.compile(rf"({NUMBER})\s*([^\W\d_]*(?:/s)?)$")
 
 
 def sampling_of(rows: list[list[str]]) -> tuple[float, float, str, bool] | None:
@@ -177,13 +177,14 @@ def sampling_of(rows: list[list[str]]) -> tuple[float, float, str, bool] | None:
         for j, cell in enumerate(row):
             name, _, own = re.sub("[=:]", "=", cell).partition("=")
             name = name.strip(' #%"')
-            key = re.sub(r"[^a-z0-9]", "", name.lower())
+            key = re.sub(r"[^a-z0-9]", "", re.split(r"[(\[]", name.lower())[0])
             near = [own, *row[j + 1 : j + 2], *below[j : j + 1]]
             values = (_VALUE.match(_bare(part)) for part in near)
             value = next((found for found in values if found), None)
             if value is None:
                 continue
-            number, unit, rate = float(value.group(1)), value.group(2), key in _RATES
+            number, rate = float(value.group(1)), key in RATES
+            unit = value.group(2) or unit_in(name, "frequency" if rate else "time") or ""
             if not unit and row[j + 2 : j + 3] and value.string == _bare(row[j + 1]):
                 beside = _bare(row[j + 2])  # number and unit in a cell each
                 unit = beside if factor(beside, "frequency" if rate else "time") else ""
@@ -193,7 +194,7 @@ def sampling_of(rows: list[list[str]]) -> tuple[float, float, str, bool] | None:
             # "Start" may count samples where an origin stands beside it.
             if key in _STARTS and math.isfinite(seconds) and began in ("", "start"):
                 start, began, words = seconds, key, f" and {name} = {seconds:g} s"
-            elif key in (*_INTERVALS, *_RATES) and seconds > 0 and not said:
+            elif key in (*_INTERVALS, *RATES) and seconds > 0 and not said:
                 interval, said = seconds, f"{name} of the file, {seconds:g} s apart"
                 sure = bool(unit) or rate
     return (interval, start, said + words, sure) if said else None

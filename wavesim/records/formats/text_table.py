@@ -24,10 +24,12 @@ from wavesim.records.formats.dialect import (
     readable,
     splitter,
 )
-from wavesim.records.units import is_time, is_unit, position_in
+from wavesim.records.units import is_index, is_time, is_unit, position_in
 
 _COMMENTS = ("#", "%", "!", "//", '"#', "'")
 _REMARK = re.compile(r"comment|remark|note|bemerkung", re.IGNORECASE)
+_UNITS = re.compile(r"(units?|einheit(en)?|unités?)\W*", re.IGNORECASE)
+_BRACKETED = re.compile(r"\(.*\)|\[.*\]")
 _SETS = re.compile(r"\w+ *= *[-+.\d]")
 # Metadata beside the first rows go on no further than so many.
 _BESIDE = 40
@@ -47,7 +49,6 @@ class Table:
         lines: of the file, that each row stands in.
         overload: number of cells of each column marked as out of range.
         dated: columns of dates or times of day, which are in s.
-        headed: whether there are headings.
         notes: what was left out.
         above: other rows above the numbers, as cells.
         metadata: all rows and comments above and beside the numbers, as cells.
@@ -61,7 +62,6 @@ class Table:
     lines: NDArray[Any]
     overload: list[int]
     dated: list[int]
-    headed: bool
     notes: list[str]
     above: list[list[str]]
     metadata: list[list[str]]
@@ -130,7 +130,6 @@ def read_table(path: Path) -> Table:
         np.array([n for n, _ in body]),
         [overload[c] for c in kept],
         [n for n, c in enumerate(kept) if c in dated],
-        any(h.strip() for h in headings),
         notes,
         [row for _, row in above],
         [*beside, *(cells(line) for _, line in numbered[:first]), *(row for _, row in before)],
@@ -205,14 +204,18 @@ def _headings(
             row = [*row, ""]  # rows that end in a separator
         return list(row) if len(row) == width else None
 
-    rows = [(number, fitted(row)) for number, row in above]
-    line, units = rows[-1] if rows else (0, None)
-    if units is not None and _all_units(units):
-        rows.pop()
-    else:
-        line, units = 0, blank
-    at, heading = rows[-1] if rows else (0, None)
-    return heading or blank, [u.strip("()[]{} ") for u in units], (at if heading else 0, line)
+    rows: list[tuple[int, list[str]]] = []
+    for number, row in reversed(above):
+        if (fit := fitted(row)) is None:
+            break
+        rows.append((number, fit))
+    line, units = next((one for one in rows if _all_units(one[1])), (0, blank))
+    rows = [one for one in rows if one[0] != line]
+    # A row of remarks may stand between the heading and the numbers.
+    named = (one for one in rows if all(one[1]) and len(one[1]) > 2
+             and any(is_time(c) or is_index(c) for c in one[1][:2]))  # fmt: skip
+    at, heading = next(named, rows[0] if rows else (0, blank))
+    return heading, [u.strip("()[]{} ") for u in units], (at, line)
 
 
 def _check_heading(
@@ -253,5 +256,6 @@ def _is_aside(cell: str) -> bool:
 
 
 def _all_units(row: list[str]) -> bool:
-    said = [c for c in row if c.strip()]
-    return bool(said) and all(is_unit(c) for c in said) and len(said) * 2 >= len(row)
+    said = [c for c in row if c.strip() and not _UNITS.fullmatch(c.strip())]
+    known = all(is_unit(c) or _BRACKETED.fullmatch(c.strip()) for c in said)
+    return bool(said) and known and len(said) * 2 >= len(row)
