@@ -1,4 +1,4 @@
-"""Progress on a terminal and in a notebook: stage, part done, frames a second, times."""
+"""Progress on a terminal and in a notebook: stage, part done, times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
-    ProgressColumn,
     SpinnerColumn,
     Task,
     TaskID,
@@ -34,13 +33,6 @@ class _Bar(BarColumn):
             part = min(task.elapsed / foreseen, _NEARLY)
             return ProgressBar(total=1.0, completed=part, width=self.bar_width)
         return super().render(task)
-
-
-class _FrameRate(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        if task.total is None or not task.speed:
-            return Text("")
-        return Text(f"{task.completed:.0f} of {task.total:.0f} frames, {task.speed:.3g}/s")
 
 
 class _Left(TimeRemainingColumn):
@@ -81,7 +73,6 @@ def progress(
     with Progress(
         TextColumn("{task.description:<9}"),
         _Bar(bar_width=24),
-        _FrameRate(),
         TimeElapsedColumn(),
         _Left(),
         console=Console(stderr=True),
