@@ -379,7 +379,8 @@ and wider than the errors of lone modes mostly are; so are those along a line wh
 in gain, as they would if a second mode were there.
 Two modes that are not told apart bend the logarithm of what stands for both, and a bar holds that
 from where it shows. Modes closer than noise lets a bend be seen pass for one between them. Of
-`--method fft` bars hold that, of modes along a line down to a tenth of 2π/X. Those of harmonic
+`--method fft` bars hold that, of modes along a line down to a tenth of 2π/X (what the rows of close
+lines lack is of closer ones, and off by a hundredth of 2π/X). Those of harmonic
 inversion and of `attenuation` are of single waves: bars that held such pairs would be ten to thirty
 times as wide, and too wide for all else. What they leave out stands beside each point as its
 `splitting`, the distance of two waves up to which they pass for one (at 1 % of noise 0.07 to 0.1 of

@@ -16,6 +16,7 @@ from wavesim import planewave
 from wavesim.case.load import load
 from wavesim.grid.bar import layered_bar
 from wavesim.material.shown import with_error
+from wavesim.readings.bar.transmission import specimen
 from wavesim.report.answers import answers, verdict
 from wavesim.report.terminal import new_table
 from wavesim.sources import Ricker
@@ -192,6 +193,27 @@ def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends():
     samples = int(given.get("time.samples", len(field.t)))
     highest = np.pi * (samples - 1) / field.t[-1]
     assert abs(source.spectrum(highest)) < 1e-3 * abs(source.spectrum(2 * np.pi * 8e5))
+
+
+def test_nothing_passes_a_stop_band_however_many_resonances_crowd_below_it():
+    """A slab without losses: T = 1/(cos kd − ½i(r + 1/r) sin kd), r = k₀/k, with k → ∞ at the
+    asymptote, where its gap begins, and resonances ever narrower below."""
+    d = 0.006
+    layers = chain((0.02, STIFF), (d, SOFT), (0.02, STIFF))
+    bar = layered_bar(layers, 1.25e-4, 8, "absorbing", "absorbing", 8e-3)
+    field = field_of(layers, bar, [Ricker("phi1", 0.008, 6e5)], {"a": 0.015})
+    (block,) = field.blocks
+    known = specimen(field, block, 120, 18.0)
+    told = known.omega, known.sigma, *[known.T_exact] * 4, known.judged
+    found = dataclasses.replace(scattered_of(*told), line=known.line)
+    bands = of_bar(field, reading_of(scattered=(found,)))["transmission"][:-1]
+    gap = planewave.gaps(SOFT, block.sector)[0]
+    assert any(band["lower"] == pytest.approx(gap.lower / 2 / np.pi, rel=1e-4) for band in bands)
+    for band in bands:
+        omega = 2 * np.pi * np.linspace(band["lower"], band["upper"], 4001)[1:-1]
+        k, outside = (planewave.wavenumber(one, block.sector, omega) for one in (SOFT, STIFF))
+        T = 1 / (np.cos(k * d) - 0.5j * (outside / k + k / outside) * np.sin(k * d))
+        assert (np.abs(T) < 0.1 * 1.001).all()
 
 
 def check(name, passed, **more):

@@ -83,6 +83,11 @@ def test_what_a_coarse_grid_does_to_points_is_in_the_errors():
         apart = abs(value - float(getattr(MEDIUM, name)))
         assert apart <= 1.96 * found.errors[name] <= 1e-2
     assert not fit([Observed(block, given)], MEDIUM, ["anisotropy"]).systematic
+    # So they are of four points: stretched by their scatter they would not hold it.
+    some = np.linspace(0, (given.branch == 0).sum() - 1, 4).astype(int)
+    few = fit([Observed(block, off.take(np.flatnonzero(given.branch == 0)[some]))], MEDIUM,
+              ["anisotropy"])  # fmt: skip
+    assert abs(few.values["anisotropy"] - MEDIUM.anisotropy) <= 1.96 * few.errors["anisotropy"]
     # An interval wrong by a thousandth moves it as a fit to points so moved does.
     shared = fit([Observed(block, given, common=1e-3)], MEDIUM, ["anisotropy"])
     slow = replace(given, omega=given.omega * (1 - 1e-3))

@@ -404,9 +404,10 @@ def test_seismic_formats(tmp_path):
             header.source_coordinate_x, header.group_coordinate_x = 5000, 5100 + 24 * j
             header.delay_recording_time = -30
         stream.write(str(tmp_path / "ft.segy"), format="SEGY", data_encoding=5)
-        obspy.Stream([obspy.Trace(U[:, 0].astype("f4"), {"delta": 1e-3})]).write(
-            str(tmp_path / "a.sac"), format="SAC"
-        )
+        alone = obspy.Trace(U[:, 0].astype("f4"), {"delta": 1e-3})
+        alone.write(str(tmp_path / "a.sac"), format="SAC")
+        alone.stats.sac = {"dist": 0.02}  # km
+        alone.write(str(tmp_path / "placed.sac"), format="SAC")
         # A source among the receivers, with offsets that have no sign.
         for j, trace in enumerate(traces):
             header = trace.stats.segy.trace_header
@@ -422,6 +423,7 @@ def test_seismic_formats(tmp_path):
     same(read(tmp_path / "a.mseed", Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)
     with pytest.raises(RecordError, match="4 receivers: the file says none; give --spacing"):
         read(tmp_path / "a.mseed")
+    same(read(tmp_path / "placed.sac", Layout(placed=False)), t, np.array([20.0]), u[:, :1])
     one = read(tmp_path / "a.sac", Layout(placed=False))
     assert one.values.shape == (1, N, 1)
     assert np.abs(one.values[0, :, 0] - u[:, 0]).max() < 1e-12

@@ -246,12 +246,12 @@ def test_gap_edges_are_the_extremes_of_the_branches():
     for bins, passes in ((0.0, True), (0.9, True), (1.1, False), (-0.9, True), (-1.1, False)):
         lower = dataclasses.replace(exact(0), omega=exact(0).omega + 2 * np.pi * bins / duration)
         checks = verdict(lower, exact(1), exact(2), width=2 * np.pi / duration)
-        check = checks["longitudinal RLB1 lower edge, at judged k"]
+        check = checks["longitudinal top of LA below RLB1, at judged k"]
         assert check.reference == pytest.approx(edge, rel=1e-12)
         assert check.measured == pytest.approx(edge + bins / duration, rel=1e-9)
         assert (check.tolerance, check.unit) == (pytest.approx(1 / duration), "Hz")
         assert check.passed == passes
-        assert checks["longitudinal RLB1 upper edge, at judged k"].passed
+        assert checks["longitudinal bottom of LO1 above RLB1, at judged k"].passed
 
 
 def test_run_passes_with_the_medium_it_was_made_with(small_run):

@@ -80,6 +80,19 @@ def test_the_foot_of_a_pulse_is_no_noise(rng):
     assert (variance < 4e-4).all()
 
 
+def test_a_third_mode_that_two_waves_stand_for_is_in_their_bars():
+    """3000 and 2850 m/s, an eighth of 2π/X apart at 40 kHz, beside 1600 m/s: at 1 % of noise two
+    waves stand for three, and each bar holds a mode (bars of noise alone: half of them)."""
+    rng = np.random.default_rng(3)
+    x = 0.05 + 0.005 * np.arange(36)
+    speeds = 3000.0, 2850.0, 1600.0
+    u = passing(x, [(lambda w, c=c: w / c, one) for c in speeds])
+    _, own = read(u + 0.01 * rng.normal(size=u.shape), x)
+    off = np.abs(own.k - own.omega / np.array(speeds)[:, None]).min(axis=0)
+    assert len(own) > 30
+    assert np.mean(off <= 1.96 * own.k_error) >= 0.95
+
+
 def test_a_tone_is_one_wave_and_none_at_other_frequencies():
     """A steady 40 kHz that the record begins and ends in: all else is what its ends leave of it."""
     x = 0.02 + 0.005 * np.arange(24)

@@ -180,7 +180,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
     from wavesim.material.shown import with_error
-    from wavesim.report.tables import show_checks
+    from wavesim.report.tables import show_short
 
     shown = console()
     for one, entry in zip(results, answer["records"], strict=True):
@@ -212,8 +212,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         short = [check for check in answer["checks"] if not check["passed"]]
         count = len(answer["checks"])
         shown.print(f"{count - len(short)} of {count} checks against the medium passed.")
-        if short:
-            show_checks(shown, short)
+        show_short(shown, short)
     if "fit" in answer:
         fit = answer["fit"]
         for name, value in fit["values"].items():

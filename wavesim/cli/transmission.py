@@ -105,9 +105,13 @@ def _tell(study: Any) -> None:
             bands.add_row(band.sector, *ends, told, *span, word if limits else "")
         out.print(bands)
     gaps = new_table("layers", "sector", "gap", f"from {unit}", f"to {unit}", words=3)
+    alike_gaps: dict[tuple[str, ...], list[str]] = {}
     for where, sector, name, low, high in study.gaps:
         if low < frequency[-1] and high > frequency[0]:  # the files have all
-            gaps.add_row(where, sector, name, f"{low / scale:.2f}", f"{high / scale:.2f}")
+            ends = f"{low / scale:.2f}", f"{high / scale:.2f}"
+            alike_gaps.setdefault((where, name, *ends), []).append(sector)
+    for (where, *numbers), sectors in alike_gaps.items():
+        gaps.add_row(where, "\n".join(sectors), *numbers)
     if gaps.rows:
         out.print(gaps)
     for note in study.notes:

@@ -223,6 +223,14 @@ class Specimen:
         parts = {name: spread(value) for name, value in vars(found).items() if name != "omega"}
         return Transmission(omega, **parts)
 
+    def with_resonances(self, sector: str, frequency: Any) -> Any:
+        """Frequencies, ascending, Hz, and between them more below the asymptotes of what stands
+        inside: waves are short there, and resonances narrow, by losses no less than 1/Q."""
+        media = {medium for layer in self.inside for medium in layer.ends}
+        below = np.concatenate([_below(medium, sector) for medium in media] or [np.empty(0)])
+        within = (below > frequency[0]) & (below < frequency[-1])
+        return np.union1d(frequency, below[within])
+
     def extremes(self, sector: str, low: float, high: float) -> tuple[Any, Any]:
         """Highest and lowest 20 log₁₀|T| of a band at real ω.
 
@@ -234,12 +242,7 @@ class Specimen:
             ((level, dB, where, Hz) of the highest, of the lowest), over 801 frequencies, and more
             where it may be narrow; NaN where there is no answer somewhere in it.
         """
-        media = {medium for layer in self.inside for medium in layer.ends}
-        # Below an asymptote waves are short, and resonances narrow, by losses no less than 1/Q.
-        below = np.concatenate([_below(medium, sector) for medium in media] or [np.empty(0)])
-        frequency = np.union1d(
-            np.linspace(low, high, _IN_BAND), below[(below > low) & (below < high)]
-        )
+        frequency = self.with_resonances(sector, np.linspace(low, high, _IN_BAND))
         level = self._levels(sector, frequency)
         # Then about its highest and lowest turning points.
         last, near = len(level) - 1, list[Any]()

@@ -180,6 +180,3 @@ def _usable(record: Record) -> tuple[dict[str, str], tuple[str, ...]]:
         except RecordError as error:
             reasons["pulse"] = str(error)
     return reasons, tuple(lacking)
-
-
-__all__ = ["Inspection", "inspect"]

@@ -20,7 +20,7 @@ exact to rounding at every time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -238,6 +238,3 @@ def _digitised(values: Float, spoil: Spoil, rng: np.random.Generator) -> Float:
 def positions(count: int, spacing: float, first: float = 0.0) -> Float:
     """Evenly spaced receivers: first, first + spacing, …; shape (count,), m."""
     return first + spacing * np.arange(count)
-
-
-__all__: Sequence[str] = ["Pulse", "Spoil", "positions", "synthesize"]

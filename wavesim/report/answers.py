@@ -181,8 +181,19 @@ def answers(summary: Summary) -> list[Answer]:
         name = next((key for key in _LAYOUT if rows and key in rows[0]), None)
         if name is not None:
             title, columns, note = _LAYOUT[name]
-            found.append(Answer(title, columns, rows, _untold(rows, name) + note))
+            found.append(Answer(title, columns, _once(rows, columns), _untold(rows, name) + note))
     return found
+
+
+def _once(rows: Sequence[Row], columns: Sequence[Column]) -> list[Row]:
+    """Rows, those once that show the same of both transverse sectors."""
+    if "sector" not in rows[0]:
+        return list(rows)
+    alike: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        same = (c.shown(row) for c in columns if c.key != "sector")
+        alike.setdefault((sector_words(row["sector"], ""), *same), []).append(row)
+    return [{**own[0], "sector": ", ".join(row["sector"] for row in own)} for own in alike.values()]
 
 
 def _untold(rows: Sequence[Mapping[str, Any]], name: str) -> str:
@@ -204,7 +215,7 @@ def shown(value: Any, kind: str) -> str:
         # Rounded twice, so that 160 is not 1.6e+02; a level of less than 1e-4 dB is 0.
         figure = float(f"{value * factor:.{digits}g}")
         return f"{round(figure, 4) + 0.0 if kind == 'level' else figure:.6g}"
-    return sector_words(str(value))
+    return sector_words(*str(value).split(", "))
 
 
 def number(value: float | None) -> str:
@@ -241,17 +252,6 @@ def verdict(summary: Summary) -> str:
         return f"{passed}: the simulation agrees with {other}."
     more = f" and {len(short) - 1} more" if len(short) > 1 else ""
     return f"{passed}; “{short_name(short[0]['name'])}”{more} fell short: see what to change."
-
-
-def explained(checks: Sequence[Mapping[str, Any]]) -> str:
-    """What is to be known of some checks to read them; "" where their names tell it."""
-    if not any("edge, at judged k" in check["name"] for check in checks):
-        return ""
-    return (
-        "An edge at judged k is the top of the branch below a gap, or the bottom of the one above, "
-        "over the wavenumbers that are judged. Branches reach asymptotes and cutoffs only beyond: "
-        "the gap itself is narrower, and stands under what was found."
-    )
 
 
 def short_name(name: str) -> str:

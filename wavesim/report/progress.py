@@ -1,4 +1,4 @@
-"""Progress on a terminal and in a notebook: stage, part done, frames a second, times."""
+"""Progress on a terminal and in a notebook: stage, part done, times."""
 
 from __future__ import annotations
 
@@ -18,29 +18,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.progress_bar import ProgressBar
 from rich.text import Text
-
-# A stage whose part done is not known is shown no further than this before it ends.
-_NEARLY = 0.97
-
-
-class _Bar(BarColumn):
-    """How far a stage is: by its frames, or else by the time that it was foreseen to take."""
-
-    def render(self, task: Task) -> ProgressBar:
-        foreseen = task.fields["foreseen"]
-        if task.total is None and foreseen and task.elapsed is not None:
-            part = min(task.elapsed / foreseen, _NEARLY)
-            return ProgressBar(total=1.0, completed=part, width=self.bar_width)
-        return super().render(task)
-
-
-class _FrameRate(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        if task.total is None or not task.speed:
-            return Text("")
-        return Text(f"{task.completed:.0f} of {task.total:.0f} frames, {task.speed:.3g}/s")
 
 
 class _Left(TimeRemainingColumn):
@@ -59,6 +37,16 @@ class _Left(TimeRemainingColumn):
 
 
 @contextmanager
+def _passing(quiet: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
+    """What is shown while something lasts, and then gone; None when quiet or not on a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield bar
+
+
+@contextmanager
 def progress(
     frames: int, quiet: bool, foreseen: Mapping[str, float] | None = None
 ) -> Iterator[Callable[[str, float], None]]:
@@ -73,22 +61,14 @@ def progress(
         What to call with the name of a stage and the part of it done, 0 to 1. A stage whose
         part is not known stays at 0, and is shown by the time foreseen; only "integrate" has one.
     """
-    if quiet or not sys.stderr.isatty():
-        yield lambda stage, part: None
-        return
     stages = dict(foreseen or {})
     shown: dict[str, TaskID] = {}
-    with Progress(
-        TextColumn("{task.description:<9}"),
-        _Bar(bar_width=24),
-        _FrameRate(),
-        TimeElapsedColumn(),
-        _Left(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
+    columns = TextColumn("{task.description:<9}"), BarColumn(bar_width=24)
+    with _passing(quiet, *columns, TimeElapsedColumn(), _Left()) as bar:
 
         def tell(stage: str, part: float) -> None:
+            if bar is None:
+                return
             if stage not in shown:
                 for other in shown.values():
                     bar.update(other, visible=False)
@@ -135,23 +115,15 @@ def counted(what: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
     Yields:
         What to call with how many are done, all there are, and how many failed, if any.
     """
-    if quiet or not sys.stderr.isatty():
-        yield lambda done, of, failed=0: None
-        return
     text = f"{{task.completed:.0f}} of {{task.total:.0f}} {what}{{task.fields[failed]}}"
-    with Progress(
-        TextColumn(text),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
-        task = bar.add_task(what, total=1, failed="")
+    columns = TextColumn(text), BarColumn(bar_width=24), TimeElapsedColumn(), TimeRemainingColumn()
+    with _passing(quiet, *columns) as bar:
+        task = bar.add_task(what, total=1, failed="") if bar else TaskID(0)
 
         def tell(done: int, of: int, failed: int = 0) -> None:
             told = f", {failed} failed" if failed else ""
-            bar.update(task, completed=done, total=of, failed=told)
+            if bar:
+                bar.update(task, completed=done, total=of, failed=told)
 
         yield tell
 
@@ -164,15 +136,7 @@ def working(what: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     Yields:
         What to call with how far it is, in words.
     """
-    if quiet or not sys.stderr.isatty():
-        yield lambda text: None
-        return
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda text: bar.update(task, description=f"{what}: {text}")
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with _passing(quiet, *columns) as bar:
+        task = bar.add_task(what, total=None) if bar else TaskID(0)
+        yield lambda text: bar.update(task, description=f"{what}: {text}") if bar else None

@@ -156,7 +156,7 @@ def _quality(found: Any, i: int) -> str:
     if math.isfinite(found.quality[i]):
         return with_error(found.quality[i], found.quality_error[i])
     least = found.quality_at_least[i]
-    return f"> {least:.3g}" if math.isfinite(least) else "–"
+    return f"> {min(least, 1 / _NO_DIGIT):.3g}" if math.isfinite(least) else "–"
 
 
 def _by_convention(one: Reading, scale: float, unit: str) -> str:

@@ -19,9 +19,7 @@ from wavesim.material.scaling import scales
 from wavesim.material.shown import KHZ, in_time, with_error
 from wavesim.report.answers import (
     answers,
-    explained,
     measured_and_allowed,
-    number,
     short_name,
 )
 from wavesim.report.answers import verdict as sentence
@@ -40,21 +38,6 @@ _MOST_LAYERS = 8
 _MOST_SHORT = 12
 # Columns that fit into 80 characters only side by side.
 _MANY = 8
-
-
-def show_checks(console: Console, checks: Sequence[dict[str, Any]]) -> None:
-    """Print checks as a table, pass or FAIL, and below it what to change for each that fails."""
-    table = new_table("check", "measured", "reference", "tolerance", "unit", "")
-    for check in checks:
-        mark = Text("pass", "green") if check["passed"] else Text("FAIL", "bold red")
-        numbers = [number(check[key]) for key in ("measured", "reference", "tolerance")]
-        table.add_row(check["name"], *numbers, check["unit"], mark)
-    console.print(table)
-    for check in checks:
-        if check.get("remedy"):
-            console.print(
-                Text("FAIL", "bold red"), f"{short_name(check['name'])}: {check['remedy']}."
-            )
 
 
 def found(console: Console, summary: dict[str, Any]) -> None:
@@ -79,9 +62,13 @@ def found(console: Console, summary: dict[str, Any]) -> None:
 
 
 def verdict(console: Console, summary: dict[str, Any]) -> None:
-    """Print the verdict of a run in a line, then what fell short, and once what to change."""
-    short = [check for check in summary["checks"] if not check["passed"]]
+    """Print the verdict of a run in a line, then what fell short."""
     console.print(sentence(summary), soft_wrap=True)
+    show_short(console, [check for check in summary["checks"] if not check["passed"]])
+
+
+def show_short(console: Console, short: Sequence[dict[str, Any]]) -> None:
+    """Print checks that fell short, and once what to change."""
     for remedy in dict.fromkeys(check.get("remedy", "") for check in short):
         alike = [check for check in short if check.get("remedy", "") == remedy]
         names = [short_name(check["name"]) for check in alike[:_MOST_SHORT]]
@@ -92,8 +79,6 @@ def verdict(console: Console, summary: dict[str, Any]) -> None:
             console.print(f"     {name} is {measured}, allowed {allowed}", soft_wrap=True)
         if len(alike) > _MOST_SHORT:
             console.print(f"     and {len(alike) - _MOST_SHORT} more; the page has all")
-    if explained(short):
-        console.print(explained(short), style="dim")
 
 
 def survey(

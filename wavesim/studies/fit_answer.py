@@ -295,9 +295,9 @@ def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = 
     ]
     if found.systematic:
         notes.append(
-            "what is left over is no noise: the points are held against the endless medium, and a "
-            "simulated record's grid, or another medium, puts them off; the errors hold what that "
-            "could move"
+            "more is left over than the points' errors: they are held against the endless medium, "
+            "and a simulated record's grid, or another medium, puts them off; the errors hold what "
+            "that could move"
         )
     return FitAnswer(
         "points",

@@ -33,9 +33,8 @@ Float = NDArray[Any]
 
 # Rounds of naming the points' branches anew by the parameters found.
 _ROUNDS = 6
-# More than noise is left over where χ² per degree of freedom is this much, and residuals keep their
-# sign over so many points in the mean.
-_EXCESS, _STRETCH = 2.0, 4.0
+# More than the points' errors is left over where χ² per degree of freedom is above this.
+_EXCESS = 2.0
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,8 @@ class Fitted:
         values: {parameter: value}, SI.
         errors: {parameter: standard error}, SI.
         covariance: shape (p, p), in the order of values.
-        systematic: whether what is left over is more than the errors and no noise; the standard
-            errors are then as much as it could move each parameter.
+        systematic: whether what is left over is more than the errors; the standard errors are then
+            as much as it could move each parameter.
         chi_square: Σ of squared residuals over degrees of freedom; about 1 where the medium and
             the points' errors are right. Errors are stretched by its root where it is above 1.
         points: number of points used.
@@ -163,7 +162,7 @@ def fit(
     chi_square = 2 * answer.cost / (total - len(parameters))
     inverse = np.linalg.inv(answer.jac.T @ answer.jac)
     covariance = inverse * max(1.0, chi_square)
-    systematic = chi_square > _EXCESS and _hangs_together(answer.fun, kept)
+    systematic = bool(chi_square > _EXCESS)
     if systematic:
         # Each parameter by as much as what is left over could move it, whatever its signs.
         most = np.abs(inverse @ answer.jac.T) @ np.abs(answer.fun)
@@ -188,22 +187,6 @@ def _in_common(observed: Sequence[Observed]) -> Float:
         else:
             parts.append(one.common * points.omega / points.error)
     return np.concatenate(parts)
-
-
-def _hangs_together(left: Float, observed: Sequence[Observed]) -> bool:
-    """Whether residuals are no noise, but of one sign over long stretches of their branches.
-
-    So is what a grid does to a simulated record's points, or a medium of another kind.
-    """
-    at, runs = 0, 0
-    for one in observed:
-        for _ in range(2 if one.points.in_space else 1):
-            own = left[at : at + len(one.points)]
-            at += len(own)
-            for branch in np.unique(one.points.branch):
-                mine = own[one.points.branch == branch]
-                runs += 1 + int(np.sum(mine[1:] * mine[:-1] < 0))
-    return len(left) > _STRETCH * runs
 
 
 def _relation(one: Observed, medium: Medium) -> OfMedium:

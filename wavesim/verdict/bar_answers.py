@@ -36,6 +36,8 @@ _MOST_MODES = 5
 _TELLS = 6
 # A band is stopped where T is below this, dB; below the other the end of a record speaks.
 _STOPPED, _FLOOR = -20.0, -120.0
+# Narrowest stop band that is told, part of its frequency.
+_NARROWEST = 2e-3
 
 
 def of_bar(field: Field, reading: Reading) -> Answers:
@@ -149,7 +151,8 @@ def _level_row(
 
 def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, float, bool, bool]]:
     """Where a level is below the mark, its ends between frequencies by a straight line, rad/s, and
-    whether it is open at either: the frequencies end there."""
+    whether it is open at either: the frequencies end there. Below an asymptote there is no end of
+    ever narrower ones, which are left out."""
     over = level - _STOPPED
     below = np.flatnonzero(over < 0)
     found = []
@@ -162,7 +165,8 @@ def _stopped(omega: NDArray[Any], level: NDArray[Any]) -> list[tuple[float, floa
             step = omega[outside] - omega[inside] if known else 0.0
             ends.append(float(omega[inside] + part * step))
             beyond.append(not there)
-        found.append((ends[0], ends[1], beyond[0], beyond[1]))
+        if ends[1] - ends[0] >= _NARROWEST * ends[1]:
+            found.append((ends[0], ends[1], beyond[0], beyond[1]))
     return found
 
 

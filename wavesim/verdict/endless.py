@@ -77,7 +77,7 @@ def _branch_checks(field: Field, h: Held) -> list[Check]:
 
 
 def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
-    """Edges of each gap as the recovered branches show them over the judged k, to one bin.
+    """Branches' ends on either side of each gap, as recovered over the judged k, to one bin.
 
     Over a finite range a branch does not reach its asymptote, so these are not the gap's own edges.
     """
@@ -102,10 +102,13 @@ def _gap_edge_checks(field: Field, held: Sequence[Held]) -> list[Check]:
         for gap, lower, upper in zip(
             gaps(field.medium, sector), branches, branches[1:], strict=False
         ):
-            for side, (branch, of), edge in (("lower", lower, np.max), ("upper", upper, np.min)):
+            for (branch, of), edge, side in (
+                (lower, np.max, f"top of {lower[0].name} below"),
+                (upper, np.min, f"bottom of {upper[0].name} above"),
+            ):
                 j = branch.judged
                 found, exact = edge(branch.omega[j]), edge(branch.omega_exact[j])
-                name = f"{sector} {gap.name} {side} edge, at judged k"
+                name = f"{sector} {side} {gap.name}, at judged k"
                 remedy = remedies.of_frequencies, field, *of, float(abs(found / exact - 1))
                 edges = float(found * HERTZ), float(exact * HERTZ)
                 checks.append(judged(name, edges[0], step, *remedy, reference=edges[1], unit="Hz"))

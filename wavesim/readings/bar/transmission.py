@@ -195,9 +195,11 @@ def specimen(
     if looked is None:
         return None
     layers, omega, sigma = field.layers, looked.omega, looked.sigma
-    s, fine = omega + 1j * sigma, line(omega, sigma)
+    turn, stands = 2 * np.pi, between(layers)
+    s = omega + 1j * sigma
+    fine = turn * stands.with_resonances(block.sector, line(omega, sigma) / turn)
     T, R = exact_scattering(layers, block.sector, np.concatenate([s, fine + 1j * sigma]))
-    real = between(layers).at_real(block.sector, np.concatenate([omega, fine]))
+    real = stands.at_real(block.sector, np.concatenate([omega, fine]))
     count = len(omega)
     return Specimen(
         **vars(looked),
@@ -207,7 +209,7 @@ def specimen(
         T_real=real.T[:count],
         R_real=real.R[:count],
         bands=tuple(
-            Band(band, *between(layers).extremes(block.sector, band.low, band.high))
+            Band(band, *stands.extremes(block.sector, band.low, band.high))
             for band in bands
             if band.sector == block.sector
         ),

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.dispersion.hidden_mode import Bends
+from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.phase_beam import highest_beam, phase_beam
 from wavesim.readings.dispersion.receiver_spectra import FEWEST, spectra
@@ -67,7 +67,7 @@ class Beams:
         amplitude: root mean square over the line, unit of the record times s.
         unexplained: part of the power, or of the phases, that no wave explains.
         clear: whether chance explains it no better.
-        bends: of those that are alone at their frequency; 0 of others.
+        bends: of each, beside the others at its frequency.
         unsure: standard error of the frequency, rad/s.
         cut: whether it is nothing but what the record's ends leave of others.
     """
@@ -142,9 +142,8 @@ def beams(
         ks, errors, sizes, left, excess = fits[i]
         errors, m = errors * np.sqrt(together(ks)), len(ks)
         error = np.hypot(errors, _OF_RESOLUTION * np.sqrt(excess) / length[i])
-        parts.append(
-            [np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m), *np.zeros((3, m))]
-        )
+        hidden = _bends_beside(U[[i]], x, weight[[i]] > 0, ks, noise[i])
+        parts.append([np.full(m, row), ks, error, sizes, np.full(m, left), np.ones(m), *hidden])
     columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
     step, k, error, size, left, clear = columns[:6]
     at = np.searchsorted(rows, step)
@@ -170,8 +169,7 @@ def _by_phase(
     noisy = np.sqrt(np.sum((weight * away) ** 2 * variance, axis=1)) / lever
     # Noise that is known too low shows in what is left over.
     more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
-    noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD))
-    noisy = noisy * np.sqrt(together)
+    noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD) * together)
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
     telling = telling / np.maximum(together / 2, 1)  # of receivers that share theirs, fewer count
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
@@ -210,6 +208,17 @@ def _bends(U: Complex, x: Float, weight: Float, k: Float) -> Bends:
     return Bends(np.sqrt(size) / square, np.sqrt(noise) / square, over)
 
 
+def _bends_beside(U: Complex, x: Float, used: Any, k: Float, noise: Float) -> Float:
+    """Bends of each of several waves at one frequency beside the others, of any k, shape (3, m)."""
+    level, t = np.sqrt(np.mean(noise[used[0]] ** 2, keepdims=True)), (x - x.mean()) / np.ptp(x)
+    found = []
+    for j in range(len(k)):
+        others = np.concatenate([o := along(np.delete(k, j)[None], x), o * t[:, None]], axis=-1)
+        one, _ = of_receivers(U, x, used, k[[j]], others, level)
+        found.append([one.size[0], one.noise[0], one.over[0]])
+    return np.array(found).T
+
+
 def _uneven(U: Complex, x: Float, weight: Float, ratio: Float) -> Float:
     """Variance of ln|U| about a straight line, beyond the noise's: what losses do not explain."""
     level = np.log(np.maximum(np.abs(U), 1e-290))
@@ -229,8 +238,7 @@ def _fitted(
     level = np.sqrt(np.sum(noise**2 * used, axis=1) / np.maximum(used.sum(axis=1), 1))
     before = fit_line(U, x, used, 1, False, k[:, None].astype(complex))
     best: dict[int, Any] = {}
-    chosen = before.residual
-    start = before.k
+    chosen, start = before.residual, before.k
     power = np.abs(U) ** 2 * used
     tame = np.sum(power, axis=1) ** 2 / np.maximum(np.sum(power**2, axis=1), 1e-290)
     settled = (chosen <= 4 * level**2) | (before.unexplained > 0.9)

@@ -299,6 +299,3 @@ def _check_ends(record: Record) -> None:
             "given k can't be had exactly; measure k at given ω (wavesim attenuation), or take "
             "--method fft, which is good to a part of the aperture's resolution"
         )
-
-
-__all__ = ["METHODS", "in_time", "series", "wavenumbers", "with_branches"]

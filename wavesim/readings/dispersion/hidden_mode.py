@@ -236,17 +236,23 @@ def of_sinusoids(found: Fit, level: Float, scale: Float, weight: Float | None) -
     return Bends(bend / count**2, noise / count**2, over)
 
 
+def along(k: Any, x: Float) -> Any:
+    """e^{ikx} about the middle of the receivers, shape (n, nx, m), of k (n, m) that is known."""
+    turn = 1j * np.where(np.isfinite(k), k, 0)[:, None] * (x - x.mean())[:, None]
+    return np.exp(np.clip(turn.real, -200, 200) + 1j * turn.imag)
+
+
 def of_receivers(
-    U: Any, x: Float, used: Any, k: Any, both: bool, level: Float
+    U: Any, x: Float, used: Any, k: Any, others: Any, level: Float
 ) -> tuple[Bends, NDArray[np.bool_]]:
-    """Bends of one wave e^{ikx} at receivers of any places, and of what comes back where it does.
+    """Bends of one wave e^{ikx} at receivers of any places, beside others.
 
     Args:
         U: shape (n, nx).
         x: places, shape (nx,), m.
         used: receivers that count, shape (n, nx), bool.
         k: complex, shape (n,), rad/m.
-        both: whether a wave e^{−ikx} is part of the model.
+        others: what else is part of the model, e^{−ikx} of what comes back, shape (n, nx, m).
         level: deviation of the noise, shape (n,).
 
     Returns:
@@ -254,18 +260,15 @@ def of_receivers(
         more than the record's own, as of receivers that differ from each other.
     """
     t = (x - x.mean()) / np.ptp(x)
-    turn = 1j * np.where(np.isfinite(k), k, 0)[:, None] * (x - x.mean())
-    turn = np.exp(np.clip(turn.real, -200, 200) + 1j * turn.imag) * used
-    columns = [turn, turn * t, turn * t**2]
-    if both:
-        columns.append(used / np.where(used, turn, 1))
-    basis = np.stack(columns, axis=-1)
+    turn = along(k[:, None], x)[..., 0] * used
+    basis = np.stack([turn, turn * t, turn * t**2], axis=-1)
+    basis = np.concatenate([basis, others * used[..., None]], axis=-1)
     scale = np.maximum(np.linalg.norm(basis, axis=1, keepdims=True), 1e-290)
     basis = basis / scale
     inverse = np.linalg.pinv(basis)
     fit = (inverse @ np.where(used, U, 0)[..., None])[..., 0]
     left = np.where(used, U, 0) - (basis @ fit[..., None])[..., 0]
-    spare = used.sum(axis=1) - len(columns)
+    spare = used.sum(axis=1) - basis.shape[-1]
     rest = np.sum(np.abs(left) ** 2, axis=1) / np.maximum(spare, 1)
     spread = np.sum(np.abs(inverse[:, 2]) ** 2, axis=1)
     amplitude = np.maximum(np.abs(fit[:, 0] / scale[:, 0, 0]), 1e-290)

@@ -19,7 +19,7 @@ from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel, runs_on, slowness
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
-from wavesim.readings.dispersion.hidden_mode import Bends, of_receivers, worth
+from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers, worth
 from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
@@ -238,7 +238,8 @@ def _with_hidden(
             # The bend is that of the stronger wave, whichever way it runs.
             back = [models[i][2].backward[i, 0] > models[i][2].forward[i, 0] for i in rows]
             k = np.where(back, -points.k[own], points.k[own])
-            told, unlike = of_receivers(U[rows], x, used[rows], k, both, level[rows])
+            returning = along(-k[:, None] * both, x)[..., : int(both)]
+            told, unlike = of_receivers(U[rows], x, used[rows], k, returning, level[rows])
             bends = bends.put(own, told)
             close[own[unlike]] = _CLOSE_UNLIKE
     # A mode that shows at some frequencies is there at others, where it may not.

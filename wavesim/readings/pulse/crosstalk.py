@@ -30,6 +30,8 @@ _SMOOTH = 0.03
 # What comes to all receivers within this part of a period comes at once; it is over at this part of
 # its peak.
 _ALIKE, _ENDED = 0.025, 0.15
+# … and has this part of its power in common.
+_TOGETHER = 0.8
 
 
 def modelled(
@@ -103,25 +105,6 @@ def _basis(t: Float, sent: Float, start: float, length: float, period: float) ->
     return np.stack([row / (float(np.abs(row).max()) or 1.0) for row in rows])
 
 
-def _same(
-    rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
-) -> NDArray[np.bool_]:
-    """Where all hold the same that stands out of the noise.
-
-    Args:
-        rows: signals from the start on, in steps of dt, two or more.
-        dt, period: of the samples, and of the central frequency, s.
-        noise: standard deviation of one.
-        heard: of these deviations it stands out.
-    """
-    each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
-    width = max(3, int(0.5 * period / dt))
-    over = np.ones(width) / width
-    together = np.convolve(np.mean(each, axis=0) ** 2, over, "same")
-    alone = np.convolve(np.mean(each**2, axis=0), over, "same")
-    return (together > 0.8 * alone) & (alone > heard**2 * noise**2)
-
-
 def at_once(
     rows: Sequence[Float], dt: float, period: float, noise: float, heard: float
 ) -> tuple[int, int, bool] | None:
@@ -129,7 +112,9 @@ def at_once(
 
     Args:
         rows: signals of the receivers by position, shape (nt,) each.
-        dt, period, noise, heard: as of :func:`_same`.
+        dt, period: of the samples, and of the central frequency, s.
+        noise: standard deviation of one.
+        heard: of these deviations it stands out.
 
     Returns:
         (first sample, the one after the last, whether it is over by then); None where what comes
@@ -137,9 +122,11 @@ def at_once(
     """
     each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
     width = max(3, int(0.5 * period / dt))
-    power = np.convolve(np.mean(each**2, axis=0), np.ones(width) / width, "same")
+    over = np.ones(width) / width
+    power = np.convolve(np.mean(each**2, axis=0), over, "same")
+    together = np.convolve(np.mean(each, axis=0) ** 2, over, "same")
     begun = np.flatnonzero(power > heard**2 * noise**2)
-    same = np.flatnonzero(_same(rows, dt, period, noise, heard))
+    same = begun[together[begun] > _TOGETHER * power[begun]]
     if not len(same) or same[0] > begun[0] + width:
         return None
     broken = np.flatnonzero(np.diff(same) > 1)

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.material.shown import plain
 from wavesim.readings.pulse.arrivals import CONVENTIONS, Arrivals, arrivals
 from wavesim.readings.pulse.quality_over_band import (
-    ConstantQuality,
-    MeanQuality,
+    Quality,
     constant_quality_of_amplitudes,
     mean_quality,
     under_its_assumption,
@@ -55,11 +54,11 @@ class PulseResult:
     velocities: dict[str, Velocity]
     spectra: Spectra
     dispersion: Dispersion
-    constant_quality: ConstantQuality
+    constant_quality: Quality
     loss: Loss
 
     @property
-    def quality(self) -> MeanQuality:
+    def quality(self) -> Quality:
         """Q over the band, from α and v_g."""
         found = self.dispersion
         of_band = mean_quality(

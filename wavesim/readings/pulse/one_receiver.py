@@ -60,7 +60,7 @@ NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 def unheard(record: TransmissionRecord, distance: float) -> Reading:
     """A reading of a record in which nothing stands out."""
-    reason = f"{hidden(record)}; or average more" if record.crosstalk else NOTHING
+    reason = hidden(record) if record.crosstalk else NOTHING
     nothing = refused(record.name, "receiver", distance, reason)
     return replace(nothing, record=record, notes=record.notes)
 
@@ -172,8 +172,9 @@ def settled(
     others = [one - delay for one in rivals]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
     best = judged(
-        at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted
-    )
+        at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted,
+        "average more" if at.noise > share else "send a shorter pulse",
+    )  # fmt: skip
     arrivals = {
         name: replace(one, time=one.time + delays.get(name, 0.0)) for name, one in at.times.items()
     }

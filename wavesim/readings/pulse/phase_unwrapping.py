@@ -62,7 +62,6 @@ class Guess:
     Attributes:
         k: shape (n,), rad/m; NaN where it is open.
         used: receivers whose phase is known for certain, shape (n, m).
-        pair: the nearest neighbours, that decided it.
         intercept: phase of the pair at ω = 0 by rule 3, in turns, multiples taken out; NaN where
             it was not used.
         reason: why k is open, n of them; "" where it is not.
@@ -70,7 +69,6 @@ class Guess:
 
     k: Float
     used: NDArray[np.bool_]
-    pair: tuple[int, int]
     intercept: float
     reason: tuple[str, ...]
 
@@ -123,7 +121,7 @@ def resolve(
     if sum(not why for why in seen.unusable or [""] * len(seen.x)) < 2:
         reason = np.full(len(reason), next(why for why in seen.unusable if why))
         refined = np.full(len(reason), np.nan)
-    return Guess(refined, used, (a, b), intercept, tuple(reason.tolist()))
+    return Guess(refined, used, intercept, tuple(reason.tolist()))
 
 
 def _nearest(phase: Any, foretold: Any) -> Any:

@@ -7,7 +7,6 @@ which one is the direct wave's.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -42,9 +41,7 @@ class PowerLaw:
     scatter: float
 
 
-def power_law(
-    p: Float, velocity: Float, noise: Float, common: Float, form: float = 0.0
-) -> PowerLaw | None:
+def power_law(p: Float, velocity: Float, noise: Float, common: Float) -> PowerLaw | None:
     """Fit the law to what is known of it.
 
     Args:
@@ -52,13 +49,11 @@ def power_law(
         velocity: shape (n,), m/s; NaN where there is none.
         noise: standard error of each, independent of the others', over V, shape (n,), –.
         common: what the reading leaves open of each, the same way for all, over V, shape (n,), –.
-        form: by how much V is read otherwise as its pulse changes its form from the first to the
-            last state, as one standard error, over V, –.
 
     Returns:
         The law; None where fewer than three velocities at two values of p are known, or a value of
         p is not above 0. The errors hold the scatter, and what is open: its mean in a, its trend
-        with p in b, and what the form changes.
+        with p in b.
     """
     own = np.isfinite(velocity) & (velocity > 0)
     if own.sum() < FEWEST or not (p > 0).all() or np.ptp(p[own]) == 0:
@@ -80,7 +75,6 @@ def power_law(
     scatter = float(np.sqrt(np.sum(off[kept] ** 2) / max(n - 2, 1)))
     each = max(scatter, float(np.sqrt(np.mean(np.nan_to_num(noise[kept]) ** 2))))
     open_b = abs(float(np.sum((x[kept] - centre) * common[kept]) / spread))
-    open_b = math.hypot(open_b, form / float(np.ptp(x[kept])))
     open_a = float(np.hypot(np.mean(common[kept]), centre * open_b))
     b_error = float(np.hypot(each / np.sqrt(spread), open_b))
     a_error = np.exp(a) * np.sqrt(each**2 * (1 / n + centre**2 / spread) + open_a**2)

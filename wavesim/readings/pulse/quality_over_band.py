@@ -34,15 +34,18 @@ _CONSTANT = 0.1
 
 
 @dataclass(frozen=True)
-class ConstantQuality:
-    """Q by the spectral ratio.
+class Quality:
+    """Q over a band.
 
     Attributes:
         quality: Q, –; infinite or negative where amplitudes don't fall with frequency.
         error: its standard error to first order, –; NaN where nothing tells it.
         inverse, inverse_error: 1/Q, which the error is normal in, and its standard error, –.
-        used: amplitudes that count.
+        used: amplitudes, or frequencies, that count.
         reason: why there is none, or "".
+        at_least: Q by two standard errors of 1/Q more, –; NaN where nothing is known.
+        band: the lowest and highest frequency, Hz; NaN by the spectral ratio, as is
+        excess: χ²/ν of 1/Q about its mean; the error is stretched by its root where above 1.
     """
 
     quality: float
@@ -51,9 +54,12 @@ class ConstantQuality:
     inverse_error: float
     used: int
     reason: str = ""
+    at_least: float = math.nan
+    band: tuple[float, float] = (math.nan, math.nan)
+    excess: float = math.nan
 
 
-def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> ConstantQuality:
+def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Quality:
     """Q from the slope of ln A against f, over all receivers and all frequencies of the spectra.
 
     The velocity's own change with frequency, which a constant Q entails, is neglected: it makes
@@ -69,7 +75,7 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Con
     """
     if seen.sigma:
         nothing = "the spectral ratio over frequency needs a gate"
-        return ConstantQuality(np.nan, np.nan, np.nan, np.nan, 0, nothing)
+        return Quality(np.nan, np.nan, np.nan, np.nan, 0, nothing)
     size, known = np.abs(seen.values), seen.noise_known
     logarithm = np.log(np.maximum(size, 1e-290))
     noise = np.where(seen.whole, seen.noise, np.inf)
@@ -93,7 +99,7 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Con
     spare = count - int((weight > 0).any(axis=1).sum()) - len(tau)
     if spare < 1 or not np.isfinite(tau).all():
         nothing = "too few amplitudes above the noise, or no travel times"
-        return ConstantQuality(np.nan, np.nan, np.nan, np.nan, count, nothing)
+        return Quality(np.nan, np.nan, np.nan, np.nan, count, nothing)
     scale = np.maximum(np.linalg.norm(design, axis=0), 1e-290)
     inverse = np.linalg.pinv(design / scale)
     solution = inverse @ data
@@ -101,39 +107,12 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Con
     shared = max(1.0, 2 * np.pi / seen.duration / float(np.mean(np.diff(seen.omega))))
     variance = float(np.sum(inverse[0] ** 2)) * shared * (max(1.0, excess) if known else excess)
     one, error = float(solution[0] / scale[0]), float(np.sqrt(variance) / scale[0])
-    return ConstantQuality(
-        1 / one if one else np.inf, error / one**2 if one else np.nan, one, error, count
-    )
-
-
-@dataclass(frozen=True)
-class MeanQuality:
-    """Q = ω/(2αv_g) over a band, where it is the same at all frequencies.
-
-    Attributes:
-        quality, error: Q and its standard error, –; NaN where there is none.
-        at_least: Q by two standard errors of 1/Q more, –; NaN where nothing is known.
-        inverse, inverse_error: 1/Q, which is averaged, and its standard error, –.
-        used: frequencies that count.
-        band: the lowest and highest of them, Hz.
-        excess: χ²/ν of 1/Q about its mean; the error is stretched by its root where above 1.
-        reason: why there is no Q, or "".
-    """
-
-    quality: float
-    error: float
-    inverse: float
-    inverse_error: float
-    used: int
-    band: tuple[float, float]
-    excess: float
-    reason: str = ""
-    at_least: float = math.nan
+    return Quality(1 / one if one else np.inf, error / one**2 if one else np.nan, one, error, count)
 
 
 def mean_quality(
     omega: Float, k: Any, k_error: Float, group: Float, group_error: Float, duration: float
-) -> MeanQuality:
+) -> Quality:
     """Q over a band from the wavenumber and the group velocity.
 
     Args:
@@ -158,7 +137,7 @@ def mean_quality(
                 "the error of α is not known: two receivers have none to spare, and the record "
                 "shows no noise before the wave; add a receiver, or begin earlier"
             )
-        return MeanQuality(nan, nan, nan, nan, count, (nan, nan), nan, why)
+        return Quality(nan, nan, nan, nan, count, why)
     inverse, error, f = inverse[own], error[own], omega[own] / (2 * np.pi)
     weight = 1 / error**2
     mean = float(np.sum(weight * inverse) / weight.sum())
@@ -169,15 +148,13 @@ def mean_quality(
     bar = math.hypot(bar, mean**2 / math.pi)
     least = 1 / max(max(mean, 0.0) + 2 * bar, 1e-300)
     seen = mean > 2 * bar
-    return MeanQuality(
+    return Quality(
         1 / mean if seen else nan, bar / mean**2 if seen else nan, mean, bar, count,
-        (float(f[0]), float(f[-1])), excess, "" if seen else UNSEEN.format(least), least,
+        "" if seen else UNSEEN.format(least), least, (float(f[0]), float(f[-1])), excess,
     )  # fmt: skip
 
 
-def under_its_assumption(
-    ratio: ConstantQuality, omega: Float, group: Float, group_error: Float
-) -> ConstantQuality:
+def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error: Float) -> Quality:
     """The spectral ratio's Q with what a velocity that is not constant does to it.
 
     Args:

@@ -131,6 +131,7 @@ def judged(
     reason: str,
     rivals: Sequence[float] = (),
     wanted: Wanted = UNKNOWN,
+    remedy: str = "average more",
 ) -> Best:
     """A travel time as an answer, if it is one.
 
@@ -141,6 +142,7 @@ def judged(
         reason: why it is none, or "".
         rivals: times that may be meant as well, which the bars are to reach, s.
         wanted: what has been said of the wave.
+        remedy: what makes the error less.
     """
     if not reason and not time > 0:
         reason = "it arrives before it is sent: look at --delay"
@@ -154,7 +156,7 @@ def judged(
     alone, error = error, error + spanned(time, others)
     if not reason and alone > _LARGEST_ERROR * time:
         reason = f"its standard error is {alone / time:.0%} of it, above {_LARGEST_ERROR:.0%}: "
-        reason += "average more, send a shorter pulse, or take a longer path"
+        reason += f"{remedy}, or take a longer path"
     if not reason and min(error / time, bar / velocity) > _LARGEST_OPEN:
         speeds = " or ".join(f"{distance / one:.4g}" for one in sorted([time, *others]))
         reason = f"it is one of several waves, of {speeds} m/s: {say_which(wanted)}"

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
+from wavesim.readings.pulse.travel_time import top_of
 from wavesim.readings.pulse.wave_packets import Packet
 
 Float = NDArray[Any]
@@ -33,7 +34,7 @@ Float = NDArray[Any]
 _FROM, _TO = 0.9, 1.7
 # Stretches that are tried between neighbours, and the prior's width, in ln r.
 _MOST = 0.5
-_PRIOR, _PRIOR_ON_LINE = 0.25, 0.06
+_PRIOR = (0.25, 0.06)
 # Its weight beside a correlation.
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
@@ -139,8 +140,7 @@ def follow(
             C = signals[i].correlations(signals[index], np.exp(log_time[i]), lags + shift)
             total += C / len(near)
         expected = foreseen[index] - foreseen[near[0]]
-        prior = _PRIOR_ON_LINE if sure else _PRIOR
-        other = -_TRUST * (lags - expected) ** 2 / (2 * prior**2)
+        other = -_TRUST * (lags - expected) ** 2 / (2 * _PRIOR[sure] ** 2)
         off = np.exp(log_time[near[0]] + lags) - alone[index]
         other += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
         score = total + other
@@ -220,7 +220,8 @@ def _voted(
             row = np.zeros(n)
             row[j], row[i] = 1.0, -1.0
             rows.append(row)
-            values.append(rough[j] - rough[i] + _peak(lags, C, top))
+            at = lags[0] + top_of(C, top) * (lags[1] - lags[0])
+            values.append(rough[j] - rough[i] + at)
             weights.append(float(C[top]) ** 2 / (b - a))
             pairs.append((i, j))
             if b == a + 1:
@@ -239,12 +240,3 @@ def _voted(
         off[j].append(left)
     spread = np.array([np.sqrt(np.mean(np.square(one))) if one else np.nan for one in off])
     return Followed(time, spread, best)
-
-
-def _peak(x: Float, y: Float, at: int) -> float:
-    """Top of a parabola through three values."""
-    if not 0 < at < len(x) - 1:
-        return float(x[at])
-    a, b, c = y[at - 1 : at + 2]
-    bend = a - 2 * b + c
-    return float(x[at] + (0.5 * (a - c) / bend * (x[1] - x[0]) if bend < 0 else 0.0))

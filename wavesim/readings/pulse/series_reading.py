@@ -42,8 +42,6 @@ _SAME = 0.6
 # of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
 _OFF_LINE = 0.06
 _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
-# As a pulse changes its form with the state, its break is seen otherwise, in periods over a series.
-_FORM = 0.1
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
@@ -232,11 +230,10 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
     velocity = np.array([b.velocity if b.valid else np.nan for b in best])
     time = np.array([b.time for b in best])
     common = np.array([one.common for one in readings])
-    part = [r.record.period / r.best.time for r in readings if r.record and r.best.valid]
     total = np.array([b.error for b in best])
     with np.errstate(invalid="ignore", divide="ignore"):
         noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
-        return power_law(p, velocity, noise, common / time, _FORM * float(np.mean(part or [0.0])))
+        return power_law(p, velocity, noise, common / time)
 
 
 def _followed(

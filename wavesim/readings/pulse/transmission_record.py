@@ -71,7 +71,7 @@ class TransmissionRecord:
         period: of the central frequency of what came through, s.
         covered: whether a large wave is there already as crosstalk ends.
         unended: whether something is heard still where crosstalk is taken to end at the latest.
-        clipped: whether it has flat tops.
+        unusable: why amplitudes tell nothing, or "".
         notes: what was put right.
     """
 
@@ -90,7 +90,7 @@ class TransmissionRecord:
     period: float
     covered: bool
     unended: bool
-    clipped: bool
+    unusable: str
     notes: tuple[str, ...]
 
     @property
@@ -111,11 +111,6 @@ class TransmissionRecord:
         """Standard deviation of ``got`` before the start, unit of u; NaN where it is unknown."""
         early = self.got_before
         return float(np.std(early)) if len(early) >= _FEWEST_BEFORE else float("nan")
-
-    @property
-    def unusable(self) -> str:
-        """Why amplitudes tell nothing, or ""."""
-        return CLIPPED if self.clipped else ""
 
 
 def transmission_record(
@@ -171,7 +166,7 @@ def transmission_record(
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
     found = TransmissionRecord(
         name, time, v, start, length, raw, raw[:0], raw, np.zeros(len(raw)), noise, start,
-        0.0, 0.0, False, False, clipped, tuple(notes),
+        0.0, 0.0, False, False, CLIPPED if clipped else "", tuple(notes),
     )  # fmt: skip
     return _ready(found)
 

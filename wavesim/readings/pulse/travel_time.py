@@ -191,7 +191,9 @@ def _first_top(size: Float) -> int | None:
 
 
 def top_of(size: Float, at: int) -> float:
-    """Top of a parabola through three values, in samples."""
+    """Top of a parabola through three values, in samples; the largest itself at an end."""
+    if not 0 < at < len(size) - 1:
+        return float(at)
     a, b, c = size[at - 1 : at + 2]
     bend = a - 2 * b + c
     return at + (0.5 * float((a - c) / bend) if bend < 0 else 0.0)

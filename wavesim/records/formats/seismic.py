@@ -185,4 +185,5 @@ def _coordinates(traces: list[Any]) -> tuple[np.ndarray | None, np.ndarray | Non
 def _usable(places: np.ndarray | None) -> np.ndarray | None:
     if places is None or not np.isfinite(places).all():
         return None
-    return places if len(set(places.tolist())) == len(places) > 1 else None
+    # Of one trace a place of 0 is a header that nobody filled in.
+    return places if len(set(places.tolist())) == len(places) and places.any() else None
