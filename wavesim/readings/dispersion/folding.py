@@ -115,19 +115,20 @@ def _in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:
     back = abs(k[-1]) < _BACK * abs(k[top]) and abs(k[top]) > _TURNS * np.pi / gap
     if back and len(k) - top > _FEWEST:
         edges = np.union1d(edges, top + 1)
+    # From one edge ±π/d to the other, from one frequency to the next.
+    across = np.abs(k[1:]) + np.abs(k[:-1]) > _EDGE * 2 * np.pi / gap
     result = np.zeros(len(k), bool)
     beyond = False
     pieces = np.split(np.arange(len(k)), edges)
     for piece in pieces:
-        # From one edge ±π/d to the other, from one frequency to the next.
-        if piece[0] and abs(k[piece[0]]) + abs(k[piece[0] - 1]) > _EDGE * 2 * np.pi / gap:
-            beyond = True
+        beyond |= bool(piece[0] and across[piece[0] - 1])
         result[piece] = beyond or is_folded(k[piece], omega[piece], gap)
     # What goes on through k = 0 is one mode, of which the longer piece tells, or that is folded.
     for before, after in [*pairwise(pieces), *reversed([*pairwise(pieces)])]:
         both = np.concatenate([before, after])
+        through = k[after[0]] * k[before[-1]] < 0 and not across[before[-1]]
         short = min(len(before), len(after)) < _FEWEST
-        if k[after[0]] * k[before[-1]] < 0 and (short or _goes_on(k, omega, before, after)):
+        if through and (short or _goes_on(k, omega, before, after)):
             result[both] |= result[both].any()
     return result
 

@@ -20,6 +20,7 @@ from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel, runs_on, slowness
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
 from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers, worth
+from wavesim.readings.dispersion.line_fit import unknowns
 from wavesim.readings.dispersion.noise_level import noise_variance
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
@@ -30,6 +31,7 @@ from wavesim.records.faults.quiet import frames_at_rest
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
+Complex = NDArray[np.complex128]
 
 # σT where there is no noise, and the least. With noise of a part n of the peak ln(1/n) + 4 serves:
 # the truncation is then below the noise, and no more of the record is given away.
@@ -156,8 +158,11 @@ def in_space(
         heard = np.ones(len(x), bool)
     else:  # what is heard nowhere makes no spacing shorter
         U, x, used, unsure = U[:, heard], x[heard], used[:, heard], unsure[:, heard]
-    level = np.hypot(left_out, noise)
     fits = line_fits(U, x, used, pairs)
+    level = np.hypot(left_out, noise)
+    # What comes round a ring is a wave of its own only where there are receivers to tell it by.
+    back = _coming_back(fits[0][2].k[:, 0], x, stretch) * np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
+    level = np.where(used.sum(axis=1) > unknowns(1, True), level, np.hypot(level, back))
     points, chosen = simplest(fits, used, omega + 1j * sigma, level)
     step = np.repeat(np.arange(len(omega)), [fits[c][0] for c in chosen])
     mostly = cut.mean(axis=1)[step] > 0.5
@@ -215,12 +220,14 @@ def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: An
     of the stretch S between sources, of sources that are alike.
     """
     one_way = np.repeat([not both for _, both in models], [pairs for pairs, _ in models])
+    part = np.where(one_way, _coming_back(points.k, x, stretch), 0.0)
+    return replace(points, error=np.hypot(points.error, 2 * part / float(np.ptp(x)) / COMPLEX_BAR))
+
+
+def _coming_back(k: Complex, x: Float, stretch: float) -> Float:
+    """R of waves on a stretch; 0 where nothing comes round, S then being infinite."""
     longer = stretch - x[0] - x[-1]
-    if not np.isfinite(longer):
-        return points
-    part = np.exp(-np.maximum(points.k.imag, 0) * longer)
-    more = np.where(one_way, 2 * part / float(np.ptp(x)) / COMPLEX_BAR, 0.0)
-    return replace(points, error=np.hypot(points.error, more))
+    return np.exp(-np.maximum(k.imag, 0) * longer) if np.isfinite(longer) else np.zeros(len(k))
 
 
 def _with_hidden(
