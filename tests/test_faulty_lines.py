@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from test_waves_along_line import passing
 
+from wavesim.material.medium import Medium
+from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.folding import folded_branches
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.line_fit import fit_line
@@ -136,6 +138,15 @@ def test_where_waves_run_both_ways_a_mode_folds_by_its_modulus(sign):
     there = np.abs(seen) < 0.97 * np.pi
     folded = folded_branches(np.zeros(there.sum(), int), seen[there], 2e3 * true[there], 1.0)
     assert np.array_equal(folded, true[there] > np.pi)
+
+
+def test_waves_that_decay_about_a_gap_are_not_folded():
+    """Re k(ω + iσ) of the default medium falls and rises again from 0.6 to 1.2 MHz; it is a tenth
+    of π/d at most of cells of l/8."""
+    omega = 2 * np.pi * np.linspace(6e5, 1.2e6, 40)
+    k = wavenumber(Medium(), "longitudinal", omega + 3.6e5j).real
+    assert np.abs(k).max() < 0.1 * np.pi / 1.25e-4
+    assert not folded_branches(np.zeros(40, int), k, omega, 1.25e-4).any()
 
 
 def test_a_mode_that_runs_through_zero_is_folded_on_either_side_of_it():

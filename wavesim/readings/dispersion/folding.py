@@ -22,6 +22,9 @@ _ERRORS = 4.0
 # A straight mode points to a multiple of 2π/d to this part of it.
 _NEAR = 0.08
 _FEWEST = 3
+# What is left of a line through a mode that is curved: this part of it all, and from one frequency
+# to the next this part of that, where of noise it is all.
+_BENT, _SMOOTH = 0.2, 0.2
 # Points of a mode, at least, that is believed beside others that are folded.
 _FEW = 5
 
@@ -37,12 +40,20 @@ def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
     return slope, unsure, float(k.mean()) - slope * middle, unsure * middle
 
 
+def _bends(k: Float, omega: Float) -> bool:
+    """Whether a mode is a smooth curve, far from straight, as of waves that decay about a gap."""
+    slope, _, offset, _ = _straight(k, omega)
+    left = k - offset - slope * omega
+    smooth = np.sum(np.diff(left) ** 2) / 2 < _SMOOTH * np.sum(left**2)
+    return bool(smooth and np.sum(left**2) > _BENT * np.sum((k - k.mean()) ** 2))
+
+
 def is_folded(k: Float, omega: Float, gap: float) -> bool:
     """Whether a mode is seen at k − 2πn/d, n ≠ 0.
 
     Energy goes the way of dω/dk, and with it phases, unless a wave runs backward. So k has the sign
     of dω/dk; and a straight mode, ω = c(k + 2πn/d), must point to k = 0, not to another multiple of
-    2π/d.
+    2π/d. Where waves decay, as in a gap, k falls and rises again.
 
     Args:
         k: signed, along a mode, shape (m,), rad/m.
@@ -55,7 +66,7 @@ def is_folded(k: Float, omega: Float, gap: float) -> bool:
     if abs(slope) * np.ptp(omega) < _LEAST_CHANGE * np.pi / gap or abs(slope) < _ERRORS * unsure:
         return False
     if float(np.median(k)) * slope < 0:
-        return True
+        return not _bends(k, omega)
     turns = offset * gap / (2 * np.pi)
     near = abs(turns - round(turns)) < _NEAR and blur * gap / (2 * np.pi) < _NEAR
     return bool(abs(round(turns)) >= 1 and near)
