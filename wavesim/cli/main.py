@@ -135,11 +135,9 @@ def _whole(
 
     errors = None
     if taken.seconds >= _WORTH_IT:
-        from wavesim.verdict.foreseen_errors import foretold, untold
+        from wavesim.verdict.foreseen_errors import foretold
 
         errors = foretold(loaded.simulation, loaded.analysis, loaded.k_range)
-        if missing := untold(loaded.simulation, errors):
-            told(f"{case}: the grid's errors {missing}", "note")
     warned = foreseen(loaded, steps, errors)
     _tell(case, loaded, warned)
     shown = console(quiet)
