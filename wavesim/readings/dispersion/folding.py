@@ -25,6 +25,8 @@ _FEWEST = 3
 # What is left of a line through a mode that is curved: this part of it all, and from one frequency
 # to the next this part of that, where of noise it is all.
 _BENT, _SMOOTH = 0.2, 0.2
+# Such a mode stays within this part of π/d.
+_WITHIN = 0.5
 # Points of a mode, at least, that is believed beside others that are folded.
 _FEW = 5
 
@@ -53,7 +55,7 @@ def is_folded(k: Float, omega: Float, gap: float) -> bool:
 
     Energy goes the way of dω/dk, and with it phases, unless a wave runs backward. So k has the sign
     of dω/dk; and a straight mode, ω = c(k + 2πn/d), must point to k = 0, not to another multiple of
-    2π/d. Where waves decay, as in a gap, k falls and rises again.
+    2π/d. Where waves decay, as in a gap, k falls and rises again, far from ±π/d.
 
     Args:
         k: signed, along a mode, shape (m,), rad/m.
@@ -66,7 +68,7 @@ def is_folded(k: Float, omega: Float, gap: float) -> bool:
     if abs(slope) * np.ptp(omega) < _LEAST_CHANGE * np.pi / gap or abs(slope) < _ERRORS * unsure:
         return False
     if float(np.median(k)) * slope < 0:
-        return not _bends(k, omega)
+        return not (np.abs(k).max() < _WITHIN * np.pi / gap and _bends(k, omega))
     turns = offset * gap / (2 * np.pi)
     near = abs(turns - round(turns)) < _NEAR and blur * gap / (2 * np.pi) < _NEAR
     return bool(abs(round(turns)) >= 1 and near)
