@@ -135,6 +135,28 @@ def test_no_fault_is_found_where_there_is_none():
     assert from_arrays({"t": t, "x": [0.1, 0.143, 0.177], "values": kinked}).findings == ()
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_two_modes_are_no_fault_of_a_receiver_and_hide_none(seed):
+    """Two dispersive modes that spread as r^-1/2, 3 % of noise: all stay but one that is late."""
+    rng = np.random.default_rng(seed)
+    t, x = np.arange(1000) * 1e-3, 5.0 + np.arange(rng.choice([12, 16, 24, 36]))
+    f = np.fft.rfftfreq(8192, 1e-3)
+    speeds = 150 + 150 / (1 + (f / 18) ** 2), 240 + 260 * np.exp(-f / 25)
+    sizes = 1.0, rng.uniform(0.3, 0.6)
+    sent = np.fft.rfft(ricker(np.arange(8192) * 1e-3 - 0.03, 28.0))
+    late = np.full(len(x), 0.0)
+    late[rng.integers(1, len(x) - 1)] = 0.012
+    for delay in (0 * x, late):
+        away = (size * np.exp(-2j * np.pi * f * (x[:, None] / c + delay[:, None]))
+                for size, c in zip(sizes, speeds, strict=True))  # fmt: skip
+        u = (np.fft.irfft(sent * sum(away), 8192)[:, :1000] / np.sqrt(x[:, None])).T
+        u = u / np.abs(u).max() + 0.03 * rng.standard_normal(u.shape)
+        found = from_arrays({"t": t, "x": x, "values": u})
+        assert found.x.tolist() == x[delay == 0].tolist()
+        kept = from_arrays({"t": t, "x": x, "values": u}, Layout(as_recorded=True))
+        assert kept.x.tolist() == x.tolist()
+
+
 def test_two_waves_of_different_speed_make_no_receiver_mis_scaled():
     """What came with the pulse stands beside a wave that fades, and one of five is dead."""
     t = np.arange(4096) * 2e-6 - 4e-4

@@ -109,6 +109,7 @@ def together(
     lost: Mask,
     quiet_from: float,
     even: bool,
+    as_recorded: bool,
     found: list[Finding],
 ) -> tuple[Mended, Mask, Mask, float | None]:
     """Channels beside each other: which do not fit, which have begun, where a source stands.
@@ -123,6 +124,7 @@ def together(
         lost: receivers round it that are bad, shape (nx,).
         quiet_from: time from which on no source acts, s.
         even: whether the receivers are evenly spaced.
+        as_recorded: whether those along a line are taken as they are.
         found: findings, added to.
 
     Returns:
@@ -143,7 +145,7 @@ def together(
         )
     if ring:
         mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
-    elif len(values) == 1:
+    elif len(values) == 1 and not as_recorded:
         mended = misfits(values[0], t, x, labels, own, unsure, found)
         if not mended.out.any():
             right = values[0][:, mended.order] * mended.factor
