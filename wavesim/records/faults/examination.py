@@ -29,6 +29,8 @@ from wavesim.records.faults.ring_misfits import ring_misfits
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
+# Beside noise of this part of the spectrum's highest no two samples are alike by chance.
+_NOISY = 1e-5
 
 
 def samples(
@@ -44,7 +46,7 @@ def samples(
     values, t, held = once_each(values, t, np.zeros(0), found)
     values = without_fill(values, t, x, labels, found)
     quantum = quantisation.quanta(values)
-    flat, part = clipped(values, quantum)
+    flat, part = clipped(values, quantum, _noisy(values, _NOISY))
     if flat.any():
         where = places(x, flat, labels)
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
@@ -63,12 +65,12 @@ def samples(
     return values, t, held, quantum, flat, spare
 
 
-def _noisy(values: Float) -> bool:
+def _noisy(values: Float, least: float = 1e-7) -> bool:
     """Whether channels hold noise: more than rounding at the highest frequencies."""
     some = np.nan_to_num(values[0, :, :: max(1, values.shape[2] // 16)])
     hat = np.abs(np.fft.rfft(some * np.hanning(len(some))[:, None], axis=0))
     top = np.median(hat[-max(4, len(hat) // 10) : -1], axis=0)
-    return bool(np.median(top / np.maximum(hat.max(axis=0), 1e-300)) > 1e-7)
+    return bool(np.median(top / np.maximum(hat.max(axis=0), 1e-300)) > least)
 
 
 def levels(
