@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import Any
 
@@ -35,6 +36,7 @@ from wavesim.readings.bar.eigenfrequencies import Ringing
 from wavesim.readings.bar.pulse_test import PulseTest
 from wavesim.readings.bar.reading import Reading
 from wavesim.readings.bar.transmission import Scattered
+from wavesim.readings.pulse.reading import Best
 from wavesim.simulation.field import Field
 from wavesim.verdict.bar import RESONANCE_TOLERANCE
 from wavesim.verdict.foreseen_errors import AMPLITUDE_TOLERANCE, SIGNAL_TOLERANCE
@@ -217,11 +219,13 @@ def _pulse_drawings(test: PulseTest) -> Drawings:
         omega = result.dispersion.omega
         curves["quality"] = omega * KHZ, quality(medium.damping, omega)
     # One speed across several layers would be the speed of nothing.
-    line = "envelope" if medium is not None else None
+    speed = result.velocities["envelope"]
+    told = speed.velocity, speed.error, math.isfinite(speed.velocity)
+    best = Best("envelope", math.nan, math.nan, *told, "") if medium is not None else None
     record = result.record
     arrived = np.concatenate([picks.time for picks in result.arrivals.values()])
     span = float(record.t[0]), min(float(record.t[-1]), 3 * float(np.nanmax(arrived, initial=0.0)))
-    section = partial(pulsefigures.record_section, result, line=line, span=span)
+    section = partial(pulsefigures.record_section, result, best, span)
     drawings: Drawings = {
         f"arrivals_{name}": section,
         f"loss_{name}": partial(pulsefigures.transmission, result, shaded, exact),
