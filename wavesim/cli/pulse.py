@@ -254,7 +254,10 @@ def _array(test: Any, expected: tuple[float, float] | None) -> Any:
     placed = {name: x for name, x in test.positions.items() if math.isfinite(x)}
     signals = {name: test.signals[name] for name in placed}
     return _noted(
-        read_array(test.name, test.t, signals, placed, test.sent, expected, test.unlike), test
+        read_array(
+            test.name, test.t, signals, placed, test.sent, expected, test.unlike, test.noise
+        ),
+        test,
     )
 
 
