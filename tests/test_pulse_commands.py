@@ -232,3 +232,23 @@ def test_a_receiver_that_waves_reach_either_way_round_a_ring_has_no_part_in_a_pu
     (test,) = of_field(Field(made, made.times, still), "run")
     assert test.positions == pytest.approx({"a": 0.008, "b": 0.016})
     assert "c, d: left out, as waves come there either way" in test.notes[0]
+
+
+@pytest.mark.parametrize("heads", [("Transmitter (V)", "Receiver (mV)"), ("TX / V", "RX / V")])
+def test_a_column_is_meant_by_its_heading_with_or_without_its_unit_in_any_case(heads, tmp_path):
+    """The same answer by each of its names; what is not unique is refused with all names."""
+    t, sent, got = record(120.0)
+    path = tmp_path / "one.csv"
+    numbers = "\n".join(f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, sent, got, strict=True))
+    path.write_text(f"Time (s),{','.join(heads)}\n{numbers}\n")
+    bare = heads[0].split(" ")[0]
+    names = (heads[0], heads[0].lower(), bare, bare.swapcase(), f"heading {bare}", "2")
+    told = {pulse(path, "--input", n, "--distance", 0.08, "--json").output for n in names}
+    assert len(told) == 1
+    assert json.loads(told.pop())["records"][0]["best"]["valid"]
+    path.write_text(f"Time (s),{heads[0]},{bare} (mV)\n{numbers}\n")
+    done = pulse(path, "--input", bare, "--distance", 0.08)
+    assert done.exit_code == 2
+    assert heads[0] in done.output
+    assert f"{bare} (mV)" in done.output
+    assert done.output.count("\n") == 1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wavesim.records.content import Content, RecordError
 from wavesim.records.layout import Layout
 from wavesim.records.straight_line import along_line
-from wavesim.records.units import factor, unit_in
+from wavesim.records.units import factor, named_as, unit_in
 
 Float = NDArray[Any]
 
@@ -53,11 +53,14 @@ def listed(arrays: dict[str, Float]) -> str:
     return ", ".join(shown[:8] + ["…"] * (len(shown) > 8)) or "none"
 
 
-def named(arrays: dict[str, Float], name: str) -> Float:
-    """The array of a name, which must be there."""
-    if name not in arrays:
-        raise RecordError(f"has no array {name!r}; arrays are {listed(arrays)}")
-    return arrays[name]
+def named(arrays: dict[str, Float], text: str) -> str:
+    """The name of the one array that a text means."""
+    own = list(arrays)
+    at = named_as(text, own)
+    if len(at) != 1:
+        what = "several arrays" if at else "no array"
+        raise RecordError(f"has {what} {text!r}; arrays are {listed(arrays)}")
+    return own[at[0]]
 
 
 def as_long(content: Content, layout: Layout, shape: tuple[int, ...]) -> int:
@@ -83,7 +86,6 @@ def axes_of(content: Content, layout: Layout, values: Float) -> tuple[Axis, Axis
 def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) -> str | None:
     """The name of the times' array: as given, else the first so called and as long."""
     if layout.time is not None:
-        named(content.arrays, layout.time)
         return layout.time
     return next(
         (n for n, a in content.arrays.items()
@@ -95,7 +97,6 @@ def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) ->
 def _array_of_places(content: Content, layout: Layout, count: int) -> str | None:
     """Likewise of the positions'."""
     if isinstance(layout.positions, str):
-        named(content.arrays, layout.positions)
         return layout.positions
     return next(
         (n for n, a in content.arrays.items()
