@@ -252,3 +252,17 @@ def test_a_column_is_meant_by_its_heading_with_or_without_its_unit_in_any_case(h
     assert heads[0] in done.output
     assert f"{bare} (mV)" in done.output
     assert done.output.count("\n") == 1
+
+
+def test_times_that_say_no_unit_make_no_velocity_of_no_wave(tmp_path):
+    """ms without a word are seconds of a record: 0.3 m/s in place of 300, and no number stands."""
+    t, sent, got = record(300.0)
+    rows = "\n".join(f"{a * 1e3:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, sent, got, strict=True))
+    (tmp_path / "one.csv").write_text(f"t,sent,got\n{rows}\n")
+    words = (tmp_path / "one.csv", "--input", "sent", "--distance", 0.12)
+    done = pulse(*words)
+    assert done.exit_code == 1
+    assert "no unit of time is said" in done.output
+    told = json.loads(pulse(*words, "--time-unit", "ms", "--json").output)["records"][0]["best"]
+    assert told["valid"]
+    assert abs(told["velocity"] - 300) <= 2 * told["velocity_error"] <= 60

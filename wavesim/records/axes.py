@@ -29,6 +29,7 @@ _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinter
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
 # Seconds since 1970 are fewer: this is the year 5138.
 _NO_DATE = 1e11
+UNSAID = "no unit of {} is said"
 Axis = tuple[Float, str, float]
 
 
@@ -209,7 +210,7 @@ def _in_si(
     if kind == "position":
         si = f"positions {si}"
     if scale is None and not said:
-        note = f"no unit of {what} is said: {si}"
+        note = f"{UNSAID.format(what)}: {si}"
     elif scale is None:
         note = f"unit of {what} {said!r} is not known: {si}, --{kind}-unit says otherwise"
     elif scale != 1.0:

@@ -92,7 +92,7 @@ def _several(console: Console, one: Reading) -> None:
         if quality.excess > 3:
             told += f"; it changes with frequency (χ²/ν = {quality.excess:.2g})"
         console.print(told)
-    else:
+    elif quality.reason != best.reason:
         console.print(f"  Q refused: {quality.reason}.", markup=False)
     if not ratio.reason:
         told = f"  Q {with_error(ratio.quality, ratio.error)} by the spectral ratio"
@@ -118,7 +118,7 @@ def _several(console: Console, one: Reading) -> None:
     speeds = [result.velocities[name] for name in result.arrivals]
     table.add_row("velocity (m/s)", *(_known(v.velocity, v.error) for v in speeds))
     console.print(table)
-    for why in dict.fromkeys(v.reason for v in speeds if v.reason):
+    for why in dict.fromkeys(v.reason for v in speeds if v.reason not in ("", best.reason)):
         names = [n for n, v in zip(result.arrivals, speeds, strict=True) if v.reason == why]
         console.print(f"– {', '.join(names)}: {why}.", markup=False)
     if len(one.receivers) > _MOST_RECEIVERS:

@@ -62,6 +62,12 @@ class PulseResult:
         """Speeds as answers: with an error, or NaN with a reason."""
         return told(self.speeds)
 
+    def refused(self, why: str) -> PulseResult:
+        """The same with no velocity and nothing at any frequency, for one reason."""
+        none = Velocity(math.nan, math.nan, math.nan, math.nan, 0, why)
+        speeds = dict.fromkeys(self.speeds, none)
+        return replace(self, speeds=speeds, dispersion=self.dispersion.refused(why))
+
     @property
     def quality(self) -> Quality:
         """Q over the band, from α and v_g."""
