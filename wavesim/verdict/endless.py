@@ -44,9 +44,11 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
     if expected:
         present = sum(b.present for b in expected)
         bins = f"frequency bins of {1e-3 / field.t[-1]:.3g} kHz do not tell all waves apart"
-        remedy = _of_missing, field, held, bins
+        lacking = _of_missing, field, held, bins
         whole = len(expected)
-        checks.append(judged("waves present", present, 0.0, *remedy, reference=whole, unit="waves"))
+        checks.append(
+            judged("waves present", present, 0.0, *lacking, reference=whole, unit="waves")
+        )
         strays = sum(len(h.strays) for h in held)
         remedy = remedies.longer_run, field, bins
         checks.append(judged("ridges of no wave", strays, 0.0, *remedy, unit="ridges"))
