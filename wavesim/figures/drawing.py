@@ -76,13 +76,13 @@ def draw(folder: Path, field: Field, found: Any, name: str, kind: str) -> Path:
 
 def warm_up() -> None:
     """Draw something small, so that fonts and the like are there for all forks that follow."""
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE | _PLAIN):
         figure = Figure(figsize=(2, 2))
         axes = figure.subplots()
         axes.plot([1.0, 2.0], [1.0, 100.0], "o-", label="φ₁ (µs)")
         axes.set(yscale="log", title="$\\bar\\omega$", xlabel="ω/2π (kHz)")
         second_axes(axes, (2.0, "ω̄"), None)
-        figure.legend(loc="outside upper center")
+        axes.legend()
         FigureCanvasAgg(figure).print_png(BytesIO())
 
 
