@@ -116,13 +116,14 @@ def misfits(
     for kind in ("reversed", "swapped", "mis-scaled", "delayed", "misfit", "dead"):
         those = {j: size for j, (k, size) in sorted(agreed.items()) if k == kind}
         if those:
-            found.append(_mend(mended, kind, those, x, labels))
+            found.append(mend(mended, kind, those, x, labels))
     return mended
 
 
-def _mend(
+def mend(
     mended: Mended, kind: str, those: dict[int, float], x: Float, labels: tuple[str, ...]
 ) -> Finding:
+    """What is done to channels of one kind, with the size that each is off by."""
     which = list(those)
     where = places(x, which, labels)
     listed = ", ".join(f"{size:.3g}" for size in list(those.values())[:6])
@@ -135,7 +136,7 @@ def _mend(
         said = f"exchanged with each other, as neighbours say: put back ({where})"
         return Finding(kind, where, f"{len(which)} channels", CURED, said)
     if kind == "mis-scaled":
-        far = [j for j in which if not _SCALED[0] <= those[j] <= _SCALED[1]]
+        far = [j for j in which if not _SCALED[0] <= abs(those[j]) <= _SCALED[1]]
         for j in which:
             mended.factor[j] = 1 / those[j]
         mended.out[far] = True
