@@ -50,11 +50,15 @@ def test_no_digit_of_a_table_is_lost_however_narrow_the_terminal(width):
 @pytest.mark.parametrize("value", [0.0, 4.2e-7, 0.0123, 1.0, -713.4, 36963.7, -9.9996e5, 2.5e11])
 @pytest.mark.parametrize("error", [3.3e-12, 9.96e-5, 0.19, 12.0, 4.7e4])
 def test_a_value_stands_to_two_digits_of_its_error(value, error):
-    """Both are read back to half a unit of the error's second digit, and no more is written."""
-    read, bar = (float(part) for part in with_error(value, error).split(" ± "))
-    unit = 10.0 ** (np.floor(np.log10(error)) - 1)
+    """Both are read back to half a unit of the error's second digit, the value to its seventh at
+    the finest, beside which the error has one, and no more is written."""
+    told = with_error(value, error)
+    read, bar = (float(part) for part in told.split(" ± "))
+    unit = 10.0 ** (np.floor(np.log10(error)) - (1 if error >= 1e-6 * abs(value) else 0))
     assert bar == pytest.approx(error, abs=0.51 * unit)
-    assert read == pytest.approx(value, abs=max(0.51 * unit, 1e-12 * abs(value)))
+    assert read == pytest.approx(value, abs=max(0.51 * unit, 5e-7 * abs(value)))
+    digits = told.split(" ± ")[0].split("e")[0].replace(".", "").strip("-0")
+    assert len(digits) <= 9
     assert with_error(value) == f"{value:.6g}"
     assert with_error(np.nan, error) == "–"
 
@@ -85,6 +89,27 @@ def test_gaps_of_a_ring_are_those_of_its_medium_with_the_decay_in_their_middle(s
     told = answers(small_run.summary)[0].note
     assert all((row["untold"] == "") == (row["attenuation"] is not None) for row in rows.values())
     assert "RTB1, RTB2: no source drives transverse waves" in told
+
+
+def test_what_a_receiver_has_lost_in_a_gap_is_the_decay_times_the_way(shipped, small_run):
+    """−8.686 Im k(ω) d dB, k of the plane-wave solver, d the shorter way round a ring; 20 dB are
+    lost within the distance told. On a finite bar of one medium as on a ring."""
+    for run in (small_run, shipped("pulse_test")):
+        field, found = run.field, run.summary["answers"]
+        assert [row["receiver"] for row in found["receivers"]]
+        for row in found["gaps"]:
+            if row["sector"] != "longitudinal":
+                continue
+            omega = 2 * np.pi * row["frequency"]
+            k = planewave.wavenumber(field.medium, "longitudinal", omega).item()
+            within = row["twenty_decibels_within"]
+            assert np.exp(-k.imag * within) == pytest.approx(0.1, rel=1e-9)
+            for receiver in found["receivers"]:
+                way = abs(field.receivers[receiver["receiver"]] - field.sources[0].position)
+                way = min(way, field.bar.length - way) if field.bar.periodic else way
+                assert receiver["distance"] == pytest.approx(way, rel=1e-12)
+                left = 10 ** (receiver[row["gap"]] / 20)
+                assert left == pytest.approx(np.exp(-k.imag * way), rel=1e-9)
 
 
 def test_a_gap_told_at_no_frequency_is_named_as_in_tables_with_what_tells_it(small_run, small_held):

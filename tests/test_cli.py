@@ -187,8 +187,13 @@ def test_folder_that_can_not_be_written_gives_2(command, tiny, tmp_path):
     assert "name another folder" in line
 
 
-def test_resume_of_nothing_gives_2(tiny, tmp_path):
-    result = call("run", tiny, "--out", tmp_path / "none", "--resume")
+def test_resume_of_nothing_gives_2_and_says_nothing_else(tiny, tmp_path):
+    """Not even what is foreseen of the case, which warns of a duration that ends with its pulse."""
+    change = "time.duration=1.5e-6"
+    warned = call("check", tiny, "--set", change)
+    assert "duration" in warned.stderr + warned.stdout
+    assert warned.exit_code == 1
+    result = call("run", tiny, "--set", change, "--out", tmp_path / "none", "--resume")
     assert result.exit_code == 2
     (line,) = result.stderr.splitlines()
     assert "no such file: nothing is stored" in line

@@ -22,6 +22,7 @@ from wavesim.material.medium import Medium
 from wavesim.material.scaling import scales
 from wavesim.material.shown import decibels
 from wavesim.readings import amplitude_map
+from wavesim.records.files import read as read_record
 from wavesim.sources import Ricker
 from wavesim.worker import Worker
 
@@ -101,6 +102,27 @@ def test_one_figure_in_a_format_for_paper(small_run, tmp_path, kind, head):
     (path,) = tmp_path.iterdir()
     assert path.name == f"energy.{kind}"
     assert path.read_bytes()[: len(head)] == head
+
+
+def test_signals_as_tables_are_read_back_as_they_were(small_run, tmp_path):
+    """Times, places and values of each field, to the digits written, by the reader of any record;
+    the headings name receiver, place and unit."""
+    call("figures", small_run.folder, "--format", "csv", "-o", tmp_path)
+    field = small_run.field
+    assert {path.stem for path in tmp_path.iterdir()} == {f"receivers_{n}" for n in field.names}
+    for name in field.names:
+        path = tmp_path / f"receivers_{name}.csv"
+        heads = path.read_text(encoding="utf-8").splitlines()[0].split(",")
+        read = read_record(path)
+        np.testing.assert_allclose(read.t, field.t, rtol=1e-11)
+        places = sorted(field.receivers.items(), key=lambda item: item[1])
+        for n, (receiver, x) in enumerate(places):
+            assert heads[n + 1] == f"{receiver} x={x * 1e3:.9g} mm ({field.unit(name)})"
+            assert read.x[n] == pytest.approx(x, rel=1e-9)
+            np.testing.assert_allclose(read.values[0][:, n], field.at(x, name), rtol=1e-11)
+    told = call("figures", small_run.folder, "--format", "csv", "--only", "energy")
+    assert told.exit_code == 2
+    assert f"receivers_{field.names[0]}" in told.stderr
 
 
 def test_a_figure_that_is_none_is_told_with_those_there_are(small_run, tmp_path):

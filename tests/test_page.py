@@ -75,22 +75,24 @@ def test_every_number_is_that_of_the_summary(page, small_run):
             row[1:4], ("measured", "reference", "tolerance"), strict=True
         ):
             assert float(value) == check[key]
-            assert float(text) == pytest.approx(check[key], rel=6e-3)
+            in_khz = 1e-3 if check["unit"] == "Hz" else 1.0
+            assert float(text) == pytest.approx(check[key] * in_khz, rel=6e-3)
     gaps = small_run.summary["answers"]["gaps"]
     cells = page.eval_on_selector_all(
         "#answers table:first-of-type tbody tr",
         "rows => rows.map(r => [...r.cells].map(c => [c.textContent, c.dataset.value]))",
     )[: len(gaps)]
-    keys = ("lower", "upper", "frequency", "attenuation_at_real_frequency", "attenuation",
-            "attenuation_exact")  # fmt: skip
+    keys = ("lower", "upper", "frequency", "attenuation_at_real_frequency",
+            "twenty_decibels_within", "attenuation", "attenuation_exact")  # fmt: skip
     for row, gap in zip(cells, gaps, strict=True):
         assert row[0][0] == gap["gap"]
-        for (text, value), key in zip(row[2:8], keys, strict=True):
+        for (text, value), key in zip(row[2:9], keys, strict=True):
             if gap[key] is None:
                 assert (text, value) == ("–", None)
                 continue
             assert float(value) == gap[key]
-            assert float(text) == pytest.approx(gap[key] / 1e3, rel=1e-4)
+            shown = gap[key] * (1e3 if key == "twenty_decibels_within" else 1e-3)  # mm; kHz, dB/mm
+            assert float(text) == pytest.approx(shown, rel=1e-4)
 
 
 def test_slider_shows_the_field_at_its_time(page, small_run):

@@ -1,6 +1,7 @@
 """Transmission loss, noise, and a pulse test read whole, on a medium of constant Q."""
 
 import json
+import math
 
 import matplotlib
 import numpy as np
@@ -13,6 +14,7 @@ from wavesim.figures import pulse_test as pulsefigures
 from wavesim.figures.style import GAP, STYLE
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.measurement import measure
+from wavesim.readings.pulse.reading import Best, judged
 from wavesim.readings.pulse.signals import PulseError, pulse_record
 from wavesim.readings.pulse.spectral_windows import Exponential, Gate, spectra
 from wavesim.readings.pulse.transmission_loss import NOISY, UNDRIVEN, transmission_loss
@@ -160,7 +162,7 @@ def test_bad_records_give_reasons_and_figures(clean, what, rng):
         assert all(np.isnan(speed.velocity) for speed in one.velocities.values())
         assert all(picks.reason[0] for picks in one.arrivals.values())
     for figure in (
-        pulsefigures.record_section(one),
+        pulsefigures.record_section(one, Best("envelope", *4 * [math.nan], False, "noise")),
         pulsefigures.transmission(one),
         pulsefigures.velocities_and_losses(one),
     ):
@@ -187,13 +189,19 @@ def drawn(figure):
 
 
 def test_record_section(result):
-    """The dashed line is t₀ + x/c, the marks stand at the arrivals, and no label covers another."""
+    """The dashed line has the velocity that the table gives, under its convention's name; the marks
+    stand at the arrivals, and no label covers another."""
+    speed = result.velocities["envelope"]
+    best = judged("envelope", 0.02 / speed.velocity, 1e-7, 0.02, "")
     with matplotlib.rc_context(STYLE):
-        figure = pulsefigures.record_section(result, ("first break", "threshold", "envelope"))
+        figure = pulsefigures.record_section(result, best)
         (axes,) = drawn(figure)
     (line,) = [one for one in axes.lines if one.get_linestyle() == "--"]
     (t0, t1), (x0, x1) = line.get_xdata(), line.get_ydata()
-    speed = result.velocities["envelope"]
+    assert (
+        line.get_label()
+        == f"velocity by envelope: {speed.velocity:.0f} ± {best.velocity_error:.0f} m/s"
+    )
     assert (x1 - x0) / (t1 - t0) * 1e3 == pytest.approx(speed.velocity, rel=1e-9)
     marks = [one for one in axes.lines if one.get_marker() == "o"]
     np.testing.assert_allclose(

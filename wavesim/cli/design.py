@@ -95,8 +95,8 @@ def _draw(found: Any, folder: Path) -> None:
 
     from wavesim.case.layered_case import bar_layers
     from wavesim.case.schema import parse
+    from wavesim.figures.bar import transmission_figure
     from wavesim.figures.style import write
-    from wavesim.figures.transmission import transmission_figure
     from wavesim.studies.transmission_study import transmission_study
 
     wishes = found.problem.wishes

@@ -126,8 +126,12 @@ def _whole(
     quiet: bool,
 ) -> None:
     loaded = read_case(case, overrides)
-    steps = planned(case, loaded)
     folder = folder_for(out, case)
+    if resume:
+        from wavesim.io.result_reader import stored
+
+        stored(folder / "result.h5")
+    steps = planned(case, loaded)
     taken = affordable(case, loaded, steps, at_most, folder)
     from wavesim.report import tables as report
     from wavesim.report.progress import progress

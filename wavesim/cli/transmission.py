@@ -64,8 +64,8 @@ def transmission(
 
 
 def _write(study: Any, answer: Any, folder: Path) -> None:
+    from wavesim.figures.bar import transmission_figure
     from wavesim.figures.style import write
-    from wavesim.figures.transmission import transmission_figure
 
     with writing(folder):
         write_json(folder / "transmission.json", answer, indent=None)

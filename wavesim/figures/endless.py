@@ -14,10 +14,10 @@ from wavesim.figures.style import (
     FOUND,
     HALO,
     MAP,
+    ON_MAP,
     POINT,
     RECORD,
     RECORD_MARK,
-    THEORY,
     Drawings,
     cell_ends,
     gap_edges,
@@ -75,7 +75,7 @@ def spectrum_panel(axes: Axes, field: Field, held: Sequence[Held], sector: str) 
     k = np.linspace(0, found.k[-1], 400)
     for h in own:
         exact = block_oscillations(medium, h.measured.block, k)
-        lines = axes.plot(k / 1e3, exact * KHZ, color=THEORY, lw=0.8, path_effects=HALO)
+        lines = axes.plot(k / 1e3, exact * KHZ, color=ON_MAP, lw=1.0, ls=(0, (4, 4)))
         lines[0].set_label("plane-wave solver" if h is own[0] else None)
         for branch in h.branches:
             shown = branch.k > 0

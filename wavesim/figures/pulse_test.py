@@ -26,7 +26,7 @@ from wavesim.figures.style import (
 )
 from wavesim.material.shown import DECIBELS, KHZ, with_error
 from wavesim.readings.pulse.measurement import PulseResult
-from wavesim.readings.pulse.reading import Reading
+from wavesim.readings.pulse.reading import Best, Reading
 from wavesim.readings.pulse.series_reading import Series
 
 Gaps = Sequence[tuple[str, float, float]]
@@ -48,20 +48,18 @@ _DECIBELS = 1e-3 * DECIBELS
 
 
 def record_section(
-    result: PulseResult, conventions: Sequence[str] = ("first break", "envelope"),
-    line: str | None = "envelope", span: tuple[float, float] | None = None,
-) -> Figure:  # fmt: skip
+    result: PulseResult, best: Best | None, span: tuple[float, float] | None = None
+) -> Figure:
     """Signals, each to its own peak and set off by distance, with arrivals and the fitted line.
 
     Args:
         result: what was read.
-        conventions: whose arrivals are marked.
-        line: the convention whose velocity is drawn; None for none.
+        best: the velocity that counts, by the convention whose line is drawn; None for none.
         span: times shown, s; the whole record where None.
     """
     record = result.record
-    speed = result.velocities[line] if line is not None else None
     low, high = span or (float(record.t[0]), float(record.t[-1]))
+    counted = best.convention if best else "envelope"
     x = record.x * 1e3
     room = float(np.min(np.diff(x))) * 0.48
     figure = Figure(figsize=(6.6, 1.8 + 0.45 * min(max(len(x), 5), 12)))
@@ -75,13 +73,16 @@ def record_section(
                 1.01, x[j], as_written(name), ha="left", va="center", fontsize=7,
                 transform=axes.get_yaxis_transform(),
             )  # fmt: skip
-    if speed is not None and np.isfinite(speed.velocity):
+    arrivals = result.arrivals[counted].time
+    if best and best.valid and np.isfinite(arrivals).any():
+        begin = float(np.nanmean(arrivals - record.x / best.velocity))
+        told = with_error(best.velocity, best.velocity_error, "m/s")
         ends = np.array([x[0] - 1.5 * room, x[-1] + 1.5 * room])
         axes.plot(
-            (speed.intercept + ends * 1e-3 / speed.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
-            label=f"{line}: {with_error(speed.velocity, speed.error, 'm/s')}",
+            (begin + ends * 1e-3 / best.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
+            label=f"velocity by {counted}: {told}",
         )  # fmt: skip
-    for convention in conventions:
+    for convention in dict.fromkeys(("first break", counted)):
         mark, face, edge = _MARKS[convention]
         picks = result.arrivals[convention]
         axes.errorbar(
@@ -241,11 +242,12 @@ def drawings(readings: Sequence[Reading], series: Series | None) -> Drawings:
         found["pulse_records"] = partial(waveforms, single, *varied)
     if series is not None and any(one.best.valid for one in readings):
         found["pulse_series"] = partial(law, readings, series)
-    several = [one.result for one in readings if one.result is not None]
-    for number, result in enumerate(several, start=1):
+    several = [one for one in readings if one.result is not None]
+    for number, one in enumerate(several, start=1):
+        assert one.result is not None
         tail = f"_{number}" if len(several) > 1 else ""
-        found[f"pulse_section{tail}"] = partial(record_section, result)
-        found[f"pulse_velocities{tail}"] = partial(velocities_and_losses, result)
+        found[f"pulse_section{tail}"] = partial(record_section, one.result, one.best)
+        found[f"pulse_velocities{tail}"] = partial(velocities_and_losses, one.result)
     return found
 
 

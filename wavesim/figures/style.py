@@ -40,6 +40,8 @@ MAP = matplotlib.colormaps["magma_r"].with_extremes(under=(1.0, 1.0, 1.0, 0.0))
 FOUND = "#c8102e"
 HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 THEORY = "#111111"
+# A line that is seen on all of MAP, and on white.
+ON_MAP = "#2a8fd6"
 # What a record that ends tells at ω + iσ stands behind what a steady wave does.
 RECORD, RECORD_MARK = "#8a97a3", "#5d6b78"
 GAP: dict[str, Any] = {"facecolor": "#dfe3e7", "linewidth": 0, "zorder": -1}

@@ -30,6 +30,17 @@ class WriteError(StorageError):
     code = 3  # that a command ends with
 
 
+def stored(path: Path) -> None:
+    """Make sure that there is something to carry on from.
+
+    Raises:
+        StorageError: there is not.
+    """
+    if not path.is_file():
+        told = "no such file: nothing is stored to carry on from; run without --resume"
+        raise StorageError(f"{path}: {told}")
+
+
 @contextmanager
 def reading(path: Path, what: str = "") -> Iterator[h5py.File]:
     """A result file, opened; whatever the library stumbles over is told as damage.

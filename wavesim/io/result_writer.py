@@ -31,6 +31,7 @@ from wavesim.io.result_reader import (
     checksum,
     hold,
     reading,
+    stored,
 )
 from wavesim.io.whole_files import way_out, written
 from wavesim.material.family import is_macro
@@ -198,11 +199,7 @@ class Results:
         Raises:
             StorageError: there is no such run, it failed, or it was another case.
         """
-        if not self.path.is_file():
-            raise StorageError(
-                f"{self.path}: no such file: nothing is stored to carry on from; run without "
-                "--resume"
-            )
+        stored(self.path)
         with reading(self.path) as file:
             hold(self.path, file)
             if file.attrs["case"] != self.told["case"]:

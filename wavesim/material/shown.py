@@ -18,6 +18,8 @@ import numpy as np
 HERTZ = 1 / (2 * math.pi)
 KHZ = 1e-3 * HERTZ
 DECIBELS = 20 / math.log(10)
+# An error of this part of a value has no digit beside it.
+_NO_DIGIT = 1e-6
 _DRAWN_BY = "wavesim.figures.notebook"
 
 
@@ -88,18 +90,21 @@ def in_time(value: float) -> tuple[float, str]:
 
 
 def with_error(value: float, error: float = math.nan, unit: str = "") -> str:
-    """A value to two digits of its error, "3000.8 ± 1.3 m/s"; "–" where there is none."""
+    """A value to two digits of its error, "3000.8 ± 1.3 m/s", to seven digits at most; "–" where
+    there is none."""
     if not math.isfinite(value):
         return "–"
     end = f" {unit}" if unit else ""
     if not (math.isfinite(error) and error > 0):
         return f"{value:.6g}{end}"
+    if error < _NO_DIGIT * abs(value):
+        return f"{value:.7g} ± {error:.0e}{end}"
     last = math.floor(math.log10(error)) - 1
     if abs(value) < 1e6 and (value == 0 or abs(value) >= 1e-3) and last >= -7:
         digits = max(0, -last)
         return f"{value:.{digits}f} ± {error:.{digits}f}{end}"
     first = math.floor(math.log10(abs(value))) if value else last
-    return f"{value:.{min(max(1, first - last), 12)}e} ± {error:.1e}{end}"
+    return f"{value:.{max(1, first - last)}e} ± {error:.1e}{end}"
 
 
 def decibels(amplitude: Any, reference: float = 1.0, least: float = 1e-15) -> Any:

@@ -16,12 +16,13 @@ Row = Mapping[str, Any]
 KINDS: dict[str, tuple[float, str, int]] = {
     "frequency": (1e-3, "kHz", 6),
     "decay": (1e-3, "dB/mm", 5),
-    "velocity": (1.0, "m/s", 6),
+    "velocity": (1.0, "m/s", 5),
     "error of velocity": (1.0, "m/s", 2),
     "wavenumber": (1e-3, "rad/mm", 4),
     "level": (1.0, "dB", 4),
     "number": (1.0, "", 5),
     "time": (1e6, "µs", 5),
+    "length": (1e3, "mm", 5),
 }
 
 
@@ -74,7 +75,25 @@ class Answer:
     note: str = ""
 
 
+# Rows of a table of receivers, at most.
+_MOST_RECEIVERS = 12
+
 _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
+    "medium": (
+        "Band gaps of the medium, and how strongly they attenuate in their middle",
+        (
+            Column("gap", "gap"),
+            Column("waves", "sector"),
+            Column("of", "medium"),
+            Column("from", "lower", "frequency"),
+            Column("to", "upper", "frequency"),
+            Column("at", "frequency", "frequency"),
+            Column("steady\nwave", "attenuation_at_real_frequency", "decay"),
+            Column("20 dB\nwithin", "twenty_decibels_within", "length"),
+        ),
+        "Exact, of the medium alone. Steady wave: what a wave that never ends loses there; it has "
+        "lost 20 dB, a tenth of it left, within the distance beside.",
+    ),
     "gap": (
         "Band gaps, and how strongly they attenuate in their middle",
         (
@@ -84,13 +103,25 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("to", "upper", "frequency"),
             Column("at", "frequency", "frequency"),
             Column("steady\nwave", "attenuation_at_real_frequency", "decay"),
+            Column("20 dB\nwithin", "twenty_decibels_within", "length"),
             Column("record:\nsimulated", "attenuation", "decay"),
             Column("record:\nexact", "attenuation_exact", "decay"),
         ),
         "Steady wave: what a wave that never ends loses there, exact: the number to take. A record "
         "that ends tells it blurred, at a complex frequency ω + iσ: simulated, beside what is "
         "exact there. These two must agree with each other, and come near the steady wave's the "
-        "longer the record is. Edges are the medium's, exact.",
+        "longer the record is. Edges are the medium's, exact. Within the distance beside a steady "
+        "wave has lost 20 dB: a tenth of it is left.",
+    ),
+    "distance": (
+        "What a steady wave in the middle of a gap has lost at each receiver",
+        (
+            Column("receiver", "receiver"),
+            Column("from a source", "distance", "length"),
+        ),
+        "Attenuation times the distance to the nearest source, echoes apart. A gap shows in a "
+        "spectrum from about 20 dB on; as a record ends, no more than 30 to 40 dB are seen of it "
+        "in a plain spectrum, some 80 where the record is faded out.",
     ),
     "stopped": (
         "Where none of these waves travels",
@@ -181,7 +212,15 @@ def answers(summary: Summary) -> list[Answer]:
         name = next((key for key in _LAYOUT if rows and key in rows[0]), None)
         if name is not None:
             title, columns, note = _LAYOUT[name]
-            found.append(Answer(title, columns, _once(rows, columns), _untold(rows, name) + note))
+            if name == "distance":
+                columns += tuple(Column(key, key, "level") for key in [*rows[0]][len(columns) :])
+            shown = _once(rows, columns)
+            if name == "distance" and len(rows) > _MOST_RECEIVERS:
+                title += f", {_MOST_RECEIVERS} of {len(rows)}"
+                last = len(rows) - 1
+                places = (n * last // (_MOST_RECEIVERS - 1) for n in range(_MOST_RECEIVERS))
+                shown = [rows[place] for place in places]
+            found.append(Answer(title, columns, shown, _untold(rows, name) + note))
     return found
 
 
@@ -227,12 +266,21 @@ def number(value: float | None) -> str:
     return f"{value:.6g}" if 1e-2 <= abs(value) < 1e9 else f"{value:.2e}"
 
 
+def checked_in(check: Row) -> tuple[float, str]:
+    """The factor and the name of the unit in which a check is shown: Hz in kHz, as all else."""
+    return KINDS["frequency"][:2] if check["unit"] == "Hz" else (1.0, check["unit"])
+
+
 def measured_and_allowed(check: Row) -> tuple[str, str]:
     """What was measured where a check fell short, and what was allowed, each with its unit."""
-    unit = "" if check["unit"] == "–" else f" {check['unit']}"
-    reference = f"{number(check['reference'])} ± " if check["reference"] else ""
-    measured, tolerance = number(check["measured"]), number(check["tolerance"])
-    return f"{measured}{unit}", f"{reference}{tolerance}{unit}"
+    factor, unit = checked_in(check)
+    unit = "" if unit == "–" else f" {unit}"
+    measured, reference, tolerance = (
+        number(None if check[key] is None else check[key] * factor)
+        for key in ("measured", "reference", "tolerance")
+    )
+    about = f"{reference} ± " if check["reference"] else ""
+    return f"{measured}{unit}", f"{about}{tolerance}{unit}"
 
 
 def verdict(summary: Summary) -> str:

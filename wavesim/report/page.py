@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from wavesim.report.answers import (
+    KINDS,
     Answer,
     Column,
     answers,
+    checked_in,
     measured_and_allowed,
     number,
     shown,
@@ -120,6 +122,7 @@ def _table(answer: Answer) -> dict[str, Any]:
             {
                 "value": _digits(row.get(c.key)) if c.kind else None,
                 "kind": c.kind,
+                "digits": KINDS[c.kind][2] if c.kind else None,
                 "bound": c.bound(row),
                 "text": c.shown(row),
                 "label": _heading(c),
@@ -141,12 +144,13 @@ def _digits(value: Any) -> str | None:
 
 
 def _check(check: Mapping[str, Any]) -> dict[str, Any]:
+    factor, unit = checked_in(check)
     numbers = [
-        {"label": key, "value": "none" if v is None else repr(v), "text": number(v)}
+        {"label": key, "value": "none" if v is None else repr(v),
+         "text": number(v if v is None else v * factor)}
         for key, v in ((key, check[key]) for key in ("measured", "reference", "tolerance"))
-    ]
-    return {"name": check["name"], "numbers": numbers, "unit": check["unit"],
-            "passed": check["passed"]}  # fmt: skip
+    ]  # fmt: skip
+    return {"name": check["name"], "numbers": numbers, "unit": unit, "passed": check["passed"]}
 
 
 def _fell_short(check: Mapping[str, Any]) -> dict[str, str]:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from wavesim.material.shown import DECIBELS, KHZ, in_time, with_error
@@ -22,8 +23,8 @@ _MOST_NOTES = 12
 # Receivers whose arrivals are shown.
 _MOST_RECEIVERS = 8
 _LONGEST_NAME = 16
-# An error of this part of a value has no digit beside it.
-_NO_DIGIT = 1e-6
+# No Q above this is told from none.
+_HIGHEST_Q = 1e6
 
 
 def show(console: Console, readings: Sequence[Reading], series: Series | None) -> None:
@@ -123,19 +124,16 @@ def _place(receiver: ReceiverArrivals) -> str:
 
 
 def _known(value: float, error: float) -> str:
-    """A value with its error, to seven digits at most; "–" where no error is known."""
-    if not math.isfinite(error):
-        return "–"
-    if error < _NO_DIGIT * abs(value):
-        return f"{value:.7g} ± {error:.0e}"
-    return with_error(value, error)
+    """A value with its error; "–" where no error is known."""
+    return with_error(value, error) if math.isfinite(error) else "–"
 
 
 def _spectra(console: Console, one: Reading) -> None:
     """A few frequencies of c, v_g, α and Q."""
     assert one.result is not None
     found = one.result.dispersion
-    own = [i for i, ok in enumerate(found.valid.tolist()) if ok]
+    known = found.valid & (np.isfinite(found.phase_error) | np.isfinite(found.group_error))
+    own = np.flatnonzero(known).tolist()
     if not own:
         return
     rows = own[:: max(1, len(own) // 8)]
@@ -156,7 +154,7 @@ def _quality(found: Any, i: int) -> str:
     if math.isfinite(found.quality[i]):
         return with_error(found.quality[i], found.quality_error[i])
     least = found.quality_at_least[i]
-    return f"> {min(least, 1 / _NO_DIGIT):.3g}" if math.isfinite(least) else "–"
+    return f"> {min(least, _HIGHEST_Q):.3g}" if math.isfinite(least) else "–"
 
 
 def _by_convention(one: Reading, scale: float, unit: str) -> str:

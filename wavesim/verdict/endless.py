@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.material.family import sector_words
 from wavesim.material.shown import DECIBELS, HERTZ, KHZ
-from wavesim.planewave.dispersion_relation import Gap, full_gaps, gaps, open_gaps, wavenumber
+from wavesim.planewave.dispersion_relation import Gap, full_gaps, gaps, open_gaps
 from wavesim.simulation.field import Field
 from wavesim.verdict import remedies
 from wavesim.verdict.branches import Held, faint
@@ -20,6 +20,7 @@ from wavesim.verdict.foreseen_errors import (
     MEDIAN_TOLERANCE,
     WAVENUMBER_TOLERANCE,
 )
+from wavesim.verdict.gap_rows import at_receivers, gap_row, steady_loss
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 _UNCERTAIN = 0.3 * WAVENUMBER_TOLERANCE
@@ -206,9 +207,10 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
 
     Returns:
         "gaps": name, sector, edges (Hz, of the plane-wave solver), attenuation (dB/m) in the
-        middle, measured and exact at ω + iσ, exact at real ω, and what to set to look closer;
-        "full_gaps": where none of its waves travels, edges in Hz, if there are any; "velocities":
-        phase velocity (m/s) of each acoustic branch at the smallest wavenumber judged.
+        middle, measured and exact at ω + iσ, exact at real ω with the distance (m) of 20 dB, and
+        what to set to look closer; "receivers" of ``gap_rows.at_receivers``; "full_gaps": where
+        none of its waves travels, edges in Hz, if there are any; "velocities": phase velocity
+        (m/s) of each acoustic branch at the smallest wavenumber judged.
     """
     rows: list[Row] = []
     family = field.medium.family
@@ -222,6 +224,7 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
     ]
     found = {
         "gaps": rows,
+        **at_receivers(field, rows),
         "full_gaps": none_travels,
         "velocities": [row for h in held for row in _velocity(h)],
     }
@@ -230,21 +233,19 @@ def of_endless(field: Field, held: Sequence[Held]) -> Answers:
 
 def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
     row: Row = {
-        "gap": gap.name,
-        "sector": sector,
-        "lower": gap.lower * HERTZ,
-        "upper": gap.upper * HERTZ,
+        **gap_row(gap),
         "frequency": None,
         "attenuation": None,
         "attenuation_exact": None,
         "attenuation_at_real_frequency": None,
+        "twenty_decibels_within": None,
         "frequencies": 0,
         "closer": "",
         "untold": "",
     }
     middle = (gap.lower + gap.upper) / 2
     if sector in field.medium.family.travelling:
-        row |= {"frequency": middle * HERTZ, **_steady_loss(field, sector, middle)}
+        row |= {"frequency": middle * HERTZ, **steady_loss(field.medium, sector, middle)}
     curves = [h.measured.attenuation for h in own if h.measured.attenuation is not None]
     if sector in field.medium.family.travelling:  # else nothing more is to be seen
         row["closer"] = to_see_more(
@@ -262,17 +263,12 @@ def _gap(field: Field, gap: Gap, own: Sequence[Held], sector: str) -> Row:
             "frequency": at * HERTZ,
             "attenuation": _between(curve.omega[known], curve.k[known].imag, at) * DECIBELS,
             "attenuation_exact": _between(curve.omega[known], exact[known].imag, at) * DECIBELS,
-            **_steady_loss(field, sector, at),
+            **steady_loss(field.medium, sector, at),
             "frequencies": len(known),
         }
     if row["attenuation"] is None:
         row["untold"] = _untold(field, gap, sector, [curve.omega for curve in curves])
     return row
-
-
-def _steady_loss(field: Field, sector: str, omega: float) -> Row:
-    real = wavenumber(field.medium, sector, np.array([omega]))[0]
-    return {"attenuation_at_real_frequency": float(real.imag) * DECIBELS}
 
 
 def _untold(field: Field, gap: Gap, sector: str, measured: Sequence[NDArray[Any]]) -> str:

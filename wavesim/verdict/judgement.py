@@ -90,11 +90,12 @@ def measure(
     from wavesim.readings.bar.reading import read_bar
     from wavesim.verdict.bar import judge_bar
     from wavesim.verdict.bar_answers import bar_notes, of_bar
+    from wavesim.verdict.gap_rows import of_media
 
     reading = read_bar(field, table.frequencies, table.damping, known, table.bands)
     summary = {"pulse_tests": [rows(test) for test in reading.pulses]} | passing()[0]
     checks = judge_bar(field, reading)
-    answers = of_bar(field, reading)
+    answers = ({} if reading.scattered else of_media(field)) | of_bar(field, reading)
     told = bar_notes(reading, field)
     return Found(checks, answers, reading, reading.tables(), summary, told)
 

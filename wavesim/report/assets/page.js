@@ -7,7 +7,8 @@
     return value;
   });
   const RED = "#c8102e", INK = "#16202a", BLUE = "#2f6f9f", GREY = "#8a97a3", SLATE = "#5d6b78", PINK = "rgba(200,16,46,0.16)", GAP = "rgba(120,135,150,0.22)";
-  const COLOURS = ["#0b3954", "#c8102e", "#2e7d32", "#7b4fa3", "#b26a00", "#00798c"];
+  // Seen on white and on the darkest of a spectrum.
+  const COLOURS = ["#2a8fd6", "#e0263c", "#2fa84a", "#a678d8", "#d98a1f", "#16a5b8"];
   const SECTORS = { longitudinal: "longitudinal", transverse2: "transverse x₂", transverse3: "transverse x₃",
     inplane: "in-plane shear" };
   const symbol = name => data.symbols[name] || name;
@@ -140,17 +141,15 @@
     const traces = [{ type: "heatmap", x: to("wavenumber", own.k), y: to("frequency", own.frequency), z: own.rows ||= unpacked(own.power, true),
       ...MAGMA, zmin: -80, zmax: 0, colorbar: bar("power (dB)"), name: "spectrum", showlegend: false,
       hovertemplate: `${where}<br>%{z:.1f} dB<extra></extra>` },
-      entry("exact", { line: { color: INK, width: 1.6 } }),
+      entry("exact", { line: { color: INK, width: 1.4, dash: "5px,5px" } }),
       entry("measured", { mode: "markers", marker: { size: 6, color: "white", line: { color: INK, width: 1.5 } } })];
     const ends = [];
     const right = to("wavenumber", own.line_k).at(-1);
     own.branches.forEach((branch, n) => {
       const colour = COLOURS[n % COLOURS.length];
       const line = to("frequency", branch.line);
-      traces.push({ x: to("wavenumber", own.line_k), y: line, mode: "lines", name: `${branch.name}, halo`, legendgroup: branch.name,
-        showlegend: false, hoverinfo: "skip", line: { color: "white", width: 4 } });
       traces.push({ x: to("wavenumber", own.line_k), y: line, mode: "lines", name: branch.name,
-        legendgroup: branch.name, line: { color: colour, width: 1.6 },
+        legendgroup: branch.name, line: { color: colour, width: 1.4, dash: "5px,5px" },
         hovertemplate: `${where}<extra>${branch.name}, exact</extra>` });
       traces.push({ x: to("wavenumber", branch.k), y: to("frequency", branch.frequency), mode: "markers", name: `${branch.name}, measured`,
         legendgroup: branch.name, showlegend: false, customdata: branch.exact.map((e, i) => 100 * (branch.frequency[i] / e - 1)),
@@ -411,11 +410,10 @@
   const named = (...ids) => plots.filter(plot => ids.includes(plot.id));
 
   // Tables: each number that has a unit in the one chosen; its digits are those of the summary.
-  const DIGITS = { frequency: 6, velocity: 6, decay: 5, wavenumber: 5, level: 4 };
   function tables() {
     for (const cell of document.querySelectorAll("#answers td[data-kind]")) {
       const kind = cell.dataset.kind;
-      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(DIGITS[kind] || 5) + (cell.dataset.bound || "");
+      if (UNITS[kind]) cell.textContent = +(cell.dataset.value * unit(kind)[0]).toPrecision(cell.dataset.digits) + (cell.dataset.bound || "");
     }
     for (const cell of document.querySelectorAll("#answers .unit[data-kind]")) {
       if (!UNITS[cell.dataset.kind]) continue;
