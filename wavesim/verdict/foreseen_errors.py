@@ -122,6 +122,8 @@ def limit_of(simulated: Simulation) -> str:
         return f"{bar.cells} cells are more than {_MOST_CELLS:.0f}"
     if simulated.gradient_felt:
         return "the gradient term Γ counts here"
+    if (count := simulated.duration * simulated.band / math.pi) > BUDGET:
+        return f"{bar.cells} cells at {count:.0f} frequencies take too long to work out"
     for one in simulated.sources:
         if (one.end - one.onset) * one.excited[1] > _MOST_PHASE:
             return f"the signal of the {one.field} source is too long, {one.end - one.onset:.3g} s"

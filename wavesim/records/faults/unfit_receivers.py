@@ -32,6 +32,8 @@ _SOME, _STANDS = 1.3, 25.0
 # A factor that explains all but this part of a receiver is one.
 _ALONE, _SAME = 0.01, 1e-3
 _FEWEST_FREQUENCIES, _FREQUENCIES = 4, 64
+# … fewer of more receivers than these, which tell as much, …
+_FULL = 256
 # … the loudest, of this part of the greatest power. One is off by this part of the field's.
 _LOUD, _LEAST = 0.01, 1e-6
 # Where, of many, none has so many times the median left, none is off.
@@ -68,7 +70,8 @@ def unfit(U: Any, known: Mask) -> Unfit:
     if nx < FEWEST or len(U) < _FEWEST_FREQUENCIES:
         return Unfit(off, factor, True)
     size = np.sum(np.abs(U) ** 2, axis=1)
-    loud = np.argsort(-size, kind="stable")[:_FREQUENCIES]
+    several = max(4 * _FEWEST_FREQUENCIES, min(_FREQUENCIES, _FREQUENCIES * _FULL // nx))
+    loud = np.argsort(-size, kind="stable")[:several]
     fewest = loud[: 4 * _FEWEST_FREQUENCIES]
     U = U[np.union1d(fewest, loud[size[loud] > _LOUD * size.max()])]
     most = max(1, int(PART * nx))
