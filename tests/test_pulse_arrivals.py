@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from wavesim.readings.pulse.arrivals import CONVENTIONS, arrivals, top
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.signals import PulseError, pulse_record
-from wavesim.readings.pulse.velocity import arrival_velocity
+from wavesim.readings.pulse.velocity import arrival_velocity, told
 from wavesim.simulation.bandlimited import between
 
 C, F, STEP, DELAY = 2000.0, 5e5, 5e-8, 4e-6
@@ -203,3 +203,21 @@ def test_unknown_conventions_are_refused():
         arrivals(recorded(), "threshold", 1.0)
     with pytest.raises(PulseError, match="must be sampled as the signals, 1500"):
         arrivals(recorded(), "correlation", reference=T[1:])
+
+
+@pytest.mark.parametrize("speeds", [(178.0, 1400.0, 3900.0), (2900.0, 2920.0, 3000.0)])
+@pytest.mark.parametrize("bar", [1.0, np.nan])
+def test_a_velocity_is_told_with_an_error_or_a_reason_stands_in_its_place(speeds, bar):
+    """Of three conventions: none without an error of its own, and none where they are of no one
+    wave, as about a gap, however small the errors of each."""
+    read = {
+        str(c): arrival_velocity(X[:2], X[:2] / c, np.full(2, bar * 1e-4 * X[1] / c))
+        for c in speeds
+    }
+    found = told(read)
+    for one in found.values():
+        assert np.isfinite(one.velocity) == np.isfinite(one.error) == (not one.reason)
+        assert not one.reason or "receiver" in one.reason
+        assert bool(one.reason) == (np.isnan(bar) or speeds[0] < 200)
+        away = max(abs(one.velocity - c) for c in speeds)
+        assert one.reason or away <= 1.96 * one.error <= 1.5 * away

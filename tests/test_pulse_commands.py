@@ -232,3 +232,37 @@ def test_a_receiver_that_waves_reach_either_way_round_a_ring_has_no_part_in_a_pu
     (test,) = of_field(Field(made, made.times, still), "run")
     assert test.positions == pytest.approx({"a": 0.008, "b": 0.016})
     assert "c, d: left out, as waves come there either way" in test.notes[0]
+
+
+@pytest.mark.parametrize("heads", [("Transmitter (V)", "Receiver (mV)"), ("TX / V", "RX / V")])
+def test_a_column_is_meant_by_its_heading_with_or_without_its_unit_in_any_case(heads, tmp_path):
+    """The same answer by each of its names; what is not unique is refused with all names."""
+    t, sent, got = record(120.0)
+    path = tmp_path / "one.csv"
+    numbers = "\n".join(f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, sent, got, strict=True))
+    path.write_text(f"Time (s),{','.join(heads)}\n{numbers}\n")
+    bare = heads[0].split(" ")[0]
+    names = (heads[0], heads[0].lower(), bare, bare.swapcase(), f"heading {bare}", "2")
+    told = {pulse(path, "--input", n, "--distance", 0.08, "--json").output for n in names}
+    assert len(told) == 1
+    assert json.loads(told.pop())["records"][0]["best"]["valid"]
+    path.write_text(f"Time (s),{heads[0]},{bare} (mV)\n{numbers}\n")
+    done = pulse(path, "--input", bare, "--distance", 0.08)
+    assert done.exit_code == 2
+    assert heads[0] in done.output
+    assert f"{bare} (mV)" in done.output
+    assert done.output.count("\n") == 1
+
+
+def test_times_that_say_no_unit_make_no_velocity_of_no_wave(tmp_path):
+    """ms without a word are seconds of a record: 0.3 m/s in place of 300, and no number stands."""
+    t, sent, got = record(300.0)
+    rows = "\n".join(f"{a * 1e3:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, sent, got, strict=True))
+    (tmp_path / "one.csv").write_text(f"t,sent,got\n{rows}\n")
+    words = (tmp_path / "one.csv", "--input", "sent", "--distance", 0.12)
+    done = pulse(*words)
+    assert done.exit_code == 1
+    assert "no unit of time is said" in done.output
+    told = json.loads(pulse(*words, "--time-unit", "ms", "--json").output)["records"][0]["best"]
+    assert told["valid"]
+    assert abs(told["velocity"] - 300) <= 2 * told["velocity_error"] <= 60

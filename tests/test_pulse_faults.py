@@ -30,7 +30,7 @@ def clean():
 
 def speed(values, x=X, t=T):
     found = measure(t, *named(values, x), expected=EXPECTED)
-    return found, found.velocities["correlation"]
+    return found, found.speeds["correlation"]
 
 
 @pytest.mark.parametrize("offset", [0.1, 1.0, -30.0])

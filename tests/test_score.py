@@ -65,6 +65,37 @@ def test_a_branch_left_out_is_missed_and_one_put_in_is_false(ring, exact):
     assert twice.false == 3
 
 
+def test_what_is_missed_and_how_near_is_told_of_each_branch(ring, exact, tmp_path):
+    """Of exact points all above 1 kHz are taken out of the first branch, and the second is put off
+    by 0.1 % of ω: the shell's tables say just that, of a record with a truth of one's own."""
+    k, omega = (part.reshape(24, 2) for part in exact)
+    kept = omega[:, 0] < 2 * np.pi * 1000
+    np.savez(
+        tmp_path / "own.npz", values=ring.values[0], t=ring.t, x=ring.x, ring=True,
+        truth_k=np.linspace(0, 130, 200), truth_omega=waves(np.linspace(0, 130, 200)),
+    )  # fmt: skip
+    rows = [*zip(k[kept, 0], omega[kept, 0], strict=True), *zip(k[:, 1], 1.001 * omega[:, 1],
+            strict=True)]  # fmt: skip
+    told = "".join(f"{a:.9g},{b / 2e3 / np.pi:.9g}\n" for a, b in rows)
+    (tmp_path / "p.csv").write_text("Wavenumber (rad/m),f (kHz)\n" + told)
+    words = ["score", tmp_path / "own.npz", tmp_path / "p.csv", "--k-max", "118", "--out"]
+    assert call(*words, tmp_path / "s.json").exit_code == 0
+    one, two = json.loads((tmp_path / "s.json").read_text())["branches"]
+    ((low, high),) = one["missed_Hz"]
+    assert 1000 < low < 1000 + 150 / 1.28
+    assert high == pytest.approx(one["frequencies_Hz"][1], rel=1e-9)
+    assert one["found"] + (high - low) / (150 / 1.28) + 1 == pytest.approx(one["present"], rel=1e-9)
+    assert one["median_error"] < 1e-7
+    assert (two["missed_Hz"], two["found"]) == ([], two["present"])
+    assert two["median_error"] == pytest.approx(1e-3, rel=2e-3)
+    assert call(*words, tmp_path / "s.csv").exit_code == 0
+    table = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True)
+    assert len(table) == len(rows)
+    far = table["off"] / table["omega"]
+    np.testing.assert_allclose(far[table["branch"] == 2], 1e-3, rtol=2e-3)
+    assert call(*words, tmp_path / "s.txt").exit_code == 2
+
+
 def test_bars_that_are_too_small_show(ring, exact):
     k, omega = exact
     off = omega + 10.0 * np.tile([1, -1], 24)
@@ -112,6 +143,8 @@ def test_the_command_scores_what_it_wrote_and_what_others_did(tmp_path):
     ("content", "message"),
     [
         ("a,b\n1,2\n", "has no column of k"),
+        ("k (mm),omega\n1,2\n", "mm is no unit of it: give rad/m"),
+        ("k (rad/m),k (1/m),omega\n1,2,3\n", "2 columns are k"),
         ("k,omega\n1,xx\n", "column omega, row 1: 'xx' is no number"),
         ("k,omega,valid\n1,2,perhaps\n", "must be True or False"),
         ("k,omega\n", "holds no points"),
@@ -129,7 +162,7 @@ def test_a_table_that_is_none_is_one_line(tmp_path, ring, content, message):
 
 def test_a_record_without_truth_is_refused(ring):
     bare = ws.record(ring.values, ring.t, ring.x, ring=True)
-    with pytest.raises(RecordError, match="carries no truth"):
+    with pytest.raises(RecordError, match=r"carries no truth: add arrays truth_k \(n,\)"):
         ws.score(bare, points_of([1.0], [1.0]))
     with pytest.raises(RecordError, match="must be as many"):
         points_of([1.0, 2.0], [1.0])

@@ -30,8 +30,8 @@ from wavesim.cli.arguments import (
 from wavesim.cli.series_values import States, numbers, states
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, stop
 
-# Waves of a pulse test are no slower, m/s: loose dust.
-_SLOWEST = 1.0
+# Waves of a pulse test are no slower, m/s: loose dust; of times whose unit nobody says, loose soil.
+_SLOWEST, _SLOWEST_UNSAID = 1.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -240,12 +240,23 @@ def _readings(
 
 
 def _noted(reading: Any, test: Any) -> Any:
+    from wavesim.records.axes import UNSAID
     from wavesim.records.faults.moveout import of_no_wave
 
-    best = reading.best
-    if best.valid and (why := of_no_wave(best.velocity, best.velocity, _SLOWEST)):
-        best = replace(best, valid=False, reason=f"{why}, or give --distance in m")
-    return replace(reading, best=best, notes=(*test.notes, *reading.notes))
+    best, result = reading.best, reading.result
+    unsaid = any(UNSAID.format("time") in note for note in test.notes)
+    slowest = _SLOWEST_UNSAID if unsaid else _SLOWEST
+    if best.valid and (why := of_no_wave(best.velocity, best.velocity, slowest)):
+        if unsaid and best.velocity < slowest:
+            why = (
+                f"{UNSAID.format('time')}, and in s the signal would go at {best.velocity:.3g} "
+                "m/s, slower than waves in soils: give --time-unit, s if that is right"
+            )
+        why += ", or --distance in m" * (result is None)
+        best = replace(best, valid=False, reason=why)
+        result = result and result.refused(why)
+    notes = (*test.notes, *reading.notes)
+    return replace(reading, best=best, result=result, notes=notes)
 
 
 def _array(test: Any, expected: tuple[float, float] | None) -> Any:
@@ -254,7 +265,10 @@ def _array(test: Any, expected: tuple[float, float] | None) -> Any:
     placed = {name: x for name, x in test.positions.items() if math.isfinite(x)}
     signals = {name: test.signals[name] for name in placed}
     return _noted(
-        read_array(test.name, test.t, signals, placed, test.sent, expected, test.unlike), test
+        read_array(
+            test.name, test.t, signals, placed, test.sent, expected, test.unlike, test.noise
+        ),
+        test,
     )
 
 

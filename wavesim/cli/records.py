@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import sys
 import textwrap
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,9 @@ from wavesim.cli.arguments import (
     SOURCES,
     print_json,
     record_options,
+    write_json,
+    write_table,
+    writing,
 )
 from wavesim.cli.dispersion import medium_of
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
@@ -107,13 +112,19 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
 @click.argument("points", type=click.Path())
 @click.option("--k-max", type=POSITIVE,
               help="Highest wavenumber at which waves can be missed, rad/m.")  # fmt: skip
+@click.option("-o", "--out", metavar="FILE.json|csv",
+              help="The score, or each point with its branch and how far it is off.")  # fmt: skip
 @JSON
-def score(truth: str, points: str, k_max: float | None, as_json: bool) -> None:
-    """Hold the points of POINTS.csv against the record TRUTH.npz that synthesize made.
+def score(truth: str, points: str, k_max: float | None, out: str | None, as_json: bool) -> None:
+    """Hold the points of POINTS.csv against the record TRUTH.npz that synthesize made, or that
+    carries arrays truth_k (n,), rad/m, and truth_omega (n, branches), rad/s, of your own.
 
-    POINTS has columns k and omega (rad/m, rad/s; or frequency in Hz) and perhaps error, one
-    standard error; or what dispersion and attenuation write with --out.
+    POINTS has columns k and omega (rad/m, rad/s; or frequency in Hz, or another unit in the
+    heading) and perhaps error, one standard error; or what dispersion and attenuation write with
+    --out.
     """
+    if out and Path(out).suffix.lower() not in (".json", ".csv"):
+        stop(f"--out {out}: must end in .json or .csv", BAD_INPUT)
     from wavesim.records.content import RecordError
     from wavesim.records.files import own_result, read
     from wavesim.records.point_table import read_points
@@ -134,13 +145,60 @@ def score(truth: str, points: str, k_max: float | None, as_json: bool) -> None:
         result = held(record, found, k_max)
     except RecordError as error:
         stop(f"{truth}: {error}", BAD_INPUT)
+    if out:
+        _write_score(Path(out), result)
     if as_json:
         print_json(result.row())
         return
+    _show_score(result)
+
+
+def _write_score(path: Path, result: Any) -> None:
+    """A score as JSON, or its points as a table."""
+    with writing(path.parent):
+        if path.suffix.lower() == ".json":
+            write_json(path, result.row())
+            return
+        columns = {name: one.real for name, one in result.each.items()}
+        parts = {"k_imag": result.each["k"].imag, "sigma": result.each["omega"].imag}
+        columns |= parts if parts["k_imag"].any() else {}
+        rows = list(zip(*columns.values(), strict=True))
+        write_table(path, list(columns), rows, "%.9g")
+
+
+def _show_score(result: Any) -> None:
+    """A line for each branch, and what is false."""
+    table = new_table("branch", "at (kHz)", "waves", "found", "missed at (kHz)", "median\nerror",
+                      "95 %\nbelow", "in\nbars", words=0)  # fmt: skip
+    for row in result.branches:
+        if not row["present"] and not row["points"]:
+            continue
+        missed = [_range(ends) for ends in row["missed_Hz"]]
+        more = f" … {len(missed) - _MOST_RANGES} more" if len(missed) > _MOST_RANGES else ""
+        errors = (row["median_error"], row["error_95"])
+        within = row["within_bars"]
+        table.add_row(
+            str(row["branch"]), _range(row["frequencies_Hz"]), str(row["present"]),
+            str(row["found"]), ", ".join(missed[:_MOST_RANGES]) + more,
+            *("–" if one is None else f"{one:.1e}" for one in errors),
+            "–" if within is None else f"{within:.0%}",
+        )  # fmt: skip
+    false = result.each["omega"].real[result.each["branch"] == 0] / math.tau
+    if len(false):
+        table.add_row("false", _range([false.min(), false.max()]), str(len(false)))
+    console().print(table)
     console().print(result.said() + ".")
 
 
+def _range(ends: Sequence[float]) -> str:
+    """Frequencies in kHz, "12 – 15.3", or the one; "–" for none."""
+    told = list(dict.fromkeys(f"{f / 1e3:.4g}" for f in ends))
+    return " – ".join(told) or "–"
+
+
 _WIDTH = 80
+# Ranges of missed frequencies that a line holds.
+_MOST_RANGES = 4
 
 
 @click.command(short_help="What is wrong with a record, and what can use it.")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.of_pulse_test import PulseTestRecord
+from wavesim.records.units import named_as, without_unit
 from wavesim.simulation.bandlimited import taps, taps_at_end
 from wavesim.simulation.simulation import Simulation
 
@@ -125,18 +126,17 @@ def _told(record: PulseTestRecord) -> list[str]:
 def _pairs(record: PulseTestRecord, planned: Simulation) -> tuple[dict[str, str], str]:
     """{receiver: column} and how they were found."""
 
-    def bare(text: str) -> str:
-        return text.split("(")[0].split("[")[0].strip().strip('"').lower()
-
-    labels = [bare(label) for label in record.signals]
+    labels = list(record.signals)
+    found: dict[str, str] = {}
     for receiver in planned.receivers:
-        if labels.count(bare(receiver)) > 1:
+        at = named_as(without_unit(receiver), labels)
+        if len(at) > 1:
             raise MatchError(
-                f"{labels.count(bare(receiver))} columns of the record are named as receiver "
-                f"{receiver!r} is: rename all but the one that is meant"
+                f"{len(at)} columns of the record ({', '.join(labels[i] for i in at)}) are named "
+                f"as receiver {receiver!r} is: rename all but the one that is meant"
             )
-    by_name = dict(zip(labels, record.signals, strict=True))
-    found = {n: by_name[bare(n)] for n in planned.receivers if bare(n) in by_name}
+        if at:
+            found[receiver] = labels[at[0]]
     if found:
         return found, "name"
     places = {n: x for n, x in record.positions.items() if np.isfinite(x)}

@@ -30,7 +30,7 @@ from wavesim.records.axes import (
 from wavesim.records.content import Content, RecordError
 from wavesim.records.faults.gaps import FEWEST_FRAMES
 from wavesim.records.layout import Layout
-from wavesim.records.units import position_in
+from wavesim.records.units import named_as, position_in
 
 Float = NDArray[Any]
 
@@ -81,6 +81,11 @@ def find(content: Content, layout: Layout) -> Found:
               for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
     content = replace(content, arrays=arrays, unplaced=dict(content.unplaced))
+    chosen = {part: getattr(layout, part) for part in ("values", "time", "positions")}
+    meant: dict[str, Any] = {
+        part: named(arrays, one) for part, one in chosen.items() if isinstance(one, str)
+    }
+    layout = replace(layout, **meant)
     if layout.input is None and layout.transmitter:
         layout = replace(layout, input=_transmitter(content))
         if layout.input is not None:
@@ -158,16 +163,17 @@ def _input(content: Content, layout: Layout) -> Float | None:
         kind, _, rest = text.partition(" ")
         as_number = rest if kind == "column" else text
         numbered = [j for j, number in enumerate(columns) if str(number) == as_number]
-        at = [j for j, label in enumerate(labels) if text in (label, f"heading {label}")]
+        at = named_as(text, labels) or (named_as(rest, labels) if kind == "heading" else [])
         if at and numbered and numbered != at:
             raise RecordError(
                 f"--input {text}: is the number of the column headed {labels[numbered[0]]!r}, and "
                 f"the heading of column {columns[at[0]]}: say 'column {text}' or 'heading {text}'"
             )
         at = at or numbered
-        if not at:
+        if len(at) != 1:
             near = ", ".join(f"{c} {label!r}" for c, label in zip(columns, labels, strict=True))
-            raise RecordError(f"--input {text}: no such column; there are {near}")
+            what = "several columns" if at else "no such column"
+            raise RecordError(f"--input {text}: {what}; there are {near}")
         (j, *_) = at
         if j >= len(content.labels):
             return np.asarray(content.unplaced.pop(labels[j]), float)
@@ -178,8 +184,8 @@ def _input(content: Content, layout: Layout) -> Float | None:
         if "x" in content.arrays and len(content.arrays["x"]) == len(keep) + 1:
             content.arrays["x"] = content.arrays["x"][keep]
         return np.asarray(values[:, j], float)
-    if text in content.arrays:
-        return np.asarray(content.arrays.pop(text), float).ravel()
+    if named_as(text, list(content.arrays)):
+        return np.asarray(content.arrays.pop(named(content.arrays, text)), float).ravel()
     if text.isdigit():
         found, _, name = _values(content, layout)
         j = int(text) - 2
@@ -201,7 +207,7 @@ def _values(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], s
     """Values, labels of their columns, and the name of their array."""
     arrays = content.arrays
     if layout.values is not None:
-        values = named(arrays, layout.values)
+        values = arrays[layout.values]
         if values.ndim == 1:
             values = values[:, None]
         name = layout.values

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wavesim.records.content import Content, RecordError
 from wavesim.records.layout import Layout
 from wavesim.records.straight_line import along_line
-from wavesim.records.units import factor, unit_in
+from wavesim.records.units import factor, named_as, unit_in
 
 Float = NDArray[Any]
 
@@ -29,6 +29,7 @@ _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinter
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
 # Seconds since 1970 are fewer: this is the year 5138.
 _NO_DATE = 1e11
+UNSAID = "no unit of {} is said"
 Axis = tuple[Float, str, float]
 
 
@@ -53,11 +54,14 @@ def listed(arrays: dict[str, Float]) -> str:
     return ", ".join(shown[:8] + ["…"] * (len(shown) > 8)) or "none"
 
 
-def named(arrays: dict[str, Float], name: str) -> Float:
-    """The array of a name, which must be there."""
-    if name not in arrays:
-        raise RecordError(f"has no array {name!r}; arrays are {listed(arrays)}")
-    return arrays[name]
+def named(arrays: dict[str, Float], text: str) -> str:
+    """The name of the one array that a text means."""
+    own = list(arrays)
+    at = named_as(text, own)
+    if len(at) != 1:
+        what = "several arrays" if at else "no array"
+        raise RecordError(f"has {what} {text!r}; arrays are {listed(arrays)}")
+    return own[at[0]]
 
 
 def as_long(content: Content, layout: Layout, shape: tuple[int, ...]) -> int:
@@ -83,7 +87,6 @@ def axes_of(content: Content, layout: Layout, values: Float) -> tuple[Axis, Axis
 def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) -> str | None:
     """The name of the times' array: as given, else the first so called and as long."""
     if layout.time is not None:
-        named(content.arrays, layout.time)
         return layout.time
     return next(
         (n for n, a in content.arrays.items()
@@ -95,7 +98,6 @@ def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) ->
 def _array_of_places(content: Content, layout: Layout, count: int) -> str | None:
     """Likewise of the positions'."""
     if isinstance(layout.positions, str):
-        named(content.arrays, layout.positions)
         return layout.positions
     return next(
         (n for n, a in content.arrays.items()
@@ -208,7 +210,7 @@ def _in_si(
     if kind == "position":
         si = f"positions {si}"
     if scale is None and not said:
-        note = f"no unit of {what} is said: {si}"
+        note = f"{UNSAID.format(what)}: {si}"
     elif scale is None:
         note = f"unit of {what} {said!r} is not known: {si}, --{kind}-unit says otherwise"
     elif scale != 1.0:

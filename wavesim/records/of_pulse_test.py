@@ -40,6 +40,7 @@ class PulseTestRecord:
         sent: what was sent, shape (nt,); None where it was not recorded.
         notes: what was done to the file's numbers, and assumed.
         unlike: why there is not one medium between the receivers; "" where there may be.
+        noise: of the signals where they show none, their unit; 0 in a simulation, else NaN.
     """
 
     name: str
@@ -49,6 +50,7 @@ class PulseTestRecord:
     sent: Float | None
     notes: tuple[str, ...] = ()
     unlike: str = ""
+    noise: float = np.nan
 
     @property
     def placed(self) -> bool:
@@ -168,7 +170,7 @@ def of_field(field: Any, name: str) -> list[PulseTestRecord]:
             sent = None if sent is None else sent[kept]
             notes += (f"read up to {end:.4g} s, before waves come that have gone round the bar",)
         record = PulseTestRecord(f"{name}: {macro}", t, signals, places, sent, notes)
-        found.append(record if one else replace(record, unlike=UNLIKE))
+        found.append(replace(record, unlike="" if one else UNLIKE, noise=0.0))
     if round_at_once and not found:
         raise RecordError(
             "waves that have gone round the bar come with the first: lengthen [bar] length, or "

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
+from wavesim.records.units import factor, named_as, without_unit
 
 Float = NDArray[Any]
 
@@ -27,6 +28,11 @@ _NAMES: dict[str, dict[str, float]] = {
     },
     "valid": {"valid": 1},
     "branch": {"branch": 1},
+}  # fmt: skip
+_SIZES = {
+    "rad/m": 1.0, "1/m": 1.0, "rad/cm": 100.0, "1/cm": 100.0, "rad/mm": 1e3, "1/mm": 1e3,
+    "np/m": 1.0, "rad/s": 1.0, "1/s": 1.0, "rad/ms": 1e3, "krad/s": 1e3, "rad/us": 1e6,
+    "rad/µs": 1e6, "mrad/s": 1e6, "–": 1.0, "-": 1.0,
 }  # fmt: skip
 _TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
 
@@ -55,7 +61,7 @@ def read_points(path: str | Path) -> dict[str, Any]:
         first = next((line for line in text.splitlines() if line.strip()), "")
         headed = any(c.isalpha() for c in first.replace("e", "").replace("E", ""))
         table = pd.read_csv(
-            path, sep=r"[,;\t]|\s+" if "," not in first else ",", engine="python", comment="#",
+            path, sep=next((c for c in ",;\t" if c in first), r"\s+"), engine="python", comment="#",
             header=0 if headed else None, encoding="utf-8-sig", skipinitialspace=True,
         )  # fmt: skip
     except (OSError, ValueError) as error:  # UnicodeDecodeError and pandas' own are ValueErrors
@@ -64,20 +70,27 @@ def read_points(path: str | Path) -> dict[str, Any]:
     if not headed:
         usual = ["k", "omega", "error"][: table.shape[1]]
         table = table.iloc[:, : len(usual)].set_axis(usual, axis=1)
-    columns = {str(name).strip().lower(): name for name in table.columns}
+    own = [str(name) for name in table.columns]
     found: dict[str, Any] = {}
     for what, names in _NAMES.items():
-        for name, factor in names.items():
-            if name in columns:
-                column = table[columns[name]]
-                found[what] = _flags(path, column) if what == "valid" else _numbers(
-                    path, columns[name], column) * factor  # fmt: skip
+        for name, size in names.items():
+            at = named_as(name, own)
+            if len(at) > 1:
+                raise RecordError(
+                    f"{path}: {len(at)} columns are {what}, {', '.join(own[i] for i in at)}: "
+                    "keep one"
+                )
+            if at:
+                column = table.iloc[:, at[0]]
+                found[what] = _flags(path, column) if what == "valid" else (
+                    _numbers(path, own[at[0]], column) * _size(path, own[at[0]], size)
+                )  # fmt: skip
                 break
-    for what, example in (("k", "k_rad_per_m"), ("omega", "omega_rad_per_s")):
+    for what, example in (("k", "k (rad/m)"), ("omega", "omega (rad/s), frequency (Hz)")):
         if what not in found:
             raise RecordError(
-                f"{path}: has no column of {what} (such as {what} or {example}); its columns are "
-                f"{', '.join(str(name) for name in table.columns)}"
+                f"{path}: has no column of {what} (such as {example}); its columns are "
+                f"{', '.join(own)}"
             )
     if not len(table):
         raise RecordError(f"{path}: holds no points")
@@ -86,6 +99,18 @@ def read_points(path: str | Path) -> dict[str, Any]:
         found["omega"] = found["omega"] + 1j * found.pop("sigma", 0.0)
     found.pop("sigma", None)
     return found
+
+
+def _size(path: Path, heading: str, usual: float) -> float:
+    """What a number in a column is in SI, by the unit in its heading; as usual without one."""
+    unit = heading.strip().removeprefix(without_unit(heading)).strip(" ()[]{}<>/,_")
+    if not unit:
+        return usual
+    if unit.casefold() in _SIZES:
+        return _SIZES[unit.casefold()]
+    if (hertz := factor(unit, "frequency")) is not None:
+        return 2 * np.pi * hertz
+    raise RecordError(f"{path}: column {heading}: {unit} is no unit of it: give rad/m, rad/s or Hz")
 
 
 def _numbers(path: Path, name: Any, column: Any) -> Float:

@@ -112,6 +112,32 @@ def unit_in(heading: str, kind: str) -> str | None:
     return None
 
 
+def without_unit(heading: str) -> str:
+    """A heading without its unit: "CH1" of "CH1 (V)", "CH1 / V", "CH1, V", "CH1_V"."""
+    text = heading.strip()
+    if found := re.fullmatch(r"(.+?)\s*[(\[{<].*", text):
+        return found.group(1)
+    found = re.fullmatch(r"(.+?)\s*([/,_])\s*([^\W\d_][^\s_]*)", text)
+    if not found or not is_unit(found.group(3)):
+        return text
+    # "_m" and "_s" end many a name that is no unit's.
+    return text if found.group(2) == "_" and not size_of_values("", found.group(3)) else found[1]
+
+
+def named_as(text: str, names: Sequence[str]) -> list[int]:
+    """Places of the names that a text means: as they are written, else whatever the case, else
+    without their units; several where that is not unique, none where there is no such."""
+    asked = text.strip().strip('"')
+    own = [name.strip().strip('"') for name in names]
+    low = asked.casefold()
+    ways = (
+        [name == asked for name in own],
+        [name.casefold() == low for name in own],
+        [without_unit(name).casefold() == low for name in own],
+    )
+    return next(([i for i, yes in enumerate(way) if yes] for way in ways if any(way)), [])
+
+
 _UNIT_OF_TIME = re.compile(
     r"(?:\b(?:time|t|x|horizontal|horiz)[\s_-]*(?:axis)?[\s_-]*units?|\btimes?\s+in|\bunits?\s*[:=])"
     r"[\W_]*([^\W\d_]+)",

@@ -237,10 +237,10 @@ def _once(rows: Sequence[Row], columns: Sequence[Column]) -> list[Row]:
 
 def _untold(rows: Sequence[Mapping[str, Any]], name: str) -> str:
     """Why some rows have no measured number, each reason once."""
-    why: dict[str, list[str]] = {}
+    why: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.get("untold"):
-            why.setdefault(row["untold"], []).append(str(row[name]))
+            why.setdefault(row["untold"], {})[str(row[name])] = None
     told = "; ".join(f"{', '.join(these)}: {reason}" for reason, these in why.items())
     return f"– {told}. " if told else ""
 

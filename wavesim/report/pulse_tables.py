@@ -93,10 +93,17 @@ def _several(console: Console, one: Reading) -> None:
         if quality.excess > 3:
             told += f"; it changes with frequency (χ²/ν = {quality.excess:.2g})"
         console.print(told)
-    else:
+    elif quality.reason != best.reason:
         console.print(f"  Q refused: {quality.reason}.", markup=False)
     if not ratio.reason:
-        console.print(f"  Q {with_error(ratio.quality, ratio.error)} by the spectral ratio")
+        told = f"  Q {with_error(ratio.quality, ratio.error)} by the spectral ratio"
+        if not quality.reason:
+            apart = abs(ratio.quality - quality.quality) / math.hypot(ratio.error, quality.error)
+            told += (
+                ", which takes the velocity as constant: a check alone, "
+                f"{apart:.1f} standard errors off; report Q from α and v_g"
+            )
+        console.print(told)
     elif ratio.reason != quality.reason:
         console.print(f"  Q by the spectral ratio refused: {ratio.reason}.", markup=False)
     times = [abs(float(t)) for own in result.arrivals.values() for t in own.time]
@@ -112,6 +119,9 @@ def _several(console: Console, one: Reading) -> None:
     speeds = [result.velocities[name] for name in result.arrivals]
     table.add_row("velocity (m/s)", *(_known(v.velocity, v.error) for v in speeds))
     console.print(table)
+    for why in dict.fromkeys(v.reason for v in speeds if v.reason not in ("", best.reason)):
+        names = [n for n, v in zip(result.arrivals, speeds, strict=True) if v.reason == why]
+        console.print(f"– {', '.join(names)}: {why}.", markup=False)
     if len(one.receivers) > _MOST_RECEIVERS:
         console.print(f"The first {_MOST_RECEIVERS} of {len(one.receivers)} receivers.")
     _spectra(console, one)

@@ -50,8 +50,8 @@ def of_bar(field: Field, reading: Reading) -> Answers:
         most passes; the worst of bands asked for, and whether that keeps the limit;
         "eigenfrequencies": the lowest (Hz); "arrivals": of waves of several kinds at the farthest
         receiver by their first breaks (s), what comes before another as its precursor;
-        "velocities": of a pulse by each convention (m/s); "quality": median Q between
-        receivers, and that of the loss law.
+        "velocities": of a pulse by each convention (m/s), or why there is none; "quality": median
+        Q between receivers, and that of the loss law.
     """
     found: Answers = {
         "transmission": [row for one in reading.scattered for row in _levels(field, one)],
@@ -192,9 +192,11 @@ def _speeds(test: PulseTest) -> list[Row]:
             "velocity": plain(one.velocity),
             "velocity_error": plain(one.error),
             "velocity_exact": plain(test.exact.velocities[convention].velocity),
+            "untold": one.reason,
         }
         for convention, one in test.result.velocities.items()
-        if 0 < one.velocity < math.inf  # where waves run both ways it may be of neither
+        # Where waves run both ways it may be of neither.
+        if 0 < test.result.speeds[convention].velocity < math.inf
     ]
 
 

@@ -8,7 +8,7 @@ smooth function of k, where ω itself has a corner at k = 0.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,10 @@ _HEARD = 0.03
 # An attenuation's point is the truth's within this part of k, or three of its bars.
 _OF_K = 0.05
 _NYQUIST = 0.97
+TRUTH_ARRAYS = (
+    "arrays truth_k (n,), rad/m, ascending from 0, and truth_omega (n, branches), rad/s, ω − iγ "
+    "where waves decay, to the record's values (times, receivers), t (s) and x (m)"
+)
 
 
 @dataclass(frozen=True)
@@ -127,16 +131,15 @@ def truth_of(record: Record) -> Truth:
     """
     answer = record.answer or {}
     if "k" not in answer or "omega" not in answer:
-        raise RecordError(
-            "carries no truth (arrays truth_k and truth_omega): make one with wavesim synthesize "
-            "FILE.npz; as .csv it has none"
-        )
+        raise RecordError(f"carries no truth: add {TRUTH_ARRAYS}, or make one with wavesim "
+                          "synthesize FILE.npz; as .csv it has none")  # fmt: skip
     k, omega = np.asarray(answer["k"], float), np.asarray(answer["omega"])
     omega = omega[:, None] if omega.ndim == 1 else omega
-    if k.ndim != 1 or omega.shape[0] != len(k) or len(k) < 2 or (np.diff(k) <= 0).any():
+    ascends = k.ndim == 1 and len(k) > 1 and k[0] >= 0 and (np.diff(k) > 0).all()
+    if not ascends or omega.ndim != 2 or omega.shape[0] != len(k):
         raise RecordError(
-            f"truth_k of shape {k.shape} and truth_omega of shape {omega.shape}: must be (n,), "
-            "ascending, and (n, branches)"
+            f"truth_k of shape {k.shape} and truth_omega of shape {omega.shape}: must be "
+            f"{TRUTH_ARRAYS}"
         )
     return Truth(k, omega)
 
@@ -151,11 +154,16 @@ class Score:
             frequencies at which there is a wave.
         found, missed: of these.
         false: points of no wave.
-        median_error, largest_error: |Δω|/ω or, of attenuation, |Δk|/|k|, of the points that are
-            a wave's, –; None without any.
+        median_error, error_95, largest_error: |Δω|/ω or, of attenuation, |Δk|/|k|, of the points
+            that are a wave's, the median, what 95 % are below, the largest, –; None without any.
         within_bars: part of all points whose 95 % bar holds the truth; None where no errors are
             given.
         untold: valid points of which the truth says nothing (gaps, beyond its wavenumbers).
+        branches: of each branch of the truth, from 1 (of attenuation one for all), its waves
+            present and found, the frequencies they span and those between which they are missed,
+            Hz, and its points with their errors.
+        each: points that the truth tells of, columns of one length: k (rad/m), omega (rad/s),
+            branch (0 of false ones), off (rad/s; of attenuation rad/m) and bar, half of the 95 %.
     """
 
     points: int
@@ -164,13 +172,16 @@ class Score:
     missed: int
     false: int
     median_error: float | None
+    error_95: float | None
     largest_error: float | None
     within_bars: float | None
     untold: int
+    branches: tuple[dict[str, Any], ...] = ()
+    each: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def row(self) -> dict[str, Any]:
-        """Plain, for JSON."""
-        return asdict(self)
+        """Plain, for JSON, without the points."""
+        return {name: one for name, one in asdict(self).items() if name != "each"}
 
     def said(self) -> str:
         """One line."""
@@ -179,7 +190,8 @@ class Score:
             f"{self.false} of {self.points} points false"
         )
         if self.median_error is not None:
-            text += f"; error {self.median_error:.1e} (median), {self.largest_error:.1e} (largest)"
+            text += f"; error {self.median_error:.1e} (median), {self.error_95:.1e} (95 % below), "
+            text += f"{self.largest_error:.1e} (largest)"
         if self.within_bars is not None:
             text += f"; {100 * self.within_bars:.0f} % within 95 % bars"
         return text + (f"; {self.untold} points where it says nothing" if self.untold else "")
@@ -220,11 +232,8 @@ def _in_time(truth: Truth, own: BranchPoints, record: Record, k_max: float | Non
         if len(mine):
             near = np.abs(present_k[:, None] - mine).min(axis=1) <= spacing * (1 + 1e-9)
             found[:, b] = near & present[:, b]
-    return Score(
-        len(own), int(present.sum()), int(found.sum()), int((present & ~found).sum()),
-        int((~hit).sum()), *_errors(off[hit] / np.abs(own.omega[hit])),
-        _within(off, own.bar), untold,
-    )  # fmt: skip
+    omega = truth.omega(present_k).real
+    return _scored(own, branch, off, np.abs(own.omega), omega, present, found, untold)
 
 
 def _present(truth: Truth, record: Record, k_max: float | None) -> tuple[Float, Any]:
@@ -258,15 +267,51 @@ def _in_space(truth: Truth, own: BranchPoints, every: BranchPoints) -> Score:
     hit = off <= np.fmax(_OF_K * np.abs(exact), _BARS * own.bar)
     asked = np.unique(every.omega)
     there = np.unique(asked[np.isfinite(truth.wavenumber(asked))])
-    found = int(np.isin(there, own.omega[hit]).sum())
+    found = np.isin(there, own.omega[hit])[:, None]
+    branch, present = np.where(hit, 0, -1), np.ones(found.shape, bool)
+    omega = there.real[:, None]
+    return _scored(own, branch, off, np.abs(exact), omega, present, found, untold)
+
+
+def _scored(
+    own: BranchPoints, branch: Any, off: Float, size: Float, omega: Float, present: Any, found: Any,
+    untold: int,
+) -> Score:  # fmt: skip
+    """The score of points, each with its branch (−1: false), how far off it is, and of what size.
+
+    Args:
+        omega: of the waves, ascending in k or frequency, shape (n, branches), rad/s; of these
+        present, found: which are in the record, and which are a point's, the same shape.
+    """
+    rows = []
+    for b in range(omega.shape[1]):
+        there, mine = present[:, b], branch == b
+        f = omega[:, b] / (2 * np.pi)
+        lost = np.flatnonzero(there & ~found[:, b])
+        runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1) if len(lost) else []
+        median, most, _ = _errors((off / size)[mine])
+        rows.append({
+            "branch": b + 1,
+            "frequencies_Hz": [float(f[there].min()), float(f[there].max())] if there.any() else [],
+            "present": int(there.sum()), "found": int((found[:, b] & there).sum()),
+            "missed_Hz": [[float(f[run].min()), float(f[run].max())] for run in runs],
+            "points": int(mine.sum()), "median_error": median, "error_95": most,
+            "within_bars": _within(off[mine], own.bar[mine]),
+        })  # fmt: skip
+    hit = branch >= 0
+    each = {"k": own.k, "omega": own.omega, "branch": branch + 1, "off": off, "bar": own.bar}
     return Score(
-        len(own), len(there), found, len(there) - found, int((~hit).sum()),
-        *_errors(off[hit] / np.abs(exact[hit])), _within(off, own.bar), untold,
+        len(own), int(present.sum()), int(found.sum()), int((present & ~found).sum()),
+        int((~hit).sum()), *_errors((off / size)[hit]), _within(off, own.bar), untold,
+        tuple(rows), each,
     )  # fmt: skip
 
 
-def _errors(error: Float) -> tuple[float | None, float | None]:
-    return (float(np.median(error)), float(error.max())) if len(error) else (None, None)
+def _errors(error: Float) -> tuple[float | None, float | None, float | None]:
+    """The median, what 95 % are below, and the largest."""
+    if not len(error):
+        return None, None, None
+    return float(np.median(error)), float(np.quantile(error, 0.95)), float(error.max())
 
 
 def _within(off: Float, bar: Float) -> float | None:

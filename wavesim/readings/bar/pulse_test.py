@@ -105,7 +105,7 @@ def pulse_test(
         # A gate that cuts into the pulse lets through no wave whose k could be judged.
         direct = (places[-1][0] - last) / (_SLOWER * speed) + own[0].end
         same = same and direct <= (1 - _TAPER) * end
-    options: dict[str, Any] = {"window": window, "k_max": np.pi / bar.spacing}
+    options: dict[str, Any] = {"window": window, "k_max": np.pi / bar.spacing, "noise": 0.0}
     omega = _driven(own, field) if isinstance(window, Exponential) else None
     if len(own) == 1:
         options["source"] = np.asarray(own[0].signal(field.t))

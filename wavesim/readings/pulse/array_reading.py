@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +26,12 @@ from wavesim.readings.pulse.several_waves import (
 )
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.travel_time import TravelTime
-from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
+from wavesim.readings.pulse.velocity import (
+    Velocity,
+    arrival_velocity,
+    well_known,
+    with_what_is_open,
+)
 
 Float = NDArray[Any]
 
@@ -39,11 +44,8 @@ _Speed = tuple[str, Velocity]
 
 # The first of them that there is: where the medium disperses all are right, each of another speed.
 _PREFERRED = ("correlation", "envelope", "threshold", "first break")
-# A convention tells of what others leave open where it is known this well.
-_KNOWN = 0.2
 # An error this many times the convention's own is told of.
 _OPEN = 3.0
-_FURTHEST = 0.7
 # One wave that leaves this part of the power, and this many times the noise's, is not alone.
 _UNEXPLAINED, _OVER_SHARE = 0.03, 30.0
 # Speeds whose logarithms differ by less may be of one wave.
@@ -62,6 +64,7 @@ def read_array(
     sent: ArrayLike | None = None,
     expected: tuple[float, float] | None = None,
     unlike: str = "",
+    noise: float = math.nan,
 ) -> Reading:
     """Read a record of two receivers or more.
 
@@ -74,6 +77,8 @@ def read_array(
         expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s.
         unlike: why what lies between the receivers is not one medium, so that there is no k of it;
             "" where it is one.
+        noise: of arrivals where the record shows none before them, unit of the signals; 0 in a
+            simulation.
 
     Returns:
         The reading: times are those of the record's clock, ``best.time`` is that from the first to
@@ -108,7 +113,7 @@ def read_array(
         weights = window.weights(looked_at.t, looked_at.x)
         given = {key: _ended(given[key], weights[:, j]) for j, key in enumerate(looked_at.names)}
     result = measure(
-        t, given, positions, window=window, expected=expected,
+        t, given, positions, window=window, expected=expected, noise=noise,
         source=None if sent is None else np.asarray(sent, float),
     )  # fmt: skip
     if unlike:
@@ -149,7 +154,7 @@ def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed
     period = common_period(record)
     lines = waves_passing(record, period)
     if len(lines) > 1:
-        waves = _groups([*_read(result).items(), *(_line(one, record, period) for one in lines)])
+        waves = _groups([*result.speeds.items(), *(_line(one, record, period) for one in lines)])
         speeds = " and ".join(f"{one[0][1].velocity:.4g}" for one in waves)
         more = f"of {speeds} m/s " if len(waves) > 1 else ""
         return waves, f"several waves {more}pass the receivers, and spectra mix them"
@@ -168,13 +173,10 @@ def _line(one: Passing, record: PulseRecord, period: float) -> _Speed:
 
 def _groups(speeds: Sequence[_Speed]) -> list[list[_Speed]]:
     """Speeds that are known, those of one wave together, the surest of each first."""
-    known = [
-        (name, one) for name, one in speeds
-        if one.velocity > 0 and one.error < _KNOWN * one.velocity
-    ]  # fmt: skip
-    known.sort(key=lambda each: each[1].error / each[1].velocity)
+    sure = [each for each in speeds if each[1].velocity > 0 and well_known(each[1])]
+    sure.sort(key=lambda each: each[1].error / each[1].velocity)
     groups: list[list[_Speed]] = []
-    for each in known:
+    for each in sure:
         for group in groups:
             if abs(math.log(each[1].velocity / group[0][1].velocity)) < _ONE_WAVE:
                 group.append(each)
@@ -200,7 +202,7 @@ def _of_several(
     wave = min(waves, key=lambda one: abs(math.log(one[0][1].velocity / expected[1])))
     name, one = wave[0]
     span = float(result.record.x[-1] - result.record.x[0])
-    bar = _with_what_is_open(dict(enumerate(v for _, v in wave)), 0, range(len(wave)))
+    bar = with_what_is_open(one, (v for _, v in wave))
     reason = ""
     if abs(math.log(one.velocity / expected[1])) > _ONE_WAVE:
         reason = f"no wave is about as fast as --expected says, but {speeds} m/s"
@@ -226,49 +228,34 @@ def _arrivals(result: PulseResult, j: int) -> dict[str, TravelTime]:
 
 def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
     """The velocity that counts, with what the conventions leave open; a note where that is most."""
-    speeds = result.velocities
+    speeds = result.speeds
     span = float(result.record.x[-1] - result.record.x[0])
-    told = list(_read(result))
+    told = [name for name in _PREFERRED if well_known(speeds[name])]
     if not told:
         why = next((one.reason for one in speeds.values() if one.reason), VAGUE)
         reasons = [r for r in result.record.unusable if r]
         return Best("correlation", math.nan, math.nan, math.nan, math.nan, False,
                     reasons[0] if reasons else why)  # fmt: skip
     # Beside an echo any of them may have read it, and the one that is nearest to all counts.
-    bars = {n: _with_what_is_open(speeds, n, told) for n in told}
+    sure = [speeds[n] for n in told]
+    bars = {n: with_what_is_open(speeds[n], sure) for n in told}
     name = min(told, key=lambda n: bars[n] / abs(speeds[n].velocity)) if overlap else told[0]
     one, bar = speeds[name], bars[name]
+    remedy = "average more"
     if bar > _OPEN * one.error:
-        each = [speeds[n].velocity for n in told]
+        each = sorted(v.velocity for v in sure)
+        read = f"{each[0]:.4g} to {each[-1]:.4g} m/s"
+        remedy = f"conventions read {read}; drive a narrower band, away from gaps"
         notes.append(
-            f"the velocity's error is what the conventions leave open, which read {min(each):.4g} "
-            f"to {max(each):.4g} m/s, and not the noise of one of them"
+            f"the velocity's error is what the conventions leave open, which read {read}, and not "
+            "the noise of one of them"
         )
     time = span / one.velocity
     reason = ""
     if not one.velocity > 0:
         reason = "the wave runs towards smaller positions: are they counted from the source?"
-    return judged(name, time, time * bar / abs(one.velocity), span, reason)
-
-
-def _read(result: PulseResult) -> dict[str, Velocity]:
-    """Velocities that are known, by convention, those that are taken first in front."""
-    every = result.velocities
-    return {
-        n: every[n] for n in _PREFERRED
-        if math.isfinite(every[n].velocity) and every[n].error < _KNOWN * abs(every[n].velocity)
-    }  # fmt: skip
-
-
-def _with_what_is_open(speeds: Mapping[Any, Velocity], name: Any, told: Iterable[Any]) -> float:
-    """Standard error of a convention's velocity with what the others leave open, m/s."""
-    one = speeds[name]
-    # One that is known badly tells less of what is open.
-    others = [
-        math.sqrt(max((speeds[n].velocity - one.velocity) ** 2 - speeds[n].error ** 2, 0.0))
-        for n in told
-    ]
-    return math.hypot(one.error, _FURTHEST * max(others))
+    error = time * bar / abs(one.velocity)
+    return judged(name, time, error, span, reason, remedy=remedy)
 
 
 def _dispersion(result: PulseResult) -> list[str]:

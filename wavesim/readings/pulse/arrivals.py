@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import AT_THE_END, DETECTED, WEAK, envelope, onset
-from wavesim.readings.pulse.signals import CLIPPED, PulseError, PulseRecord
+from wavesim.readings.pulse.signals import CLIPPED, NO_QUIET, PulseError, PulseRecord
 from wavesim.simulation.bandlimited import between, cross_correlation, slope
 
 Float = NDArray[Any]
@@ -164,7 +164,7 @@ def correlation(values: Float, reference: Float, noise: float, reference_noise: 
 
 
 def _unless_known(noise: float) -> str:
-    return "" if np.isfinite(noise) else "no error: the record begins too shortly before the signal"
+    return "" if np.isfinite(noise) else NO_QUIET
 
 
 def arrivals(

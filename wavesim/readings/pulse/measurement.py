@@ -22,7 +22,7 @@ from wavesim.readings.pulse.quality_over_band import (
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
-from wavesim.readings.pulse.velocity import Velocity, arrival_velocity
+from wavesim.readings.pulse.velocity import Velocity, arrival_velocity, told
 from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion, dispersion
 
 Float = NDArray[Any]
@@ -40,7 +40,7 @@ class PulseResult:
     Attributes:
         record: the signals.
         window: through which spectra were taken.
-        arrivals, velocities: by convention.
+        arrivals, speeds: by convention; a speed's error is NaN where none is known.
         spectra: of the receivers, n frequencies.
         dispersion: complex k and what follows.
         constant_quality: Q by the spectral ratio over all n frequencies, which takes the velocity
@@ -51,16 +51,27 @@ class PulseResult:
     record: PulseRecord
     window: Window
     arrivals: dict[str, Arrivals]
-    velocities: dict[str, Velocity]
+    speeds: dict[str, Velocity]
     spectra: Spectra
     dispersion: Dispersion
     constant_quality: Quality
     loss: Loss
 
     @property
+    def velocities(self) -> dict[str, Velocity]:
+        """Speeds as answers: with an error, or NaN with a reason."""
+        return told(self.speeds)
+
+    def refused(self, why: str) -> PulseResult:
+        """The same with no velocity and nothing at any frequency, for one reason."""
+        none = Velocity(math.nan, math.nan, math.nan, math.nan, 0, why)
+        speeds = dict.fromkeys(self.speeds, none)
+        return replace(self, speeds=speeds, dispersion=self.dispersion.refused(why))
+
+    @property
     def quality(self) -> Quality:
         """Q over the band, from α and v_g."""
-        found = self.dispersion
+        found = self.dispersion.with_errors
         of_band = mean_quality(
             found.omega, found.k, found.k_error, found.group_velocity, found.group_error,
             self.spectra.duration,
@@ -75,7 +86,7 @@ class PulseResult:
         Returns:
             "arrivals", "velocities", "quality" and "frequencies", a list of rows each.
         """
-        record, found, loss = self.record, self.dispersion, self.loss
+        record, found, loss = self.record, self.dispersion.with_errors, self.loss
         picks = [
             {"receiver": name, "position_m": record.x[j], "convention": convention,
              "time_s": one.time[j], "error_s": one.error[j], "reason": one.reason[j]}
@@ -132,6 +143,7 @@ def measure(
     quiet_until: float | None = None,
     k_max: float | None = None,
     expected: tuple[float, float] | None = None,
+    noise: float = math.nan,
 ) -> PulseResult:
     """Read a pulse test.
 
@@ -156,6 +168,8 @@ def measure(
         k_max: largest |Re k| that can be, rad/m, and
         expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s: either resolves
             the phases' ambiguity, see :mod:`wavesim.readings.pulse.phase_unwrapping`.
+        noise: of arrivals where the record shows none before them, unit of the signals; 0 in a
+            simulation.
 
     Returns:
         The result.
@@ -165,7 +179,7 @@ def measure(
     """
     if omega is not None and np.iscomplexobj(omega):
         raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
-    record = pulse_record(t, signals, positions, quiet_until)
+    record = pulse_record(t, signals, positions, quiet_until, noise)
     if window is None:
         length = float(record.t[-1] - record.t[0])
         # The opening flank lies before the record: a pulse may come early in it.

@@ -50,7 +50,7 @@ _ENERGY = 0.01
 _SURE = 5.0
 
 NOISY = "the phase is too noisy here to be unwrapped: name k_max ≤ π/spacing, or average more"
-OPEN = "2π ambiguity: name k_max ≤ π/spacing or an expected velocity, or place receivers closer"
+OPEN = "2π ambiguity: --expected F C says about how fast the wave is; or place receivers closer"
 HIDDEN = "one of the two nearest neighbours stands below the noise or truncation"
 UNDRIVEN = "the source's spectrum is under 1 % of its peak"
 

@@ -15,12 +15,11 @@ import numpy as np
 from wavesim.readings.pulse.measurement import PulseResult
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import TravelTime
+from wavesim.readings.pulse.velocity import LARGEST_ERROR
 from wavesim.readings.pulse.wave_packets import Packet
 
 # Of one receiver the first break is taken; it needs no assumption about the pulse's form.
 OF_ONE = "first break"
-# An answer whose standard error is more than this part of it is none.
-_LARGEST_ERROR = 0.25
 # Of the distance to another wave this part is a standard error whose 95 % bar reaches there; an
 # answer with bars of up to so many standard errors counts.
 REACHED = 1 / 1.96
@@ -154,8 +153,8 @@ def judged(
     apart = max((abs(velocity - distance / other) for other in others), default=0.0)
     bar = velocity * error / time + REACHED * apart if time > 0 else math.nan
     alone, error = error, error + spanned(time, others)
-    if not reason and alone > _LARGEST_ERROR * time:
-        reason = f"its standard error is {alone / time:.0%} of it, above {_LARGEST_ERROR:.0%}: "
+    if not reason and alone > LARGEST_ERROR * time:
+        reason = f"its standard error is {alone / time:.0%} of it, above {LARGEST_ERROR:.0%}: "
         reason += f"{remedy}, or take a longer path"
     if not reason and min(error / time, bar / velocity) > _LARGEST_OPEN:
         speeds = " or ".join(f"{distance / one:.4g}" for one in sorted([time, *others]))

@@ -22,6 +22,7 @@ Float = NDArray[Any]
 QUIET_PART = 0.75
 # Fewer quiet samples tell nothing of a noise.
 FEWEST_QUIET = 32
+NO_QUIET = "no error: the record begins too shortly before the signal"
 FEWEST_SAMPLES = 32
 # Times even to this part of their interval count as even, and to that part they stay as written.
 _EVEN, _AS_WRITTEN = 1e-3, 1e-6
@@ -55,6 +56,8 @@ class PulseRecord:
         filled: samples at each one's beginning that were filled in, shape (m,).
         unusable: why the shape of each one's signal tells nothing, m of them; "" where it does.
         notes: what was put right, and what keeps a receiver from being read.
+        known: standard deviation of the noise where the signals don't show it, unit of u; NaN where
+            nothing tells it, 0 in a simulation.
     """
 
     t: Float
@@ -65,6 +68,7 @@ class PulseRecord:
     filled: NDArray[np.int_]
     unusable: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    known: float = np.nan
 
     @property
     def interval(self) -> float:
@@ -84,7 +88,7 @@ class PulseRecord:
     @cached_property
     def noise(self) -> Float:
         """Standard deviation before the arrival, shape (m,), unit of u; NaN where it is unknown."""
-        result = np.full(len(self.names), np.nan)
+        result = np.full(len(self.names), self.known)
         for j, part in enumerate(self._quiet_parts()):
             if len(part) >= FEWEST_QUIET:
                 result[j] = np.std(part, ddof=1)
@@ -123,6 +127,7 @@ def pulse_record(
     signals: Mapping[str, ArrayLike],
     positions: Mapping[str, float],
     quiet_until: float | None = None,
+    noise: float = np.nan,
 ) -> PulseRecord:
     """Check signals and order them by position.
 
@@ -132,6 +137,7 @@ def pulse_record(
         positions: x of each receiver, m.
         quiet_until: time before which no receiver has a signal yet, s; where None, three quarters
             of the time to each receiver's own first break.
+        noise: its standard deviation where no signal shows it, unit of u; 0 in a simulation.
 
     Returns:
         The record, without offsets, on even times.
@@ -181,7 +187,7 @@ def pulse_record(
     for j in np.flatnonzero(whole)[faults.reversed_receivers(values[:, whole], x[whole])]:
         values[:, j] *= -1
         notes.append(f"{names[j]}: reversed beside the others, turned over; check its polarity")
-    found = PulseRecord(time, names, x, values, quiet, filled, tuple(why))
+    found = PulseRecord(time, names, x, values, quiet, filled, tuple(why), known=noise)
     for j, (u, s, until) in enumerate(zip(values.T, found.noise, quiet, strict=True)):
         if why[j] in ("", WANDERS) and faults.begins_within(u, s) and np.isfinite(until):
             why[j] = BEGUN

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.signals import NO_QUIET
+
 Float = NDArray[Any]
+
+# A convention tells of what others leave open where it is known this well.
+_KNOWN = 0.2
+# An answer whose standard error is more than this part of it is none.
+LARGEST_ERROR = 0.25
+_FURTHEST = 0.7
 
 
 @dataclass(frozen=True)
@@ -93,3 +103,45 @@ def arrival_velocity(x: Float, time: Float, error: Float) -> Velocity:
     if b == 0:
         return Velocity(np.nan, np.nan, a, scatter, count, "all arrive at once")
     return Velocity(1 / b, float(np.sqrt(variance)) / b**2, a, scatter, count)
+
+
+def well_known(one: Velocity) -> bool:
+    """Whether a velocity's own error is a fifth of it at most."""
+    return math.isfinite(one.velocity) and one.error < _KNOWN * abs(one.velocity)
+
+
+def with_what_is_open(one: Velocity, others: Iterable[Velocity]) -> float:
+    """Standard error of a convention's velocity with what other conventions leave open, m/s.
+
+    One that is known badly tells less of what is open.
+    """
+    apart = [max((v.velocity - one.velocity) ** 2 - v.error**2, 0.0) for v in others]
+    return math.hypot(one.error, _FURTHEST * math.sqrt(max(apart, default=0.0)))
+
+
+def told(speeds: Mapping[str, Velocity]) -> dict[str, Velocity]:
+    """Velocities as answers: a number with an error that holds what conventions leave open, or NaN
+    with a reason.
+
+    There is none without an error of its own, nor where conventions are so far apart that each is
+    the speed of something else, as in a gap or where several waves pass.
+    """
+    sure = [one for one in speeds.values() if well_known(one)]
+    bars = [with_what_is_open(one, sure) / abs(one.velocity) for one in sure]
+    apart = min(bars, default=0.0) > LARGEST_ERROR
+    found = {}
+    for name, one in speeds.items():
+        why = one.reason
+        if not why and not math.isfinite(one.error):
+            why = f"{NO_QUIET}: begin it earlier, or add a receiver"
+        if not why and apart:
+            each = sorted(abs(v.velocity) for v in sure)
+            why = (
+                f"conventions read {each[0]:.4g} to {each[-1]:.4g} m/s, which is the speed of no "
+                "one wave: drive a narrower band, away from gaps, or place receivers elsewhere"
+            )
+        found[name] = (
+            replace(one, velocity=math.nan, error=math.nan, reason=why) if why
+            else replace(one, error=with_what_is_open(one, sure))
+        )  # fmt: skip
+    return found

@@ -42,6 +42,10 @@ DECIBELS_PER_NEPER = 20 / np.log(10)
 _SPAN = 7
 # Of a difference's square this many variances of its noise are explained.
 _EXPLAINED = 2.0
+UNKNOWN = (
+    "the error of k is not known: two receivers have none to spare, and the record shows no noise "
+    "before the wave; add a receiver, or begin earlier"
+)
 # A loss is seen where α is this many times its standard error.
 SEEN = 3.0
 
@@ -88,15 +92,23 @@ class Dispersion:
     intercept: float
     reason: tuple[str, ...]
 
-    def refused(self, reason: str) -> Dispersion:
-        """The same frequencies with nothing at any of them, for one reason."""
-        nothing = np.full(len(self.omega), np.nan)
+    def refused(self, reason: str, where: Any = True) -> Dispersion:
+        """The same frequencies with nothing at those of a mask, or at any, for one reason."""
+        own = np.broadcast_to(where, len(self.omega))
         of_frequency: dict[str, Any] = {
-            name: nothing.astype(value.dtype)
+            name: np.where(own, np.nan, value)
             for name, value in vars(self).items()
             if isinstance(value, np.ndarray) and name != "omega"
         }
-        return replace(self, **of_frequency, reason=(reason,) * len(self.omega))
+        said = zip(own, self.reason, strict=True)
+        return replace(self, **of_frequency, reason=tuple(reason if o else r for o, r in said))
+
+    @property
+    def with_errors(self) -> Dispersion:
+        """The same with nothing where no error is known."""
+        found = self.refused(UNKNOWN, np.isfinite(self.k) & ~np.isfinite(self.k_error))
+        group = np.where(np.isfinite(self.group_error), found.group_velocity, np.nan)
+        return replace(found, group_velocity=group)
 
     @property
     def decibels(self) -> Float:
