@@ -99,7 +99,7 @@ def test_a_fault_costs_nothing_and_is_said(name):
 
 
 def test_any_two_of_a_few_sparse_receivers_that_are_exchanged_are_put_back(rng):
-    """Five of 0.4 wavelengths apart: an exchange that leaves none odd explains all best."""
+    """Five of 0.4 wavelengths apart."""
     clean = ricker(T[:, None] - 0.02 * np.arange(1, 6) / SPEED, 6e4)
     clean += 1e-3 * rng.standard_normal(clean.shape)
     for a, b in zip(*np.triu_indices(5, 1), strict=True):
@@ -133,6 +133,34 @@ def test_no_fault_is_found_where_there_is_none():
     tau = t[:, None] - np.array([1.0, 1.43, 1.77]) * 5e-5
     kinked = np.where((tau >= 0) & (tau <= 4e-5), np.sin(2 * np.pi * tau / 4e-5), 0.0)
     assert from_arrays({"t": t, "x": [0.1, 0.143, 0.177], "values": kinked}).findings == ()
+
+
+def test_a_crest_cut_off_at_two_samples_is_seen_and_noise_alone_is_not(rng):
+    """No two samples beside noise are alike by chance."""
+    u = CLEAN * 0.9 ** np.arange(N)
+    limit = np.sort(np.abs(u), axis=None)[-3]
+    for values, what in ((u, []), (np.clip(u, -limit, limit), ["clipped"])):
+        found = from_arrays({"t": T, "x": X, "values": values}).findings
+        assert [f.what for f in found] == what
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_modes_are_no_fault_of_a_receiver_and_hide_none(seed):
+    """Two dispersive modes that spread as r^-1/2, 3 % of noise: all stay but one that is late."""
+    rng = np.random.default_rng(seed)
+    t, x = np.arange(1000) * 1e-3, 5.0 + np.arange(rng.choice([12, 16, 24, 36]))
+    f = np.fft.rfftfreq(8192, 1e-3)
+    speeds = 150 + 150 / (1 + (f / 18) ** 2), 240 + 260 * np.exp(-f / 25)
+    sent = np.fft.rfft(ricker(np.arange(8192) * 1e-3 - 0.03, 28.0))
+    late = 0.012 * (np.arange(len(x)) == rng.integers(1, len(x) - 1))
+    for delay in (0 * x, late):
+        away = (size * np.exp(-2j * np.pi * f * (x[:, None] / c + delay[:, None]))
+                for size, c in zip((1.0, 0.4), speeds, strict=True))  # fmt: skip
+        u = (np.fft.irfft(sent * sum(away), 8192)[:, :1000] / np.sqrt(x[:, None])).T
+        u = u / np.abs(u).max() + 0.03 * rng.standard_normal(u.shape)
+        for layout, kept in ((Layout(), delay == 0), (Layout(as_recorded=True), delay < 1)):
+            found = from_arrays({"t": t, "x": x, "values": u}, layout)
+            assert found.x.tolist() == x[kept].tolist()
 
 
 def test_two_waves_of_different_speed_make_no_receiver_mis_scaled():

@@ -252,3 +252,26 @@ def test_each_failing_check_of_a_run_prints_its_remedy(tmp_path):
         assert KEY.search(check["remedy"]), check
         assert " ".join(check["remedy"].split()) in text
     assert all("remedy" not in check for check in checks if check["passed"])
+
+
+def test_a_ring_too_short_to_follow_its_branches_is_to_be_lengthened_and_then_passes(tmp_path):
+    """Four wavenumbers are too few to join a steep branch by, however long the record is; the
+    length told makes them eight."""
+    case = tmp_path / "short.toml"
+    case.write_text(
+        '[medium]\nclosure = "consistent"\nanisotropy = 0.385\nstiffness_ratio = 0.833\n[bar]\n'
+        "order = 12\ncells = 133\nspacing = 6.25e-5\n[time]\nduration = 4.178e-5\n[[sources]]\n"
+        'field = "B22"\nposition = 0.0020188\nwidth = 0.000435\nkind = "initial"\n'
+    )
+
+    def told(*changes):
+        out = tmp_path / "out"
+        CliRunner().invoke(cli.main, ["run", str(case), "--out", str(out), *changes])
+        checks = json.loads((out / "summary.json").read_text())["checks"]
+        return {check["name"]: check for check in checks if not check["passed"]}
+
+    for longer in ((), ("--set", "time.duration=8.356e-5")):
+        remedy = told(*longer)["waves present"]["remedy"]
+        assert "[time]" not in remedy
+        cells = re.search(r"lengthen \[bar\] length to 0\.016625 \((\d+) cells\)", remedy)
+    assert told("--set", f"bar.cells={cells[1]}") == {}

@@ -163,8 +163,11 @@ _OPTIONS = (
                  help="Receiver spacing in m; stands before the file's positions."),
     click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
     click.option("--position-unit", metavar="UNIT", help="Of the file's positions: m, mm, in …"),
+    click.option("--as-recorded", is_flag=True,
+                 help="Hold no channel of a line against the others: none is mended or left out."),
 )  # fmt: skip
-NAMES = ("values", "time", "positions", "interval", "spacing", "time_unit", "position_unit")
+NAMES = ("values", "time", "positions", "interval", "spacing", "time_unit", "position_unit",
+         "as_recorded")  # fmt: skip
 
 
 def record_options(function: Callable[..., Any]) -> Callable[..., Any]:

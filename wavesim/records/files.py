@@ -164,6 +164,7 @@ def _build(content: Content, layout: Layout) -> Record:
             storage=found.resolution,
             notes=found.notes,
             placed=layout.placed,
+            as_recorded=layout.as_recorded,
         )
     except UnitsError as error:
         raise RecordError(f"{error} ({found.units})") from None

@@ -30,6 +30,8 @@ class Layout:
         sources: positions of sources, m.
         ring: whether receivers go evenly round a periodic bar.
         lattice: whether receivers are all the sites of a lattice.
+        as_recorded: whether channels along a line are taken as they are, and not held against each
+            other.
         placed: whether receivers must have positions; where not, unknown ones are NaN.
         transmitter: whether a heading that says so tells the input where none is named.
     """
@@ -47,6 +49,7 @@ class Layout:
     sources: Sequence[float] = ()
     ring: bool = False
     lattice: bool = False
+    as_recorded: bool = False
     placed: bool = True
     transmitter: bool = False
 

@@ -194,6 +194,7 @@ def record(
     notes: Sequence[str] = (),
     placed: bool = True,
     trusted: bool = False,
+    as_recorded: bool = False,
 ) -> Record:
     """A record from arrays, looked over, and cured where that can be done.
 
@@ -213,6 +214,7 @@ def record(
         notes: what was assumed of it.
         placed: whether receivers must have positions, and there must be two.
         trusted: whether it is a simulation's, in which no instrument's faults are looked for.
+        as_recorded: whether channels along a line are not held against each other.
 
     Returns:
         The record; its findings say what was wrong and what was done.
@@ -300,7 +302,7 @@ def record(
         mended, odd, within, place = together(
             seen, gone, t, x, *known, unsure, ring, now.misfit,
             -np.inf if quiet_from is None else quiet_from,
-            placed and len(x) > 1 and shapes.is_even(x), found,
+            placed and len(x) > 1 and shapes.is_even(x), as_recorded, found,
         )  # fmt: skip
         now = replace(now, begun=within, misfit=odd, source_seen=place if not sources else None)
         if mended.any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +24,8 @@ from wavesim.verdict.foreseen_errors import (
 from wavesim.verdict.gap_rows import at_receivers, gap_row, steady_loss
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
+# A branch of fewer wavenumbers is lost by their distance.
+_FEW_WAVENUMBERS = 12
 _UNCERTAIN = 0.3 * WAVENUMBER_TOLERANCE
 
 
@@ -41,15 +44,11 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
     if expected:
         present = sum(b.present for b in expected)
         bins = f"frequency bins of {1e-3 / field.t[-1]:.3g} kHz do not tell all waves apart"
-        missing = ", ".join(
-            f"{h.measured.block.sector} {b.name}"
-            for h in held
-            for b in h.branches
-            if b.expected and not b.present
-        )
-        remedy = remedies.longer_run, field, f"{bins} (missing: {missing})"
+        lacking = _of_missing, field, held, bins
         whole = len(expected)
-        checks.append(judged("waves present", present, 0.0, *remedy, reference=whole, unit="waves"))
+        checks.append(
+            judged("waves present", present, 0.0, *lacking, reference=whole, unit="waves")
+        )
         strays = sum(len(h.strays) for h in held)
         remedy = remedies.longer_run, field, bins
         checks.append(judged("ridges of no wave", strays, 0.0, *remedy, unit="ridges"))
@@ -59,6 +58,21 @@ def judge(field: Field, held: Sequence[Held]) -> list[Check]:
     for h in held:
         checks += _wavenumber_checks(field, h)
     return checks + energy_checks(field)
+
+
+def _of_missing(field: Field, held: Sequence[Held], bins: str) -> str:
+    """What finds branches that are not found where they stand clear of their neighbours: of few
+    wavenumbers it is their distance that keeps them from being followed."""
+    lost = [(h, b) for h in held for b in h.branches if b.expected and not b.present]
+    missing = ", ".join(f"{h.measured.block.sector} {b.name}" for h, b in lost)
+    if min(b.expected for _, b in lost) >= _FEW_WAVENUMBERS:
+        return remedies.longer_run(field, f"{bins} (missing: {missing})")
+    bar = field.bar
+    return (
+        f"lengthen [bar] length to {2 * bar.length:.6g} ({2 * bar.cells} cells) or more (now "
+        f"{bar.length:.6g} m): its wavenumbers, {2 * math.pi / bar.length:.4g} rad/m apart, are "
+        f"too few to follow a branch by (missing: {missing})"
+    )
 
 
 def _branch_checks(field: Field, h: Held) -> list[Check]:

@@ -1,9 +1,9 @@
 """Channels that do not fit the others: dead, reversed, swapped, delayed, mis-scaled.
 
-At each frequency one travelling wave U_j = A e^{ikx_j} is laid through some neighbours: k by the
-phases alone (the beam |Σ e^{−ikx_j} U_j/|U_j||, which one bad channel does not turn), the decay by
-the median of slopes of ln|U_j|. What a channel is off by at all frequencies alike is its own: a
-phase π, a phase ωτ, a factor. Where the others do not agree on a wave, nothing is said of any.
+At each frequency the field along a line is a few waves e^{ikx} that fall off alike, as round a ring
+(`unfit_receivers.py`), so that several modes are no fault of any channel. What a channel shows is
+held against what the others tell of it: a factor, a polarity, another's place, a delay ωτ. Where
+the others do not agree on few waves, nothing is said of any.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.quiet import Rest
+from wavesim.records.faults.unfit_receivers import Waves, unfit
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -24,44 +25,32 @@ FEWEST = 5
 _TOGETHER = 24
 _FREQUENCIES = 24
 _DAMPING = 8.0
-# Beam of the phases from which on there is one wave to hold channels against.
-_COHERENT = 0.62
-# Off by this many deviations of the others, and by so much: ln of a factor, rad.
-_DEVIATIONS = 8.0
-_FACTOR, _PHASE = 0.04, 0.06
-# A gain is one at all frequencies: it stands out of its own changes by this factor. What two waves
-# make of a channel changes from one to the next.
-_STEADY = 3.0
-_STANDS_OUT = 5.0
-_MOST = 0.3
+# Frequencies count above this part of the greatest power, and so many times above what is there at
+# the highest.
+_STRONG, _ABOVE = 0.05, 10.0
+# Waves are no more than this part of the receivers and than so many; each must lower what is left
+# to this part.
+_WAVES, _MOST_WAVES, _LOWERS = 0.25, 4, 0.6
+# Wavenumbers tried, per receiver, over ±π/d; what they miss by leaves this part of the power.
+_FINE, _ROUNDING = 16, 1e-16
+# Waves spread as r^c, c from this to 0, from so many spacings before the line or behind it.
+_SPREADS, _BEFORE = -1.6, (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+_FEWEST_SPREAD = 8
+# The others agree where no more than this part of the power is left.
+_AGREED = 0.2
+# A factor, a delay or an exchange explains all but these parts of what a channel shows.
+_ALONE, _LATE, _EXCHANGED = 0.1, 0.3, 0.15
+# Factors nearer to 1 are none, at the ends, where waves may fall off otherwise, and elsewhere; and
+# nearer to −1 they are a polarity.
+_FACTOR, _AT_END, _TURNED = 1.04, 1.5, 0.1
 # A factor between these is divided out; beyond, too little is left of the channel.
 _SCALED = (0.2, 5.0)
+# Of fewer an exchange is sought among all pairs: it must leave this part of what any other does.
+_FEW, _CLEAR, _TIE = 8, 0.25, 1.1
 _DEAD = 0.05
-
-
-@dataclass
-class _Off:
-    """How far each of some channels is off.
-
-    Attributes:
-        turned, odd: of opposite phase throughout; of phases that do not fit.
-        unfit: mean of |phase|, rad.
-        delay, factor: τ, s, and ln of a factor, with the deviations that the others have.
-        unsteady: deviation of ln of the factor over the frequencies.
-        coherent: beam of the phases.
-        omega: median frequency, rad/s.
-    """
-
-    turned: Mask
-    odd: Mask
-    unfit: Float
-    delay: Float
-    factor: Float
-    unsteady: Float
-    coherent: float
-    spread_delay: float
-    spread_factor: float
-    omega: float
+# A channel is heard where it is so many times its noise at half the frequencies, and off where what
+# the others do not tell of it is so many times that (powers).
+_HEARD, _NOISE = 10.0, 6.0
 
 
 @dataclass
@@ -122,18 +111,19 @@ def misfits(
         for j, v in verdicts.items()
         if len(v) == judged[j]
         and len({kind for kind, _ in v}) == 1
-        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed", "dead"))
+        and not (unsure[j] and v[0][0] in ("mis-scaled", "delayed", "misfit", "dead"))
     }
-    for kind in ("reversed", "swapped", "mis-scaled", "delayed", "dead"):
+    for kind in ("reversed", "swapped", "mis-scaled", "delayed", "misfit", "dead"):
         those = {j: size for j, (k, size) in sorted(agreed.items()) if k == kind}
         if those:
-            found.append(_mend(mended, kind, those, x, labels))
+            found.append(mend(mended, kind, those, x, labels))
     return mended
 
 
-def _mend(
+def mend(
     mended: Mended, kind: str, those: dict[int, float], x: Float, labels: tuple[str, ...]
 ) -> Finding:
+    """What is done to channels of one kind, with the size that each is off by."""
     which = list(those)
     where = places(x, which, labels)
     listed = ", ".join(f"{size:.3g}" for size in list(those.values())[:6])
@@ -142,11 +132,11 @@ def _mend(
         said = f"of reversed polarity, as neighbours say: turned round ({where})"
         return Finding(kind, where, "polarity", CURED, said)
     if kind == "swapped":
-        mended.order[which] = which[::-1]
+        mended.order[which] = [int(other) for other in those.values()]
         said = f"exchanged with each other, as neighbours say: put back ({where})"
         return Finding(kind, where, f"{len(which)} channels", CURED, said)
     if kind == "mis-scaled":
-        far = [j for j in which if not _SCALED[0] <= those[j] <= _SCALED[1]]
+        far = [j for j in which if not _SCALED[0] <= abs(those[j]) <= _SCALED[1]]
         for j in which:
             mended.factor[j] = 1 / those[j]
         mended.out[far] = True
@@ -160,6 +150,9 @@ def _mend(
         listed = ", ".join(f"{sign * size:.3g}" for size in list(those.values())[:6])
         said = f"{word} by {listed} s than neighbours say: left out ({where})"
         return Finding(kind, where, f"{word} by {listed} s", TAKEN_OUT, said)
+    if kind == "misfit":
+        said = f"not what the neighbours on both sides say: left out ({where})"
+        return Finding(kind, where, f"{len(which)} of {len(x)}", TAKEN_OUT, said)
     said = f"{len(which)} dead receivers left out ({where})"
     return Finding(kind, where, f"{len(which)} of {len(x)}", TAKEN_OUT, said)
 
@@ -168,180 +161,170 @@ def _judge(
     values: Float, t: Float, x: Float, rest: Rest, part: NDArray[np.int64]
 ) -> dict[int, tuple[str, float]]:
     """Verdicts on the channels of one group: {number: (kind, size)}."""
-    transform = _transform(values, t, rest.noise[part])
+    transform = _transform(values, t, rest, part)
     if transform is None:
         return {}
     U, omega, floor = transform
-    off = _off(U, omega, x, floor)
-    if off is None:
-        return {}
-    nx = values.shape[1]
-    most = max(1, int(_MOST * nx))
-    found: dict[int, tuple[str, float]] = {}
-    if 0 < off.turned.sum() <= most:
-        found |= {int(j): ("reversed", np.pi) for j in np.flatnonzero(off.turned)}
-    late = ~off.turned & (
-        np.abs(off.delay) > np.maximum(_DEVIATIONS * off.spread_delay, _PHASE / off.omega)
-    )
-    late &= _alone(np.abs(off.delay), late)
-    late |= off.odd & _alone(off.unfit, off.odd)
-    wrong = ~off.turned & (
-        np.abs(off.factor) > np.maximum(_DEVIATIONS * off.spread_factor, _FACTOR)
-    )
-    wrong &= np.abs(off.factor) > _STEADY * off.unsteady
-    wrong &= _alone(np.abs(off.factor), wrong)
-    dead = wrong & (off.factor < np.log(_DEAD))
-    if late.any() and not dead.any() and (pair := _exchanged(U, omega, x, floor, off)):
-        return found | dict.fromkeys(pair, ("swapped", 0.0))
-    if 0 < dead.sum() <= most:
-        found |= {int(j): ("dead", 0.0) for j in np.flatnonzero(dead)}
-    late &= ~dead
-    if 0 < late.sum() <= most:
-        found |= {int(j): ("delayed", float(off.delay[j])) for j in np.flatnonzero(late)}
-    wrong &= ~dead & ~late
-    if 0 < wrong.sum() <= most:
-        found |= {
-            int(j): ("mis-scaled", float(np.exp(off.factor[j]))) for j in np.flatnonzero(wrong)
-        }
+    fall = _fall_off(np.abs(U), x)
+    heard = np.median(np.abs(U), axis=0) > np.sqrt(_HEARD) * floor
+    dead = np.median(np.abs(U) / fall, axis=0) < _DEAD
+    found: dict[int, tuple[str, float]] = {int(j): ("dead", 0.0) for j in np.flatnonzero(dead)}
+    known = dead | ~heard
+    if (~known).sum() < FEWEST - 1:
+        return found
+    U, waves = U / fall, _along(x)
+    if len(x) < _FEW and not known.any() and (pair := _exchanged(U, waves)):
+        a, b = pair
+        return {a: ("swapped", float(part[b])), b: ("swapped", float(part[a]))}
+    seen = unfit(U, known, waves)
+    off = seen.off & ~known
+    if seen.told is None or not off.any():
+        return found
+    U, omega, V = U[seen.rows], omega[seen.rows], seen.told
+    left = np.abs(U - V) ** 2
+    agreed = np.median(left[:, ~seen.off].mean(axis=1) / np.mean(np.abs(V) ** 2, axis=1))
+    off &= left.mean(axis=0) > _NOISE * floor**2 * np.mean(fall[seen.rows] ** -2.0, axis=0)
+    if not seen.all or agreed > _AGREED:
+        return found
+    power = np.sum(np.abs(V) ** 2, axis=0)
+    numbers = [int(j) for j in np.flatnonzero(off)]
+    for j, i in ((j, i) for j in numbers for i in numbers if i < j):
+        other = np.sum(np.abs(U[:, [i, j]] - V[:, [j, i]]) ** 2)
+        apart = 2 * np.sum(np.abs(V[:, i] - V[:, j]) ** 2)
+        if other < _EXCHANGED * min(power[i] + power[j], apart):
+            found |= {i: ("swapped", float(part[j])), j: ("swapped", float(part[i]))}
+    for j in (j for j in numbers if j not in found):
+        size = float(np.sum(np.abs(U[:, j]) ** 2))
+        factor = float(np.sum(np.real(np.conj(V[:, j]) * U[:, j])) / power[j])
+        phase = np.angle(U[:, j] * np.conj(V[:, j]))
+        delay = _delay(phase, omega)
+        late = float(np.sum(np.abs(U[:, j] - V[:, j] * np.exp(1j * omega * delay)) ** 2))
+        if np.sum(np.abs(U[:, j] - factor * V[:, j]) ** 2) < _ALONE * size:
+            least = np.log(_AT_END if j in (0, len(x) - 1) else _FACTOR)
+            if abs(factor + 1) < _TURNED:
+                found[j] = "reversed", np.pi
+            elif factor < 0 or abs(np.log(factor)) > least:
+                found[j] = "mis-scaled", factor
+        else:
+            found[j] = ("delayed", delay) if late < _LATE * size else ("misfit", 0.0)
     return found
 
 
-def _exchanged(U: Any, omega: Float, x: Float, floor: Float, off: _Off) -> tuple[int, int] | None:
-    """Which two channels, put in each other's place, leave none that does not fit."""
-    unit = (U / np.maximum(np.abs(U), 1e-300)) ** 2
-    steer = np.exp(-2j * np.outer(_wavenumbers(x), x - x.mean())).T
-    beam = unit @ steer
-    best = 0.0, (0, 0)
-    for a, b in zip(*np.triu_indices(len(x), 1), strict=True):
-        other = beam + np.outer(unit[:, b] - unit[:, a], steer[a] - steer[b])
-        coherent = float(np.median(np.abs(other).max(axis=1)))
-        best = max(best, (coherent, (int(a), int(b))))
-    exchanged = U.copy()
-    exchanged[:, best[1]] = U[:, best[1][::-1]]
-    again = _off(exchanged, omega, x, floor)
-    if again is None or again.coherent <= off.coherent or (again.odd | again.turned).any():
-        return None
-    near = np.maximum(_DEVIATIONS * again.spread_delay, _PHASE / again.omega)
-    return best[1] if (np.abs(again.delay) < near).all() else None
+def _exchanged(U: Any, waves: Waves) -> tuple[int, int] | None:
+    """Which two of few channels, put in each other's place, leave far less than any other two."""
+    good = np.ones(U.shape[1], bool)
+    pairs = list(zip(*map(np.ndarray.tolist, np.triu_indices(len(good), 1)), strict=True))
+    power = np.mean(np.abs(U) ** 2, axis=1)
 
+    def left(order: list[int]) -> float:
+        return float(np.median(waves(U[:, order], good)[1] / power))
 
-def _alone(size: Float, candidate: Mask) -> Mask:
-    """Which candidates stand out from their neighbours: what waves do goes on from one to the next.
-
-    Args:
-        size: how far each is off, shape (n,).
-        candidate: which are meant.
-    """
-    others = np.flatnonzero(~candidate)
-    result = np.zeros(len(size), bool)
-    for j in np.flatnonzero(candidate):
-        near = others[np.argsort(np.abs(others - j), kind="stable")[:3]]
-        result[j] = len(near) > 0 and size[j] > _STANDS_OUT * size[near].max()
-    return result
-
-
-def _transform(values: Float, t: Float, noise: Float) -> tuple[Any, Float, Float] | None:
-    """U at the frequencies that are strong, and the noise's standard deviation in it."""
-    n = len(t)
-    step = (t[-1] - t[0]) / (n - 1)
-    window = np.exp(-_DAMPING * np.arange(n) / n)
-    hat = np.conj(np.fft.rfft(values * window[:, None], axis=0))
-    power = np.median(np.abs(hat) ** 2, axis=1)
-    power[0] = 0
-    strong = np.flatnonzero(power > 0.05 * power.max(initial=0))
-    if len(strong) < 3 or not power.max(initial=0) > 0:
-        return None
-    chosen = strong[np.unique(np.linspace(0, len(strong) - 1, _FREQUENCIES).astype(int))]
-    omega = 2 * np.pi * chosen / (n * step)
-    floor = np.nan_to_num(noise) * np.sqrt(np.sum(window**2))
-    return hat[chosen], omega, floor
-
-
-def _off(U: Any, omega: Float, x: Float, floor: Float) -> _Off | None:
-    count, nx = U.shape
-    size = np.maximum(np.abs(U), 1e-300)
-    unit = U / size
-    k = _wavenumbers(x)
-    steer = np.exp(-1j * np.outer(k, x - x.mean()))
-    # Of squared phasors, which polarity does not turn; by it alone k is open to π/spacing, and
-    # taken so that most phasors agree, and small.
-    beam = np.abs(unit**2 @ (steer**2).T) / nx
-    best = np.argmax(beam + 0.2 * np.abs(unit @ steer.T) / nx - 0.01 * np.abs(k) / k[-1], axis=1)
-    coherent = float(np.median(beam[np.arange(count), best]))
-    if coherent < _COHERENT * (1 - 2 / nx):
-        return None
-    phase = np.empty((count, nx))
-    factor = np.empty((count, nx))
-    for i in range(count):
-        phase[i] = _phases(unit[i], x, k[best[i]])
-        factor[i] = _line_left(x, np.log(size[i]))
-    heard = size > 10 * floor
-    # Where half the frequencies of a channel are noise its phase says nothing, its size still does.
-    clear = heard.mean(axis=0) > 0.5
-    turned = clear & (np.mean(np.cos(phase) < -0.6, axis=0) > 0.8)
-    fitting = np.mean(np.cos(phase) > 0.7, axis=0) > 0.6
-    if (fitting | turned).sum() < 0.6 * nx:
-        return None
-    good = fitting & ~turned
-    delay = np.where(clear, _delays(phase, omega), 0.0)
-    middle = np.median(factor, axis=0)
-    unsteady = 1.4826 * np.median(np.abs(factor - middle), axis=0)
-
-    def spread(values: Float) -> float:
-        return float(1.4826 * np.median(np.abs(values[good] - np.median(values[good]))))
-
-    return _Off(
-        turned,
-        clear & ~fitting & ~turned,
-        np.abs(phase).mean(axis=0),
-        delay - np.median(delay[good]),
-        middle - np.median(middle[good]),
-        unsteady,
-        coherent,
-        spread(delay),
-        spread(middle),
-        float(np.median(omega)),
+    whole = list(range(len(good)))
+    tried = []
+    for a, b in pairs:
+        order = whole.copy()
+        order[a], order[b] = b, a
+        tried.append(left(order))
+    best = min(tried)
+    # Two that tie leave one wave, run either way: 1 and 5 exchanged of five, or 2 and 4.
+    second = min((one for one in tried if one > _TIE * best), default=best)
+    sure = best < _CLEAR * min(second, left(whole)) and best < _CLEAR * _AGREED
+    return (
+        next(p for p, one in zip(pairs, tried, strict=True) if one < _TIE * best) if sure else None
     )
 
 
-def _wavenumbers(x: Float) -> Float:
-    """Wavenumbers that receivers tell apart, ±π/d, rad/m."""
-    return np.linspace(-1, 1, 16 * len(x) + 1) * np.pi / float(np.median(np.diff(x)))
+def _transform(
+    values: Float, t: Float, rest: Rest, part: NDArray[np.int64]
+) -> tuple[Any, Float, Float] | None:
+    """U at the frequencies that are strong, and the noise's standard deviation in it."""
+    n = len(t)
+    step = (t[-1] - t[0]) / (n - 1)
+    # What goes on at the record's end is faded out.
+    damping = 0.0 if rest.mask[-1, part].mean() > 0.5 else _DAMPING
+    window = np.exp(-damping * np.arange(n) / n)
+    hat = np.conj(np.fft.rfft(values * window[:, None], axis=0))
+    power = np.median(np.abs(hat) ** 2, axis=1)
+    power[0] = 0
+    floor = np.median(power[-max(4, len(power) // 8) :])
+    strong = np.flatnonzero(power > max(_STRONG * power.max(initial=0), _ABOVE * floor))
+    if len(strong) < 3:
+        return None
+    chosen = strong[np.unique(np.linspace(0, len(strong) - 1, _FREQUENCIES).astype(int))]
+    omega = 2 * np.pi * chosen / (n * step)
+    noise = np.nan_to_num(rest.noise[part]) * np.sqrt(np.sum(window**2))
+    return hat[chosen], omega, noise
 
 
-def _delays(phase: Float, omega: Float) -> Float:
-    """τ of each channel whose ωτ fits its phases best, whole turns left open; shape (nx,), s."""
+def _fall_off(size: Float, x: Float) -> Float:
+    """How amplitudes fall off along the line, by least absolute differences, shape (n, nx).
+
+    ln A = a + b x + c ln r of all frequencies together, r from before the line or from behind it,
+    and a slope of each frequency's own, the median of those between two receivers.
+    """
+    y = 0.5 * np.log(np.mean(size**2, axis=0) + 1e-300)
+    at = x - x.mean()
+    plain = np.stack([np.ones(len(x)), at / np.ptp(x)], axis=1)
+    fit, least, _ = _absolute(plain, y)
+    for r in (x - x[0], x[-1] - x) if len(x) >= _FEWEST_SPREAD else ():
+        for before in _BEFORE:
+            spread = np.log(r + before * np.median(np.diff(x)))
+            tried, left, c = _absolute(np.c_[plain, spread], y)
+            if _SPREADS < c < 0 and left < least:
+                fit, least = tried, left
+    i, j = np.triu_indices(len(x), 1)
+    own = np.log(size + 1e-300) - fit
+    slope = np.median((own[:, j] - own[:, i]) / (x[j] - x[i]), axis=1)
+    return np.asarray(np.exp(fit + slope[:, None] * at))
+
+
+def _absolute(columns: Float, y: Float) -> tuple[Float, float, float]:
+    """Least Σ|y − columns·c|: the fit, that sum, and the last of c."""
+    weight = np.ones(len(y))
+    for _ in range(12):
+        c = np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=None)[0]
+        left = np.abs(y - columns @ c)
+        weight = 1 / np.sqrt(np.maximum(left, 1e-3))
+    return columns @ c, float(left.sum()), float(c[-1])
+
+
+def _along(x: Float) -> Waves:
+    """Few waves of any wavenumber that receivers at x tell apart, ±π/d, one by one."""
+    k = np.linspace(-1, 1, _FINE * len(x) + 1)[:-1] * np.pi / float(np.median(np.diff(x)))
+    steer = np.exp(1j * np.outer(k, x - x.mean()))
+
+    def waves(U: Any, good: Mask) -> tuple[Any, Float]:
+        n, count = len(U), int(good.sum())
+        seen = np.where(good, U, 0)
+        power = np.sum(np.abs(seen) ** 2, axis=1)
+        V, rest, left = np.zeros_like(U), seen, power / count
+        taken, goes = np.zeros((n, 0), int), np.ones(n, bool)
+        for number in range(1, max(1, min(_MOST_WAVES, int(_WAVES * count))) + 1):
+            taken = np.append(taken, np.abs(rest @ steer.conj().T).argmax(axis=1)[:, None], axis=1)
+            own = steer[taken]
+            heard = np.conj(own * good)
+            gram = heard @ own.transpose(0, 2, 1) + 1e-9 * count * np.eye(number)
+            size = np.linalg.solve(gram, heard @ seen[:, :, None])
+            told = (size * own).sum(axis=1)
+            after = np.where(good, U - told, 0)
+            # A wave has a size, a phase and a wavenumber.
+            lower = np.sum(np.abs(after) ** 2, axis=1) / max(count - 1.5 * number, 0.5)
+            goes &= (lower < _LOWERS * left) | (number == 1)
+            V, rest = (np.where(goes[:, None], a, b) for a, b in ((told, V), (after, rest)))
+            left = np.where(goes, lower, left)
+        return V, np.maximum(left, _ROUNDING * power / count)
+
+    return waves
+
+
+def _delay(phase: Float, omega: Float) -> float:
+    """τ whose ωτ fits phases best, whole turns left open, s."""
     step = 0.25 / omega.max()
     reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
-    tau = np.arange(-min(200.0, np.floor(reach / step)), min(200.0, np.floor(reach / step)) + 1)
-    tau = tau * step
-    match = np.exp(1j * phase).T @ np.exp(-1j * np.outer(omega, tau))
+    most = min(200.0, np.floor(reach / step))
+    tau = step * np.arange(-most, most + 1)
+    match = np.exp(1j * phase) @ np.exp(-1j * np.outer(omega, tau))
     worth = match.real + 1e-3 * np.abs(match) - 1e-3 * len(omega) * np.abs(tau) / tau[-1]
-    found = tau[np.argmax(worth, axis=1)]
-    left = np.angle(np.exp(1j * (phase - omega[:, None] * found)))
-    return np.asarray(found + (omega[:, None] * left).sum(axis=0) / np.sum(omega**2))
-
-
-def _phases(unit: Any, x: Float, k: float) -> Float:
-    """Phases left by the wave that most channels agree on, k refined by those within a radian."""
-    at = x - x.mean()
-    mean = 0.0
-    for _ in range(4):
-        left = np.angle(unit * np.exp(-1j * (k * at + mean)))
-        if mean == 0.0:
-            mean = float(np.angle(np.sum(np.exp(1j * left))))
-            left = np.angle(unit * np.exp(-1j * (k * at + mean)))
-        near = np.abs(left) < 1.0
-        if near.sum() < 3:
-            break
-        slope, level = np.polyfit(at[near], left[near], 1)
-        k, mean = k + float(slope), mean + float(level)
-    return np.asarray(np.angle(unit * np.exp(-1j * (k * at + mean))))
-
-
-def _line_left(x: Float, y: Float) -> Float:
-    """What the line through the median of slopes leaves over."""
-    i, j = np.triu_indices(len(x), 1)
-    slope = float(np.median((y[j] - y[i]) / (x[j] - x[i])))
-    left = y - slope * x
-    return np.asarray(left - np.median(left))
+    found = float(tau[np.argmax(worth)])
+    left = np.angle(np.exp(1j * (phase - omega * found)))
+    return found + float(np.sum(omega * left) / np.sum(omega**2))

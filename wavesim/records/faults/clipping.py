@@ -19,6 +19,9 @@ _FLAT, _SURE = 3, 5
 _ROUNDED, _STEPS, _ABOVE_NOISE = 1.0, 8, 4.0
 # The extreme is this part of the range off the middle of the samples.
 _OFF = 0.2
+# Beside noise that is so many times the least step two samples or more at the array's extreme, or
+# three, are cut off there.
+_FINE = ((2, 1e3), (3, 10.0))
 _MOST_HELD = 16
 _STUCK = 8
 # Peaks that are equal to this part are so by division. A rectified signal never falls below rest by
@@ -28,15 +31,20 @@ _BELOW, _LOBE, _DIPS = 0.02, 0.1, 2
 NORMALISED = "normalised"
 
 
-def clipped(values: Float, quantum: Float) -> tuple[Mask, Float]:
+def clipped(values: Float, quantum: Float, noisy: bool = False) -> tuple[Mask, Float]:
     """Which receivers have flat tops, and the part of their samples that is flat.
 
     Args:
         values: shape (C, nt, nx), NaN where missing.
         quantum: least step of each, shape (nx,).
+        noisy: whether the channels hold noise, so that no two samples are alike by right.
     """
     flat, part = np.zeros(values.shape[2], bool), np.zeros(values.shape[2])
     for component in values:
+        if noisy:
+            at = _at_one_rail(component)
+            flat |= at.any(axis=0)
+            part = np.maximum(part, at.mean(axis=0))
         for j in range(component.shape[1]):
             v = component[:, j]
             v = v[np.isfinite(v)]
@@ -51,6 +59,22 @@ def clipped(values: Float, quantum: Float) -> tuple[Mask, Float]:
                     flat[j] = True
                     part[j] += share
     return flat, part
+
+
+def _at_one_rail(component: Float) -> Mask:
+    """Samples at the extreme of all channels, where more are than noise lets be, (nt, nx)."""
+    found = np.zeros(component.shape, bool)
+    strongest = component[:, int(np.argmax(np.ptp(np.nan_to_num(component), axis=0)))]
+    steps = np.diff(np.unique(strongest[np.isfinite(strongest)]))
+    noise = np.median([fine_noise(v[np.isfinite(v)]) for v in component.T])
+    for rail in (np.nanmax(component), np.nanmin(component)):
+        at = component == rail
+        fine = any(at.sum() >= n and noise > above * steps.min(initial=np.inf)
+                   for n, above in _FINE)  # fmt: skip
+        # All divided by their peaks hold it once each.
+        if fine and not (component.shape[1] > 2 and (at.sum(axis=0) == 1).all()):
+            found |= at
+    return found
 
 
 def _flat(v: Float, rail: float, quantum: float) -> float:

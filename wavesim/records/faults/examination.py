@@ -29,6 +29,8 @@ from wavesim.records.faults.ring_misfits import ring_misfits
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
+# Beside noise of this part of the spectrum's highest no two samples are alike by chance.
+_NOISY = 1e-5
 
 
 def samples(
@@ -44,7 +46,7 @@ def samples(
     values, t, held = once_each(values, t, np.zeros(0), found)
     values = without_fill(values, t, x, labels, found)
     quantum = quantisation.quanta(values)
-    flat, part = clipped(values, quantum)
+    flat, part = clipped(values, quantum, _noisy(values, _NOISY))
     if flat.any():
         where = places(x, flat, labels)
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
@@ -63,12 +65,12 @@ def samples(
     return values, t, held, quantum, flat, spare
 
 
-def _noisy(values: Float) -> bool:
+def _noisy(values: Float, least: float = 1e-7) -> bool:
     """Whether channels hold noise: more than rounding at the highest frequencies."""
     some = np.nan_to_num(values[0, :, :: max(1, values.shape[2] // 16)])
     hat = np.abs(np.fft.rfft(some * np.hanning(len(some))[:, None], axis=0))
     top = np.median(hat[-max(4, len(hat) // 10) : -1], axis=0)
-    return bool(np.median(top / np.maximum(hat.max(axis=0), 1e-300)) > 1e-7)
+    return bool(np.median(top / np.maximum(hat.max(axis=0), 1e-300)) > least)
 
 
 def levels(
@@ -109,6 +111,7 @@ def together(
     lost: Mask,
     quiet_from: float,
     even: bool,
+    as_recorded: bool,
     found: list[Finding],
 ) -> tuple[Mended, Mask, Mask, float | None]:
     """Channels beside each other: which do not fit, which have begun, where a source stands.
@@ -123,6 +126,7 @@ def together(
         lost: receivers round it that are bad, shape (nx,).
         quiet_from: time from which on no source acts, s.
         even: whether the receivers are evenly spaced.
+        as_recorded: whether those along a line are taken as they are.
         found: findings, added to.
 
     Returns:
@@ -143,7 +147,7 @@ def together(
         )
     if ring:
         mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
-    elif len(values) == 1:
+    elif len(values) == 1 and not as_recorded:
         mended = misfits(values[0], t, x, labels, own, unsure, found)
         if not mended.out.any():
             right = values[0][:, mended.order] * mended.factor

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.faults.channels import Mended
-from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.channels import Mended, mend
+from wavesim.records.faults.finding import Finding
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -67,18 +67,10 @@ def unlike_neighbours(
         del off[j]
     scaled = {j: f for j, f in sorted(off.items()) if f is not None}
     if scaled:
-        for j, factor in scaled.items():
-            mended.factor[j] = 1 / factor
-        where = places(x, list(scaled), labels)
-        listed = ", ".join(f"{f:.3g}" for f in list(scaled.values())[:6])
-        said = f"by a factor {listed} what the neighbours say: divided by it ({where})"
-        found.append(Finding("mis-scaled", where, f"by a factor {listed}", CURED, said))
-    out = [j for j, factor in sorted(off.items()) if factor is None]
+        found.append(mend(mended, "mis-scaled", scaled, x, labels))
+    out = {j: 0.0 for j, factor in sorted(off.items()) if factor is None}
     if out:
-        mended.out[out] = True
-        where = places(x, out, labels)
-        said = f"not what the neighbours on both sides say: left out ({where})"
-        found.append(Finding("misfit", where, f"{len(out)} of {nx}", TAKEN_OUT, said))
+        found.append(mend(mended, "misfit", out, x, labels))
     return mended
 
 

@@ -1,6 +1,6 @@
-"""Receivers round a ring that the few waves of all others do not explain: of any fault.
+"""Receivers that the few waves of all others do not explain: of any fault.
 
-At each strong frequency the field round a ring is a few waves e^{ikx}, k = 2πm/X. They are sought
+At each strong frequency the field is a few waves e^{ikx}; round a ring k = 2πm/X. They are sought
 one by one (orthogonal matching pursuit: Pati, Rezaiifar & Krishnaprasad, Asilomar 27, 40 (1993)) at
 the receivers that are believed, by least squares. A receiver is off where what is left falls by far
 without it, at most frequencies. What it shows is then held against what the others tell of it.
@@ -8,6 +8,7 @@ without it, at most frequencies. What it shows is then held against what the oth
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
+# The field of a few waves laid through good receivers, (n, nx), and the variance of what is left.
+Waves = Callable[[Any, Mask], tuple[Any, Float]]
 
 FEWEST = 6
 # No more than this part of the receivers may be off, and waves are no more than this of the rest,
@@ -32,6 +35,8 @@ _SOME, _STANDS = 1.3, 25.0
 # A factor that explains all but this part of a receiver is one.
 _ALONE, _SAME = 0.01, 1e-3
 _FEWEST_FREQUENCIES, _FREQUENCIES = 4, 64
+# … fewer of more receivers than these, which tell as much, …
+_FULL = 256
 # … the loudest, of this part of the greatest power. One is off by this part of the field's.
 _LOUD, _LEAST = 0.01, 1e-6
 # Where, of many, none has so many times the median left, none is off.
@@ -47,6 +52,8 @@ class Unfit:
         factor: of those what they show over what is there, where that is all, (nx,); NaN else.
         all: whether the others fit each other then.
         left, power: variance of what is left of them, and of the field, in the mean.
+        rows: frequencies that were looked at, shape (m,).
+        told: the field there as the others tell it, shape (m, nx).
     """
 
     off: Mask
@@ -54,32 +61,38 @@ class Unfit:
     all: bool
     left: float = 0.0
     power: float = 1.0
+    rows: NDArray[np.int64] | None = None
+    told: Any = None
 
 
-def unfit(U: Any, known: Mask) -> Unfit:
+def unfit(U: Any, known: Mask, waves: Waves | None = None) -> Unfit:
     """Receivers that do not fit.
 
     Args:
-        U: field at strong frequencies, receivers evenly round a ring, shape (n, nx).
+        U: field at strong frequencies, shape (n, nx).
         known: receivers that are known to be off, shape (nx,).
+        waves: lays few waves through some receivers; where not given, they go evenly round a ring.
     """
     nx = U.shape[1]
     off, factor = known.copy(), np.full(nx, np.nan)
-    if nx < FEWEST or len(U) < _FEWEST_FREQUENCIES:
+    if (nx < FEWEST and waves is None) or len(U) < _FEWEST_FREQUENCIES:
         return Unfit(off, factor, True)
+    waves = waves or _round_ring
     size = np.sum(np.abs(U) ** 2, axis=1)
-    loud = np.argsort(-size, kind="stable")[:_FREQUENCIES]
+    several = max(4 * _FEWEST_FREQUENCIES, min(_FREQUENCIES, _FREQUENCIES * _FULL // nx))
+    loud = np.argsort(-size, kind="stable")[:several]
     fewest = loud[: 4 * _FEWEST_FREQUENCIES]
-    U = U[np.union1d(fewest, loud[size[loud] > _LOUD * size.max()])]
+    rows = np.union1d(fewest, loud[size[loud] > _LOUD * size.max()])
+    U = U[rows]
     most = max(1, int(PART * nx))
-    start = before = _waves(U, ~off)
+    start = before = waves(U, ~off)
     size = np.where(off, 0, _left_at(U, before))
     gone, since, last = off.copy(), 0, before
     falls = _FALLS[int(nx >= _MANY)]
     if nx >= _MANY and size.max() < _EVEN * np.median(size[~off]):
         since = _AHEAD
     while gone.sum() <= most and since < _AHEAD:
-        j, after = _worst(U, gone, before)
+        j, after = _worst(U, gone, before, waves)
         left_at = _left_at(U, before)
         out = left_at[j] / np.median(left_at[~gone])
         gone[j] = True
@@ -98,7 +111,7 @@ def unfit(U: Any, known: Mask) -> Unfit:
         # One that was taken for the worst while another was.
         again = off.copy()
         again[j] = False
-        with_it = _waves(U, ~again)
+        with_it = waves(U, ~again)
         if _fall(with_it, (V, left)) < min(np.sqrt(falls), _SOME):
             off, (V, left) = again, with_it
     for j in map(int, np.flatnonzero(off & ~known)):
@@ -110,17 +123,19 @@ def unfit(U: Any, known: Mask) -> Unfit:
             # What stands by itself at one place, as under a source, looks so, but for its factor.
             fits = abs(part - 1) < _SAME
             factor[j], off[j] = np.nan if fits else part, not fits
-    return Unfit(off, factor, True, float(left.mean()), power)
+    return Unfit(off, factor, True, float(left.mean()), power, rows, V)
 
 
-def _worst(U: Any, gone: Mask, now: tuple[Any, Float]) -> tuple[int, tuple[Any, Float]]:
+def _worst(
+    U: Any, gone: Mask, now: tuple[Any, Float], waves: Waves
+) -> tuple[int, tuple[Any, Float]]:
     """The receiver without which least is left, and the waves of the others."""
     size = _left_at(U, now)
     tried = []
     for j in np.argsort(-np.where(gone, -1, size), kind="stable")[:_TRIED]:
         good = ~gone
         good[j] = False
-        after = _waves(U, good)
+        after = waves(U, good)
         tried.append((_fall(now, after), int(j), after))
     _, j, after = max(tried, key=lambda one: one[0])
     return j, after
@@ -138,7 +153,7 @@ def _fall(before: tuple[Any, Float], after: tuple[Any, Float]) -> float:
     return float(np.median(before[1] / after[1]))
 
 
-def _waves(U: Any, good: Mask) -> tuple[Any, Float]:
+def _round_ring(U: Any, good: Mask) -> tuple[Any, Float]:
     """The field of a few waves laid through good receivers, and the variance of what is left."""
     n, nx = U.shape
     seen = np.where(good, U, 0)
