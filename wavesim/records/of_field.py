@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from wavesim.material.family import Block
@@ -31,7 +33,7 @@ def block_record(field: Field, block: Block) -> Record:
     parts = [values for values, _ in field.components(block)]
     names = [next(iter(c)) for c in block.macro + block.micro]
     own = tuple(s.position for s in field.sources if s.field in block.fields)
-    return record(
+    made = record(
         np.stack(parts),
         field.t,
         field.bar.nodes,
@@ -41,6 +43,7 @@ def block_record(field: Field, block: Block) -> Record:
         sources=own,
         trusted=True,
     )
+    return replace(made, leak=0.0)  # all its receivers are alike
 
 
 def references(field: Field, block: Block) -> tuple[OfMedium, OfMedium]:

@@ -21,7 +21,7 @@ from wavesim.timedomain.time_step import RUN, TimeStep, chunk_frames
 
 # Seconds on the machine that was measured on, quiet; to compile, between what is compiled anew and
 # what is kept on disk; products of states in the cache take less.
-_START, _COMPILE = 1.1, {"propagator": 1.3, "chebyshev": 2.1}
+_START, _COMPILE = 1.1, {"propagator": 1.0, "chebyshev": 1.4}
 _PER_FLOP, _PER_PRODUCT = 3.0e-11, {"propagator": 1.0e-5, "chebyshev": 3.5e-6}
 # Of a series with relaxations, in more layers than these, a product of states.
 _MANY_LAYERS, _PER_LAYERED = 3, 1.0e-5

@@ -56,6 +56,8 @@ _SOURCE, _BUFFER, _NEXT = "next to a source", "in a buffer", 4
 _RANGE, _FOLDED, _GRADED = 129, 4, 4
 # A transform has this many frequencies at least.
 _MOST_CELLS = BUDGET / 64
+# Times of a signal to each of its frequencies, at most.
+_FRAMES = 8
 # So long a signal (rad of the highest frequency) takes long to transform.
 _MOST_PHASE = 500.0
 
@@ -120,6 +122,8 @@ def limit_of(simulated: Simulation) -> str:
         return f"{bar.cells} cells are more than {_MOST_CELLS:.0f}"
     if simulated.gradient_felt:
         return "the gradient term Γ counts here"
+    if (count := simulated.duration * simulated.band / math.pi) > BUDGET:
+        return f"{bar.cells} cells at {count:.0f} frequencies take too long to work out"
     for one in simulated.sources:
         if (one.end - one.onset) * one.excited[1] > _MOST_PHASE:
             return f"the signal of the {one.field} source is too long, {one.end - one.onset:.3g} s"
@@ -203,8 +207,9 @@ def _of_bar(simulated: Simulation, table: AnalysisTable) -> list[Foretold] | Non
         return []
     if limit_of(simulated):
         return None
-    t = simulated.times
-    grid = _contour(simulated.layers, sources, float(t[-1]))
+    grid = _contour(simulated.layers, sources, simulated.duration)
+    # Signals of so many frequencies show nothing more in frames that lie closer.
+    t = np.linspace(0.0, simulated.duration, min(simulated.frames, _FRAMES * len(grid.omega)))
     about = {(name, 0): x for name, x in seen.items()}
     for name, x in [*seen.items(), *((f"source {i}", s.position) for i, s in enumerate(sources))]:
         near = reach(simulated, x)

@@ -35,6 +35,8 @@ _SOME, _STANDS = 1.3, 25.0
 # A factor that explains all but this part of a receiver is one.
 _ALONE, _SAME = 0.01, 1e-3
 _FEWEST_FREQUENCIES, _FREQUENCIES = 4, 64
+# … fewer of more receivers than these, which tell as much, …
+_FULL = 256
 # … the loudest, of this part of the greatest power. One is off by this part of the field's.
 _LOUD, _LEAST = 0.01, 1e-6
 # Where, of many, none has so many times the median left, none is off.
@@ -77,7 +79,8 @@ def unfit(U: Any, known: Mask, waves: Waves | None = None) -> Unfit:
         return Unfit(off, factor, True)
     waves = waves or _round_ring
     size = np.sum(np.abs(U) ** 2, axis=1)
-    loud = np.argsort(-size, kind="stable")[:_FREQUENCIES]
+    several = max(4 * _FEWEST_FREQUENCIES, min(_FREQUENCIES, _FREQUENCIES * _FULL // nx))
+    loud = np.argsort(-size, kind="stable")[:several]
     fewest = loud[: 4 * _FEWEST_FREQUENCIES]
     rows = np.union1d(fewest, loud[size[loud] > _LOUD * size.max()])
     U = U[rows]
