@@ -160,6 +160,20 @@ def test_a_mode_that_runs_through_zero_is_folded_on_either_side_of_it():
     assert not folded_branches(np.zeros(40, int), true / 4, omega, 1.0).any()
 
 
+def test_a_straight_mode_nearer_to_another_multiple_than_to_zero_is_folded(rng):
+    """k ∝ ω^1.3 at k − 2π/d, as noise lets it be seen, points past −2π/d; one of a cut-off, k² ∝
+    ω² − ω₀², is where it seems, and bends; as does the first without what is taken away."""
+    omega = np.linspace(0.94, 1.06, 12)
+    true = 2.6 * np.pi * omega**1.3
+    for seen, folded in ((true - 2 * np.pi, True), (true / 4, False)):
+        seen = seen + 0.02 * rng.normal(size=12)
+        assert folded_branches(np.zeros(12, int), seen, omega, 1.0).all() == folded
+    for low in (1.02, 1.1, 1.2):
+        omega = np.linspace(low, 1.5, 40)
+        k = 0.8 * np.pi * np.sqrt(omega**2 - 1)
+        assert not folded_branches(np.zeros(40, int), k, omega, 1.0).any()
+
+
 def test_a_gain_that_turns_a_wave_round_is_refused(rng):
     """Two receivers, the nearer of a tenth of the gain: what decays toward the source is no wave
     that comes from there."""

@@ -144,6 +144,18 @@ def test_a_folded_wave_is_refused():
     assert any(reason.startswith("folded") for reason in points.reason[beyond])
 
 
+def test_a_wave_of_one_frequency_no_louder_than_noise_is_no_tone():
+    """53 receivers that each fold what comes, 3 % of noise, 1400 frequencies: some are in line by
+    chance, none of them is a point; a tone ten times as loud is."""
+    x, t = 0.5 * np.arange(53), np.arange(2800) * 1e-4
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=(2800, 53))
+    tone = np.cos(2 * x - 2 * np.pi * 800 * t[:, None])
+    for size, points in ((0.0, 0), (2.0, 1)):
+        found = in_time(record(noise + size * tone, t, x), method="fft")
+        assert found.valid.sum() == points
+
+
 def test_noise_alone_has_no_mode(rng):
     points, own = read(rng.normal(size=(500, 24)), 0.005 * np.arange(24))
     assert len(own) == 0

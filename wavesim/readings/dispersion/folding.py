@@ -19,12 +19,12 @@ _TO_ZERO = 0.3
 # A slope is told where Re k changes by this part of π/d, and is so many errors.
 _LEAST_CHANGE = 0.02
 _ERRORS = 4.0
-# A straight mode points to a multiple of 2π/d to this part of it.
-_NEAR = 0.08
+# A straight mode points to a multiple of 2π/d to this part of it, or past this part of the first.
+_NEAR, _FAR = 0.08, 0.5
 _FEWEST = 3
-# What is left of a line through a mode that is curved: this part of it all, and from one frequency
-# to the next this part of that, where of noise it is all.
-_BENT, _SMOOTH = 0.2, 0.2
+# What is left of a line through a mode that is curved, or far from straight: this part of it all,
+# and from one frequency to the next this part of that, where of noise it is all.
+_CURVED, _BENT, _SMOOTH = 1e-3, 0.2, 0.2
 # Such a mode stays within this part of π/d.
 _WITHIN = 0.5
 # Points of a mode, at least, that is believed beside others that are folded.
@@ -42,12 +42,12 @@ def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
     return slope, unsure, float(k.mean()) - slope * middle, unsure * middle
 
 
-def _bends(k: Float, omega: Float) -> bool:
-    """Whether a mode is a smooth curve, far from straight, as of waves that decay about a gap."""
+def _bends(k: Float, omega: Float, part: float) -> bool:
+    """Whether a mode is a smooth curve, this part of it all off straight."""
     slope, _, offset, _ = _straight(k, omega)
     left = k - offset - slope * omega
     smooth = np.sum(np.diff(left) ** 2) / 2 < _SMOOTH * np.sum(left**2)
-    return bool(smooth and np.sum(left**2) > _BENT * np.sum((k - k.mean()) ** 2))
+    return bool(smooth and np.sum(left**2) > part * np.sum((k - k.mean()) ** 2))
 
 
 def is_folded(k: Float, omega: Float, gap: float) -> bool:
@@ -68,10 +68,10 @@ def is_folded(k: Float, omega: Float, gap: float) -> bool:
     if abs(slope) * np.ptp(omega) < _LEAST_CHANGE * np.pi / gap or abs(slope) < _ERRORS * unsure:
         return False
     if float(np.median(k)) * slope < 0:
-        return not (np.abs(k).max() < _WITHIN * np.pi / gap and _bends(k, omega))
-    turns = offset * gap / (2 * np.pi)
-    near = abs(turns - round(turns)) < _NEAR and blur * gap / (2 * np.pi) < _NEAR
-    return bool(abs(round(turns)) >= 1 and near)
+        return not (np.abs(k).max() < _WITHIN * np.pi / gap and _bends(k, omega, _BENT))
+    turns, blur = offset * gap / (2 * np.pi), blur * gap / (2 * np.pi)
+    near = abs(round(turns)) >= 1 and abs(turns - round(turns)) < _NEAR and blur < _NEAR
+    return bool(near or (abs(turns) - blur > _FAR and not _bends(k, omega, _CURVED)))
 
 
 def points_to_zero(k: Float, omega: Float, gap: float) -> bool:

@@ -174,7 +174,9 @@ def _tones(found: Beams, branch: NDArray[Any]) -> NDArray[np.int64]:
     loud = found.amplitude > _LOUD * found.amplitude.max(initial=0.0)
     for i in np.flatnonzero(loud & found.clear & ~found.cut & (branch < 0)):
         away = np.abs(found.step - found.step[i])
-        beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=0.0)
+        # Where nothing is found it is no louder than the quietest that is.
+        beside = min(found.amplitude[away > _WIDE], default=0.0)
+        beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=beside)
         near, size = found.amplitude[away <= _WIDE].max(), found.amplitude[i]
         if size == near > _TONE * beside and not (branch[away <= _WIDE] >= 0).any():
             tones.append(i)
