@@ -70,6 +70,7 @@ class Beams:
         bends: of each, beside the others at its frequency.
         unsure: standard error of the frequency, rad/s.
         cut: whether it is nothing but what the record's ends leave of others.
+        noise: its standard deviation at half the frequencies or more, unit of the amplitude.
     """
 
     step: NDArray[np.int64]
@@ -81,6 +82,7 @@ class Beams:
     bends: Bends
     unsure: Float
     cut: NDArray[np.bool_]
+    noise: float
 
 
 def _in_step(U: Complex, x: Float) -> Callable[[Float], Float]:
@@ -121,6 +123,7 @@ def beams(
     """
     seen = spectra(values, interval, quantum)
     together, cell = _in_step(seen.U, x), seen.omega[0]
+    quiet = float(np.median(np.sqrt(np.mean(seen.noise**2, axis=1))))
     seen = seen.take(seen.omega <= omega_max)
     omega = seen.omega
     rows = np.flatnonzero(seen.weight.any(axis=1))
@@ -148,7 +151,7 @@ def beams(
     step, k, error, size, left, clear = columns[:6]
     at = np.searchsorted(rows, step)
     found = Beams(step.astype(int), k, error, size, left, clear > 0, Bends(*columns[6:]),
-                  unsure[at], cut[at])  # fmt: skip
+                  unsure[at], cut[at], quiet)  # fmt: skip
     return omega, found
 
 

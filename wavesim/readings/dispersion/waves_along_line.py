@@ -34,7 +34,8 @@ _CLOSE = 0.1
 _CELL = 0.25
 # Largest standard error of k, over k.
 _LARGEST_ERROR = 0.25
-# A tone is the highest of so many bins on either side, so many times higher than all within more.
+# A tone is the highest of so many bins on either side, so many times higher than all within more,
+# and than noise.
 _WIDE, _NEAR_TONE, _TONE = 4, 12, 10.0
 # … and no weaker than this part of the strongest.
 _LOUD = 0.1
@@ -174,9 +175,7 @@ def _tones(found: Beams, branch: NDArray[Any]) -> NDArray[np.int64]:
     loud = found.amplitude > _LOUD * found.amplitude.max(initial=0.0)
     for i in np.flatnonzero(loud & found.clear & ~found.cut & (branch < 0)):
         away = np.abs(found.step - found.step[i])
-        # Where nothing is found it is no louder than the quietest that is.
-        beside = min(found.amplitude[away > _WIDE], default=0.0)
-        beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=beside)
+        beside = found.amplitude[(away > _WIDE) & (away < _NEAR_TONE)].max(initial=found.noise)
         near, size = found.amplitude[away <= _WIDE].max(), found.amplitude[i]
         if size == near > _TONE * beside and not (branch[away <= _WIDE] >= 0).any():
             tones.append(i)
