@@ -281,3 +281,19 @@ def test_a_step_that_all_receivers_hear_at_once_is_no_source_among_them(at, rng)
     s = (2e4 * np.pi * (t[:, None] - x / SPEED - 2e-4)) ** 2
     u = (1 - 2 * s) * np.exp(-s) + 1e-3 * rng.normal(size=s.shape) + 1.0 * (t > at)[:, None]
     assert record(u, t, x).source_seen is None
+
+
+@pytest.mark.parametrize("gains", [(0.327, -0.143, 0.009, -0.033, -0.241),
+                                   (-0.102, 0.061, -0.05, -0.005, 0.065),
+                                   (-0.234, 0.112, -0.105, -0.047, 0.165)])  # fmt: skip
+def test_gains_at_random_of_five_receivers_show_none_that_is_mis_scaled(gains, rng):
+    """Four of five lie on some line by chance: the fifth is no fault for that. One three times as
+    loud as four of gains of 1 % is."""
+    x, t = np.array([0.02, 0.027, 0.039, 0.046, 0.062]), np.arange(1000) * 5e-7
+    s = (np.pi * 5e4 * (t[:, None] - 3e-5 - x / SPEED)) ** 2
+    u = (1 - 2 * s) * np.exp(-s - 8 * x)
+    u += 1e-3 * rng.normal(size=u.shape)
+    loud = 1 + 0.01 * np.sign(gains) + 2.0 * (x == 0.039)
+    for gain, named in ((1 + np.array(gains), 0), (loud, 1)):
+        found = record(u * gain, t, x).findings
+        assert sum(one.what == "mis-scaled" for one in found) == named

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as f_ratio
 
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.quiet import Rest
@@ -43,6 +44,8 @@ _ALONE, _LATE, _EXCHANGED = 0.1, 0.3, 0.15
 # Factors nearer to 1 are none, at the ends, where waves may fall off otherwise, and elsewhere; and
 # nearer to −1 they are a polarity.
 _FACTOR, _AT_END, _TURNED = 1.04, 1.5, 0.1
+# … and those that gains at random show in this part of records, as far as the others' tell.
+_CHANCE = 0.01
 # A factor between these is divided out; beyond, too little is left of the channel.
 _SCALED = (0.2, 5.0)
 # Of fewer an exchange is sought among all pairs: it must leave this part of what any other does.
@@ -187,6 +190,10 @@ def _judge(
     if not seen.all or agreed > _AGREED:
         return found
     power = np.sum(np.abs(V) ** 2, axis=0)
+    factors = np.sum(np.real(np.conj(V) * U), axis=0) / power
+    spare = max(int((~seen.off).sum()) - 2, 1)  # but for a level and a slope
+    scatter = np.sum(np.log(np.abs(factors[~seen.off])) ** 2) / spare
+    by_chance = float(np.sqrt(scatter * f_ratio.isf(_CHANCE / len(x), 1, spare)))
     numbers = [int(j) for j in np.flatnonzero(off)]
     for j, i in ((j, i) for j in numbers for i in numbers if i < j):
         other = np.sum(np.abs(U[:, [i, j]] - V[:, [j, i]]) ** 2)
@@ -195,12 +202,12 @@ def _judge(
             found |= {i: ("swapped", float(part[j])), j: ("swapped", float(part[i]))}
     for j in (j for j in numbers if j not in found):
         size = float(np.sum(np.abs(U[:, j]) ** 2))
-        factor = float(np.sum(np.real(np.conj(V[:, j]) * U[:, j])) / power[j])
+        factor = float(factors[j])
         phase = np.angle(U[:, j] * np.conj(V[:, j]))
         delay = _delay(phase, omega)
         late = float(np.sum(np.abs(U[:, j] - V[:, j] * np.exp(1j * omega * delay)) ** 2))
         if np.sum(np.abs(U[:, j] - factor * V[:, j]) ** 2) < _ALONE * size:
-            least = np.log(_AT_END if j in (0, len(x) - 1) else _FACTOR)
+            least = max(np.log(_AT_END if j in (0, len(x) - 1) else _FACTOR), by_chance)
             if abs(factor + 1) < _TURNED:
                 found[j] = "reversed", np.pi
             elif factor < 0 or abs(np.log(factor)) > least:
