@@ -15,6 +15,8 @@ from rich.text import Text
 from wavesim import planewave
 from wavesim.case.load import load
 from wavesim.grid.bar import layered_bar
+from wavesim.layered.transmission import Specimen
+from wavesim.layered.transmission import specimen as between
 from wavesim.material.shown import with_error
 from wavesim.readings.bar.transmission import specimen
 from wavesim.report.answers import answers, verdict
@@ -170,9 +172,15 @@ def test_long_waves_go_at_their_speed(small_run):
     assert row["velocity"] == pytest.approx(row["velocity_exact"], rel=1e-4)
 
 
-def test_stop_bands_are_where_a_level_crosses_20_decibels():
+def nothing_more(self, sector, bands):
+    """Of a level that is made up its layers know nothing."""
+    return np.zeros(0), np.zeros(0)
+
+
+def test_stop_bands_are_where_a_level_crosses_20_decibels(monkeypatch):
     """|T| falls as a straight line in dB from 0 at 400 kHz to −40 at 500, and back to 600: below
     −20 dB from 450 to 550 kHz. What lies deeper than a record can tell has no level."""
+    monkeypatch.setattr(Specimen, "peaks_within", nothing_more)
     omega = np.linspace(3e5, 8e5, 101) * 2 * np.pi
     level = np.interp(omega / KHZ, [400, 500, 600], [0, -40, 0])
     layers = chain((0.02, STIFF), (0.006, SOFT), (0.02, STIFF))
@@ -193,9 +201,10 @@ def test_stop_bands_are_where_a_level_crosses_20_decibels():
         assert most["level"] == pytest.approx(0, abs=1e-9)
 
 
-def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends():
+def test_stop_bands_are_those_of_a_steady_wave_and_open_where_the_run_ends(monkeypatch):
     """At real ω −40 dB from 500 kHz on, −10 dB below; the run tells of 300 to 800 kHz, and sees 20
     dB less at ω + iσ all over."""
+    monkeypatch.setattr(Specimen, "peaks_within", nothing_more)
     omega = np.linspace(3e5, 9e5, 121) * 2 * np.pi
     real = np.where(omega < 500 * KHZ, 10**-0.5, 1e-2) + 0j
     layers = chain((0.02, STIFF), (0.006, SOFT), (0.02, STIFF))
@@ -267,3 +276,16 @@ def test_every_answer_has_its_table(small_run):
     for table in tables:
         for column in table.columns:
             assert any(column.key in row for row in table.rows)
+
+
+def test_no_narrow_pass_band_lies_in_a_stop_band(shipped):
+    """Of eight cells each pass band has seven resonances, some narrower than a frequency of the
+    line: of 4,000 frequencies in each band told, no more than 0.2 % pass (9 % were)."""
+    run = shipped("bragg_mirror")
+    known = between(run.field.layers)
+    for row in run.summary["answers"]["transmission"]:
+        if row["lower"] is None:
+            continue
+        omega = 2 * np.pi * np.linspace(row["lower"], row["upper"], 4002)[1:-1]
+        level = np.abs(known.at_real(row["sector"], omega).T)
+        assert np.mean(level > 0.1) <= 2e-3, row["where"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from media import MEDIUM, unit_wavenumber
 
+from wavesim.case.load import load
 from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
@@ -15,6 +16,7 @@ from wavesim.records.of_field import block_record
 from wavesim.records.relations import OfMedium
 from wavesim.studies.least_squares import FitError
 from wavesim.studies.medium_fit import Observed, _Model, fit
+from wavesim.studies.points_and_speeds import of_points
 
 UNIT = unit_wavenumber(MEDIUM)
 
@@ -146,3 +148,31 @@ def test_a_fit_that_cannot_be_made_says_why():
     # Density and all stiffnesses scale ω together: no point tells them apart.
     with pytest.raises(FitError, match="do not tell density, G_n_a, G_n_r apart"):
         fit(observed, MEDIUM, ("density", "G_n_a", "G_n_r"))
+
+
+def test_points_of_another_sector_tell_what_one_branch_does_not(tmp_path):
+    """Four parameters by twelve points of LA, and beside these of the transverse waves: all within
+    their bars, which are less than a tenth of those of LA alone."""
+    truth = {"anisotropy": 0.25, "stiffness_ratio": 0.5, "density": 1570.0, "G_n_a": 5.0}
+    (tmp_path / "case.toml").write_text(
+        '[medium]\nanisotropy = 0.2\nstiffness_ratio = 0.55\nclosure = "consistent"\n[bar]\n'
+        'length = 0.02\nspacing = 2e-4\n[[sources]]\nfield = "phi1"\nposition = 0.01\n'
+        "peak_frequency = 3e5\n[time]\nduration = 1e-5\n"
+    )
+    case = load(tmp_path / "case.toml")
+    medium = replace(case.medium, **truth)
+    rng, files = np.random.default_rng(3), []
+    for sector, count in (("longitudinal", 1), ("transverse2", None)):
+        one = exact_points(medium, medium.family.blocks_of(sector)[0], 1e-3)
+        own = slice(None) if count is None else one.branch < count
+        rows = np.stack([one.branch, one.k.real, one.omega.real, one.error], axis=1)[own]
+        rows[:, 2] += rows[:, 3] * rng.standard_normal(len(rows))
+        files.append(tmp_path / f"points_{sector}.csv")
+        heads = "branch,k_rad_per_m,omega_rad_per_s,omega_error_rad_per_s"
+        np.savetxt(files[-1], rows, delimiter=",", header=heads, comments="")
+    keys = [f"medium.{name}" for name in truth]
+    alone, both = (of_points(some, case, keys) for some in (files[:1], files))
+    for name, value in truth.items():
+        key = f"medium.{name}"
+        assert abs(both.values[key] - value) <= 3 * both.errors[key]
+        assert both.errors[key] < 0.1 * alone.errors[key]

@@ -17,7 +17,7 @@ from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.readings.bar.eigenfrequencies import ringing
 from wavesim.studies.least_squares import FitError
-from wavesim.studies.speed_fit import of_speeds
+from wavesim.studies.points_and_speeds import of_speeds
 
 LAYER = {
     "branch_length": 9e-4,

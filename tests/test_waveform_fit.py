@@ -123,6 +123,22 @@ def test_bars_that_what_is_held_spoils_do_not_count(record, tmp_path):
     assert found.comparison.systematic == pytest.approx(found.residual, rel=0.2)
 
 
+def test_what_an_error_of_what_is_held_does_is_what_is_said_of_it(record, tmp_path):
+    """η held 2 % too high trades for a, and nothing is left over: a moves by twice what 1 % is said
+    to move it by, to a fifth."""
+    fits = []
+    for eta in (TRUTH["eta"], 1.02 * TRUTH["eta"]):
+        loaded = load(case(tmp_path, **{**TRUTH, "eta": eta}))
+        fits.append(of_waveforms(loaded, matched(record, loaded.simulation, None), ["anisotropy"],
+                                 None, None))  # fmt: skip
+    (note,) = [one for one in fits[0].notes if "take what is held as exact" in one]
+    said = float(note.split(" (medium.stiffness_ratio)")[0].rpartition(" ")[2])
+    key = NAMES["a"]
+    moved = abs(fits[1].values[key] - fits[0].values[key]) / fits[0].errors[key]
+    assert moved == pytest.approx(2 * said, rel=0.2)
+    assert not any(fits[1].reasons.values())
+
+
 def test_what_the_data_do_not_tell_is_said(record, tmp_path):
     """Density and all stiffnesses raised alike change a moment's field as a gain does."""
     loaded = load(case(tmp_path, **TRUTH))

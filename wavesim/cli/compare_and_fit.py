@@ -140,6 +140,12 @@ def compare(
     "longitudinal, where not given.",
 )
 @click.option(
+    "--also",
+    metavar="FILE",
+    multiple=True,
+    help="Points of another sector beside those of RECORD, whose sector its name ends in.",
+)
+@click.option(
     "--speeds",
     nargs=2,
     type=POSITIVE,
@@ -194,6 +200,7 @@ def _of_record(
     keys: tuple[str, ...],
     more: tuple[str, ...],
     sector: str | None,
+    also: tuple[str, ...],
     overrides: tuple[str, ...],
     **beside: Any,
 ) -> tuple[dict[str, Any], Any]:
@@ -205,19 +212,22 @@ def _of_record(
     named = [part for key in (*keys, *more) for part in key.split(",") if part.strip()]
     from wavesim.records.content import RecordError
     from wavesim.records.point_table import is_points
-    from wavesim.studies.fit_answer import of_points, of_waveforms
+    from wavesim.studies.fit_answer import of_waveforms
     from wavesim.studies.least_squares import FitError
+    from wavesim.studies.points_and_speeds import of_points
 
     field, lag, scale, layout = (beside[name] for name in ("field", "lag", "scale", "layout"))
     measured: Any = None
     of_table = is_points(Path(record))
+    if also and not of_table:
+        stop("--also: takes points of another sector; RECORD is no table of points", BAD_INPUT)
     if of_table:
         loaded = read_case(case, overrides)
     else:
         loaded, measured = _laid_beside(record, case, field, lag, scale, overrides, layout)
     try:
         if of_table:
-            found = of_points(Path(record), loaded, named, sector)
+            found = of_points([Path(record), *map(Path, also)], loaded, named, sector)
         else:
             found = of_waveforms(loaded, measured, named, lag, scale)
     except (FitError, RecordError):
@@ -237,7 +247,7 @@ def _of_speeds(
     **_: Any,
 ) -> tuple[dict[str, Any], None]:
     """What speeds, or two series of them, say of the contacts."""
-    from wavesim.studies import speed_fit
+    from wavesim.studies import points_and_speeds
 
     if speeds and (shear or case is not None):
         stop("--speeds: takes CASE alone, without RECORD and --shear", BAD_INPUT)
@@ -247,9 +257,9 @@ def _of_speeds(
         )
     start = read_layers(case or record, overrides).medium
     if not speeds:
-        return speed_fit.of_series(_series(record), _series(shear or ""), start), None
+        return points_and_speeds.of_series(_series(record), _series(shear or ""), start), None
     errors = speed_errors or (math.nan, math.nan)
-    return speed_fit.of_speeds(*speeds, start, errors).summary(), None
+    return points_and_speeds.of_speeds(*speeds, start, errors).summary(), None
 
 
 def _series(path: str) -> Any:

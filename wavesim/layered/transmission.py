@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -155,6 +156,8 @@ def transmission(
 MARGIN = 2e-3
 # Frequencies at which a band is looked at: evenly, below asymptotes (parts of them), and about so
 # many turning points.
+# Even frequencies of a band that stops, its turning points looked at, frequencies about each.
+_LOOKED, _TOPS, _NEAR_TOP = 100, 6, 11
 _IN_BAND, _BELOW, _TURNS, _NEAR = 801, np.geomspace(1e-6, 3e-2, 300), 16, 17
 
 
@@ -258,6 +261,37 @@ class Specimen:
         ends = int(np.argmax(level)), int(np.argmin(level))
         highest, lowest = ((float(level[n]), float(frequency[n])) for n in ends)
         return highest, lowest
+
+    def peaks_within(self, sector: str, bands: Sequence[tuple[float, float]]) -> tuple[Any, Any]:
+        """What may pass within bands that stop: 20 log₁₀|T| at real ω at even frequencies of each
+        and, twice closer, about its highest turning points there.
+
+        Args:
+            sector: with a macro-field.
+            bands: (lowest, highest), Hz.
+
+        Returns:
+            Frequencies, Hz, and levels, dB, of all.
+        """
+        nets = [np.linspace(*band, _LOOKED) for band in bands]
+        levels = self._levels(sector, np.concatenate(nets)).reshape(len(bands), -1)
+        net = [*zip(nets, levels, strict=True)]
+        for _ in range(2):
+            near = []
+            for frequency, level in net:
+                padded = np.concatenate([[-np.inf], level, [-np.inf]])
+                turns = np.flatnonzero((level >= padded[:-2]) & (level >= padded[2:]))
+                turns = turns[np.argsort(-level[turns], kind="stable")][:_TOPS]
+                last = len(level) - 1
+                sides = frequency[np.maximum(turns - 1, 0)], frequency[np.minimum(turns + 1, last)]
+                near.append(np.linspace(*sides, _NEAR_TOP)[1:-1].ravel())
+            found = self._levels(sector, np.concatenate(near))
+            parts = np.split(found, np.cumsum([len(one) for one in near])[:-1])
+            both = zip(net, near, parts, strict=True)
+            merged = [(np.append(f, a), np.append(v, b)) for (f, v), a, b in both]
+            net = [(f[n], v[n]) for f, v in merged for n in [np.argsort(f)]]
+        frequencies, found_levels = zip(*net, strict=True)
+        return np.concatenate(frequencies), np.concatenate(found_levels)
 
     def _levels(self, sector: str, frequency: Any) -> Any:
         exact = self.at_real(sector, 2 * np.pi * frequency)

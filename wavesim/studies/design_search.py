@@ -155,11 +155,12 @@ def _round(own: Search, seed: int, starts: Any, begin: float) -> Kept:
 def _short(own: Search, x: Any) -> tuple[Any, Any]:
     """By how much stacks x (members, n) miss each wish, dB, and where worst, Hz, (members,
     wishes) each: on the finer net, and of those that keep all there by the exact solver,
-    which looks closer where T may be narrow."""
+    which looks closer where T may be narrow; once the time is up not by that, as it takes seconds
+    of graded layers and has the last word on the stack that is found."""
     values = own.problem.values(x)
     level, where = own.worst_levels(values)
     short = own.problem.short(level)
-    for n in np.flatnonzero((short == 0).all(axis=1)):
+    for n in () if own.ended else np.flatnonzero((short == 0).all(axis=1)):
         level, where[n] = own.problem.exact(values[n])
         short[n] = np.nan_to_num(own.problem.short(level), nan=np.inf)
         if (short[n] == 0).all():

@@ -1,22 +1,19 @@
-"""A case beside a record, and fits of a case to waveforms or points: what each of them says."""
+"""A case beside a record, and its fit to waveforms: what each of them says."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.case.load import Case
-from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.readings.misfit import Comparison, goes_with, laid_otherwise, misfit
-from wavesim.records.point_table import read_points
-from wavesim.studies.fitted_keys import QUALITY, targets, with_values
-from wavesim.studies.least_squares import FitError, Solution, Tied, solve, tied
+from wavesim.studies.fitted_keys import held_beside, targets, with_values
+from wavesim.studies.least_squares import Solution, Tied, solve, tied
 from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms
 
 Float = NDArray[Any]
@@ -131,6 +128,9 @@ _LOOKED_INTO, _FAR_LESS = 0.1, 0.5
 # What is left over goes with the signals where they explain this part of its power (of noise and of
 # jitter 0.04 at most was seen); so much of the record's rms spoils what is fitted.
 _NO_NOISE, _SPOILS = 0.3, 0.01
+# What is held is changed by this part, to see what that does; those are told of whose 1 % moves a
+# value by so many of its errors.
+_CHANGED, _MOVES = 1e-3, 0.5
 # More than this of the record left over says that the case is another than what was measured.
 _LARGEST_RESIDUAL = 0.5
 
@@ -211,7 +211,11 @@ def of_waveforms(
     layers = with_values(case.simulation.layers, varied, values.values())
     fitted = replace(case, simulation=replace(case.simulation, layers=layers))
     scale = data.scale_of(solution.values)
-    beside = compare(fitted, measured, lag if lag is not None else solution.values[LAG], scale)
+    lain = lag if lag is not None else solution.values[LAG]
+    beside = compare(fitted, measured, lain, scale)
+    # Of a ring each would be a run of its own.
+    ring = case.simulation.endless
+    columns = {} if ring else _held_columns(fitted, varied, measured, lain, scale, gain)
     # What was fitted to columns of other receivers is no case to lay them on.
     far = beside.residual > _LARGEST_RESIDUAL
     notes = (compare(case, measured, lag, gain) if far else beside).measured.notes
@@ -232,9 +236,51 @@ def of_waveforms(
         tied(solution.values, solution.errors, solution.covariance),
         beside.residual,
         solution.evaluations,
-        notes,
+        (*notes, *_sensitive(data, solution, columns)),
         comparison=beside,
     )
+
+
+def _held_columns(
+    case: Case, varied: Any, measured: Measured, lag: float, scale: float, gain: float | None
+) -> dict[str, Float]:
+    """{what is held: how the residuals change as it grows by all of what it is, (n,)}."""
+
+    def left(layers: Any, places: Measured, by: float = 1.0) -> Float:
+        one = replace(case, simulation=replace(case.simulation, layers=layers))
+        return Waveforms(
+            case, [], measured, lag, by * scale, known=signals_of(one, places)
+        ).residuals({})[0]
+
+    own, found = case.simulation.layers, {}
+    now = left(own, measured)
+    for one in held_beside(case, varied):
+        changed = with_values(own, [one], [one.value_in(own) * (1 + _CHANGED)])
+        found[one.key] = (left(changed, measured) - now) / _CHANGED
+    for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True)):
+        places = [*measured.positions[:j], x * (1 + _CHANGED), *measured.positions[j + 1 :]]
+        moved = left(own, replace(measured, positions=tuple(places)))
+        found[f"position of {name}"] = (moved - now) / _CHANGED
+    if gain is not None:
+        found["--scale"] = (left(own, measured, 1 + _CHANGED) - now) / _CHANGED
+    return found
+
+
+def _sensitive(data: Waveforms, solution: Solution, columns: dict[str, Float]) -> list[str]:
+    """What is held and moves fitted values by more than half of their errors, being off by 1 %."""
+    if not columns:
+        return []
+    _, J, _ = data.residuals(solution.values)
+    keys = [one.key for one in data.varied]
+    errors = np.array([solution.errors[key] for key in keys])
+    parts = 0.01 * np.linalg.lstsq(J, np.stack(list(columns.values()), axis=1), None)[0]
+    told = []
+    for key, moved in zip(keys, np.abs(parts[: len(keys)]) / errors[:, None], strict=True):
+        most = sorted(zip(moved.tolist(), columns, strict=True), reverse=True)
+        each = [f"{size:.2g} ({name})" for size, name in most if size > _MOVES]
+        told += [f"{key} by {', '.join(each)}"] if each else []
+    said = "the errors take what is held as exact; off by 1 %, it moves, in errors, "
+    return [said + "; ".join(told)] if told else []
 
 
 def _reason(solution: Solution, key: str, beside: Comparison) -> str:
@@ -242,12 +288,14 @@ def _reason(solution: Solution, key: str, beside: Comparison) -> str:
     if beside.residual > _LARGEST_RESIDUAL:
         return (
             f"{beside.residual:.0%} of the record is left over: the case is another than what "
-            "was measured, or the first guess too far off"
+            "was measured, or the first guess too far off: begin elsewhere with --set"
         )
     if not np.isfinite(solution.errors[key]):
-        others = sorted({k for one in solution.degenerate if key in one for k in one} - {key})
-        with_what = f" apart from {', '.join(others)}" if others else ""
-        return f"the data do not tell it{with_what}: fit fewer, or add what tells them apart"
+        with_it = sorted({k for one in solution.degenerate if key in one for k in one} - {key})
+        with_what = f" apart from {', '.join(with_it)}" if with_it else ""
+        stated = {GAIN: "--scale", LAG: "--lag"}
+        known = "".join(f", or state {stated[k]}" for k in with_it if k in stated)
+        return f"the data do not tell it{with_what}: fit fewer{known}"
     if key in solution.at_limits:
         return "it ended at the limit of what is admissible: hold it, or begin elsewhere with --set"
     if beside.systematic > _SPOILS:
@@ -257,88 +305,3 @@ def _reason(solution: Solution, key: str, beside: Comparison) -> str:
             "more keys, or hold them at other values with --set"
         )
     return "" if solution.converged else "the fit did not settle: begin closer, with --set"
-
-
-def of_points(path: Path, case: Case, keys: Sequence[str], sector: str | None = None) -> FitAnswer:
-    """Fit a case's medium to points that ``wavesim dispersion`` or ``attenuation`` wrote.
-
-    Args:
-        path: of the table of points.
-        case: the case, of one uniform medium, which begins the fit.
-        keys: what to fit: medium.NAME.
-        sector: which sector's waves the points are of; by the file's name where None.
-
-    Raises:
-        FitError: it can't be done.
-        RecordError: the table can't be read.
-    """
-    from wavesim.studies import medium_fit  # slow to import, and waveforms do without
-
-    varied = targets(case, keys)
-    odd = next((v for v in varied if v.name == QUALITY or not v.key.startswith("medium.")), None)
-    if odd is not None or not case.simulation.layers.uniform:
-        raise FitError(
-            f"--vary {odd.key if odd else keys[0]}: points tell of one lossless medium: name its "
-            "parameters, such as medium.anisotropy, or give the waveforms"
-        )
-    names = [one.name for one in varied]
-    points = _points(path)
-    sector = _sector(path, case, names, sector)
-    (block, *_) = case.medium.family.blocks_of(sector)
-    try:
-        found = medium_fit.fit([medium_fit.Observed(block, points)], case.medium, names)
-    except FitError as wrong:
-        raise FitError(f"{path}: {wrong}") from None
-    notes = [
-        f"{found.points} numbers of {sector} points, χ² per degree of freedom "
-        f"{found.chi_square:.3g}"
-    ]
-    if found.systematic:
-        notes.append(
-            "more is left over than the points' errors: they are held against the endless medium, "
-            "and a simulated record's grid, or another medium, puts them off; the errors hold what "
-            "that could move"
-        )
-    return FitAnswer(
-        "points",
-        {one.key: found.values[one.name] for one in varied},
-        {one.key: found.errors[one.name] for one in varied},
-        dict.fromkeys((one.key for one in varied), ""),
-        residual=found.chi_square,
-        notes=tuple(notes),
-    )
-
-
-def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> str:
-    """The sector of a file of points: as it is named, on its own or in the file's name.
-
-    Where several families run, its family is that which has all that is fitted.
-
-    Raises:
-        FitError: it is none in which waves travel, or may be of several families.
-    """
-    known = case.medium.family.travelling
-    ending = path.stem.rpartition("_")[2]
-    sector = given or (ending if ending in known else "longitudinal")
-    if sector in known:
-        return sector
-    fitting = [part for part in case.medium.parts if all(name in part.known() for name in names)]
-    found = [f"{part.family.name}-{sector}" for part in fitting]
-    found = [name for name in found if name in known]
-    if len(found) == 1:
-        return found[0]
-    raise FitError(f"--sector {sector}: must be one of {', '.join(known)}")
-
-
-def _points(path: Path) -> BranchPoints:
-    """The valid points of a table, each of its branch."""
-    columns = read_points(path)
-    k, omega = columns["k"], columns["omega"]
-    valid = columns.get("valid", np.ones(len(k), bool))
-    if not valid.any():
-        raise FitError(f"{path}: holds no valid point")
-    branch = np.nan_to_num(columns.get("branch", np.zeros(len(k)))).astype(int)
-    zero, nothing = np.zeros(len(k)), np.full(len(k), "", object)
-    method = "space" if np.iscomplexobj(k) else "harmonic"
-    every = k, omega, zero, zero, columns["error"], zero, valid, nothing, branch
-    return BranchPoints(method, *every).take(valid)

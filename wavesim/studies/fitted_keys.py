@@ -24,6 +24,14 @@ class Target:
     name: str
     layers: tuple[int, ...]
 
+    def value_in(self, layers: Layers) -> float:
+        """What it is in layers, SI."""
+        medium = layers.layers[self.layers[0]].medium
+        if self.name != QUALITY:
+            return float(getattr(medium, self.name) or 0.0)
+        assert medium.damping.made is not None
+        return medium.damping.made[0]
+
 
 def targets(case: Case, keys: Sequence[str]) -> list[Target]:
     """What keys of a case name.
@@ -66,6 +74,20 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
         found.append(Target(full, name, own))
     if not found:
         raise FitError("--vary: name what to fit, such as medium.anisotropy")
+    return found
+
+
+def held_beside(case: Case, varied: Sequence[Target]) -> list[Target]:
+    """What else of a case's media is a number that could be varied, where it is not 0."""
+    found: list[Target] = []
+    for name in (*case.medium.known(), QUALITY):
+        try:
+            (one,) = targets(case, [f"medium.{name}"])
+        except FitError:
+            continue
+        own = any(v.name == name and set(v.layers) & set(one.layers) for v in varied)
+        if one.layers and not own and one.value_in(case.simulation.layers):
+            found.append(one)
     return found
 
 

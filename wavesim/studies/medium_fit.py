@@ -157,7 +157,7 @@ def fit(
         raise FitError(
             f"the points do not tell {', '.join(parameters)} apart (condition "
             f"{singular[0] / max(singular[-1], 1e-300):.1e}): fit fewer, or add points of other "
-            "branches or sectors"
+            "branches, or of another sector with --also FILE"
         )
     chi_square = 2 * answer.cost / (total - len(parameters))
     inverse = np.linalg.inv(answer.jac.T @ answer.jac)

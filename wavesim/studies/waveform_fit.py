@@ -97,13 +97,11 @@ class Waveforms:
         return float(np.sum(f * power) / np.sum(power))
 
     def _parameter(self, one: Target) -> Parameter:
-        medium = self.case.simulation.layers.layers[one.layers[0]].medium
+        layers = self.case.simulation.layers
+        start = one.value_in(layers)
         if one.name == QUALITY:
-            made = medium.damping.made
-            assert made is not None
-            return Parameter(one.key, made[0], 2.0, 1e5, made[0])
-        known = medium.known()[one.name]
-        start = float(getattr(medium, one.name) or 0.0)
+            return Parameter(one.key, start, 2.0, 1e5, start)
+        known = layers.layers[one.layers[0]].medium.known()[one.name]
         tiny = 1e-6 * abs(start) if start else 0.0
         low = known.low + tiny if known.open else known.low
         size = abs(start) or min(known.high, 1.0)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.layered.transmission import specimen
 from wavesim.material.damping import quality
 from wavesim.material.shown import HERTZ, KHZ, decibels, plain
 from wavesim.planewave.dispersion_relation import Gap, long_wave_speed, open_gaps
@@ -80,6 +81,13 @@ def _levels(field: Field, found: Scattered) -> list[Row]:
         if (band.holds(found.omega) & judged).any():
             rows += _asked(band)
     stopped = _stopped(omega[within], steady[within])
+    known_at, known_there = omega[within], steady[within]
+    for _ in range(2 if stopped else 0):  # what passes between its frequencies
+        spans = [(low * HERTZ, high * HERTZ) for low, high, *_ in stopped]
+        more, there = specimen(field.layers).peaks_within(found.sector, spans)
+        known_at, first = np.unique(np.append(known_at, more / HERTZ), return_index=True)
+        known_there = np.append(known_there, there)[first]
+        stopped = _stopped(known_at, known_there)
     for number, (low, high, *opened) in enumerate(stopped, start=1):
         own = [gap.name for gap in names if gap.lower < high and low < gap.upper]
         where = f"about {', '.join(own)}" if own else f"stop band {number}"

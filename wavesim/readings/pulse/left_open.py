@@ -66,6 +66,11 @@ RINGING = (
     "--face-to-face tells their delay, and a pulse further from their resonance has less of it"
 )
 
+DELAYED = (
+    "most of the error is the system's own delay, which is not said: --face-to-face FILE of the "
+    "transducers in touch reads it, or --delay says it"
+)
+
 
 @dataclass(frozen=True)
 class Arrived:
@@ -98,14 +103,15 @@ def left_open(
     """
     slow = STEP if record.sent is not None and is_step(record.sent) else SLOW
     own = breaking(heard, at.begins, record.period)
-    return [
-        (at.open, ""),
+    delay = 0.0 if delays else _DELAY * record.period
+    others = [
         (float(np.nan_to_num(at.second)), SECOND.format(at.second)),
-        (0.0 if delays else _DELAY * record.period, ""),
         (0.0 if delays or own is None else ringing(record, own, heard), RINGING),
         (begun_earlier(record, own, heard, at.begins), EARLIER),
         (slow_rise(record), slow),
     ]
+    most = max(at.noise, at.open, *(part for part, _ in others))
+    return [(at.open, ""), (delay, DELAYED if delay > most else ""), *others]
 
 
 def begun_earlier(

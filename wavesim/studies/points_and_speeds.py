@@ -1,4 +1,6 @@
-"""From measured P and S speeds to contact stiffness and η: long waves of the translation family.
+"""Fits of a medium to points, and from P and S speeds to contact stiffness and η.
+
+Speeds are those of long waves of the translation family.
 
 At long waves grains move with the mean, so that the average stiffness K_n^a and η alone are felt,
 
@@ -13,12 +15,17 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from wavesim.case.load import Case
 from wavesim.material.medium import Medium
+from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.records.point_table import read_points
 from wavesim.studies.fit_answer import FitAnswer
+from wavesim.studies.fitted_keys import QUALITY, targets
 from wavesim.studies.least_squares import FitError, tied
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
@@ -160,3 +167,93 @@ def _power_law(fits: Sequence[tuple[float, FitAnswer]]) -> dict[str, float]:
     own = np.nan_to_num(np.array([one.errors[KEYS[0]] for _, one in fits]) / K)
     error = math.sqrt(max(scatter, float(np.sum((away * own) ** 2)) / lever**2))
     return {"c": float(np.exp(c)), "b": float(b), "b_error": error}
+
+
+def of_points(
+    paths: Sequence[Path], case: Case, keys: Sequence[str], sector: str | None = None
+) -> FitAnswer:
+    """Fit a case's medium to points that ``wavesim dispersion`` or ``attenuation`` wrote.
+
+    Args:
+        paths: of tables of points, each of a sector of its own.
+        case: the case, of one uniform medium, which begins the fit.
+        keys: what to fit: medium.NAME.
+        sector: which sector's waves the points of the first are of; by its name where None.
+
+    Raises:
+        FitError: it can't be done.
+        RecordError: the table can't be read.
+    """
+    from wavesim.studies import medium_fit  # slow to import, and waveforms do without
+
+    varied = targets(case, keys)
+    odd = next((v for v in varied if v.name == QUALITY or not v.key.startswith("medium.")), None)
+    if odd is not None or not case.simulation.layers.uniform:
+        raise FitError(
+            f"--vary {odd.key if odd else keys[0]}: points tell of one lossless medium: name its "
+            "parameters, such as medium.anisotropy, or give the waveforms"
+        )
+    names = [one.name for one in varied]
+    given = [sector, *[None] * (len(paths) - 1)]
+    sectors = [_sector(path, case, names, one) for path, one in zip(paths, given, strict=True)]
+    observed = [
+        medium_fit.Observed(case.medium.family.blocks_of(one)[0], _points(path))
+        for path, one in zip(paths, sectors, strict=True)
+    ]
+    try:
+        found = medium_fit.fit(observed, case.medium, names)
+    except FitError as wrong:
+        raise FitError(f"{', '.join(map(str, paths))}: {wrong}") from None
+    notes = [
+        f"{found.points} numbers of {' and '.join(sectors)} points, χ² per degree of freedom "
+        f"{found.chi_square:.3g}"
+    ]
+    if found.systematic:
+        notes.append(
+            "more is left over than the points' errors: they are held against the endless medium, "
+            "and a simulated record's grid, or another medium, puts them off; the errors hold what "
+            "that could move"
+        )
+    return FitAnswer(
+        "points",
+        {one.key: found.values[one.name] for one in varied},
+        {one.key: found.errors[one.name] for one in varied},
+        dict.fromkeys((one.key for one in varied), ""),
+        residual=found.chi_square,
+        notes=tuple(notes),
+    )
+
+
+def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> str:
+    """The sector of a file of points: as it is named, on its own or in the file's name.
+
+    Where several families run, its family is that which has all that is fitted.
+
+    Raises:
+        FitError: it is none in which waves travel, or may be of several families.
+    """
+    known = case.medium.family.travelling
+    ending = path.stem.rpartition("_")[2]
+    sector = given or (ending if ending in known else "longitudinal")
+    if sector in known:
+        return sector
+    fitting = [part for part in case.medium.parts if all(name in part.known() for name in names)]
+    found = [f"{part.family.name}-{sector}" for part in fitting]
+    found = [name for name in found if name in known]
+    if len(found) == 1:
+        return found[0]
+    raise FitError(f"--sector {sector}: must be one of {', '.join(known)}")
+
+
+def _points(path: Path) -> BranchPoints:
+    """The valid points of a table, each of its branch."""
+    columns = read_points(path)
+    k, omega = columns["k"], columns["omega"]
+    valid = columns.get("valid", np.ones(len(k), bool))
+    if not valid.any():
+        raise FitError(f"{path}: holds no valid point")
+    branch = np.nan_to_num(columns.get("branch", np.zeros(len(k)))).astype(int)
+    zero, nothing = np.zeros(len(k)), np.full(len(k), "", object)
+    method = "space" if np.iscomplexobj(k) else "harmonic"
+    every = k, omega, zero, zero, columns["error"], zero, valid, nothing, branch
+    return BranchPoints(method, *every).take(valid)
