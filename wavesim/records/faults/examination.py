@@ -46,7 +46,9 @@ def samples(
     values, t, held = once_each(values, t, np.zeros(0), found)
     values = without_fill(values, t, x, labels, found)
     quantum = quantisation.quanta(values)
-    flat, part = clipped(values, quantum, _noisy(values, _NOISY))
+    # A gap is as broad in frequency as noise.
+    whole = bool(np.isfinite(values).all())
+    flat, part = clipped(values, quantum, whole and _noisy(values, _NOISY))
     if flat.any():
         where = places(x, flat, labels)
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
