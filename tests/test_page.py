@@ -260,7 +260,7 @@ def test_waves_that_went_round_are_marked(page, small_run):
 
 def test_phone_and_paper(browser, small_run):
     """At 390 pixels nothing is wider than the screen, no number of a table is out of sight and each
-    stands by its heading; on paper there are no controls."""
+    stands by its heading; at 1280 no table is cut off; on paper there are no controls."""
     with opened(browser, small_run.folder / "report.html", 390, 844) as (page, told):
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
@@ -274,6 +274,9 @@ def test_phone_and_paper(browser, small_run):
             assert 0 <= left < right <= 390
             assert hidden <= 0
             assert value is None or len(heading) > 4
+        page.set_viewport_size({"width": 1280, "height": 900})
+        wider = "all => all.map(one => one.scrollWidth - one.clientWidth)"
+        assert max(page.eval_on_selector_all("#answers .wide", wider)) <= 0
         pdf = page.pdf()
         assert pdf[:4] == b"%PDF"
         page.emulate_media(media="print")

@@ -161,6 +161,8 @@ def test_two_modes_are_no_fault_of_a_receiver_and_hide_none(seed):
         for layout, kept in ((Layout(), delay == 0), (Layout(as_recorded=True), delay < 1)):
             found = from_arrays({"t": t, "x": x, "values": u}, layout)
             assert found.x.tolist() == x[kept].tolist()
+    with pytest.raises(RecordError, match="only along a line"):
+        from_arrays({"t": t, "x": x, "values": u}, Layout(as_recorded=True, ring=True))
 
 
 def test_two_waves_of_different_speed_make_no_receiver_mis_scaled():

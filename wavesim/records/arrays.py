@@ -120,8 +120,6 @@ def find(content: Content, layout: Layout) -> Found:
     if axes is None:
         raise _unsaid(content, layout, values, labels)
     (t, t_note, t_resolution), (x, x_note, x_resolution) = axes
-    if t.ndim == 1 and len(t) == len(x) and np.ndim(arrays.get(name, values)) == 2:
-        notes.append(f"{name} is square: taken as times down, receivers across")
     assumed = [n for n in (t_note, x_note) if n]
     if assumed:
         notes.append("; ".join(assumed))

@@ -222,6 +222,11 @@ def record(
     Raises:
         RecordError: it can't be used.
     """
+    if as_recorded and ring:
+        raise RecordError(
+            "as_recorded: only along a line can channels be taken as they are; round a ring each "
+            "fault would show at all wavenumbers: leave it out, or leave out ring"
+        )
     stored = np.asarray(values)
     values, t, x = shapes.real(stored), np.array(t, float), np.array(x, float)
     if values.ndim == 2:

@@ -145,14 +145,20 @@ def pulse_tests(field: Any) -> tuple[dict[str, Any], list[str]]:
     for one in told["records"]:
         one.pop("frequencies", None)
     read: dict[str, list[str]] = {}
+    refused: dict[str, list[str]] = {}
     for one in readings:
+        name = one.file.rpartition(" ")[2]
         if one.best.valid:
             speed = with_error(one.best.velocity, one.best.velocity_error, "m/s")
-            name = one.file.rpartition(" ")[2]
             read.setdefault(one.best.convention, []).append(f"{name} {speed}")
+        else:
+            refused.setdefault(one.best.reason, []).append(name)
     said = [
-        f"pulse velocity between receivers by {by}, {_TIMED[by]}: {', '.join(speeds)}; "
-        f"wavesim pulse {FOLDER} tells more"
+        f"pulse velocity between receivers by {by}, {_TIMED[by]}: {', '.join(speeds)}"
         for by, speeds in read.items()
     ]
-    return {"pulse": told}, said
+    said += [
+        f"no pulse velocity between receivers of {', '.join(names)}: {why}"
+        for why, names in refused.items()
+    ]
+    return {"pulse": told}, [f"{one}; wavesim pulse {FOLDER} tells more" for one in said]
