@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as f_ratio
+from scipy.special import stdtrit
 
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.quiet import Rest
@@ -193,7 +193,7 @@ def _judge(
     factors = np.sum(np.real(np.conj(V) * U), axis=0) / power
     spare = max(int((~seen.off).sum()) - 2, 1)  # but for a level and a slope
     scatter = np.sum(np.log(np.abs(factors[~seen.off])) ** 2) / spare
-    by_chance = float(np.sqrt(scatter * f_ratio.isf(_CHANCE / len(x), 1, spare)))
+    by_chance = float(np.sqrt(scatter) * stdtrit(spare, 1 - _CHANCE / len(x) / 2))
     numbers = [int(j) for j in np.flatnonzero(off)]
     for j, i in ((j, i) for j in numbers for i in numbers if i < j):
         other = np.sum(np.abs(U[:, [i, j]] - V[:, [j, i]]) ** 2)
