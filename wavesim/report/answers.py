@@ -78,6 +78,13 @@ class Answer:
 # Rows of a table of receivers, at most.
 _MOST_RECEIVERS = 12
 
+_OF_A_GAP = (
+    Column("from", "lower", "frequency"),
+    Column("to", "upper", "frequency"),
+    Column("at", "frequency", "frequency"),
+    Column("steady\nwave", "attenuation_at_real_frequency", "decay"),
+    Column("20 dB\nwithin", "twenty_decibels_within", "length"),
+)
 _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
     "medium": (
         "Band gaps of the medium, and how strongly they attenuate in their middle",
@@ -85,11 +92,7 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("gap", "gap"),
             Column("waves", "sector"),
             Column("of", "medium"),
-            Column("from", "lower", "frequency"),
-            Column("to", "upper", "frequency"),
-            Column("at", "frequency", "frequency"),
-            Column("steady\nwave", "attenuation_at_real_frequency", "decay"),
-            Column("20 dB\nwithin", "twenty_decibels_within", "length"),
+            *_OF_A_GAP,
         ),
         "Exact, of the medium alone. Steady wave: what a wave that never ends loses there; it has "
         "lost 20 dB, a tenth of it left, within the distance beside.",
@@ -99,11 +102,7 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
         (
             Column("gap", "gap"),
             Column("waves", "sector"),
-            Column("from", "lower", "frequency"),
-            Column("to", "upper", "frequency"),
-            Column("at", "frequency", "frequency"),
-            Column("steady\nwave", "attenuation_at_real_frequency", "decay"),
-            Column("20 dB\nwithin", "twenty_decibels_within", "length"),
+            *_OF_A_GAP,
             Column("record:\nsimulated", "attenuation", "decay"),
             Column("record:\nexact", "attenuation_exact", "decay"),
         ),
