@@ -10,6 +10,7 @@ from runs import call
 
 import wavesim as ws
 from wavesim.records.files import write
+from wavesim.records.point_table import read_points
 from wavesim.records.record import RecordError
 from wavesim.records.synthetic import Pulse, Spoil, positions
 from wavesim.verdict.score import Truth, points_of
@@ -94,6 +95,17 @@ def test_what_is_missed_and_how_near_is_told_of_each_branch(ring, exact, tmp_pat
     far = table["off"] / table["omega"]
     np.testing.assert_allclose(far[table["branch"] == 2], 1e-3, rtol=2e-3)
     assert call(*words, tmp_path / "s.txt").exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [("rad/s", 1.0), ("mrad/s", 1e-3), ("Mrad/s", 1e6), ("krad/s", 1e3), ("mHz", 2e-3 * np.pi),
+     ("MHz", 2e6 * np.pi)],
+)  # fmt: skip
+def test_milli_is_not_mega(unit, size, tmp_path):
+    (tmp_path / "p.csv").write_text(f"k (rad/m),omega ({unit})\n1,2\n3,4\n")
+    found = read_points(tmp_path / "p.csv")["omega"]
+    np.testing.assert_allclose(found, [2 * size, 4 * size], rtol=1e-12)
 
 
 def test_bars_that_are_too_small_show(ring, exact):

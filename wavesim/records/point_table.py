@@ -32,8 +32,10 @@ _NAMES: dict[str, dict[str, float]] = {
 _SIZES = {
     "rad/m": 1.0, "1/m": 1.0, "rad/cm": 100.0, "1/cm": 100.0, "rad/mm": 1e3, "1/mm": 1e3,
     "np/m": 1.0, "rad/s": 1.0, "1/s": 1.0, "rad/ms": 1e3, "krad/s": 1e3, "rad/us": 1e6,
-    "rad/µs": 1e6, "mrad/s": 1e6, "–": 1.0, "-": 1.0,
+    "rad/µs": 1e6, "–": 1.0, "-": 1.0,
 }  # fmt: skip
+# In which the case tells.
+_CASED = {"Mrad/s": 1e6, "mrad/s": 1e-3}
 _TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
 
 
@@ -106,8 +108,8 @@ def _size(path: Path, heading: str, usual: float) -> float:
     unit = heading.strip().removeprefix(without_unit(heading)).strip(" ()[]{}<>/,_")
     if not unit:
         return usual
-    if unit.casefold() in _SIZES:
-        return _SIZES[unit.casefold()]
+    if (size := _CASED.get(unit, _SIZES.get(unit.casefold()))) is not None:
+        return size
     if (hertz := factor(unit, "frequency")) is not None:
         return 2 * np.pi * hertz
     raise RecordError(f"{path}: column {heading}: {unit} is no unit of it: give rad/m, rad/s or Hz")
