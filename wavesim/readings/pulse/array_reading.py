@@ -272,6 +272,6 @@ def _dispersion(result: PulseResult) -> list[str]:
         return []
     f = found.omega[strongest] / (2 * math.pi)
     return [
-        f"the medium disperses: at {f:.4g} Hz phases run at {c:.4g} m/s and groups at {v:.4g} m/s, "
-        "so that each convention reads a speed of its own"
+        f"the medium disperses: at {f / 1e3:.4g} kHz phases run at {c:.4g} m/s and groups at "
+        f"{v:.4g} m/s, so that each convention reads a speed of its own"
     ]
