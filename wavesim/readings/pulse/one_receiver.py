@@ -164,12 +164,14 @@ def settled(
     """
     delay = delays.get(OF_ONE, 0.0)
     time = at.begins - delay
+    # None arrives before it was sent.
+    rivals = [one for one in rivals if one > delay]
+    others = [one - delay for one in rivals]
     told = named(heard, at.begins, record.period, delay)
     share = math.hypot(*(part for part, _ in parts))
     notes = [*record.notes, *_crosstalk(record)]
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
     notes += [note for part, note in parts if note and part > 0]
-    others = [one - delay for one in rivals]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
     best = judged(
         at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted,
