@@ -108,8 +108,9 @@ def read_array(
         given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
     window, overlap = echo_gate(looked_at)
-    if window is not None:
-        notes.append(f"the record is read up to {window.end:.4g} s, before the first echo")
+    if window is not None and not overlap:
+        at = "" if math.isinf(window.velocity) else ", later at each that the wave reaches later"
+        notes.append(f"the record is read up to {window.end:.4g} s, before the first echo{at}")
         weights = window.weights(looked_at.t, looked_at.x)
         given = {key: _ended(given[key], weights[:, j]) for j, key in enumerate(looked_at.names)}
     result = measure(
