@@ -175,14 +175,17 @@ def ringing(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) ->
 
 def slower(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> tuple[float, float]:
     """How much more slowly one of the packets heard rises, and falls, than what was sent, in
-    periods; 0 where that is not known, as of a step, or of what another follows before it falls."""
-    if record.sent is None or is_step(record.sent):
+    periods; 0 of a step, and of what another follows before it falls. What was not recorded may
+    have risen and fallen at once."""
+    if record.sent is not None and is_step(record.sent):
         return 0.0, 0.0
     dt, period = record.interval, record.period
     rise, fall = _about_top(
         envelope(record.got), round((own.top + record.start - record.t[0]) / dt)
     )
-    sent = _about_top(envelope(band_about(record.sent, dt, period)))
+    sent = (0, 0)
+    if record.sent is not None:
+        sent = _about_top(envelope(band_about(record.sent, dt, period)))
     alone = not any(own.top < one.top <= own.top + fall * dt for one in heard)
     return (rise - sent[0]) * dt / period, (fall - sent[1]) * dt / period * alone
 

@@ -37,6 +37,7 @@ from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     RIVAL,
     Packet,
+    endless,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -173,6 +174,8 @@ def settled(
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
     notes += [note for part, note in parts if note and part > 0]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    if not reason and not wanted.speed > 0:
+        reason = endless(heard, record)
     best = judged(
         at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted,
         "average more" if at.noise > share else "send a shorter pulse",
