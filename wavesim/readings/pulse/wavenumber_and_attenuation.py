@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.dispersion.line_fit import fit_line, unknowns
+from wavesim.readings.dispersion.line_fit import NOISE_SPREAD, deviation, fit_line, unknowns
 from wavesim.readings.pulse.phase_unwrapping import FINE, HIDDEN, Guess, resolve
 from wavesim.readings.pulse.signals import PulseRecord
 from wavesim.readings.pulse.spectral_windows import Spectra, Window, spectra
@@ -168,10 +168,14 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     noise = np.where(used, np.hypot(seen.noise[rows], seen.cut[rows]), 0)
     count = used.sum(axis=1)
     # With no receiver to spare nothing is left over, and the noise must be known.
-    spare = (count > unknowns(1, False))[:, None]
-    own = np.where(spare & np.isnan(noise), seen.cut[rows] * used, noise)
-    power = np.maximum(np.sum(own**2, axis=1) / count, fit.residual)
-    error[rows] = np.sqrt(power / 2) * fit.unit[:, 0]
+    spare = count - unknowns(1, False)
+    own = np.where((spare > 0)[:, None] & np.isnan(noise), seen.cut[rows] * used, noise)
+    power = np.sum(own**2, axis=1) / count
+    # What is left over is more than noise where some is known, at all frequencies together.
+    known = np.nanmean(np.where(used, noise, np.nan) ** 2) if np.isfinite(noise).any() else np.inf
+    if np.mean(fit.residual) <= NOISE_SPREAD * known:
+        power = np.maximum(power, fit.residual)
+    error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
     return k, error
 
 
