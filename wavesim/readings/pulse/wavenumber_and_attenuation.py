@@ -71,6 +71,7 @@ class Dispersion:
         modulus_quality: Q_M = Re k²/Im k², shape (n,), –.
         intercept: of the phase at ω = 0, turns; see ``phase_unwrapping.py``.
         reason: why there is no k, n of them; "" where there is one.
+        no_loss: why amplitudes tell no loss, so that k is its real part alone; "" where they do.
     """
 
     omega: Float
@@ -91,6 +92,7 @@ class Dispersion:
     modulus_quality: Float
     intercept: float
     reason: tuple[str, ...]
+    no_loss: str = ""
 
     def refused(self, reason: str, where: Any = True) -> Dispersion:
         """The same frequencies with nothing at those of a mask, or at any, for one reason."""
@@ -102,6 +104,13 @@ class Dispersion:
         }
         said = zip(own, self.reason, strict=True)
         return replace(self, **of_frequency, reason=tuple(reason if o else r for o, r in said))
+
+    def without_loss(self, why: str) -> Dispersion:
+        """The same velocities with neither α nor Q, for a reason."""
+        names = "attenuation", "attenuation_error", "quality", "quality_error", "quality_at_least"
+        none: dict[str, Any] = dict.fromkeys((*names, "modulus_quality"), 0 * self.omega + np.nan)
+        none |= {"k": self.k.real + 1j * np.nan, "damped": self.damped.real + 1j * np.nan}
+        return replace(self, **none, no_loss=why)
 
     @property
     def with_errors(self) -> Dispersion:
