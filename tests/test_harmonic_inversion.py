@@ -14,7 +14,7 @@ from wavesim.readings.dispersion.harmonic_inversion import invert
 from wavesim.readings.dispersion.sinusoids import fit
 from wavesim.records.fitness import for_frequency_at_k
 from wavesim.records.of_field import references
-from wavesim.records.record import record
+from wavesim.records.record import record as as_record
 from wavesim.verdict.recovered_points import match
 
 
@@ -79,7 +79,7 @@ def test_noise_along_a_line_or_round_a_ring_holds_no_wave(rng):
     """Every frame at every receiver: there is no point at all, and no error."""
     u, x, t = rng.normal(size=(300, 24)), 0.1 * np.arange(24), 1e-4 * np.arange(300)
     for ring in (False, True):
-        found = in_time(for_frequency_at_k(record(u, t, x, ring=ring)), method="harmonic")
+        found = in_time(for_frequency_at_k(as_record(u, t, x, ring=ring)), method="harmonic")
         assert not found.valid.any()
 
 

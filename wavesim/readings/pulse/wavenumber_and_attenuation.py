@@ -181,8 +181,8 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     own = np.where((spare > 0)[:, None] & np.isnan(noise), seen.cut[rows] * used, noise)
     power = np.sum(own**2, axis=1) / count
     # What is left over is more than noise where some is known, at all frequencies together.
-    known = np.nanmean(np.where(used, noise, np.nan) ** 2) if np.isfinite(noise).any() else np.inf
-    if np.mean(fit.residual) <= NOISE_SPREAD * known:
+    known = noise[used & np.isfinite(noise)]
+    if not (len(known) and np.mean(fit.residual) > NOISE_SPREAD * np.mean(known**2)):
         power = np.maximum(power, fit.residual)
     error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
     return k, error
