@@ -154,6 +154,21 @@ def test_quality_in_a_medium_that_disperses_by_structure():
     assert np.abs(found.modulus_quality * steepness / truth - 1).max() <= 2e-2
 
 
+@pytest.mark.parametrize(
+    ("law", "constant"),
+    [(lossy, True), (lambda w: w / C / np.sqrt(1 - 1j * w / (40 * 2 * np.pi * F)), False)],
+    ids=["Kolsky", "Kelvin and Voigt"],
+)
+def test_q_is_said_to_change_with_frequency_where_its_law_does(law, constant):
+    """Law: a constant Q leaves χ²/ν of 1/Q about its mean below 3, as ω/2αv_g is Q to 1/πQ alone,
+    whatever little the noise is; Q = 40 · 500 kHz/f of Kelvin and Voigt leaves more than 30."""
+    x = np.array([0.0, 0.004, 0.011, 0.02])
+    found = measure(T, *named(through(law, T, ricker(T, F, 4e-6), x), x)).quality
+    assert not found.reason
+    assert found.quality == pytest.approx(40, rel=0.03 if constant else 0.5)
+    assert found.excess < 3 if constant else found.excess > 30
+
+
 @pytest.mark.parametrize("gains", [(1.0, 1.0, 1.0), (1.0, 0.3, 2.0)])
 def test_spectral_ratio(gains):
     """Law: ln(A₂/A₁) = g − πfτ/Q, to 1/πQ = 0.8 % as the velocity changes with frequency; unequal

@@ -17,7 +17,7 @@ from wavesim.differentiable.traced_layers import traced_layers
 from wavesim.layered.eigenfrequencies import resonances
 from wavesim.readings.bar.eigenfrequencies import ringing
 from wavesim.studies.least_squares import FitError
-from wavesim.studies.points_and_speeds import of_speeds
+from wavesim.studies.points_and_speeds import HELD, of_speeds
 
 LAYER = {
     "branch_length": 9e-4,
@@ -293,6 +293,19 @@ def test_bars_of_a_fit_to_speeds_hold():
         off = np.array([abs(f.values[key] - value) / f.errors[key] for f in fits])
         assert 0.6 <= np.mean(off <= 1) <= 0.76
         assert 0.92 <= np.mean(off <= 2) <= 0.98
+
+
+def test_what_is_held_moves_a_fit_to_speeds_as_its_law_says():
+    """K_n_a ~ ρ/l²N: by 1, −2 and −1 % for 1 %, and η not at all; the error of it is √6 %."""
+    exact = dict.fromkeys(("", "medium.anisotropy"), 0.0)
+    known = exact | {f"medium.{name}": 0.01 for name in HELD[1:]}
+    found = of_speeds(300.0, 200.0, SOIL, (1e-9, 1e-9), known)
+    (key, eta) = found.values
+    for name, power in (("density", 1), ("branch_length", -2), ("contact_density", -1)):
+        part = found.held[key][f"medium.{name}"] / found.values[key]
+        assert part == pytest.approx(0.01 * power, rel=1e-6)
+        assert found.held[eta][f"medium.{name}"] == pytest.approx(0, abs=1e-9)
+    assert found.errors[key] == pytest.approx(0.01 * 6**0.5 * found.values[key], rel=1e-6)
 
 
 def test_speeds_that_no_medium_has_are_told():

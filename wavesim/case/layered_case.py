@@ -238,11 +238,13 @@ def varied_key(known: BarLayers, key: str) -> VariedKey:
         found = [n for n, p in enumerate(known.places) if list(p.where) == table]
         if not found:
             tables = dict.fromkeys(".".join(p.where) for p in known.places if p.where[0] != "bar")
-            some = list(tables)
-            shown = ", ".join(some[:6]) + (", …" if len(some) > 6 else "")
+            some = [*tables, *([] if name == "thickness" else ["medium"])]
+            shown = ", ".join([*some[:6], *(["…", some[-1]] if len(some) > 6 else [])])
             raise ValueError(
-                f'key = "{key}": no layer stands at {".".join(table) or "the top"}; there are '
-                f"{shown or 'none'}" + ("" if name == "thickness" else ", and medium")
+                f'key = "{key}": no layer stands at {".".join(table) or "the top"}; name one of '
+                f"{shown}"
+                if some
+                else "the case has no [[layers]]: add some"
             )
     own = [known.places[n].table for n in found]
     if name == "thickness" and any(t.thickness is None for t in own):

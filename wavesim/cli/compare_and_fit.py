@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,13 @@ def compare(
 )
 @BESIDE
 @click.option(
+    "--held",
+    metavar="[NAME=]PART",
+    multiple=True,
+    help="How well what is not varied is known, of its size, as 1%, or medium.density=0.2%; the "
+    "errors hold it.",
+)
+@click.option(
     "--sector",
     metavar="NAME",
     help="Of points, such as transverse2 or translation-longitudinal; as the file's name ends, or "
@@ -177,6 +185,7 @@ def fit(out: str | None, as_json: bool, **given: Any) -> None:
     from wavesim.material.shown import plain
     from wavesim.report.progress import working
 
+    given["held"] = dict(map(_part, given["held"]))
     of_speeds = given["speeds"] or given["shear"]
     with working("fit"):
         found, comparison = (_of_speeds if of_speeds else _of_record)(**given)
@@ -194,6 +203,16 @@ def fit(out: str | None, as_json: bool, **given: Any) -> None:
         sys.exit(FELL_SHORT)
 
 
+def _part(told: str) -> tuple[str, float]:
+    """What is held ("" for all else), and the part of its size that it is known to."""
+    name, _, part = told.rpartition("=")
+    with suppress(ValueError):
+        known_to = float(part.rstrip(" %")) * (0.01 if "%" in part else 1)
+        if 0 <= known_to < 1:
+            return name.strip(), known_to
+    stop(f"--held {told}: must be [NAME=]PART, PART from 0 to 1, as 0.01 or 1%", BAD_INPUT)
+
+
 def _of_record(
     record: str,
     case: str | None,
@@ -201,6 +220,7 @@ def _of_record(
     more: tuple[str, ...],
     sector: str | None,
     also: tuple[str, ...],
+    held: dict[str, float],
     overrides: tuple[str, ...],
     **beside: Any,
 ) -> tuple[dict[str, Any], Any]:
@@ -227,9 +247,9 @@ def _of_record(
         loaded, measured = _laid_beside(record, case, field, lag, scale, overrides, layout)
     try:
         if of_table:
-            found = of_points([Path(record), *map(Path, also)], loaded, named, sector)
+            found = of_points([Path(record), *map(Path, also)], loaded, named, sector, held)
         else:
-            found = of_waveforms(loaded, measured, named, lag, scale)
+            found = of_waveforms(loaded, measured, named, lag, scale, held)
     except (FitError, RecordError):
         raise
     except ValueError as error:
@@ -243,6 +263,7 @@ def _of_speeds(
     speeds: tuple[float, float] | None,
     speed_errors: tuple[float, float] | None,
     shear: str | None,
+    held: dict[str, float],
     overrides: tuple[str, ...],
     **_: Any,
 ) -> tuple[dict[str, Any], None]:
@@ -257,9 +278,9 @@ def _of_speeds(
         )
     start = read_layers(case or record, overrides).medium
     if not speeds:
-        return points_and_speeds.of_series(_series(record), _series(shear or ""), start), None
+        return points_and_speeds.of_series(_series(record), _series(shear or ""), start, held), None
     errors = speed_errors or (math.nan, math.nan)
-    return points_and_speeds.of_speeds(*speeds, start, errors).summary(), None
+    return points_and_speeds.of_speeds(*speeds, start, errors, held).summary(), None
 
 
 def _series(path: str) -> Any:

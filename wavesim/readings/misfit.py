@@ -20,6 +20,9 @@ from wavesim.simulation.bandlimited import between, cross_correlation
 
 Float = NDArray[Any]
 
+# More than this of the record left over says that the case is another than what was measured.
+LARGEST_RESIDUAL = 0.5
+UNLIKE = "the case is another than what was measured, whoever's the columns are"
 # Spectra are compared where both have this part of their peak.
 _IN_BAND = 0.1
 # A correlation is looked at so many times between its samples.
@@ -63,6 +66,7 @@ class Comparison:
         scale, scale_error: s, unit of the record over that of the field.
         residual: rms of all that is left, over the record's, –.
         systematic: the part of that which goes with the signals, as :func:`goes_with` has it, –.
+        otherwise: how the record lies on the case much better than as it is matched, or "".
     """
 
     measured: Measured
@@ -74,6 +78,13 @@ class Comparison:
     scale_error: float
     residual: float
     systematic: float
+    otherwise: str = ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the record, and what is wrong with how it lies on the case."""
+        wrong = self.otherwise or (UNLIKE if self.residual > LARGEST_RESIDUAL else "")
+        return (*self.measured.notes, *([wrong] if wrong else []))
 
     def summary(self) -> dict[str, Any]:
         """As plain data, SI."""
@@ -86,7 +97,7 @@ class Comparison:
             "residual": self.residual,
             "systematic": self.systematic,
             "receivers": [dict(vars(one)) for one in self.receivers],
-            "notes": list(self.measured.notes),
+            "notes": list(self.notes),
         }
 
 

@@ -21,6 +21,7 @@ KINDS: dict[str, tuple[float, str, int]] = {
     "wavenumber": (1e-3, "rad/mm", 4),
     "level": (1.0, "dB", 4),
     "number": (1.0, "", 5),
+    "error of number": (1.0, "", 2),
     "time": (1e6, "µs", 5),
     "length": (1e3, "mm", 5),
 }
@@ -197,6 +198,7 @@ _LAYOUT: dict[str, tuple[str, tuple[Column, ...], str]] = {
             Column("field", "field"),
             Column("at", "frequency", "frequency"),
             Column("Q", "quality", "number"),
+            Column("±", "quality_error", "error of number"),
             Column("law", "quality_exact", "number"),
         ),
         "",

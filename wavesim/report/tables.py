@@ -38,6 +38,8 @@ _MOST_LAYERS = 8
 _MOST_SHORT = 12
 # Columns that fit into 80 characters only side by side.
 _MANY = 8
+# Of what is held so many are named that are this part of the error that it makes.
+_MOST, _COUNTS = 4, 0.2
 
 
 def found(console: Console, summary: dict[str, Any]) -> None:
@@ -248,7 +250,7 @@ def show_comparison(console: Console, found: Comparison) -> None:
     scale_of = with_error(found.scale, found.scale_error)
     console.print(f"scale {scale_of}, unit of the record over that of {found.measured.field}")
     console.print(f"left over {found.residual:.3%} of the record's rms")
-    for note in found.measured.notes:
+    for note in found.notes:
         console.print(f"Note: {note}.", markup=False)
 
 
@@ -257,11 +259,18 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
     if "series" in answer:
         _show_states(console, answer)
         return
+    known_to, moves = answer["held"]["known_to"], answer["held"]["moves_by_1_percent"]
     for key, one in answer["parameters"].items():
         if one["value"] is None:
             console.print(f"{key}: no answer: {one['reason']}.", markup=False)
             continue
-        console.print(f"{key} = {with_error(one['value'], _number(one['error']))}", markup=False)
+        console.print(f"{key} = {_fitted(one)}", markup=False)
+        most = sorted(moves.get(key, {}).items(), key=lambda moved: -abs(moved[1]))[:_MOST]
+        counts = [
+            name for name, by in most if abs(by) > _COUNTS * _number(one["error_if_held_known"])
+        ]
+        if counts:
+            console.print(f"  most by {', '.join(counts)}", markup=False)
         if one["reason"]:
             console.print(f"  does not count: {one['reason']}.", markup=False)
     for key, one in answer["nuisances"].items():
@@ -271,7 +280,10 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         told = with_error(one["value"] * scale, error * scale, unit) if unit else None
         console.print(f"{key} {told or with_error(one['value'], error)}", markup=False)
     if any(one["error"] is not None for one in answer["parameters"].values()):
-        console.print("± is one standard error.")
+        how = "exact, or to 1 % in brackets: say by --held how well it is"
+        if known_to:
+            how = ", ".join(f"{name or 'all else'} to {p:.3g}" for name, p in known_to.items())
+        console.print(f"± is one standard error, what is not varied known {how}.", markup=False)
     for pair in answer["correlations"]:
         a, b = pair["keys"]
         value = with_error(pair["told"], pair["told_error"])
@@ -285,6 +297,15 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         console.print(f"Note: {note}.", markup=False)
 
 
+def _fitted(one: dict[str, Any]) -> str:
+    """A value with its error, and what that is where what is held is known to 1 %."""
+    told = with_error(one["value"], _number(one["error"]))
+    wider = _number(one["error_if_held_known"])
+    return (
+        f"{told} (± {wider:.2g} by 1 % of what is held)" if wider > _number(one["error"]) else told
+    )
+
+
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
@@ -294,8 +315,7 @@ def _show_states(console: Console, answer: dict[str, Any]) -> None:
     for row in answer["series"]:
         found = {key.partition(".")[2]: one for key, one in row.items() if key != "parameter"}
         why = next((one["reason"] for one in found.values() if one["reason"]), "")
-        told = [f"{k} = {with_error(v['value'], _number(v['error']))}" for k, v in found.items()
-                if v["value"] is not None]  # fmt: skip
+        told = [f"{k} = {_fitted(v)}" for k, v in found.items() if v["value"] is not None]
         console.print(f"{name} = {row['parameter']:g}: {why or ', '.join(told)}", markup=False)
     if law := answer["law"]:
         power = f"{law['b']:.3f} ± {law['b_error']:.2g}"

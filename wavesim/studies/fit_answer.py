@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from wavesim.case.load import Case
 from wavesim.readings.matched_record import Measured, resampling
-from wavesim.readings.misfit import Comparison, goes_with, laid_otherwise, misfit
+from wavesim.readings.misfit import LARGEST_RESIDUAL, Comparison, goes_with, laid_otherwise, misfit
 from wavesim.studies.fitted_keys import held_beside, targets, with_values
-from wavesim.studies.least_squares import Solution, Tied, solve, tied
+from wavesim.studies.least_squares import TIED, Held, Solution, Tied, solve, tied
 from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms
 
 Float = NDArray[Any]
@@ -28,7 +28,7 @@ def signals_of(case: Case, measured: Measured) -> Float:
 
         field = simulate(
             simulated.layers, simulated.bar, simulated.sources, simulated.duration,
-            samples=simulated.frames, receivers=simulated.receivers,
+            samples=simulated.frames, receivers=dict(zip(names, places, strict=True)),
         )  # fmt: skip
         return np.stack([field.at(x, measured.field) for x in places], axis=1)
     from wavesim.layered.signals import signals
@@ -62,20 +62,13 @@ def compare(
     sign = sign * (1 if sign.sum() > 0 else -1)
     laid = replace(measured, values=measured.values[:, order] * sign, t=measured.t - at)
     other = _beside(case, laid, None, None, frames)
-    if other.residual < _FAR_LESS * found.residual:
-        said = _laid(
-            replace(found, lag=at + other.lag, scale=other.scale),
-            order,
-            sign,
-            lag is not None and abs(at + other.lag - lag) > step,
-            scale is not None,
-        )
-        said += f": so {other.residual:.2%} would be left over, in place of {found.residual:.1%}"
-    elif other.residual > _LARGEST_RESIDUAL:
-        said = "the case is another than what was measured, whoever's the columns are"
-    else:
+    if not other.residual < _FAR_LESS * found.residual:
         return found
-    return replace(found, measured=replace(measured, notes=(*measured.notes, said)))
+    late = lag is not None and abs(at + other.lag - lag) > step
+    better = replace(found, lag=at + other.lag, scale=other.scale)
+    said = _laid(better, order, sign, late, scale is not None)
+    said += f": so {other.residual:.2%} would be left over, in place of {found.residual:.1%}"
+    return replace(found, otherwise=said)
 
 
 def _laid(better: Comparison, order: Any, sign: Float, late: bool, sized: bool) -> str:
@@ -128,11 +121,9 @@ _LOOKED_INTO, _FAR_LESS = 0.1, 0.5
 # What is left over goes with the signals where they explain this part of its power (of noise and of
 # jitter 0.04 at most was seen); so much of the record's rms spoils what is fitted.
 _NO_NOISE, _SPOILS = 0.3, 0.01
-# What is held is changed by this part, to see what that does; those are told of whose 1 % moves a
-# value by so many of its errors.
-_CHANGED, _MOVES = 1e-3, 0.5
-# More than this of the record left over says that the case is another than what was measured.
-_LARGEST_RESIDUAL = 0.5
+# What is held is changed by this part, to see what that does; and may leave over so many times what
+# it does where it is off by its error.
+_CHANGED, _ALLOWED = 1e-3, 2.0
 
 
 @dataclass(frozen=True)
@@ -149,6 +140,11 @@ class FitAnswer:
         residual: what is left over the record's rms, –; or χ² over degrees of freedom of points.
         evaluations, notes: how it went.
         along: {key: value} of what goes along with them, SI.
+        known_to: to which part of its size each thing that is held was stated to be known, as
+            :meth:`Held.parts` has it; errors hold that.
+        if_known: {key: standard error where what is held is known to that, or to 1 % if not
+            stated}, SI.
+        held: {key: {what is held: by how much the value changes where that is 1 % larger}}, SI.
         comparison: the record beside the fitted case; None but for waveforms.
     """
 
@@ -163,6 +159,9 @@ class FitAnswer:
     evaluations: int = 0
     notes: tuple[str, ...] = ()
     along: dict[str, float] = field(default_factory=dict)
+    known_to: Mapping[str, float] = field(default_factory=dict)
+    if_known: dict[str, float] = field(default_factory=dict)
+    held: dict[str, dict[str, float]] = field(default_factory=dict)
     comparison: Comparison | None = None
 
     def summary(self) -> dict[str, Any]:
@@ -171,6 +170,7 @@ class FitAnswer:
             key: {
                 "value": value,
                 "error": self.errors[key],
+                "error_if_held_known": self.if_known.get(key, self.errors[key]),
                 "valid": not self.reasons[key],
                 "reason": self.reasons[key],
             }
@@ -180,6 +180,7 @@ class FitAnswer:
             "kind": self.kind,
             "parameters": parameters,
             "along": self.along,
+            "held": {"known_to": dict(self.known_to), "moves_by_1_percent": self.held},
             "nuisances": {k: {"value": v, "error": e} for k, (v, e) in self.nuisances.items()},
             "degenerate": [dict(one) for one in self.degenerate],
             "correlations": [asdict(one) for one in self.tied],
@@ -190,8 +191,57 @@ class FitAnswer:
         }
 
 
+def answered(
+    kind: str,
+    values: Mapping[str, float],
+    errors: Mapping[str, float],
+    covariance: Float,
+    held: Held,
+    known_to: Mapping[str, float],
+    reasons: dict[str, str],
+    least: float = TIED,
+    **more: Any,
+) -> FitAnswer:
+    """An answer whose errors hold how well what is held is known.
+
+    Args:
+        kind, more: of :class:`FitAnswer`.
+        values, errors, covariance: of all that was fitted, SI; errors NaN where not told.
+        held: what was not.
+        known_to: as :meth:`Held.parts` takes it; {}, not stated.
+        reasons: why a value does not count, or "", of those that are wanted.
+        least: correlation beyond which errors are said to hang together.
+    """
+    beside = held.covariance(held.parts(known_to))
+    total = np.hypot([*errors.values()], np.sqrt(np.diag(beside)))
+    wider = dict(zip(values, total.tolist(), strict=True))
+    if known_to:
+        errors, covariance = wider, covariance + beside
+    moves = {
+        key: dict(zip(held.names, (0.01 * row).tolist(), strict=True))
+        for key, row in zip(values, held.moved, strict=True) if key in reasons
+    }  # fmt: skip
+    return FitAnswer(
+        kind,
+        {key: values[key] for key in reasons},
+        {key: errors[key] for key in reasons},
+        reasons,
+        {key: (values[key], errors[key]) for key in values if key not in reasons},
+        tied=tied(values, errors, covariance, least),
+        known_to=known_to,
+        if_known={key: wider[key] for key in reasons},
+        held=moves,
+        **more,
+    )
+
+
 def of_waveforms(
-    case: Case, measured: Measured, keys: Sequence[str], lag: float | None, gain: float | None
+    case: Case,
+    measured: Measured,
+    keys: Sequence[str],
+    lag: float | None = None,
+    gain: float | None = None,
+    known_to: Mapping[str, float] | None = None,
 ) -> FitAnswer:
     """Fit a case's parameters to waveforms.
 
@@ -200,6 +250,8 @@ def of_waveforms(
         measured: the record laid beside it.
         keys: what to fit, such as "medium.anisotropy".
         lag, gain: stated, s and –; fitted where None.
+        known_to: to which part of its size what is held is known, one standard error, by name, that
+            of all others under ""; errors hold it. Positions are distances from the first source.
 
     Raises:
         FitError: it can't be done.
@@ -207,44 +259,39 @@ def of_waveforms(
     varied = targets(case, keys)
     data = Waveforms(case, varied, measured, lag, gain)
     solution = fit_waveforms(data)
-    values = {one.key: solution.values[one.key] for one in varied}
-    layers = with_values(case.simulation.layers, varied, values.values())
+    values = [solution.values[one.key] for one in varied]
+    layers = with_values(case.simulation.layers, varied, values)
     fitted = replace(case, simulation=replace(case.simulation, layers=layers))
     scale = data.scale_of(solution.values)
     lain = lag if lag is not None else solution.values[LAG]
     beside = compare(fitted, measured, lain, scale)
-    # Of a ring each would be a run of its own.
-    ring = case.simulation.endless
-    columns = {} if ring else _held_columns(fitted, varied, measured, lain, scale, gain)
+    columns = _held_columns(fitted, varied, measured, lain, scale, gain)
+    held = Held.of(data.residuals(solution.values)[1], columns)
     # What was fitted to columns of other receivers is no case to lay them on.
-    far = beside.residual > _LARGEST_RESIDUAL
-    notes = (compare(case, measured, lag, gain) if far else beside).measured.notes
-    nuisances = {
-        key: (solution.values[key], solution.errors[key]) for key in (GAIN, LAG)
-        if key in solution.values
-    }  # fmt: skip
-    if GAIN in nuisances:
-        share = scale / solution.values[GAIN]
-        nuisances[GAIN] = (scale, solution.errors[GAIN] * abs(share))
-    return FitAnswer(
-        "waveforms",
-        values,
-        {key: solution.errors[key] for key in values},
-        {key: _reason(solution, key, beside) for key in values},
-        nuisances,
-        solution.degenerate,
-        tied(solution.values, solution.errors, solution.covariance),
-        beside.residual,
-        solution.evaluations,
-        (*notes, *_sensitive(data, solution, columns)),
-        comparison=beside,
-    )
+    far = beside.residual > LARGEST_RESIDUAL
+    otherwise = compare(case, measured, lag, gain).otherwise if far else ""
+    notes = measured.notes if far else beside.notes
+    allowed = _ALLOWED * np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
+    stated = [f"--{name}" for name, one in (("lag", lag), ("scale", gain)) if one is not None]
+    reasons = {
+        one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated)
+        for one in varied
+    }
+    found = answered(
+        "waveforms", solution.values, solution.errors, solution.covariance, held, known_to or {},
+        reasons, degenerate=solution.degenerate, residual=beside.residual,
+        evaluations=solution.evaluations, notes=notes, comparison=beside,
+    )  # fmt: skip
+    if GAIN in found.nuisances:
+        value, error = found.nuisances[GAIN]
+        found.nuisances[GAIN] = scale, error * abs(scale / value)
+    return found
 
 
 def _held_columns(
     case: Case, varied: Any, measured: Measured, lag: float, scale: float, gain: float | None
 ) -> dict[str, Float]:
-    """{what is held: how the residuals change as it grows by all of what it is, (n,)}."""
+    """{what is held: how the residuals change as it grows by all of its size, (n,)}."""
 
     def left(layers: Any, places: Measured, by: float = 1.0) -> Float:
         one = replace(case, simulation=replace(case.simulation, layers=layers))
@@ -255,10 +302,11 @@ def _held_columns(
     own, found = case.simulation.layers, {}
     now = left(own, measured)
     for one in held_beside(case, varied):
-        changed = with_values(own, [one], [one.value_in(own) * (1 + _CHANGED)])
+        changed = with_values(own, [one], [one.value_in(own) + _CHANGED * one.size_in(own)])
         found[one.key] = (left(changed, measured) - now) / _CHANGED
     for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True)):
-        places = [*measured.positions[:j], x * (1 + _CHANGED), *measured.positions[j + 1 :]]
+        away = x + _CHANGED * (x - case.simulation.sources[0].position)
+        places = [*measured.positions[:j], away, *measured.positions[j + 1 :]]
         moved = left(own, replace(measured, positions=tuple(places)))
         found[f"position of {name}"] = (moved - now) / _CHANGED
     if gain is not None:
@@ -266,42 +314,37 @@ def _held_columns(
     return found
 
 
-def _sensitive(data: Waveforms, solution: Solution, columns: dict[str, Float]) -> list[str]:
-    """What is held and moves fitted values by more than half of their errors, being off by 1 %."""
-    if not columns:
-        return []
-    _, J, _ = data.residuals(solution.values)
-    keys = [one.key for one in data.varied]
-    errors = np.array([solution.errors[key] for key in keys])
-    parts = 0.01 * np.linalg.lstsq(J, np.stack(list(columns.values()), axis=1), None)[0]
-    told = []
-    for key, moved in zip(keys, np.abs(parts[: len(keys)]) / errors[:, None], strict=True):
-        most = sorted(zip(moved.tolist(), columns, strict=True), reverse=True)
-        each = [f"{size:.2g} ({name})" for size, name in most if size > _MOVES]
-        told += [f"{key} by {', '.join(each)}"] if each else []
-    said = "the errors take what is held as exact; off by 1 %, it moves, in errors, "
-    return [said + "; ".join(told)] if told else []
-
-
-def _reason(solution: Solution, key: str, beside: Comparison) -> str:
+def _reason(
+    solution: Solution,
+    key: str,
+    beside: Comparison,
+    otherwise: str,
+    allowed: float,
+    stated: Sequence[str],
+) -> str:
     """Why a value does not count, or ""."""
-    if beside.residual > _LARGEST_RESIDUAL:
-        return (
-            f"{beside.residual:.0%} of the record is left over: the case is another than what "
-            "was measured, or the first guess too far off: begin elsewhere with --set"
+    if beside.residual > LARGEST_RESIDUAL:
+        return f"{beside.residual:.0%} of the record is left over: " + (
+            otherwise
+            or "the case is another than what was measured, or the first guess too far "
+            "off: begin elsewhere with --set"
         )
     if not np.isfinite(solution.errors[key]):
         with_it = sorted({k for one in solution.degenerate if key in one for k in one} - {key})
         with_what = f" apart from {', '.join(with_it)}" if with_it else ""
-        stated = {GAIN: "--scale", LAG: "--lag"}
-        known = "".join(f", or state {stated[k]}" for k in with_it if k in stated)
-        return f"the data do not tell it{with_what}: fit fewer{known}"
-    if key in solution.at_limits:
-        return "it ended at the limit of what is admissible: hold it, or begin elsewhere with --set"
-    if beside.systematic > _SPOILS:
+        options = {GAIN: "--scale", LAG: "--lag"}
+        known = "".join(f", or state {options[k]}" for k in with_it if k in options)
+        leave = "one of them" if with_it else "it"
+        return f"the data do not tell it{with_what}: leave {leave} out of --vary{known}"
+    if beside.systematic > max(_SPOILS, allowed):
         return (
             f"what is left over, {beside.systematic:.1%} of the record, goes with the signals and "
             "is no noise: something that is held is off, and the errors do not hold that; vary "
-            "more keys, or hold them at other values with --set"
+            f"more keys, {''.join(f'leave {one} out, ' for one in stated)}hold them at other "
+            "values with --set, or say by --held how well they are known"
+        )
+    if key in solution.at_limits:
+        return (
+            "it ended at the limit of what is admissible: hold it there with --set, and vary others"
         )
     return "" if solution.converged else "the fit did not settle: begin closer, with --set"

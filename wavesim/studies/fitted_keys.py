@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -31,6 +32,12 @@ class Target:
             return float(getattr(medium, self.name) or 0.0)
         assert medium.damping.made is not None
         return medium.damping.made[0]
+
+    def size_in(self, layers: Layers) -> float:
+        """The size of what it is, SI; 1 of a 0 that has no unit."""
+        known = layers.layers[self.layers[0]].medium.known()
+        bare = self.name in known and not known[self.name].unit
+        return abs(self.value_in(layers)) or float(bare)
 
 
 def targets(case: Case, keys: Sequence[str]) -> list[Target]:
@@ -61,7 +68,8 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
             try:
                 own = varied_key(case.material, full).layers
             except ValueError as error:
-                raise FitError(f"--vary {key}: {error}") from None
+                said = str(error).removeprefix(f'key = "{full}": ')
+                raise FitError(f"--vary {key}: {said}") from None
         graded = [i for i in own if name != QUALITY and _graded(layers[i], name)]
         if graded:
             raise FitError(
@@ -78,17 +86,20 @@ def targets(case: Case, keys: Sequence[str]) -> list[Target]:
 
 
 def held_beside(case: Case, varied: Sequence[Target]) -> list[Target]:
-    """What else of a case's media is a number that could be varied, where it is not 0."""
-    found: list[Target] = []
+    """What else of a case's media, and of layers of their own, is a number that could be varied."""
+    layers, found = case.simulation.layers, dict[str, Target]()
     for name in (*case.medium.known(), QUALITY):
-        try:
-            (one,) = targets(case, [f"medium.{name}"])
-        except FitError:
-            continue
-        own = any(v.name == name and set(v.layers) & set(one.layers) for v in varied)
-        if one.layers and not own and one.value_in(case.simulation.layers):
-            found.append(one)
-    return found
+        own = [
+            f"{'.'.join(p.where)}.{name}" for p in case.material.places
+            if p.where[0] != "bar" and getattr(p.table, name, None) is not None
+        ]  # fmt: skip
+        for key in (f"medium.{name}", *own):
+            with suppress(FitError):
+                (one,) = targets(case, [key])
+                taken = any(v.name == name and set(v.layers) & set(one.layers) for v in varied)
+                if one.layers and not taken and one.size_in(layers):
+                    found[key] = one
+    return list(found.values())
 
 
 def _check_one_law(key: str, full: str, layers: Sequence[Layer]) -> None:

@@ -38,8 +38,10 @@ _TOLD_BY_ONE, _BEGINNINGS = 0.5, 4
 # The spectrum of noise is a mean over so many bins 2π/T to either side.
 _BINS = 8
 _MOST_EVALUATIONS = 60
+# What is held is supposed to be known to this part where it is not said.
+SUPPOSED = 0.01
 # Correlation of errors beyond which they hang together.
-_TIED = 0.9
+TIED = 0.9
 
 
 class FitError(ValueError):
@@ -183,7 +185,7 @@ class Tied:
 
 
 def tied(
-    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = _TIED
+    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = TIED
 ) -> tuple[Tied, ...]:
     """Pairs of parameters whose errors hang together by more than the least."""
     keys, found = list(values), []
@@ -198,6 +200,52 @@ def tied(
             left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
             found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is held in a fit, and what an error of it does.
+
+    Attributes:
+        names: of what is held, m.
+        moved: by how much each value changes where each of them is larger by all of its size, SI,
+            shape (p, m).
+        left: how the residuals change beside, root of the mean square, shape (m,).
+    """
+
+    names: tuple[str, ...]
+    moved: Float
+    left: Float
+
+    @classmethod
+    def of(cls, J: Float, columns: Mapping[str, Float]) -> Held:
+        """From derivatives of residuals: J by what is fitted, (n, p), and by what is held."""
+        H = np.stack([*columns.values()], axis=1) if columns else np.zeros((len(J), 0))
+        size = np.linalg.norm(J, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        moved = -np.linalg.lstsq(J / size, H, None)[0]
+        left = np.sqrt(np.mean((H + J / size @ moved) ** 2, axis=0))
+        return cls(tuple(columns), moved / size[:, None], left)
+
+    def parts(self, known_to: Mapping[str, float]) -> Float:
+        """To which part of its size each is known, one standard error, as it is stated, (m,).
+
+        Args:
+            known_to: parts by name, that of all others under "", SUPPOSED of all where empty.
+
+        Raises:
+            FitError: what is named is not held.
+        """
+        for name in known_to:
+            if name and name not in self.names:
+                raise FitError(f"--held {name}: is not held; must be of {', '.join(self.names)}")
+        known_to = known_to or {"": SUPPOSED}
+        return np.array([known_to.get(name, known_to.get("", 0.0)) for name in self.names])
+
+    def covariance(self, parts: Float) -> Float:
+        """Of the values, as what is held is known to parts of it, each unlike the others."""
+        moved = self.moved * parts
+        return moved @ moved.T
 
 
 def _uncertainty(

@@ -27,7 +27,7 @@ from wavesim.material.scaling import BlockCoefficients, block_coefficients, scal
 from wavesim.planewave.eigenproblem import stiffness, stiffness_slope
 from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.records.relations import OfMedium
-from wavesim.studies.least_squares import FitError
+from wavesim.studies.least_squares import FitError, Held
 
 Float = NDArray[Any]
 
@@ -35,6 +35,8 @@ Float = NDArray[Any]
 _ROUNDS = 6
 # More than the points' errors is left over where χ² per degree of freedom is above this.
 _EXCESS = 2.0
+# What is held is changed by this part of its size, to see what that does.
+_CHANGED = 1e-4
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class Fitted:
         chi_square: Σ of squared residuals over degrees of freedom; about 1 where the medium and
             the points' errors are right. Errors are stretched by its root where it is above 1.
         points: number of points used.
+        held: the medium's other parameters, and the wavenumbers of all points.
     """
 
     medium: Medium
@@ -78,7 +81,8 @@ class Fitted:
     covariance: Float
     chi_square: float
     points: int
-    systematic: bool = False
+    systematic: bool
+    held: Held
 
     @property
     def bars(self) -> dict[str, float]:
@@ -168,12 +172,30 @@ def fit(
         most = np.abs(inverse @ answer.jac.T) @ np.abs(answer.fun)
         wider = np.maximum(most / np.sqrt(np.diag(covariance)), 1.0)
         covariance = covariance * wider[:, None] * wider
+    held = Held.of(answer.jac / unit, _held_columns(model, scaled))
     shared = inverse @ answer.jac.T @ _in_common(kept)
     covariance = (covariance + np.outer(shared, shared)) * unit[:, None] * unit
     values: dict[str, Any] = dict(zip(parameters, map(float, scaled * unit), strict=True))
     errors = dict(zip(parameters, map(float, np.sqrt(np.diag(covariance))), strict=True))
     return Fitted(replace(start, **values), values, errors, covariance, chi_square, total,
-                  systematic)  # fmt: skip
+                  systematic, held)  # fmt: skip
+
+
+def _held_columns(model: _Model, scaled: Float) -> dict[str, Float]:
+    """{what is held: how residuals change as it grows by all of its size}."""
+    now, start, found = model.residuals(scaled), model.start, {}
+    for name, known in start.known().items():
+        value = float(getattr(start, name) or 0.0)
+        size = abs(value) or float(not known.unit)
+        if name not in model.parameters and size:
+            changed: dict[str, Any] = {name: value + _CHANGED * size}
+            other = replace(start, **changed)
+            found[f"medium.{name}"] = replace(model, start=other).residuals(scaled)
+    moved = [
+        replace(o, points=replace(o.points, k=o.points.k * (1 + _CHANGED))) for o in model.observed
+    ]
+    found["spacing"] = replace(model, observed=moved).residuals(scaled)
+    return {name: (there - now) / _CHANGED for name, there in found.items()}
 
 
 def _in_common(observed: Sequence[Observed]) -> Float:

@@ -14,19 +14,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavesim.case.load import Case
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.point_table import read_points
-from wavesim.studies.fit_answer import FitAnswer
+from wavesim.studies.fit_answer import FitAnswer, answered
 from wavesim.studies.fitted_keys import QUALITY, targets
-from wavesim.studies.least_squares import FitError, tied
+from wavesim.studies.least_squares import FitError, Held
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
 NO_BARS = "without errors of the speeds the values have none: give --speed-errors E_P E_S"
@@ -37,10 +39,17 @@ NOT_TOLD = (
     "waves but near the gaps; K_n_r is kept in its ratio to K_n_a"
 )
 _ROUNDING = 1e-9
+_STEP = 1e-6
+HELD = ("anisotropy", "branch_length", "contact_density", "density")
+Float = NDArray[Any]
 
 
 def of_speeds(
-    v_p: float, v_s: float, start: Medium, errors: tuple[float, float] = (math.nan, math.nan)
+    v_p: float,
+    v_s: float,
+    start: Medium,
+    errors: tuple[float, float] = (math.nan, math.nan),
+    known_to: Mapping[str, float] | None = None,
 ) -> FitAnswer:
     """K_n_a and η of a granular medium from its P and S speeds, anisotropy held.
 
@@ -48,9 +57,10 @@ def of_speeds(
         v_p, v_s: speeds of long waves along the axis, m/s.
         start: a medium of the translation family; gives all that is held.
         errors: one standard error of each, m/s, unlike each other's; NaN where not known.
+        known_to: as of :func:`wavesim.fit_waveforms`.
 
     Returns:
-        Both with first-order errors: dη/η′ = 2√((δ_P/V_P)² + (δ_S/V_S)²).
+        Both with first-order errors.
 
     Raises:
         FitError: a speed is not positive, an error negative, or the medium is of another family.
@@ -67,13 +77,10 @@ def of_speeds(
         told = ", ".join(f"{error:g}" for error in errors)
         raise FitError(f"speed errors = {told} m/s: must be 0 or greater")
     a = float(start.anisotropy)
-    A, B, C, D = 21 + 12 * a, 14 + 2 * a, 7 + a, 28 + 13 * a
-    q = (v_p / v_s) ** 2
-    # Near the least ratio, (B/D)½, rounding alone tells η.
-    below = not q * D > B * (1 + _ROUNDING)
-    eta = math.nan if below else (A - q * C) / (q * D - B)
-    eta = eta if abs(eta) > 1e-12 else 0.0
-    if below or eta < 0:
+    A, B, C, D = _weights(a)
+    eta = float(_contacts(v_p, v_s, start)[1])
+    if not eta >= 0:
+        below = math.isnan(eta)
         limit = math.sqrt(B / D if below else A / C)
         reason = (
             f"V_P/V_S = {v_p / v_s:.4g} is {'not ' if below else ''}above {limit:.4g}, which no "
@@ -82,33 +89,53 @@ def of_speeds(
         nothing = dict.fromkeys(KEYS, math.nan)
         reasons = dict.fromkeys(KEYS, reason)
         return FitAnswer("speeds", nothing, nothing, reasons, notes=(NOT_TOLD,))
-    slope = (C * B - A * D) / (q * D - B) ** 2  # dη/dq
-    stiffness = 105 * float(start.density) / float(start.per_contacts) * v_s**2 / (C + D * eta)
-    # Derivatives by ln V_P and ln V_S.
-    of_eta = np.array([2 * q * slope, -2 * q * slope])
-    of_stiffness = np.array([0.0, 2 * stiffness]) - stiffness * D / (C + D * eta) * of_eta
-    covariance = np.array([of_stiffness, of_eta]) * (np.array(errors) / (v_p, v_s))
-    covariance = covariance @ covariance.T
-    values = dict(zip(KEYS, (stiffness, eta), strict=True))
+
+    at = {"v_p": v_p, "v_s": v_s} | {name: float(getattr(start, name)) for name in HELD}
+
+    def along(name: str, step: float) -> Float:
+        given: dict[str, Any] = at | {name: at[name] + step * (abs(at[name]) or 1.0)}
+        return _contacts(given.pop("v_p"), given.pop("v_s"), replace(start, **given))
+
+    slopes = [(along(name, _STEP) - along(name, -_STEP)) / (2 * _STEP) for name in at]
+    by = np.stack(slopes, axis=1)
+    by_speed = by[:, :2] * (np.array(errors) / (v_p, v_s))
+    held = Held(tuple(f"medium.{name}" for name in HELD), by[:, 2:], np.zeros(len(HELD)))
+    covariance = by_speed @ by_speed.T
+    values = dict(zip(KEYS, _contacts(v_p, v_s, start).tolist(), strict=True))
     bars = dict(zip(KEYS, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     barred = all(bar > 0 for bar in bars.values())
-    return FitAnswer(
-        "speeds",
-        values,
-        bars,
-        dict.fromkeys(KEYS, ""),
-        tied=tied(values, bars, covariance, -1.0),
+    return answered(
+        "speeds", values, bars, covariance, held, known_to or {}, dict.fromkeys(KEYS, ""), -1.0,
         notes=(NOT_TOLD,) if barred else (NO_BARS, NOT_TOLD),
-        along={"medium.K_n_r": float(start.K_n_r * stiffness / start.K_n_a)},
-    )
+        along={"medium.K_n_r": float(start.K_n_r / start.K_n_a) * values[KEYS[0]]},
+    )  # fmt: skip
 
 
-def of_series(p: dict[str, Any], s: dict[str, Any], start: Medium) -> dict[str, Any]:
+def _weights(a: float) -> tuple[float, float, float, float]:
+    """A, B, C, D."""
+    return 21 + 12 * a, 14 + 2 * a, 7 + a, 28 + 13 * a
+
+
+def _contacts(v_p: float, v_s: float, medium: Medium) -> Float:
+    """K_n_a and η, N/m and –."""
+    A, B, C, D = _weights(float(medium.anisotropy))
+    q = (v_p / v_s) ** 2
+    # Near the least ratio, (B/D)½, rounding alone tells η.
+    eta = (A - q * C) / (q * D - B) if q * D > B * (1 + _ROUNDING) else math.nan
+    eta = 0.0 if abs(eta) <= 1e-12 else eta
+    stiffness = 105 * float(medium.density) / float(medium.per_contacts) * v_s**2 / (C + D * eta)
+    return np.array([stiffness, eta])
+
+
+def of_series(
+    p: dict[str, Any], s: dict[str, Any], start: Medium, known_to: Mapping[str, float] | None = None
+) -> dict[str, Any]:
     """Each state of two series, as ``wavesim pulse --json`` writes them, and how K_n_a follows.
 
     Args:
         p, s: of P and of S pulses, whose records are of the same states in the same order.
-        start: as of :func:`of_speeds`.
+        start, known_to: as of :func:`of_speeds`; the law's own error is of the speeds alone, as all
+            states have alike what is held.
 
     Returns:
         As :meth:`FitAnswer.summary`, that of the first state that both have, with "series", a row
@@ -122,19 +149,21 @@ def of_series(p: dict[str, Any], s: dict[str, Any], start: Medium) -> dict[str, 
     both = [key for key in known[0] if key in known[1]]
     if not both:
         raise FitError("the two series have no state in common: give them the same --against")
-    fits = []
+    fits, told = [], []
     for key in both:
         (v_p, e_p), (v_s, e_s) = known[0][key], known[1][key]
-        fits.append((key[0], of_speeds(v_p, v_s, start, (e_p, e_s))))
-    answer, name = fits[0][1].summary(), (p.get("series") or {}).get("parameter") or "state"
-    rows = [{"parameter": at} | one.summary()["parameters"] for at, one in fits]
+        own, held = (of_speeds(v_p, v_s, start, (e_p, e_s), one) for one in ({}, known_to))
+        fits.append((key[0], own))
+        told.append(held.summary())
+    answer, name = told[0], (p.get("series") or {}).get("parameter") or "state"
+    rows = [{"parameter": at} | o["parameters"] for (at, _), o in zip(fits, told, strict=True)]
     first = f"parameters, and fitted.toml of --out, are those at {name} = {fits[0][0]:g}"
     good = [(at, one) for at, one in fits if at > 0 and not any(one.reasons.values())]
-    told = len(good) > 2 and len({at for at, _ in good}) > 1
+    lawful = len(good) > 2 and len({at for at, _ in good}) > 1
     return answer | {
         "series": rows,
         "parameter": name,
-        "law": _power_law(good) if told else None,
+        "law": _power_law(good) if lawful else None,
         "valid": not any(row[KEYS[0]]["reason"] for row in rows),
         "notes": [first, *answer["notes"]],
     }
@@ -170,7 +199,11 @@ def _power_law(fits: Sequence[tuple[float, FitAnswer]]) -> dict[str, float]:
 
 
 def of_points(
-    paths: Sequence[Path], case: Case, keys: Sequence[str], sector: str | None = None
+    paths: Sequence[Path],
+    case: Case,
+    keys: Sequence[str],
+    sector: str | None = None,
+    known_to: Mapping[str, float] | None = None,
 ) -> FitAnswer:
     """Fit a case's medium to points that ``wavesim dispersion`` or ``attenuation`` wrote.
 
@@ -179,6 +212,7 @@ def of_points(
         case: the case, of one uniform medium, which begins the fit.
         keys: what to fit: medium.NAME.
         sector: which sector's waves the points of the first are of; by its name where None.
+        known_to: as of :func:`wavesim.fit_waveforms`; "spacing" is that of the receivers.
 
     Raises:
         FitError: it can't be done.
@@ -214,11 +248,14 @@ def of_points(
             "and a simulated record's grid, or another medium, puts them off; the errors hold what "
             "that could move"
         )
-    return FitAnswer(
+    return answered(
         "points",
         {one.key: found.values[one.name] for one in varied},
         {one.key: found.errors[one.name] for one in varied},
-        dict.fromkeys((one.key for one in varied), ""),
+        found.covariance,
+        found.held,
+        known_to or {},
+        {one.key: "" for one in varied},
         residual=found.chi_square,
         notes=tuple(notes),
     )

@@ -248,6 +248,7 @@ def _quality(test: PulseTest) -> list[Row]:
             "field": test.name,
             "frequency": float(found.omega[at]) * HERTZ,
             "quality": float(found.quality[at]),
+            "quality_error": float(found.quality_error[at]),
             "quality_exact": float(law[at]),
         }
     ]

@@ -115,8 +115,9 @@ def read_array(
         given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
     window, overlap = echo_gate(looked_at)
-    if window is not None:
-        notes.append(f"the record is read up to {window.end:.4g} s, before the first echo")
+    if window is not None and not overlap:
+        at = "" if math.isinf(window.velocity) else ", later at each that the wave reaches later"
+        notes.append(f"the record is read up to {window.end:.4g} s, before the first echo{at}")
         weights = window.weights(looked_at.t, looked_at.x)
         given = {key: _ended(given[key], weights[:, j]) for j, key in enumerate(looked_at.names)}
     result = measure(
@@ -285,6 +286,6 @@ def _dispersion(result: PulseResult) -> list[str]:
         return []
     f = found.omega[strongest] / (2 * math.pi)
     return [
-        f"the medium disperses: at {f:.4g} Hz phases run at {c:.4g} m/s and groups at {v:.4g} m/s, "
-        "so that each convention reads a speed of its own"
+        f"the medium disperses: at {f / 1e3:.4g} kHz phases run at {c:.4g} m/s and groups at "
+        f"{v:.4g} m/s, so that each convention reads a speed of its own"
     ]

@@ -20,14 +20,13 @@ from wavesim.readings.pulse.quality_over_band import (
     under_its_assumption,
 )
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
-from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
+from wavesim.readings.pulse.spectral_windows import Spectra, Window, spectra, whole_record
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity, told
 from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion, dispersion
 
 Float = NDArray[Any]
 
-_TAPER = 0.05
 _MOST_FREQUENCIES = 400
 # Whose velocity gives the travel times of the spectral ratio: the first that there is.
 _FOR_TRAVEL_TIME = ("correlation", "envelope", "threshold", "first break")
@@ -187,10 +186,7 @@ def measure(
         raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
     record = pulse_record(t, signals, positions, quiet_until, noise)
     if window is None:
-        length = float(record.t[-1] - record.t[0])
-        # The opening flank lies before the record: a pulse may come early in it.
-        start = float(record.t[0]) - length * _TAPER / (1 - _TAPER)
-        window = Gate(start, float(record.t[-1]), _TAPER)
+        window = whole_record(record.t)
     known = None if source is None else np.asarray(source, float)
     picks = {name: arrivals(record, name, fraction, known) for name in CONVENTIONS}
     speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}

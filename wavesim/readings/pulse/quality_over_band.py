@@ -45,7 +45,8 @@ class Quality:
         reason: why there is none, or "".
         at_least: Q by two standard errors of 1/Q more, –; NaN where nothing is known.
         band: the lowest and highest frequency, Hz; NaN by the spectral ratio, as is
-        excess: χ²/ν of 1/Q about its mean; the error is stretched by its root where above 1.
+        excess: χ²/ν of 1/Q about its mean, what Q means to 1/πQ counted as an error of each; the
+            error is stretched by its root where above 1.
     """
 
     quality: float
@@ -141,11 +142,13 @@ def mean_quality(
     inverse, error, f = inverse[own], error[own], omega[own] / (2 * np.pi)
     weight = 1 / error**2
     mean = float(np.sum(weight * inverse) / weight.sum())
-    excess = float(np.sum(weight * (inverse - mean) ** 2) / (count - 1))
-    shared = max(1.0, 1 / duration / float(np.median(np.diff(f))))
-    bar = float(np.sqrt(max(1.0, excess) * shared / weight.sum()))
     # Losses change v_g themselves, by the part 1/πQ of it, which the definition leaves open.
-    bar = math.hypot(bar, mean**2 / math.pi)
+    unsaid = mean**2 / math.pi
+    excess = float(np.sum((inverse - mean) ** 2 / (error**2 + unsaid**2)) / (count - 1))
+    shared = max(1.0, 1 / duration / float(np.median(np.diff(f))))
+    spread = float(np.sum(1 / (error**2 + unsaid**2)))
+    bar = float(np.sqrt(max(shared / weight.sum(), (excess > 1) * excess * shared / spread)))
+    bar = math.hypot(bar, unsaid)
     least = 1 / max(max(mean, 0.0) + 2 * bar, 1e-300)
     seen = mean > 2 * bar
     return Quality(
