@@ -212,6 +212,23 @@ def test_a_column_headed_as_the_transmitter_is_what_was_sent_and_a_series_goes_b
     assert pulse(*files, *given, "--against", "stress=200,50").exit_code == 0
 
 
+def test_values_in_steady_order_are_refused_of_files_that_the_shell_has_in_another(tmp_path):
+    """scope_10 comes before scope_9: values would be taken for each other. In order of the files'
+    numbers, or with values in the shell's order, each has its own."""
+    for name, p in (("9", 50), ("10", 100), ("11", 200)):
+        table = np.column_stack(record(60 * p**0.27, noise=0.002))
+        head = "Time (s),Transmitter (V),Receiver (V)"
+        np.savetxt(tmp_path / f"scope_{name}.csv", table, "%.9g", ",", header=head, comments="")
+    files, given = sorted(tmp_path.glob("*.csv")), ["--distance", 0.12, "--json"]
+    answer = pulse(*files, *given, "--against", "stress=50,100,200")
+    assert answer.exit_code == 2
+    assert "ls -v" in answer.output
+    for order, values in ((files, "100,200,50"), (files[-1:] + files[:-1], "50,100,200")):
+        answer = pulse(*order, *given, "--against", f"stress={values}")
+        law = json.loads(answer.output)["series"]["fit"]
+        assert law["b"] == pytest.approx(0.27, abs=2 * law["b_error"])
+
+
 def test_where_waves_go_round_a_ring_at_once_there_is_no_pulse_test():
     """Sources either side of the seam, receivers between them: no frame is of waves one way."""
     layers = as_layers(ws.Medium(), 0.064)

@@ -163,12 +163,11 @@ def _delays(file: str, layout: Any) -> dict[str, float]:
     from wavesim.records.content import RecordError
     from wavesim.records.of_pulse_test import of_pulse_file
 
-    if layout.input is None:
-        stop("--face-to-face: needs --input, the transmitter's column", BAD_INPUT)
     try:
         (test, *others) = of_pulse_file(file, layout)
-        if others or len(test.signals) != 1:
-            stop(f"--face-to-face {file}: must hold one receiver", BAD_INPUT)
+        if others or len(test.signals) != 1 or test.sent is None:
+            what = "must hold one receiver, and what was sent: --input names its column"
+            stop(f"--face-to-face {file}: {what}", BAD_INPUT)
         (signal,) = test.signals.values()
         return face_to_face(transmission_record(test.t, signal, test.sent, file))
     except (RecordError, PulseError) as error:
@@ -266,7 +265,15 @@ def _array(test: Any, expected: tuple[float, float] | None) -> Any:
     signals = {name: test.signals[name] for name in placed}
     return _noted(
         read_array(
-            test.name, test.t, signals, placed, test.sent, expected, test.unlike, test.noise
+            test.name,
+            test.t,
+            signals,
+            placed,
+            test.sent,
+            expected,
+            test.unlike,
+            test.noise,
+            test.levelled,
         ),
         test,
     )

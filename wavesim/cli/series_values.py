@@ -30,14 +30,29 @@ class States:
         for name in names[:count]:
             own = {float(n) for n in re.findall(r"\d+(?:\.\d+)?", name.rpartition("/")[2])}
             said.append(own & set(self.values))
-        if any(len(one) != 1 for one in said):
-            return
-        told = [one.pop() for one in said]
-        if sorted(told) == sorted(self.values) and told != list(self.values):
+        told = [min(one) for one in said if len(one) == 1]
+        if sorted(told) != sorted(self.values):
+            self._counted(names)
+        elif told != list(self.values):
             n = next(n for n, value in enumerate(self.values) if value != told[n])
             stop(
                 f"--against {self.parameter}: {names[n]} is given {self.values[n]:g}, but is named "
                 f"{told[n]:g}; in the order of the files: {','.join(f'{v:g}' for v in told)}",
+                BAD_INPUT,
+            )
+
+    def _counted(self, names: Sequence[str]) -> None:
+        """Refuse steady values of files that the shell has in another order than their numbers."""
+        counted = [[int(n) for n in re.findall(r"\d+", name)] for name in names]
+        alike = len({re.sub(r"\d+", "0", name) for name in names}) == 1
+        steady = list(self.values) in (sorted(self.values), sorted(self.values, reverse=True))
+        as_text = list(names) == sorted(names) and counted != sorted(counted)
+        if alike and steady and as_text and len(names) > 2:
+            n = next(n for n in range(1, len(names)) if counted[n] < counted[n - 1])
+            stop(
+                f"--against {self.parameter}: values rise or fall steadily, but the shell puts "
+                f"{names[n - 1]} before {names[n]}: give them in its order, or the files in that "
+                "of their numbers, as ls -v lists them",
                 BAD_INPUT,
             )
 

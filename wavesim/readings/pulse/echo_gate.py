@@ -1,11 +1,12 @@
 """A time gate that keeps the direct wave at several receivers and leaves out the first echo.
 
 After the direct wave each receiver is quiet for a while, until an echo comes: the gate closes in
-the quiet of all of them.
+the quiet of all of them, at one time, or where there is none such, as late after the direct wave.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseRecord
-from wavesim.readings.pulse.spectral_windows import Gate
+from wavesim.readings.pulse.spectral_windows import Gate, whole_record
+from wavesim.readings.pulse.velocity import weighted_line
 from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
@@ -28,9 +30,8 @@ _FIRST = 0.5
 _TAPER = 0.15
 
 OVERLAP = (
-    "an echo, or a wave of another speed, reaches a receiver before the direct wave has passed "
-    "another: place receivers further from the far end, or take a longer specimen; until then "
-    "spectra mix both"
+    "an echo, or a wave of another speed, comes before the direct wave has passed, and errors of "
+    "what spectra tell hold it: place receivers further from the far end, or take a longer specimen"
 )
 
 
@@ -41,11 +42,13 @@ def echo_gate(record: PulseRecord) -> tuple[Gate | None, str]:
         record: the signals.
 
     Returns:
-        (gate, ""); (None, "") where no echo is seen; (None, why) where none can be told from the
-        direct wave.
+        (gate, ""); (None, "") where no echo is seen; (a gate with echoes in it, why) where none
+        ends before them.
     """
-    t, ends, echoes = record.t, [], []
-    for u, noise, unusable in zip(record.values.T, record.noise, record.unusable, strict=True):
+    t = record.t
+    places, tops, ends, echoes, within = [], [], [], [], np.full(len(record.x), math.inf)
+    each = zip(record.x, record.values.T, record.noise, record.unusable, strict=True)
+    for j, (x, u, noise, unusable) in enumerate(each):
         if unusable or not np.abs(u).max() > 0:
             continue
         size = moving_mean(envelope(u), max(3, _period(u) // 2))
@@ -55,6 +58,9 @@ def echo_gate(record: PulseRecord) -> tuple[Gate | None, str]:
         top = int(np.argmax(size >= _FIRST * peak))
         top += int(np.argmax(size[top : top + _period(u)]))
         peak = float(size[top])
+        places.append(float(x - record.x[0]))
+        tops.append(float(t[top]))
+        echoes.append(math.inf)
         over = np.flatnonzero(size[top:] < max(_QUIET * peak, _OVER_NOISE * s))
         if not len(over):
             ends.append(float(t[-1]))
@@ -66,15 +72,20 @@ def echo_gate(record: PulseRecord) -> tuple[Gate | None, str]:
             # An echo grows from below what tells it.
             rise = end + int(again[0])
             low = np.flatnonzero(size[end:rise] < max(_QUIET * peak, _OVER_NOISE * s))
-            echoes.append(float(t[end + int(low[-1])]) if len(low) else float(t[rise]))
-    if not echoes:
+            within[j] = echoes[-1] = float(t[end + int(low[-1]) if len(low) else rise])
+    if not np.isfinite(echoes).any():
         return None, ""
-    over_all, first = max(ends), min(echoes)
-    if not over_all < first:
-        return None, OVERLAP
-    start = float(t[0])
-    flank = min(first - over_all, _TAPER * (first - start))
-    return Gate(start - flank, first, flank / (first - start + flank)), ""
+    along, one = np.array(places), np.ones(len(places))
+    slowness = float(weighted_line(along, np.array(tops), one)[0]) if len(places) > 1 else 0.0
+    for delay in (0.0, slowness):
+        over_all, first = np.max(ends - delay * along), float(np.min(echoes - delay * along))
+        if over_all < first and delay >= 0:
+            # It opens before the record at the last receiver too: the noise before the wave stays.
+            start = float(t[0] - delay * along.max())
+            flank = min(first - over_all, _TAPER * (first - start))
+            velocity = 1 / delay if delay else math.inf
+            return Gate(start - flank, first, flank / (first - start + flank), velocity), ""
+    return whole_record(t, tuple(within.tolist())), OVERLAP
 
 
 def _period(u: Float) -> int:

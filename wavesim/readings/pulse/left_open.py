@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.readings.pulse.reading import REACHED
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.travel_time import TravelTime, correlations
+from wavesim.readings.pulse.travel_time import OPEN, REACHED, TravelTime, correlations
 from wavesim.readings.pulse.wave_packets import Packet, begun_before, breaking, rises
 
 Float = NDArray[Any]
@@ -70,6 +69,10 @@ DELAYED = (
     "most of the error is the system's own delay, which is not said: --face-to-face FILE of the "
     "transducers in touch reads it, or --delay says it"
 )
+IN_TOUCH = (
+    "most of the error is the delay: crosstalk or ringing may hide when the transducers in touch "
+    "first moved; a pulse further from their resonance tells it, or --delay says it"
+)
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ def left_open(
     """
     slow = STEP if record.sent is not None and is_step(record.sent) else SLOW
     own = breaking(heard, at.begins, record.period)
-    delay = 0.0 if delays else _DELAY * record.period
+    delay = delays.get(OPEN, 0.0) if delays else _DELAY * record.period
     others = [
         (float(np.nan_to_num(at.second)), SECOND.format(at.second)),
         (0.0 if delays or own is None else ringing(record, own, heard), RINGING),
@@ -111,7 +114,8 @@ def left_open(
         (slow_rise(record), slow),
     ]
     most = max(at.noise, at.open, *(part for part, _ in others))
-    return [(at.open, ""), (delay, DELAYED if delay > most else ""), *others]
+    why = IN_TOUCH if delays else DELAYED
+    return [(at.open, ""), (delay, why if delay > most else ""), *others]
 
 
 def begun_earlier(
@@ -171,14 +175,17 @@ def ringing(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) ->
 
 def slower(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> tuple[float, float]:
     """How much more slowly one of the packets heard rises, and falls, than what was sent, in
-    periods; 0 where that is not known, as of a step, or of what another follows before it falls."""
-    if record.sent is None or is_step(record.sent):
+    periods; 0 of a step, and of what another follows before it falls. What was not recorded may
+    have risen and fallen at once."""
+    if record.sent is not None and is_step(record.sent):
         return 0.0, 0.0
     dt, period = record.interval, record.period
     rise, fall = _about_top(
         envelope(record.got), round((own.top + record.start - record.t[0]) / dt)
     )
-    sent = _about_top(envelope(band_about(record.sent, dt, period)))
+    sent = (0, 0)
+    if record.sent is not None:
+        sent = _about_top(envelope(band_about(record.sent, dt, period)))
     alone = not any(own.top < one.top <= own.top + fall * dt for one in heard)
     return (rise - sent[0]) * dt / period, (fall - sent[1]) * dt / period * alone
 

@@ -20,14 +20,13 @@ from wavesim.readings.pulse.quality_over_band import (
     under_its_assumption,
 )
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
-from wavesim.readings.pulse.spectral_windows import Gate, Spectra, Window, spectra
+from wavesim.readings.pulse.spectral_windows import Spectra, Window, spectra, whole_record
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
 from wavesim.readings.pulse.velocity import Velocity, arrival_velocity, told
 from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion, dispersion
 
 Float = NDArray[Any]
 
-_TAPER = 0.05
 _MOST_FREQUENCIES = 400
 # Whose velocity gives the travel times of the spectral ratio: the first that there is.
 _FOR_TRAVEL_TIME = ("correlation", "envelope", "threshold", "first break")
@@ -77,8 +76,14 @@ class PulseResult:
             self.spectra.duration,
         )  # fmt: skip
         if found.valid.any():
-            return of_band
+            return replace(of_band, reason=found.no_loss) if found.no_loss else of_band
         return replace(of_band, reason=Counter(found.reason).most_common(1)[0][0])
+
+    def without_loss(self, why: str) -> PulseResult:
+        """The same velocities with no loss at any frequency, for a reason."""
+        ratio = replace(self.constant_quality, quality=math.nan, error=math.nan, reason=why)
+        found = self.dispersion.without_loss(why)
+        return replace(self, dispersion=found, constant_quality=ratio)
 
     def rows(self) -> dict[str, list[dict[str, Any]]]:
         """Plain tables, for JSON or print: units stand in the names, None where there is no number.
@@ -181,10 +186,7 @@ def measure(
         raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
     record = pulse_record(t, signals, positions, quiet_until, noise)
     if window is None:
-        length = float(record.t[-1] - record.t[0])
-        # The opening flank lies before the record: a pulse may come early in it.
-        start = float(record.t[0]) - length * _TAPER / (1 - _TAPER)
-        window = Gate(start, float(record.t[-1]), _TAPER)
+        window = whole_record(record.t)
     known = None if source is None else np.asarray(source, float)
     picks = {name: arrivals(record, name, fraction, known) for name in CONVENTIONS}
     speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}

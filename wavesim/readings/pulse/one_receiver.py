@@ -37,6 +37,7 @@ from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     RIVAL,
     Packet,
+    endless,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -164,13 +165,17 @@ def settled(
     """
     delay = delays.get(OF_ONE, 0.0)
     time = at.begins - delay
+    # None arrives before it was sent.
+    rivals = [one for one in rivals if one > delay]
+    others = [one - delay for one in rivals]
     told = named(heard, at.begins, record.period, delay)
     share = math.hypot(*(part for part, _ in parts))
     notes = [*record.notes, *_crosstalk(record)]
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
     notes += [note for part, note in parts if note and part > 0]
-    others = [one - delay for one in rivals]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    if not reason and not wanted.speed > 0:
+        reason = endless(heard, record)
     best = judged(
         at.convention, time, math.hypot(at.noise, share), distance, reason, others, wanted,
         "average more" if at.noise > share else "send a shorter pulse",

@@ -14,15 +14,13 @@ import numpy as np
 
 from wavesim.readings.pulse.measurement import PulseResult
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.travel_time import TravelTime
+from wavesim.readings.pulse.travel_time import REACHED, TravelTime
 from wavesim.readings.pulse.velocity import LARGEST_ERROR
 from wavesim.readings.pulse.wave_packets import Packet
 
 # Of one receiver the first break is taken; it needs no assumption about the pulse's form.
 OF_ONE = "first break"
-# Of the distance to another wave this part is a standard error whose 95 % bar reaches there; an
-# answer with bars of up to so many standard errors counts.
-REACHED = 1 / 1.96
+# An answer with an error of up to this part counts, where other waves may be meant.
 _LARGEST_OPEN = 0.36
 
 

@@ -25,6 +25,8 @@ ABOVE_NOISE = 3.0
 ABOVE_TRUNCATION = 10.0
 _TAIL = 0.1
 _ENDING = 0.15
+# Of a whole record this part fades.
+_FADES = 0.05
 # A source whose spectrum is below this part of its peak drives nothing.
 SOURCE_PART = 0.01
 
@@ -37,6 +39,8 @@ class Gate:
         start, end: when it opens and closes at the first receiver, s.
         taper: length of each flank over that of the gate, –, from 0 to 0.5.
         velocity: at which it moves along with the wave, m/s; it stays where infinite.
+        echoes: when another wave than the direct one comes within it at each receiver, s; infinite
+            where none does.
 
     Raises:
         PulseError: a value is not admissible.
@@ -46,6 +50,7 @@ class Gate:
     end: float
     taper: float = 0.1
     velocity: float = math.inf
+    echoes: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.end > self.start:
@@ -64,14 +69,29 @@ class Gate:
 
     def ending(self, t: Float, x: Float) -> Float:
         """The gate's last part, opened slowly and closed as the gate closes, by which is seen what
-        it cuts off, at the frequencies that a closing so fast throws it to; shape (nt, m)."""
+        it cuts off, at the frequencies that a closing so fast throws it to, and all from echoes on;
+        shape (nt, m)."""
         s = (t[:, None] - (x - x[0]) / self.velocity - self.start) / (self.end - self.start)
         opened = np.clip((s - 1 + _ENDING) / (_ENDING / 2), 0, 1)
-        return np.asarray(np.sin(np.pi / 2 * opened) ** 2 * self.weights(t, x))
+        of_another = t[:, None] >= np.asarray(self.echoes or math.inf)
+        part = np.where(of_another, 1.0, np.sin(np.pi / 2 * opened) ** 2)
+        return np.asarray(part * self.weights(t, x))
 
     def sigma(self, t: Float) -> float:
         """0: the frequency is real."""
         return 0.0
+
+
+def whole_record(t: Float, echoes: tuple[float, ...] = ()) -> Gate:
+    """A gate over a whole record, of which the last 5 % fade.
+
+    Args:
+        t: its times, shape (nt,), s.
+        echoes: see :class:`Gate`.
+    """
+    # The opening flank lies before the record: a pulse may come early in it.
+    start = float(t[0]) - float(t[-1] - t[0]) * _FADES / (1 - _FADES)
+    return Gate(start, float(t[-1]), _FADES, echoes=echoes)
 
 
 @dataclass(frozen=True)
@@ -115,7 +135,8 @@ class Spectra:
         values: U, shape (n, m), unit of u times s.
         noise: standard deviation of U by the noise before the arrival, shape (n, m); NaN where
             that is unknown.
-        cut: about what waves that still pass as a gate closes would add to U, shape (n, m).
+        cut: about what waves that still pass as a gate closes would add to U, and what echoes
+            within it do, shape (n, m).
         truncation: most that what follows the record may add to U, shape (m,): with the largest
             |u| of the record's last tenth, |u| exp(−σT)/σ. Through a gate 0.
         source: |spectrum| of the source's signal, or where that is not known of the first
@@ -199,6 +220,7 @@ def spectra(
     cut = np.zeros_like(noise)
     if isinstance(window, Gate):
         # Waves that still pass as the gate closes are cut off: they go on about as they were.
+        # An echo within it is no part of the direct wave.
         last = record.values * window.ending(record.t, record.x)
         cut = np.abs(damped_transform(last, t, omega, 0.0))
     tail = np.abs(record.values[t > (1 - _TAIL) * t[-1]]).max(axis=0)

@@ -33,17 +33,18 @@ _SENT = 0.03
 # Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
 # within that part of a period after the start.
 HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
-# Crosstalk is over where it has fallen to this part of its peak, and after 1.5 lengths of what was
-# sent at the latest.
-_OVER = 0.1
+# Crosstalk is over where it has fallen to this part of its peak, or of a wave that comes after it.
+# After 1.5 lengths of what was sent it is known by falling all the while: what rises by this factor
+# is a wave.
+_OVER, _RISEN = 0.1, 2.0
 # A wave that ends what crosstalk explains has broken this part of a period before.
 _ALREADY = 0.5
 # What is left of known crosstalk may reach this part of its peak; no wave comes within this part of
 # a period.
 _DOUBTFUL, _SOONEST = 0.15, 0.25
 # A wave of this part of the largest that stands when crosstalk ends, and for this part of a period,
-# began within it.
-_COVERED, _AT_END = 0.45, 0.25
+# began within it; of the second where crosstalk was heard for longer than 1.5 lengths.
+_COVERED, _AT_END = (0.45, 0.2), 0.25
 # A wave on crosstalk that explains itself no further is so many times as large.
 _WAVE = 1.5
 _LENGTHS = 1.5
@@ -270,17 +271,34 @@ def _over(
             is not known.
     """
     t = found.t
-    latest = found.start + max(_LENGTHS * found.length, rough)
-    least = max(_OVER * peak, 3 * noise)
-    ends = np.flatnonzero((t > found.start + found.length) & (size < least))
-    ended = bool(len(ends) and t[ends[0]] <= latest)
-    over = float(t[ends[0]]) if ended else latest
+    latest = _latest(found, rough)
+    # Of what was not recorded the length is not known: it is over after its top.
+    at_once = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
+    begin = int(np.argmax(np.where(at_once, size, 0.0)))
+    begin = max(begin, int(np.searchsorted(t, found.start + found.length, "right")))
+    after = size[begin:]
+    lowest = np.minimum.accumulate(after)
+    rises = np.append(np.flatnonzero(after > _RISEN * lowest), len(after))[0]
+    largest = float(after[rises:].max(initial=0.0)) or peak
+    least = max(_OVER * min(peak, largest), 3 * noise)
+    ends = np.flatnonzero(after[:rises] < least)
+    at = int(ends[0]) if len(ends) else int(np.argmin(after[:rises]))
+    over = float(t[begin + at])
+    if not len(ends):
+        over = max(over, min(latest, float(t[begin + rises - 1])))
     if until is None:
-        return over, not ended
+        # What falls for so long is no longer told from the foot of a wave.
+        return over, not len(ends) or over > latest
+    over = min(over, latest)
     # What is left of it beyond may not be what is known of it, but for a larger wave.
     waves = np.flatnonzero((t >= until) & (size > max(_DOUBTFUL * peak, 3 * noise)))
     first = float(t[waves[0]]) if len(waves) else over
     return min(max(first - _ALREADY * rough, found.start + _SOONEST * rough), over), False
+
+
+def _latest(found: TransmissionRecord, period: float) -> float:
+    """When crosstalk is over but for what has fallen all the while, s."""
+    return found.start + max(_LENGTHS * found.length, period)
 
 
 def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
@@ -308,7 +326,8 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     if part:
         size = envelope(band_about(found.raw, dt, period))[first:]
         at_end = size[: max(1, int(_AT_END * period / dt))]
-        covered = float(at_end.min()) > _COVERED * float(size.max())
+        long = int(found.unended and blank > _latest(found, found.period))
+        covered = float(at_end.min()) > _COVERED[long] * float(size.max())
     return replace(
         found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period,
         covered=covered,

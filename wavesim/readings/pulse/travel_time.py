@@ -24,12 +24,17 @@ from wavesim.readings.pulse.arrivals import CONVENTIONS, top
 from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
-from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord, blanked
 from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
 from wavesim.simulation.bandlimited import cross_correlation
 
 Float = NDArray[Any]
 
+# Of the distance to another time this part is a standard error whose 95 % bar reaches there.
+REACHED = 1 / 1.96
+# The key, among delays by convention, of what they leave open; in touch a wave is heard from this
+# part of the largest on.
+OPEN, _AUDIBLE = "open", 0.05
 # The first break and the packet are looked for about the arrival that is known, in periods.
 _ABOUT = (0.8, 0.5)
 _PACKET = (0.5, 2.0)
@@ -96,7 +101,10 @@ def travel_times(
 def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     """Delays of a system, by convention, from a record with the transducers in touch, s.
 
-    What was received begins with what was sent, so that nothing can be taken for crosstalk.
+    What was received begins with what was sent, so that nothing can be taken for crosstalk. The
+    wave may have broken as early as anything is heard: crosstalk, or cycles of transducers that
+    ring, may hide that. The first break is taken in the middle between, and ``OPEN`` has a
+    standard error whose 95 % bar reaches either.
 
     Raises:
         PulseError: no arrival stands out.
@@ -110,9 +118,13 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     if at is None:
         raise PulseError(f"{record.name}: no arrival stands out of the noise: average more")
     found = travel_times(plain, heard[at].begins, {})
-    first = found["first break"].time
+    first, got = found["first break"].time, np.abs(plain.got)
+    least = max(HEARD * float(np.nan_to_num(plain.noise_in_band)), _AUDIBLE * float(got.max()))
+    heard_from = float(plain.t[int(np.argmax(got > least))]) - plain.start
     # A convention that tells nothing here is put right by what the first break tells.
-    return {name: one.time if np.isfinite(one.time) else first for name, one in found.items()}
+    told = {name: one.time if np.isfinite(one.time) else first for name, one in found.items()}
+    early = max(first - max(heard_from, 0.0), 0.0) / 2
+    return {**told, "first break": first - early, OPEN: REACHED * early}
 
 
 def _window(record: TransmissionRecord, begins: float, before: float, after: float) -> slice:

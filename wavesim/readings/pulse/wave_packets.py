@@ -50,10 +50,17 @@ RIVAL = 0.2
 # What is sent is a burst from this many periods on; tops of one burst are this near, in periods,
 # and this much alike.
 _BURST, _OF_A_BURST, _ALIKE = 1.2, 1.2, 1.6
-# Packets stand at least this far apart, and a break is sought this far before a top, and
-# no more than so much before the lull since the packet before, in periods.
+# So many packets ahead of one, or after it, tell as much as any number: those of a train of echoes
+# run into each other.
+_TELLING = 3
+# Waves go on to the record's end where so many are of this part of the largest, and the last tenth
+# of the record reaches that one.
+_MANY, _LARGE, _AT_END = 7, 0.3, 0.5
+# Packets stand at least this far apart, and a break is sought this far before a top, or a period
+# before the envelope has this part of it, and no more than so much before the lull since the
+# packet before, in periods.
 _APART = 0.6
-_BEFORE = 2.5
+_BEFORE, _FOOT = 2.5, 0.1
 # An echo comes within this part of three times the direct wave's time.
 _ECHO = 0.08
 LULL = 0.3
@@ -100,8 +107,12 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     tops = tops[tops > first]
     for at, before in zip(tops.tolist(), [first, *tops.tolist()], strict=False):
         # It breaks after the envelope's least since the packet before, or little earlier.
-        least_at = before + int(np.argmin(size[before : at + 1]))
-        low = max(first, at - int(before_top / dt), least_at - int(LULL * period / dt))
+        own = size[before : at + 1]
+        least_at = before + int(np.argmin(own))
+        # Transducers that ring rise for longer.
+        foot = before + int(np.flatnonzero(np.append(True, own[:-1] < _FOOT * own[-1]))[-1])
+        since = min(at - int(before_top / dt), foot - int(period / dt))
+        low = max(first, since, least_at - int(LULL * period / dt))
         begins = break_between(record, low, at + 1)
         if begins is not None:
             place = float(record.t[0] + at * dt - record.start)
@@ -138,6 +149,20 @@ def hidden_by_noise(record: TransmissionRecord) -> float:
     """Size below which noise hides a packet, over that of the largest, –."""
     largest = float(envelope(record.got).max())
     return _ABOVE_NOISE * float(np.nan_to_num(record.noise_in_band)) / max(largest, 1e-300)
+
+
+def endless(found: Sequence[Packet], record: TransmissionRecord) -> str:
+    """Why none of the packets can be told to have gone straight, where as large ones come until the
+    record ends, as in a specimen that rings; or ""."""
+    size = envelope(record.got)
+    large = sum(one.size >= _LARGE for one in found)
+    if large < _MANY or size[-(len(size) // 10) :].max() < _AT_END * size.max():
+        return ""
+    return (
+        f"{large} waves about as large come one after the other until the record ends, and their "
+        "sizes do not tell which went straight: --expected F C says about how fast it is; a "
+        "specimen with lossy sides, or transducers that ring less, would show it"
+    )
 
 
 def break_between(record: TransmissionRecord, low: int, high: int) -> tuple[float, float] | None:
@@ -216,9 +241,14 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
 
         ahead = mixed(size[:i], _SIZE, ahead_pair, _AHEAD_ELSE, sure=pair[:i])
         after = mixed(size[i + 1 :], _AFTER, _AFTER_PAIR, _AFTER_ELSE, sure=pair[i + 1 :])
-        weight = float(np.prod(ahead) * np.prod(after))
+        weight = _together(ahead) * _together(after)
         result[i] = weight * (_BEFORE_P if wave == "P" and (size[:i] > _FAINT).any() else 1.0)
     return result / max(float(result.max(initial=0.0)), 1e-300)
+
+
+def _together(each: Float) -> float:
+    """Product of factors, the geometric mean of them to the power of those that tell."""
+    return float(np.prod(each) ** min(1.0, _TELLING / max(len(each), 1)))
 
 
 def rises(one: Packet, record: TransmissionRecord) -> float:
