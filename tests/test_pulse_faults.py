@@ -222,3 +222,23 @@ def test_two_waves_are_told_apart_or_refused_as_one(x):
         assert best.valid, best.reason
         assert abs(best.velocity - speed_of) <= 2 * best.velocity_error
         assert best.velocity == pytest.approx(speed_of, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("peaks", "part", "expected"), [((8e4, 2e5), 0.1, None), ((1e5, 2.5e5), 0.3, (3.2e5, 3000.0))]
+)
+def test_where_another_wave_takes_over_the_phase_velocity_is_of_one_wave_or_not_said(
+    peaks, part, expected
+):
+    """One of 1000 m/s, and a part of it of 3000 m/s at higher frequencies, in closed form: c is
+    within 3 errors of the one that is followed, from low frequencies or where it is foreseen. Past
+    the mixture the multiple of 2π is not known: it was told up to 390 errors off."""
+    x, t = np.array([0.02, 0.03, 0.042, 0.055, 0.066, 0.08]), np.arange(-4e-5, 2e-4, 2e-7)
+    values = through(lambda w: w / 1000, t, ricker(t, peaks[0], 1.5e-5), x)
+    values += part * through(lambda w: w / 3000, t, ricker(t, peaks[1], 6e-6), x)
+    values += 2e-3 * np.random.default_rng(1).standard_normal(values.shape)
+    found = read_array("made", t, *named(values, x), expected=expected).result.dispersion
+    own = np.isfinite(found.phase_error)
+    assert own.sum() > 30
+    off = np.abs(found.phase_velocity[own] - (3000 if expected else 1000)) / found.phase_error[own]
+    assert off.max() < 3
