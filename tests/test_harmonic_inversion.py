@@ -12,7 +12,9 @@ from wavesim.planewave.dispersion_relation import block_frequencies
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, series
 from wavesim.readings.dispersion.harmonic_inversion import invert
 from wavesim.readings.dispersion.sinusoids import fit
+from wavesim.records.fitness import for_frequency_at_k
 from wavesim.records.of_field import references
+from wavesim.records.record import record as as_record
 from wavesim.verdict.recovered_points import match
 
 
@@ -71,6 +73,14 @@ def test_missing_frames_cost_no_accuracy(rng):
 def test_white_noise_holds_no_wave(rng):
     # False alarms are set to 1e-6 of the series: none in 500 of them, of two channels.
     assert len(invert(rng.normal(size=(500, 2, 300)), 1.0).omega) == 0
+
+
+def test_noise_along_a_line_or_round_a_ring_holds_no_wave(rng):
+    """Every frame at every receiver: there is no point at all, and no error."""
+    u, x, t = rng.normal(size=(300, 24)), 0.1 * np.arange(24), 1e-4 * np.arange(300)
+    for ring in (False, True):
+        found = in_time(for_frequency_at_k(as_record(u, t, x, ring=ring)), method="harmonic")
+        assert not found.valid.any()
 
 
 def test_channels_of_unequal_noise_are_weighed(rng):

@@ -278,3 +278,18 @@ def test_what_is_not_driven_or_not_given_is_told():
 def test_windows_that_make_no_sense_are_refused(make, message):
     with pytest.raises(PulseError, match=message):
         make()
+
+
+def test_receivers_unlike_each_other_widen_errors(rng):
+    """Law: 95 % bars hold k where receivers differ. Eight of them, one larger by 6 %, each in turn,
+    noise 0.1 %: in 90 % of points or more (measured 100 %; by the noise and what one fit leaves
+    over alone 32 % with the first one larger, 80 % of all)."""
+    x, omega = np.linspace(0, 0.02, 8), hz(3e5, 8e5, 21)
+    clean, exact = through(lossy, T, ricker(T, F, 4e-6), x), lossy(omega)
+    within = []
+    for larger in range(8):
+        u = clean * np.where(np.arange(8) == larger, 1.06, 1.0)
+        u = u + 1e-3 * rng.standard_normal(u.shape)
+        found = dispersion(pulse_record(T, *named(u, x)), WHOLE, omega)
+        within.append(np.abs(found.k - exact) <= np.sqrt(-2 * np.log(0.05)) * found.k_error)
+    assert np.mean(within) >= 0.9

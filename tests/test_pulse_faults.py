@@ -12,6 +12,8 @@ from wavesim.readings.pulse.array_reading import read_array
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
+from wavesim.records.layout import Layout
+from wavesim.records.of_pulse_test import of_pulse_file
 
 F, C = 5e5, 3000.0
 T = -2e-5 + 2e-8 * np.arange(4000)
@@ -224,6 +226,7 @@ def test_two_waves_are_told_apart_or_refused_as_one(x):
         assert best.velocity == pytest.approx(speed_of, rel=0.03)
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize(
     ("peaks", "part", "expected"), [((8e4, 2e5), 0.1, None), ((1e5, 2.5e5), 0.3, (3.2e5, 3000.0))]
 )
@@ -242,3 +245,43 @@ def test_where_another_wave_takes_over_the_phase_velocity_is_of_one_wave_or_not_
     assert own.sum() > 30
     off = np.abs(found.phase_velocity[own] - (3000 if expected else 1000)) / found.phase_error[own]
     assert off.max() < 3
+=======
+def test_waves_that_spread_have_velocities_and_no_loss():
+    """Spherical ones from 20 mm before twelve receivers: c to 0.1 % as of plane ones, whose α and
+    Q are read; no α of 10 to 50 Np/m that is none."""
+    x = np.linspace(0.02, 0.075, 12)
+    tau = T - 3e-6
+    burst = np.where((tau >= 0) & (tau <= 6e-6), np.sin(np.pi * tau / 6e-6) ** 2, 0)
+    u = through(lambda w: LOSSY.lossless(w) / C, T, burst * np.sin(2 * np.pi * F * tau), x)
+    noise = 1e-4 * np.random.default_rng(5).standard_normal(u.shape)
+    for power in (0.0, 1.0):
+        falling = u * x**-power
+        one = read_array("a", T, *named(falling / np.abs(falling).max() + noise, x)).result
+        own = one.dispersion.valid & (np.abs(one.dispersion.omega / (2 * np.pi * F) - 1) < 0.1)
+        exact = one.dispersion.omega / (LOSSY.lossless(one.dispersion.omega) / C).real
+        assert own.sum() >= 5
+        assert np.abs(one.dispersion.phase_velocity / exact - 1)[own].max() < 1e-3
+        told = np.isfinite(one.dispersion.attenuation[own])
+        assert told.all() if power == 0 else not told.any()
+        assert bool(one.quality.reason) == bool(power)
+    assert "--spreading" in one.quality.reason
+
+
+@pytest.mark.parametrize("size", [lambda u: np.abs(u).max(0), lambda u: u.std(0)])
+def test_receivers_divided_by_their_size_have_no_loss(clean, size, tmp_path):
+    test = from_file(tmp_path, clean / size(clean))
+    one = read_array("a", test.t, test.signals, test.positions, levelled=test.levelled)
+    found = one.result.dispersion
+    assert "divided by its own" in one.result.quality.reason
+    assert found.valid.any()
+    assert not np.isfinite(found.attenuation).any()
+    assert not one.result.loss.valid.any()
+    assert one.result.speeds["correlation"].velocity == pytest.approx(C, rel=1e-3)
+    assert not from_file(tmp_path, clean).levelled
+
+
+def from_file(folder, values):
+    np.savez(folder / "record.npz", t=T, x=X, values=values, t_unit="s", x_unit="m")
+    (test,) = of_pulse_file(folder / "record.npz", Layout())
+    return test
+>>>>>>> main

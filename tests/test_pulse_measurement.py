@@ -262,6 +262,7 @@ def test_it_knows_signals_alone():
     own |= {
         "wavesim.readings.dispersion.line_fit",
         "wavesim.readings.dispersion.phase_beam",
+        "wavesim.readings.dispersion.spreading",
         "wavesim.records.content",
         "wavesim.records.evenness",
         "wavesim.records.faults.clipping",

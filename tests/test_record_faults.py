@@ -335,7 +335,8 @@ def test_inspection_tells_what_is_wrong_and_what_can_be_done():
 
 
 def test_what_was_done_to_all_channels_is_told_or_refused(rng):
-    """Channels divided by their peaks have lost their decay, rectified ones their frequencies."""
+    """Channels divided by their size, or by a gain control, have lost their decay, rectified ones
+    their frequencies."""
     x, t = 0.02 + 0.005 * np.arange(8), np.arange(1000) * 5e-7
     late = t[:, None] - 4e-5 - x / 3000
     a = (np.pi * 5e4 * late) ** 2
@@ -345,7 +346,13 @@ def test_what_was_done_to_all_channels_is_told_or_refused(rng):
     with pytest.raises(RecordError, match="divided by its own"):
         for_k_at_frequency(own)
     assert "normalised" not in [one.what for one in record(u, t, x).findings]
+    levelled = np.stack([np.convolve(v**2, np.ones(150), "same") for v in u.T], axis=1) ** 0.5
+    for many in (u / u.std(axis=0), u / np.sqrt(np.mean(u**2, axis=0)), u / levelled):
+        with pytest.raises(RecordError, match="amplitudes along them tell nothing"):
+            for_k_at_frequency(record(many, t, x))
     burst = np.sin(2 * np.pi * 5e4 * late) * np.exp(-((late / 4e-5) ** 2))
+    full = (burst - burst.min()) / np.ptp(burst)  # from end to end of a range, and not rectified
+    assert "offset" in [one.what for one in record(full, t, x).findings]
     burst += 1e-3 * rng.normal(size=late.shape)
     with pytest.raises(RecordError, match="rectified"):
         record(np.abs(burst), t, x)

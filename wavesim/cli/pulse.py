@@ -265,7 +265,15 @@ def _array(test: Any, expected: tuple[float, float] | None) -> Any:
     signals = {name: test.signals[name] for name in placed}
     return _noted(
         read_array(
-            test.name, test.t, signals, placed, test.sent, expected, test.unlike, test.noise
+            test.name,
+            test.t,
+            signals,
+            placed,
+            test.sent,
+            expected,
+            test.unlike,
+            test.noise,
+            test.levelled,
         ),
         test,
     )

@@ -35,12 +35,9 @@ def for_k_at_frequency(record: Record) -> Record:
         RecordError: fewer than two are, or a source stands among them that is not named.
     """
     record = _filled(record.without_gaps())
-    if not record.ring and any(finding.what == NORMALISED for finding in record.findings):
-        raise RecordError(
-            "all receivers have one peak to the last digit: each was divided by its own, and the "
-            "decay along them with it; give them as recorded, or take wavesim dispersion, which "
-            "reads phases alone"
-        )
+    if not record.ring and (why := levelled(record)):
+        raise RecordError(f"{why}; give them as recorded, or take wavesim dispersion, which "
+                          "reads phases alone")  # fmt: skip
     if record.source_seen is not None:
         raise RecordError(
             f"the signal comes first to receivers near x = {record.source_seen:.3g} m and later to "
@@ -54,6 +51,11 @@ def for_k_at_frequency(record: Record) -> Record:
             "begin it before the source does (a pre-trigger), or give receivers farther away",
         )  # fmt: skip
     return unclipped(record)
+
+
+def levelled(record: Record) -> str:
+    """Why amplitudes along a record tell nothing, "" where they do."""
+    return next((finding.said for finding in record.findings if finding.what == NORMALISED), "")
 
 
 def for_waves_along_line(record: Record) -> Record:

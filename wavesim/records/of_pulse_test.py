@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wavesim.planewave.dispersion_relation import block_group_velocity
 from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
-from wavesim.records.fitness import for_pulse_test
+from wavesim.records.fitness import for_pulse_test, levelled
 from wavesim.records.layout import Layout
 
 Float = NDArray[Any]
@@ -41,6 +41,7 @@ class PulseTestRecord:
         notes: what was done to the file's numbers, and assumed.
         unlike: why there is not one medium between the receivers; "" where there may be.
         noise: of the signals where they show none, their unit; 0 in a simulation, else NaN.
+        levelled: why their amplitudes tell nothing; "" where they do.
     """
 
     name: str
@@ -51,6 +52,7 @@ class PulseTestRecord:
     notes: tuple[str, ...] = ()
     unlike: str = ""
     noise: float = np.nan
+    levelled: str = ""
 
     @property
     def placed(self) -> bool:
@@ -99,7 +101,9 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
             f"the signal comes first near x = {record.source_seen:.3g} m: a source stands there, "
             f"and the {len(places)} receivers on one side of it are read, counted from it",
         )
-    whole = PulseTestRecord(str(path), record.t, columns, places, record.input, notes)
+    whole = PulseTestRecord(
+        str(path), record.t, columns, places, record.input, notes, levelled=levelled(record)
+    )
     if whole.placed or len(labels) == 1:
         return [whole]
     return [

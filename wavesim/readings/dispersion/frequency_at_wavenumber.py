@@ -178,7 +178,7 @@ def in_time(
         crowd = np.sum(np.abs(points.omega[:, None] - points.omega) < cell, axis=1)
         points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
-    if record.leak is not None:
+    if len(points) and record.leak is not None:
         echo = leaked(step, points.omega, points.amplitude, points.error, cell, bool(quiet.leak))
         points = points.refused(echo, LEAKED)
     if omega_max is not None:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from wavesim.readings.dispersion.phase_beam import beams_by_height, highest_wavenumber
 
@@ -27,6 +28,9 @@ _STEPS = 80
 _BEAMS, _OF_TWO = 8, 4
 # Receivers closer than this part of their spacing to even count as even.
 _EVEN = 1e-6
+# Left over up to so many times the noise's power is noise; of more, so much of what one wave hears
+# of it is added; and what a 95 % bar leaves out.
+NOISE_SPREAD, _HEARD, _OUTSIDE = 1.5, 2.0, 0.05
 # A later guess must leave less than this part of what an earlier one leaves.
 _BETTER = 0.98
 
@@ -60,6 +64,29 @@ class LineFit:
 def unknowns(pairs: int, both: bool) -> int:
     """Complex unknowns of a fit: as many receivers are the least."""
     return pairs * (3 if both else 2)
+
+
+def deviation(fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None)) -> Float:
+    """Deviation of U by which a 95 % bar of k is √(−ln 0.05) ``fit.unit`` times it.
+
+    What noise does not explain may be another wave, which receivers hear together, and is known
+    from no more receivers than there are to spare, by Student's t. Gains alone are off along one
+    direction of the complex plane.
+
+    Args:
+        fit: of n frequencies.
+        spare: receivers beyond the unknowns, shape (m,), –.
+        noise: its power in U, shape (m,).
+        rows: which m of the frequencies.
+
+    Returns:
+        √ of the power, shape (m,); NaN where receivers are too few.
+    """
+    left = fit.residual[rows]
+    excess = np.maximum(left - NOISE_SPREAD * noise, 0.0)
+    size = np.sqrt(np.maximum(left, noise) + _HEARD * fit.alike[rows] * excess)
+    wide = -stdtrit(np.maximum(spare, 1), _OUTSIDE / 2) / np.sqrt(-np.log(_OUTSIDE))
+    return np.where(spare < 0, np.nan, np.where(excess > 0, wide, 1.0) * size)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv, stdtrit
+from scipy.special import betaincinv
 
-from wavesim.readings.dispersion.line_fit import LineFit, fit_line, unknowns
-from wavesim.readings.dispersion.points import COMPLEX_BAR, BranchPoints
+from wavesim.readings.dispersion.line_fit import LineFit, deviation, fit_line, unknowns
+from wavesim.readings.dispersion.points import BranchPoints
 
 Float = NDArray[Any]
 
@@ -46,12 +46,6 @@ MORE = "unexplained power: more waves than sought, or uneven noise"
 QUIET = "no wave stands above the noise: drive more of it, or listen nearer"
 # Of two wavenumbers one is told by so many times the noise's power less that it leaves over.
 _RIVAL = 20.0
-# Left over up to so many times the noise's power is noise.
-_NOISE_SPREAD = 1.5
-# … and of more, so much of what one wave hears of it is added.
-_HEARD = 2.0
-# What a 95 % bar leaves out.
-_OUTSIDE = 0.05
 
 
 def line_fits(U: Any, x: Float, used: Any, pairs: int) -> list[tuple[int, bool, LineFit]]:
@@ -94,13 +88,7 @@ def simplest(
 def _judged(one: LineFit, rows: Any, free: int, count: Any, level: Float) -> tuple[Any, ...]:
     """Of a sum's waves at some frequencies: row, k, amplitude, error, unexplained, why no wave."""
     left, spare, own = one.residual[rows], count[rows] - free, level[rows] ** 2
-    # What noise does not explain may be another wave, which receivers hear together, …
-    excess = np.maximum(left - _NOISE_SPREAD * own, 0.0)
-    noise = np.sqrt(np.maximum(left, own) + _HEARD * one.alike[rows] * excess)
-    # … and is known from no more receivers than there are to spare. Gains alone are off along one
-    # direction of the complex plane.
-    wide = -stdtrit(np.maximum(spare, 1), _OUTSIDE / 2) / COMPLEX_BAR
-    noise = np.where(spare < 0, np.nan, np.where(excess > 0, wide, 1.0) * noise)
+    noise = deviation(one, spare, own, rows)
     unexplained = one.unexplained[rows]
     alike = one.rival[rows] < _RIVAL * np.maximum(left, own)
     weak, loud = _weak(one, rows, count[rows], free, own), left > _LOUD * own

@@ -26,8 +26,8 @@ _DISTANCES = np.geomspace(0.02, 3.0, 40)
 def exponent(U: Any, x: Float, used: Any, source: float | None) -> tuple[float, float]:
     """p of amplitudes r^{−p} e^{−αx}, α different at each frequency, and its standard error.
 
-    What each receiver's level is off the straight line, in the mean over frequencies, is fitted by
-    −p ln r; how the receivers scatter about that is its error.
+    What each receiver's level is off the straight line at each frequency is fitted by −p ln r; how
+    the receivers, each at all frequencies together, scatter about that is its error.
 
     Args:
         U: amplitudes, shape (nω, nx).
@@ -38,24 +38,32 @@ def exponent(U: Any, x: Float, used: Any, source: float | None) -> tuple[float, 
     Returns:
         p and its error, –; (0, ∞) where too few receivers tell.
     """
-    rows = used.all(axis=1)
-    if len(x) < _FEWEST or rows.sum() < 2:
+    rows = used.sum(axis=1) >= _FEWEST
+    if rows.sum() < 2:
         return 0.0, np.inf
-    level = np.log(np.abs(U[rows])).mean(axis=0)
-    straight = np.stack([np.ones_like(x), x], axis=1)
-    projected = np.linalg.pinv(straight)
-    left = level - straight @ (projected @ level)
-    length = float(np.ptp(x))
+    w = used[rows].astype(float)
+    count = w.sum(axis=1, keepdims=True)
+    away = (x - (w @ x)[:, None] / count) * w
+    steep = np.sum(away**2, axis=1, keepdims=True)
+
+    def bent(level: Any) -> Any:
+        """What a level is off a straight line of the receivers used, shape (nω, nx)."""
+        slope = np.sum(away * level, axis=1, keepdims=True) / steep
+        return (level - np.sum(w * level, axis=1, keepdims=True) / count) * w - slope * away
+
+    left = bent(np.log(np.maximum(np.abs(U[rows]), 1e-290)))
+    length, nx = float(np.ptp(x)), int(w.any(axis=0).sum())
     places = [source] if source is not None else list(x[0] - _DISTANCES * length)
     best = (np.inf, 0.0, np.inf)
     for place in places:
-        shape = -np.log(np.abs(x - place))
-        shape = shape - straight @ (projected @ shape)
-        power = float(shape @ left / (shape @ shape))
+        shape = bent(-np.log(np.abs(x - place))[None])
+        size = float(np.sum(shape**2))
+        power = float(np.sum(shape * left)) / size
         rest = left - power * shape
-        spread = float(rest @ rest) / (len(x) - 3 - (source is None))
-        if spread < best[0]:
-            best = (spread, power, float(np.sqrt(spread / (shape @ shape))))
+        error = float(np.sqrt(np.sum(np.sum(shape * rest, axis=0) ** 2))) / size
+        error *= np.sqrt(nx / (nx - 3 - (source is None)))
+        if (least := float(np.sum(rest**2))) < best[0]:
+            best = (least, power, error)
     return best[1], best[2]
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.array_crosstalk import (
     without_crosstalk,
@@ -39,6 +40,10 @@ VAGUE = (
     "no convention reads a velocity to 20 %: add a receiver, place them further apart, or begin "
     "the record earlier, so that its noise is seen"
 )
+SPREADS = (
+    "amplitudes fall as those of waves that spread, not of plane ones, so that there is no α or Q: "
+    "wavesim attenuation takes --source and --spreading"
+)
 _Speed = tuple[str, Velocity]
 
 
@@ -65,6 +70,7 @@ def read_array(
     expected: tuple[float, float] | None = None,
     unlike: str = "",
     noise: float = math.nan,
+    levelled: str = "",
 ) -> Reading:
     """Read a record of two receivers or more.
 
@@ -79,6 +85,7 @@ def read_array(
             "" where it is one.
         noise: of arrivals where the record shows none before them, unit of the signals; 0 in a
             simulation.
+        levelled: why amplitudes of the receivers tell nothing; "" where they do.
 
     Returns:
         The reading: times are those of the record's clock, ``best.time`` is that from the first to
@@ -126,10 +133,21 @@ def read_array(
         result = _without_spectra(result, why)
     if why:
         notes.insert(0, why)
+<<<<<<< HEAD
     else:
         one = of_one_wave(result.spectra, result.dispersion, expected)
         result = replace(result, dispersion=one)
         notes += [overlap] if overlap else []
+=======
+    elif overlap:
+        notes.append(overlap)
+    if levelled:
+        gone = (levelled,) * len(result.loss.reason)
+        result = replace(result, loss=replace(result.loss, reason=gone)).without_loss(levelled)
+    elif noise != 0 and spreads(result.spectra.values, result.record.x, result.spectra.above, None):
+        result = result.without_loss(SPREADS)
+        notes.insert(0, SPREADS)
+>>>>>>> main
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)

@@ -76,8 +76,14 @@ class PulseResult:
             self.spectra.duration,
         )  # fmt: skip
         if found.valid.any():
-            return of_band
+            return replace(of_band, reason=found.no_loss) if found.no_loss else of_band
         return replace(of_band, reason=Counter(found.reason).most_common(1)[0][0])
+
+    def without_loss(self, why: str) -> PulseResult:
+        """The same velocities with no loss at any frequency, for a reason."""
+        ratio = replace(self.constant_quality, quality=math.nan, error=math.nan, reason=why)
+        found = self.dispersion.without_loss(why)
+        return replace(self, dispersion=found, constant_quality=ratio)
 
     def rows(self) -> dict[str, list[dict[str, Any]]]:
         """Plain tables, for JSON or print: units stand in the names, None where there is no number.

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.dispersion.line_fit import fit_line, unknowns
+from wavesim.readings.dispersion.line_fit import NOISE_SPREAD, deviation, fit_line, unknowns
 from wavesim.readings.pulse.phase_unwrapping import FINE, HIDDEN, Guess, resolve
 from wavesim.readings.pulse.signals import PulseRecord
 from wavesim.readings.pulse.spectral_windows import Spectra, Window, spectra
@@ -71,6 +71,7 @@ class Dispersion:
         modulus_quality: Q_M = Re k²/Im k², shape (n,), –.
         intercept: of the phase at ω = 0, turns; see ``phase_unwrapping.py``.
         reason: why there is no k, n of them; "" where there is one.
+        no_loss: why amplitudes tell no loss, so that k is its real part alone; "" where they do.
     """
 
     omega: Float
@@ -91,6 +92,7 @@ class Dispersion:
     modulus_quality: Float
     intercept: float
     reason: tuple[str, ...]
+    no_loss: str = ""
 
     def refused(self, reason: str, where: Any = True) -> Dispersion:
         """The same frequencies with nothing at those of a mask, or at any, for one reason."""
@@ -102,6 +104,13 @@ class Dispersion:
         }
         said = zip(own, self.reason, strict=True)
         return replace(self, **of_frequency, reason=tuple(reason if o else r for o, r in said))
+
+    def without_loss(self, why: str) -> Dispersion:
+        """The same velocities with neither α nor Q, for a reason."""
+        names = "attenuation", "attenuation_error", "quality", "quality_error", "quality_at_least"
+        none: dict[str, Any] = dict.fromkeys((*names, "modulus_quality"), 0 * self.omega + np.nan)
+        none |= {"k": self.k.real + 1j * np.nan, "damped": self.damped.real + 1j * np.nan}
+        return replace(self, **none, no_loss=why)
 
     @property
     def with_errors(self) -> Dispersion:
@@ -168,10 +177,14 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     noise = np.where(used, np.hypot(seen.noise[rows], seen.cut[rows]), 0)
     count = used.sum(axis=1)
     # With no receiver to spare nothing is left over, and the noise must be known.
-    spare = (count > unknowns(1, False))[:, None]
-    own = np.where(spare & np.isnan(noise), seen.cut[rows] * used, noise)
-    power = np.maximum(np.sum(own**2, axis=1) / count, fit.residual)
-    error[rows] = np.sqrt(power / 2) * fit.unit[:, 0]
+    spare = count - unknowns(1, False)
+    own = np.where((spare > 0)[:, None] & np.isnan(noise), seen.cut[rows] * used, noise)
+    power = np.sum(own**2, axis=1) / count
+    # What is left over is more than noise where some is known, at all frequencies together.
+    known = noise[used & np.isfinite(noise)]
+    if not (len(known) and np.mean(fit.residual) > NOISE_SPREAD * np.mean(known**2)):
+        power = np.maximum(power, fit.residual)
+    error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
     return k, error
 
 

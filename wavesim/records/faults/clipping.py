@@ -24,10 +24,15 @@ _OFF = 0.2
 _FINE = ((2, 1e3), (3, 10.0))
 _MOST_HELD = 16
 _STUCK = 8
-# Peaks that are equal to this part are so by division. A rectified signal never falls below rest by
-# this part of its peak, and dips so many times, shortly, between lobes of that part.
-_EQUAL = 1e-6
-_BELOW, _LOBE, _DIPS = 0.02, 0.1, 2
+# Sizes of channels are one where they are apart by less than this part of what noise makes, so many
+# of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
+# so many blocks. Loudness over a window, and one longer by a part, varies by so much of that over
+# its quarter where it is levelled, as so many channels say.
+_ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
+_LEVEL, _MORE, _CHANNELS = 0.4, 1.4, 16
+# A rectified signal never falls below rest by this part of its peak, and dips so many times,
+# shortly, between lobes of that part; most of the time it is below this part.
+_BELOW, _LOBE, _DIPS, _AT_REST = 0.02, 0.1, 2, 0.25
 NORMALISED = "normalised"
 
 
@@ -174,7 +179,7 @@ def without_stuck(
 
 
 def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Finding]) -> None:
-    """Refuse signals that are rectified, and tell of channels divided by their peaks.
+    """Refuse signals that are rectified, and tell of channels levelled, each by its own.
 
     Args:
         values: shape (C, nt, nx), NaN where a sample is missing, with noise.
@@ -187,15 +192,62 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
         for lobes in (np.abs(v) > _LOBE * size).T:
             gaps = np.diff(np.flatnonzero(lobes)) - 1
             dips.append(np.sum((gaps > 0) & (gaps < lobes.sum() / (1 + np.sum(gaps > 0)))))
-        if np.nanmin(v + _BELOW * size) > 0 and np.median(dips) >= _DIPS:
+        low = np.median(np.nanmedian(v, axis=0) < _AT_REST * size) == 1
+        if low and np.nanmin(v + _BELOW * size) > 0 and np.median(dips) >= _DIPS:
             raise RecordError(
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"
             )
-        equal = np.ptp(size) <= _EQUAL * size.max() and not flat.any()
-        if len(size) > 2 and equal and not (quantum > _EQUAL * size).any():
-            found.append(
-                Finding(NORMALISED, "all receivers", f"peaks of {size.max():.6g}", TOLD,
-                        "all receivers have one peak to the last digit: each was divided by its "
-                        "own, so that amplitudes along them tell nothing")
-            )  # fmt: skip
+        window = _levelled(np.nan_to_num(v - np.nanmedian(v, axis=0)))
+        told = not window and not flat.any() and (size > 0).all()
+        alike = _of_one_size(v, quantum) if told else ""
+        if alike:
+            said = f"all receivers have one {alike} to more digits than noise lets be: each was "
+            said += "divided by its own"
+        elif window:
+            said = f"all receivers are alike loud over any {window} frames, noise before the "
+            said += "signal too, as an automatic gain control makes them"
+        if alike or window:
+            said += ", so that amplitudes along them tell nothing"
+            size_of = alike or f"{window} frames"
+            found.append(Finding(NORMALISED, "all receivers", size_of, TOLD, said))
+
+
+def _of_one_size(v: Float, quantum: Float) -> str:
+    """Of which measure all channels, (nt, nx), have one size beyond noise and chance; or ""."""
+    nx, parts = v.shape[1], np.array_split(v, _BLOCKS)
+    # Where it is least: at rest.
+    noise = min(np.median([fine_noise(u[np.isfinite(u)]) for u in part.T]) for part in parts)
+    few = 1 / np.sqrt(len(v))  # of a mean over all samples noise leaves so much
+    told = []
+    for name, size, least, part in (
+        ("peak", np.nanmax(np.abs(v), axis=0), quantum.max(), 1.0),
+        ("range", np.nanmax(v, axis=0) - np.nanmin(v, axis=0), quantum.max(), 1.4),
+        ("rms", np.sqrt(np.nanmean(v**2, axis=0)), 0.0, few),
+        ("rms about the mean", np.nanstd(v, axis=0), 0.0, few),
+    ):
+        spread = max(float(np.ptp(size)), least, 1e-15 * float(size.max()))
+        chance = min(1.0, spread / (_CHANCE_WIDTH * part * max(float(noise), 1e-300)))
+        sure = chance < _ONE_SIZE and (nx - 1) * np.log(chance) < np.log(_BY_CHANCE)
+        told.append((name, sure))
+    # Copies of one signal have all of them alike.
+    return "" if all(one for _, one in told) else next((name for name, one in told if one), "")
+
+
+def _levelled(v: Float) -> int:
+    """Frames of a window over which all channels, (nt, nx), are alike loud, though over a quarter
+    of it they are not; 0 where there is none. Of a hiss loudness falls as the window's root."""
+    ahead = np.fft.fft(v[:, :: max(1, v.shape[1] // _CHANNELS)], axis=0)
+    ahead[len(v) // 2 + 1 :] = 0
+    power = np.cumsum(np.abs(np.fft.ifft(ahead, axis=0)) ** 2, axis=0)  # of the envelope
+
+    def varies(m: int) -> float:
+        log = np.log(np.maximum(power[m:] - power[:-m], 1e-300))
+        return float(np.median(np.std(log, axis=0))) / 2
+
+    for m in np.unique(np.geomspace(8, len(v) // 3, 24).astype(int)) if len(v) > 48 else ():
+        short = varies(m // 4)
+        # Over a period loudness is the same too, but not over a part more.
+        if max(varies(m), varies(int(_MORE * m))) < _LEVEL * min(short, 1.0) * short:
+            return int(m)
+    return 0
