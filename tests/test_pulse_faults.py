@@ -226,7 +226,6 @@ def test_two_waves_are_told_apart_or_refused_as_one(x):
         assert best.velocity == pytest.approx(speed_of, rel=0.03)
 
 
-<<<<<<< HEAD
 @pytest.mark.parametrize(
     ("peaks", "part", "expected"), [((8e4, 2e5), 0.1, None), ((1e5, 2.5e5), 0.3, (3.2e5, 3000.0))]
 )
@@ -245,7 +244,8 @@ def test_where_another_wave_takes_over_the_phase_velocity_is_of_one_wave_or_not_
     assert own.sum() > 30
     off = np.abs(found.phase_velocity[own] - (3000 if expected else 1000)) / found.phase_error[own]
     assert off.max() < 3
-=======
+
+
 def test_waves_that_spread_have_velocities_and_no_loss():
     """Spherical ones from 20 mm before twelve receivers: c to 0.1 % as of plane ones, whose α and
     Q are read; no α of 10 to 50 Np/m that is none."""
@@ -284,4 +284,3 @@ def from_file(folder, values):
     np.savez(folder / "record.npz", t=T, x=X, values=values, t_unit="s", x_unit="m")
     (test,) = of_pulse_file(folder / "record.npz", Layout())
     return test
->>>>>>> main

@@ -133,21 +133,16 @@ def read_array(
         result = _without_spectra(result, why)
     if why:
         notes.insert(0, why)
-<<<<<<< HEAD
     else:
         one = of_one_wave(result.spectra, result.dispersion, expected)
         result = replace(result, dispersion=one)
         notes += [overlap] if overlap else []
-=======
-    elif overlap:
-        notes.append(overlap)
     if levelled:
         gone = (levelled,) * len(result.loss.reason)
         result = replace(result, loss=replace(result.loss, reason=gone)).without_loss(levelled)
     elif noise != 0 and spreads(result.spectra.values, result.record.x, result.spectra.above, None):
         result = result.without_loss(SPREADS)
         notes.insert(0, SPREADS)
->>>>>>> main
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)
