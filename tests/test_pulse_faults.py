@@ -9,6 +9,7 @@ from pulses import named, ricker, through
 
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
+from wavesim.readings.pulse.faults import flat_tops
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
@@ -284,3 +285,20 @@ def from_file(folder, values):
     np.savez(folder / "record.npz", t=T, x=X, values=values, t_unit="s", x_unit="m")
     (test,) = of_pulse_file(folder / "record.npz", Layout())
     return test
+
+
+@pytest.mark.parametrize("steps", [256, 4096, 0])
+@pytest.mark.parametrize("noise", [0.003, 0.01, 0.02])
+def test_tops_cut_flat_are_told_beside_noise_and_none_where_none_are_cut(steps, noise):
+    """A burst of 8 kHz cut at 0.5 of its peak after noise is on it; of 8 and 12 bits, or none."""
+    t = 8e-7 * np.arange(2500)
+    u = np.exp(-(((t - 6e-4) / 2e-4) ** 2)) * np.sin(2 * np.pi * 8e3 * t)
+    told = []
+    for seed in range(10):
+        one = u + noise * np.random.default_rng(seed).standard_normal(len(t))
+        one = np.round(one * steps / 2.4) * 2.4 / steps if steps else one
+        limit = np.floor(0.5 * steps / 2.4) * 2.4 / steps if steps else 0.5
+        told.append(flat_tops(np.stack([one, np.clip(one, -limit, limit)], axis=1)))
+    assert not np.any(told, axis=0)[0]
+    if noise * (steps or np.inf) > 1:
+        assert np.all(told, axis=0)[1]
