@@ -25,7 +25,7 @@ from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord, blanked
-from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, packets
+from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, endless, packets
 from wavesim.simulation.bandlimited import cross_correlation
 
 Float = NDArray[Any]
@@ -107,7 +107,7 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     standard error whose 95 % bar reaches either.
 
     Raises:
-        PulseError: no arrival stands out.
+        PulseError: no arrival stands out, or none of many.
     """
     before = max(record.start - record.period, float(record.t[0]))
     whole = record.raw + record.crosstalk_taken
@@ -117,6 +117,9 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     at = direct(heard)
     if at is None:
         raise PulseError(f"{record.name}: no arrival stands out of the noise: average more")
+    if endless(heard, plain):
+        why = "waves about as large come until the record ends, so that none tells the delay"
+        raise PulseError(f"{record.name}: {why}: give it with --delay")
     found = travel_times(plain, heard[at].begins, {})
     first, got = found["first break"].time, np.abs(plain.got)
     least = max(HEARD * float(np.nan_to_num(plain.noise_in_band)), _AUDIBLE * float(got.max()))
