@@ -318,3 +318,17 @@ def test_a_side_of_a_line_that_is_reversed_or_late_is_told(fault):
     if late:
         told = float(found.findings[0].size.split()[2].rstrip(","))
         assert told == pytest.approx(late * 5e-7, rel=0.02)
+
+
+def test_a_folded_mode_that_breaks_off_and_goes_on_is_folded():
+    """ω ∝ (k + 2π/d)², a bending wave: k runs from −0.9 to 0.9 of π/d through 0, joined in three
+    pieces, of which the last alone might be a wave that begins at a cutoff."""
+    d = 0.5
+    k = np.linspace(-0.9, 0.9, 121) * np.pi / d
+    omega = (k + 2 * np.pi / d) ** 2
+    branch = np.digitize(k * d / np.pi, (-0.2, 0.3))
+    branch[[40, 41, 82, 83]] = -1
+    own = branch >= 0
+    assert folded_branches(branch, k, omega, d)[own].all()
+    upper = np.where(branch == 2, 2, -1)
+    assert not folded_branches(upper, k, omega, d).any()
