@@ -9,6 +9,7 @@ from pulses import named, ricker, through
 
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
+from wavesim.readings.pulse.faults import flat_tops
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
@@ -226,6 +227,26 @@ def test_two_waves_are_told_apart_or_refused_as_one(x):
         assert best.velocity == pytest.approx(speed_of, rel=0.03)
 
 
+@pytest.mark.parametrize(
+    ("peaks", "part", "expected"), [((8e4, 2e5), 0.1, None), ((1e5, 2.5e5), 0.3, (3.2e5, 3000.0))]
+)
+def test_where_another_wave_takes_over_the_phase_velocity_is_of_one_wave_or_not_said(
+    peaks, part, expected
+):
+    """One of 1000 m/s, and a part of it of 3000 m/s at higher frequencies, in closed form: c is
+    within 3 errors of the one that is followed, from low frequencies or where it is foreseen. Past
+    the mixture the multiple of 2π is not known: it was told up to 390 errors off."""
+    x, t = np.array([0.02, 0.03, 0.042, 0.055, 0.066, 0.08]), np.arange(-4e-5, 2e-4, 2e-7)
+    values = through(lambda w: w / 1000, t, ricker(t, peaks[0], 1.5e-5), x)
+    values += part * through(lambda w: w / 3000, t, ricker(t, peaks[1], 6e-6), x)
+    values += 2e-3 * np.random.default_rng(1).standard_normal(values.shape)
+    found = read_array("made", t, *named(values, x), expected=expected).result.dispersion
+    own = np.isfinite(found.phase_error)
+    assert own.sum() > 30
+    off = np.abs(found.phase_velocity[own] - (3000 if expected else 1000)) / found.phase_error[own]
+    assert off.max() < 3
+
+
 def test_waves_that_spread_have_velocities_and_no_loss():
     """Spherical ones from 20 mm before twelve receivers: c to 0.1 % as of plane ones, whose α and
     Q are read; no α of 10 to 50 Np/m that is none."""
@@ -264,3 +285,20 @@ def from_file(folder, values):
     np.savez(folder / "record.npz", t=T, x=X, values=values, t_unit="s", x_unit="m")
     (test,) = of_pulse_file(folder / "record.npz", Layout())
     return test
+
+
+@pytest.mark.parametrize("steps", [256, 4096, 0])
+@pytest.mark.parametrize("noise", [0.003, 0.01, 0.02])
+def test_tops_cut_flat_are_told_beside_noise_and_none_where_none_are_cut(steps, noise):
+    """A burst of 8 kHz cut at 0.5 of its peak after noise is on it; of 8 and 12 bits, or none."""
+    t = 8e-7 * np.arange(2500)
+    u = np.exp(-(((t - 6e-4) / 2e-4) ** 2)) * np.sin(2 * np.pi * 8e3 * t)
+    told = []
+    for seed in range(10):
+        one = u + noise * np.random.default_rng(seed).standard_normal(len(t))
+        one = np.round(one * steps / 2.4) * 2.4 / steps if steps else one
+        limit = np.floor(0.5 * steps / 2.4) * 2.4 / steps if steps else 0.5
+        told.append(flat_tops(np.stack([one, np.clip(one, -limit, limit)], axis=1)))
+    assert not np.any(told, axis=0)[0]
+    if noise * (steps or np.inf) > 1:
+        assert np.all(told, axis=0)[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from wavesim.case.load import Case
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.readings.misfit import LARGEST_RESIDUAL, Comparison, goes_with, laid_otherwise, misfit
-from wavesim.studies.fitted_keys import held_beside, targets, with_values
-from wavesim.studies.least_squares import TIED, Held, Solution, Tied, solve, tied
+from wavesim.studies.fit_terms import FitAnswer, Held, answered, held_beside, targets, with_values
+from wavesim.studies.least_squares import FitError, Solution, solve
 from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms
 
 Float = NDArray[Any]
@@ -62,28 +62,31 @@ def compare(
     sign = sign * (1 if sign.sum() > 0 else -1)
     laid = replace(measured, values=measured.values[:, order] * sign, t=measured.t - at)
     other = _beside(case, laid, None, None, frames)
+    own = np.array([one.residual <= LARGEST_RESIDUAL for one in other.receivers])
+    if len(own) > 2 * (~own).sum() > 0:  # what is none of these is left out
+        names, positions = (np.array(part)[own] for part in (laid.names, laid.positions))
+        laid = replace(laid, names=names, positions=positions, values=laid.values[:, own])
+        other = _beside(case, laid, None, None, frames[:, own])
     if not other.residual < _FAR_LESS * found.residual:
         return found
     late = lag is not None and abs(at + other.lag - lag) > step
-    better = replace(found, lag=at + other.lag, scale=other.scale)
-    said = _laid(better, order, sign, late, scale is not None)
-    said += f": so {other.residual:.2%} would be left over, in place of {found.residual:.1%}"
-    return replace(found, otherwise=said)
+    columns = zip(measured.names, np.array(measured.names)[order], sign, own, strict=True)
+    parts = _laid_so([*columns])
+    parts += [f"--scale {other.scale:.4g}"] if scale is not None else []
+    parts += [f"--lag {at + other.lag:.4g}"] if late or not parts else []
+    said = f"laid otherwise, {'; '.join(parts)}: so {other.residual:.2%} would be left over, in "
+    return replace(found, otherwise=said + f"place of {found.residual:.1%}")
 
 
-def _laid(better: Comparison, order: Any, sign: Float, late: bool, sized: bool) -> str:
-    """How a record lies on a case better than as it is matched; its lag and scale, where other."""
-    names = better.measured.names
-    moved = [f"{names[i]} is {name}" for name, i in zip(names, order, strict=True)
-             if names[i] != name]  # fmt: skip
-    turned = [names[i] for i, one in zip(order, sign, strict=True) if one < 0]
-    parts = [f"what is matched to {', '.join(moved)}"] if moved else []
-    parts += (
-        [f"{', '.join(turned)} of reversed polarity: turn round or leave out"] if turned else []
-    )
-    parts += [f"--scale {better.scale:.4g}"] if sized else []
-    parts += [f"--lag {better.lag:.4g}"] if late or not parts else []
-    return "laid otherwise, " + "; ".join(parts)
+def _laid_so(columns: list[tuple[str, str, float, bool]]) -> list[str]:
+    """How columns lie, in words, from (receiver, whose column it is, its sign, whether it is)."""
+    moved = [f"{of} is {name}" for name, of, _, own in columns if own and of != name]
+    moved += [f"{of} is none of them, and to leave out" for _, of, _, own in columns if not own]
+    turned = [of for _, of, sign, own in columns if own and sign < 0]
+    said = [f"what is matched to {', '.join(moved)}"] if moved else []
+    if turned:
+        said.append(f"{', '.join(turned)} of reversed polarity: turn round or leave out")
+    return said
 
 
 def _beside(
@@ -124,115 +127,8 @@ _NO_NOISE, _SPOILS = 0.3, 0.01
 # What is held is changed by this part, to see what that does; and may leave over so many times what
 # it does where it is off by its error.
 _CHANGED, _ALLOWED = 1e-3, 2.0
-
-
-@dataclass(frozen=True)
-class FitAnswer:
-    """A fit.
-
-    Attributes:
-        kind: "waveforms", "points" or "speeds".
-        values, errors: {key: value and standard error}, SI; NaN where the data don't tell.
-        reasons: {key: why a value does not count, or ""}.
-        nuisances: {gain, lag: (value, standard error)}.
-        degenerate: directions that the data don't tell, {key: part} each.
-        tied: pairs of parameters whose errors hang together.
-        residual: what is left over the record's rms, –; or χ² over degrees of freedom of points.
-        evaluations, notes: how it went.
-        along: {key: value} of what goes along with them, SI.
-        known_to: to which part of its size each thing that is held was stated to be known, as
-            :meth:`Held.parts` has it; errors hold that.
-        if_known: {key: standard error where what is held is known to that, or to 1 % if not
-            stated}, SI.
-        held: {key: {what is held: by how much the value changes where that is 1 % larger}}, SI.
-        comparison: the record beside the fitted case; None but for waveforms.
-    """
-
-    kind: str
-    values: dict[str, float]
-    errors: dict[str, float]
-    reasons: dict[str, str]
-    nuisances: dict[str, tuple[float, float]] = field(default_factory=dict)
-    degenerate: tuple[dict[str, float], ...] = ()
-    tied: tuple[Tied, ...] = ()
-    residual: float = 0.0
-    evaluations: int = 0
-    notes: tuple[str, ...] = ()
-    along: dict[str, float] = field(default_factory=dict)
-    known_to: Mapping[str, float] = field(default_factory=dict)
-    if_known: dict[str, float] = field(default_factory=dict)
-    held: dict[str, dict[str, float]] = field(default_factory=dict)
-    comparison: Comparison | None = None
-
-    def summary(self) -> dict[str, Any]:
-        """As plain data, SI."""
-        parameters = {
-            key: {
-                "value": value,
-                "error": self.errors[key],
-                "error_if_held_known": self.if_known.get(key, self.errors[key]),
-                "valid": not self.reasons[key],
-                "reason": self.reasons[key],
-            }
-            for key, value in self.values.items()
-        }
-        return {
-            "kind": self.kind,
-            "parameters": parameters,
-            "along": self.along,
-            "held": {"known_to": dict(self.known_to), "moves_by_1_percent": self.held},
-            "nuisances": {k: {"value": v, "error": e} for k, (v, e) in self.nuisances.items()},
-            "degenerate": [dict(one) for one in self.degenerate],
-            "correlations": [asdict(one) for one in self.tied],
-            "residual": self.residual,
-            "evaluations": self.evaluations,
-            "valid": not any(self.reasons.values()),
-            "notes": list(self.notes),
-        }
-
-
-def answered(
-    kind: str,
-    values: Mapping[str, float],
-    errors: Mapping[str, float],
-    covariance: Float,
-    held: Held,
-    known_to: Mapping[str, float],
-    reasons: dict[str, str],
-    least: float = TIED,
-    **more: Any,
-) -> FitAnswer:
-    """An answer whose errors hold how well what is held is known.
-
-    Args:
-        kind, more: of :class:`FitAnswer`.
-        values, errors, covariance: of all that was fitted, SI; errors NaN where not told.
-        held: what was not.
-        known_to: as :meth:`Held.parts` takes it; {}, not stated.
-        reasons: why a value does not count, or "", of those that are wanted.
-        least: correlation beyond which errors are said to hang together.
-    """
-    beside = held.covariance(held.parts(known_to))
-    total = np.hypot([*errors.values()], np.sqrt(np.diag(beside)))
-    wider = dict(zip(values, total.tolist(), strict=True))
-    if known_to:
-        errors, covariance = wider, covariance + beside
-    moves = {
-        key: dict(zip(held.names, (0.01 * row).tolist(), strict=True))
-        for key, row in zip(values, held.moved, strict=True) if key in reasons
-    }  # fmt: skip
-    return FitAnswer(
-        kind,
-        {key: values[key] for key in reasons},
-        {key: errors[key] for key in reasons},
-        reasons,
-        {key: (values[key], errors[key]) for key in values if key not in reasons},
-        tied=tied(values, errors, covariance, least),
-        known_to=known_to,
-        if_known={key: wider[key] for key in reasons},
-        held=moves,
-        **more,
-    )
+# What a grid does to a value is taken back, to first order, up to so many errors.
+_BY_GRID = 3.0
 
 
 def of_waveforms(
@@ -257,6 +153,7 @@ def of_waveforms(
         FitError: it can't be done.
     """
     varied = targets(case, keys)
+    _check_clear(case, measured)
     data = Waveforms(case, varied, measured, lag, gain)
     solution = fit_waveforms(data)
     values = [solution.values[one.key] for one in varied]
@@ -265,8 +162,12 @@ def of_waveforms(
     scale = data.scale_of(solution.values)
     lain = lag if lag is not None else solution.values[LAG]
     beside = compare(fitted, measured, lain, scale)
-    columns = _held_columns(fitted, varied, measured, lain, scale, gain)
-    held = Held.of(data.residuals(solution.values)[1], columns)
+    r, J, _ = data.residuals(solution.values)
+    exact, columns = _held_columns(fitted, varied, measured, lain, scale, gain)
+    held = Held.of(J, columns)
+    off = Held.of(J, {"grid": exact - r}).moved[:, 0] if not solution.degenerate else np.zeros(0)
+    moved = dict(zip(solution.values, off.tolist(), strict=False))
+    told = {key: value + moved.get(key, 0.0) for key, value in solution.values.items()}
     # What was fitted to columns of other receivers is no case to lay them on.
     far = beside.residual > LARGEST_RESIDUAL
     otherwise = compare(case, measured, lag, gain).otherwise if far else ""
@@ -274,11 +175,11 @@ def of_waveforms(
     allowed = _ALLOWED * np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
     stated = [f"--{name}" for name, one in (("lag", lag), ("scale", gain)) if one is not None]
     reasons = {
-        one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated)
+        one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated, moved)
         for one in varied
     }
     found = answered(
-        "waveforms", solution.values, solution.errors, solution.covariance, held, known_to or {},
+        "waveforms", told, solution.errors, solution.covariance, held, known_to or {},
         reasons, degenerate=solution.degenerate, residual=beside.residual,
         evaluations=solution.evaluations, notes=notes, comparison=beside,
     )  # fmt: skip
@@ -290,8 +191,8 @@ def of_waveforms(
 
 def _held_columns(
     case: Case, varied: Any, measured: Measured, lag: float, scale: float, gain: float | None
-) -> dict[str, Float]:
-    """{what is held: how the residuals change as it grows by all of its size, (n,)}."""
+) -> tuple[Float, dict[str, Float]]:
+    """The residuals, (n,), and {what is held: how they change as it grows by all of its size}."""
 
     def left(layers: Any, places: Measured, by: float = 1.0) -> Float:
         one = replace(case, simulation=replace(case.simulation, layers=layers))
@@ -311,7 +212,23 @@ def _held_columns(
         found[f"position of {name}"] = (moved - now) / _CHANGED
     if gain is not None:
         found["--scale"] = (left(own, measured, 1 + _CHANGED) - now) / _CHANGED
-    return found
+    return now, found
+
+
+def _check_clear(case: Case, measured: Measured) -> None:
+    """Refuse receivers in an absorbing layer, which the run that fits has there and no bar does."""
+    bar = case.simulation.bar
+    low, high = bar.clear
+    named = zip(measured.names, measured.positions, strict=True)
+    hidden = [(name, x) for name, x in named if not low <= x <= high]
+    if hidden:
+        remedy = "take its column out"
+        if bar.right == "absorbing" and low <= hidden[0][1]:
+            longer = bar.length + max(x for _, x in hidden) - high
+            remedy = f"lengthen [bar] length to {longer:.4g} or more"
+        raise FitError(
+            f"receiver {hidden[0][0]} = {hidden[0][1]:g} m: stands in an absorbing layer; {remedy}"
+        )
 
 
 def _reason(
@@ -321,6 +238,7 @@ def _reason(
     otherwise: str,
     allowed: float,
     stated: Sequence[str],
+    moved: Mapping[str, float],
 ) -> str:
     """Why a value does not count, or ""."""
     if beside.residual > LARGEST_RESIDUAL:
@@ -336,6 +254,9 @@ def _reason(
         known = "".join(f", or state {options[k]}" for k in with_it if k in options)
         leave = "one of them" if with_it else "it"
         return f"the data do not tell it{with_what}: leave {leave} out of --vary{known}"
+    by = abs(moved.get(key, 0.0)) / solution.errors[key]
+    if by > _BY_GRID:
+        return f"the grid moves it by {by:.1f} of its errors: take a finer [bar] spacing"
     if beside.systematic > max(_SPOILS, allowed):
         return (
             f"what is left over, {beside.systematic:.1%} of the record, goes with the signals and "

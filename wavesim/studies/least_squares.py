@@ -29,17 +29,17 @@ Float = NDArray[Any]
 
 # A direction is not told where J along it is this part of its largest; or where one standard error
 # is more than this many times the parameters themselves.
-_CONDITION = 1e-7
+CONDITION = 1e-7
 _UNKNOWN = 3.0
 # Parts of a direction below this are not named, but part of the error.
 _NAMED = 0.15
 # A block tells at most this part of a direction; blocks begin at so many places.
 _TOLD_BY_ONE, _BEGINNINGS = 0.5, 4
+# A flat valley may be followed for long: within this part of an error its end is reached.
+_FAR_WITHIN = 0.1
 # The spectrum of noise is a mean over so many bins 2π/T to either side.
 _BINS = 8
 _MOST_EVALUATIONS = 60
-# What is held is supposed to be known to this part where it is not said.
-SUPPOSED = 0.01
 # Correlation of errors beyond which they hang together.
 TIED = 0.9
 
@@ -163,8 +163,14 @@ def solve(
         int(answer.nfev),
         tuple(named),
         ends,
-        bool(answer.success),
+        bool(answer.success) or _within_errors(r, J * scale, errors / scale),
     )
+
+
+def _within_errors(r: Float, J: Float, errors: Float) -> bool:
+    """Whether the next step, by J alone, is far within the errors."""
+    step = np.abs(np.linalg.lstsq(J, r, CONDITION)[0])
+    return not (step > _FAR_WITHIN * errors).any()
 
 
 @dataclass(frozen=True)
@@ -202,52 +208,6 @@ def tied(
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Held:
-    """What is held in a fit, and what an error of it does.
-
-    Attributes:
-        names: of what is held, m.
-        moved: by how much each value changes where each of them is larger by all of its size, SI,
-            shape (p, m).
-        left: how the residuals change beside, root of the mean square, shape (m,).
-    """
-
-    names: tuple[str, ...]
-    moved: Float
-    left: Float
-
-    @classmethod
-    def of(cls, J: Float, columns: Mapping[str, Float]) -> Held:
-        """From derivatives of residuals: J by what is fitted, (n, p), and by what is held."""
-        H = np.stack([*columns.values()], axis=1) if columns else np.zeros((len(J), 0))
-        size = np.linalg.norm(J, axis=0)
-        size = np.where(size > 0, size, 1.0)
-        moved = -np.linalg.lstsq(J / size, H, None)[0]
-        left = np.sqrt(np.mean((H + J / size @ moved) ** 2, axis=0))
-        return cls(tuple(columns), moved / size[:, None], left)
-
-    def parts(self, known_to: Mapping[str, float]) -> Float:
-        """To which part of its size each is known, one standard error, as it is stated, (m,).
-
-        Args:
-            known_to: parts by name, that of all others under "", SUPPOSED of all where empty.
-
-        Raises:
-            FitError: what is named is not held.
-        """
-        for name in known_to:
-            if name and name not in self.names:
-                raise FitError(f"--held {name}: is not held; must be of {', '.join(self.names)}")
-        known_to = known_to or {"": SUPPOSED}
-        return np.array([known_to.get(name, known_to.get("", 0.0)) for name in self.names])
-
-    def covariance(self, parts: Float) -> Float:
-        """Of the values, as what is held is known to parts of it, each unlike the others."""
-        moved = self.moved * parts
-        return moved @ moved.T
-
-
 def _uncertainty(
     r: Float, J: Float, groups: NDArray[np.int_], size: Float
 ) -> tuple[Float, list[Float], list[float]]:
@@ -258,8 +218,8 @@ def _uncertainty(
     n = int(((r != 0) | (J != 0).any(axis=1)).sum())
     U, s, Vt = np.linalg.svd(J * size, full_matrices=False)
     variance = float(np.sum(r**2)) / max(n - p, 1)
-    error = np.sqrt(variance) / np.maximum(s, _CONDITION * s[0] or 1e-300)
-    told = (s > _CONDITION * s[0]) & (error < _UNKNOWN)
+    error = np.sqrt(variance) / np.maximum(s, CONDITION * s[0] or 1e-300)
+    told = (s > CONDITION * s[0]) & (error < _UNKNOWN)
     inverse = np.where(told, 1 / np.where(told, s, 1.0), 0.0)
     plain = (Vt.T * inverse**2) @ Vt * variance
     # Each parameter's variance is the largest of those.

@@ -27,7 +27,8 @@ from wavesim.material.scaling import BlockCoefficients, block_coefficients, scal
 from wavesim.planewave.eigenproblem import stiffness, stiffness_slope
 from wavesim.readings.dispersion.points import BAR, BranchPoints
 from wavesim.records.relations import OfMedium
-from wavesim.studies.least_squares import FitError, Held
+from wavesim.studies.fit_terms import Held
+from wavesim.studies.least_squares import FitError
 
 Float = NDArray[Any]
 

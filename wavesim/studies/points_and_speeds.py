@@ -26,9 +26,8 @@ from wavesim.case.load import Case
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.point_table import read_points
-from wavesim.studies.fit_answer import FitAnswer, answered
-from wavesim.studies.fitted_keys import QUALITY, targets
-from wavesim.studies.least_squares import FitError, Held
+from wavesim.studies.fit_terms import QUALITY, FitAnswer, Held, answered, targets
+from wavesim.studies.least_squares import FitError
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
 NO_BARS = "without errors of the speeds the values have none: give --speed-errors E_P E_S"

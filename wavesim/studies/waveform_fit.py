@@ -26,7 +26,7 @@ from wavesim.material.medium import Medium
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.simulation.bandlimited import cross_correlation
 from wavesim.simulation.simulation import Simulation
-from wavesim.studies.fitted_keys import QUALITY, Target, with_values
+from wavesim.studies.fit_terms import QUALITY, Target, with_values
 from wavesim.studies.least_squares import Parameter, Solution, solve
 from wavesim.timedomain.time_step import highest_frequency
 

@@ -21,7 +21,7 @@ from wavesim.readings.pulse.measurement import PulseResult, measure
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
 from wavesim.readings.pulse.several_waves import (
     Passing,
-    noise_share,
+    of_one_wave,
     unexplained,
     waves_passing,
 )
@@ -133,8 +133,10 @@ def read_array(
         result = _without_spectra(result, why)
     if why:
         notes.insert(0, why)
-    elif overlap:
-        notes.append(overlap)
+    else:
+        one = of_one_wave(result.spectra, result.dispersion, expected)
+        result = replace(result, dispersion=one)
+        notes += [overlap] if overlap else []
     if levelled:
         gone = (levelled,) * len(result.loss.reason)
         result = replace(result, loss=replace(result.loss, reason=gone)).without_loss(levelled)
@@ -161,8 +163,11 @@ def _without_spectra(result: PulseResult, why: str) -> PulseResult:
 def _several(result: PulseResult, record: PulseRecord) -> tuple[list[list[_Speed]], str]:
     """Speeds of the waves that pass, and why what spectra tell is of none of them; ([], "") where
     one wave alone explains the receivers."""
-    left = unexplained(result.spectra, result.dispersion)
-    share = noise_share(result.spectra, result.dispersion)
+    parts = unexplained(result.spectra, result.dispersion)
+    left, share = (
+        float(np.median(part[np.isfinite(part)])) if np.isfinite(part).any() else math.nan
+        for part in parts
+    )
     if left <= max(_UNEXPLAINED, _OVER_SHARE * share):
         return [], ""
     period = common_period(record)

@@ -32,6 +32,9 @@ _SMOOTH = 0.03
 _ALIKE, _ENDED = 0.025, 0.15
 # … and has this part of its power in common.
 _TOGETHER = 0.8
+# It has died away at this part of its peak, or of a wave that comes after it. After what was sent
+# it falls all the while: what rises by this factor is a wave.
+_OVER, _RISEN = 0.1, 2.0
 
 
 def modelled(
@@ -144,3 +147,22 @@ def at_once(
     peak = float(np.abs(mean).max())
     after = np.abs(each[:, stop : stop + width]).max() if stop < each.shape[1] else 0.0
     return first, stop, bool(after <= max(_ENDED * peak, 2 * heard * noise))
+
+
+def falls(size: Float, peak: float, heard: float) -> tuple[int, int, bool]:
+    """How crosstalk's envelope falls.
+
+    Args:
+        size: the envelope from where crosstalk may fall, shape (n,).
+        peak: of the crosstalk.
+        heard: what stands out of the noise.
+
+    Returns:
+        (samples until it has died away, or is least before something rises; until something rises;
+        whether it has died away before).
+    """
+    lowest = np.minimum.accumulate(size)
+    rises = int(np.append(np.flatnonzero(size > _RISEN * lowest), len(size))[0])
+    largest = float(size[rises:].max(initial=0.0)) or peak
+    ends = np.flatnonzero(size[:rises] < max(_OVER * min(peak, largest), heard))
+    return int(ends[0]) if len(ends) else int(np.argmin(size[:rises])), rises, bool(len(ends))

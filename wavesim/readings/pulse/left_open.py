@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.readings.pulse.transmission_record import TransmissionRecord
+from wavesim.readings.pulse.transmission_record import STRONG, TransmissionRecord
 from wavesim.readings.pulse.travel_time import OPEN, REACHED, TravelTime, correlations
 from wavesim.readings.pulse.wave_packets import Packet, begun_before, breaking, rises
 
@@ -40,6 +40,8 @@ _NOT_HEARD = (0.35, 0.6)
 # A wave that breaks within this part of a period after the crosstalk is hidden by it, and within
 # that where it had not ended.
 _HIDDEN, _NEAR_UNENDED = 0.1, 0.75
+# A wave has the form of crosstalk where they correlate so well, over so many samples at least.
+_SAME_FORM, _FEWEST = 0.95, 8
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
 # may cover its break by such a part of one; and where transducers ring on.
 _COVERS, _LEAVES, _COVERED = 0.15, 1.5, (0.35, 0.9)
@@ -141,15 +143,40 @@ def begun_earlier(
 def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
     """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
     beyond = (begins + record.start - record.blank) / record.period
-    return record.covered or beyond < (_NEAR_UNENDED if record.unended else _HIDDEN)
+    near = beyond < (_NEAR_UNENDED if record.unended else _HIDDEN)
+    return record.covered or near or comes_again(record, begins)
+
+
+def comes_again(record: TransmissionRecord, begins: float) -> bool:
+    """Whether what breaks at a time after the start has the form of strong crosstalk, as what each
+    edge of a square sends has; known to be none where what was sent is."""
+    if record.sent is not None or record.crosstalk < STRONG:
+        return False
+    dt = record.interval
+    whole = band_about(record.raw, dt, record.period)
+    first = int(np.searchsorted(record.t, record.start - _HIDDEN * record.period))
+    length = max(record.blank - record.start + 2 * _HIDDEN * record.period, record.period)
+    n = max(int(length / dt), _FEWEST)
+    at = first + int(begins / dt)
+    near = whole[max(first + n // 2, at - n // 2) : at + 2 * n]
+    if len(near) < n:
+        return False
+    rows = np.lib.stride_tricks.sliding_window_view(near, n)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    form = whole[first : first + n] - whole[first : first + n].mean()
+    like = np.abs(rows @ form) / np.maximum(np.linalg.norm(rows, axis=1), 1e-290)
+    return bool(like.max() > _SAME_FORM * np.linalg.norm(form))
 
 
 def hidden(record: TransmissionRecord) -> str:
     until = record.blank - record.start
     if record.crosstalk:
+        column = "or is --input another column?"
+        if record.sent is None:
+            column = "or name what was sent with --input, which tells how long crosstalk may last"
         return (
             f"it would arrive within the crosstalk, {until:.3g} s long: send a shorter pulse, "
-            "shield the transducers, or take a longer specimen; or is --input another column?"
+            f"shield the transducers, or take a longer specimen; {column}"
         )
     return "it would arrive as what was sent begins: is --input the right column?"
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.phase_unwrapping import OPEN
 from wavesim.readings.pulse.signals import PulseRecord
 from wavesim.readings.pulse.spectral_windows import Spectra
 from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion
@@ -28,6 +29,10 @@ Float = NDArray[Any]
 _COUNTS, _ABOVE_NOISE, _APART, _ON_LINE = 0.2, 6.0, 0.6, 0.3
 # Logarithms of two waves' speeds differ by so much at least, and at most.
 _DIFFER, _FURTHEST = 0.1, 1.1
+# Waves are mixed where one leaves this part, and so many times the noise's; and by so many
+# frequencies on end it is lost.
+_MIXED, _OVER_NOISE, _ON_END = 0.1, 4.0, 3
+MIXED = "one wave alone leaves a tenth of the receivers' power or more: several pass"
 # A line has packets at this part of the receivers, and so many waves are told of.
 _HEARD, _MOST = 0.6, 3
 
@@ -128,25 +133,44 @@ def _another(one: Passing, other: Passing, period: float) -> bool:
     return bool(len(ahead) and ahead[-1] > _APART * period and ahead[0] > -_ON_LINE * period)
 
 
-def unexplained(seen: Spectra, found: Dispersion) -> float:
-    """Part of the receivers' power that one wave leaves, the median over frequency; NaN where
-    there are fewer than three receivers, or no k."""
-    own = np.isfinite(found.damped)
-    if len(seen.x) < 3 or not own.any():
-        return float("nan")
-    U, k = seen.values[own], found.damped[own]
+def unexplained(seen: Spectra, found: Dispersion) -> tuple[Float, Float]:
+    """Parts of the power of receivers above the noise that one wave leaves, and that is noise (0
+    where unknown), shape (n,) each; NaN where these are fewer than three, or there is no k."""
+    heard = seen.above
+    own = np.isfinite(found.damped) & (heard.sum(axis=1) > 2)
+    U, k = np.where(heard, seen.values, 0), np.where(own, found.damped, 1.0)
     away = np.where(k[:, None].imag < 0, seen.x - seen.x[-1], seen.x - seen.x[0])
-    wave = np.exp(1j * k[:, None] * away)
-    wave = wave * ((np.conj(wave) * U).sum(axis=1) / (np.abs(wave) ** 2).sum(axis=1))[:, None]
-    weight = np.abs(wave) ** 2
-    gain = (np.conj(wave) * U).real.sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-290)
-    left = (np.abs(U - gain * wave) ** 2).sum(axis=1) / (np.abs(U) ** 2).sum(axis=1)
-    return float(np.median(left))
+    wave = np.exp(1j * k[:, None] * away) * heard
+    weight = np.maximum((np.abs(wave) ** 2).sum(axis=1), 1e-290)
+    wave = wave * ((np.conj(wave) * U).sum(axis=1) / weight)[:, None]
+    each = np.maximum((np.abs(wave[own]) ** 2).sum(axis=0), 1e-290)
+    gain = (np.conj(wave) * U)[own].real.sum(axis=0) / each
+    power = np.maximum((np.abs(U) ** 2).sum(axis=1), 1e-290)
+    left = (np.abs(U - gain * wave) ** 2).sum(axis=1) / power
+    noise = (np.nan_to_num(seen.noise * heard) ** 2).sum(axis=1) / power
+    return np.where(own, left, np.nan), np.where(own, noise, np.nan)
 
 
-def noise_share(seen: Spectra, found: Dispersion) -> float:
-    """Part of the receivers' power that is noise, the median over frequency; 0 where unknown."""
-    own = np.isfinite(found.damped)
-    power = np.abs(seen.values[own]) ** 2
-    noise = np.nan_to_num(seen.noise[own]) ** 2
-    return float(np.median(noise.sum(axis=1) / power.sum(axis=1))) if own.any() else 0.0
+def of_one_wave(
+    seen: Spectra, found: Dispersion, expected: tuple[float, float] | None = None
+) -> Dispersion:
+    """A dispersion with nothing where two waves are as loud, nor past where they are so at several
+    frequencies on end: which multiple of 2π their phases are at is not known there.
+
+    Args:
+        seen, found: spectra, and what one wave of them is.
+        expected: as for :func:`~wavesim.readings.pulse.wavenumber_and_attenuation.dispersion`; the
+            wave is followed from there, or from the lowest frequency.
+    """
+    left, noise = unexplained(seen, found)
+    with np.errstate(invalid="ignore"):
+        mixed = left > np.maximum(_MIXED, _OVER_NOISE * noise)
+    own = np.flatnonzero(np.isfinite(left) & ~mixed)
+    if not mixed.any() or not len(own):
+        return found
+    among = np.convolve(mixed, np.ones(_ON_END), "same") > _ON_END - 0.5
+    start = own[0]
+    if expected is not None:
+        start = own[np.argmin(np.abs(found.omega[own] - 2 * np.pi * expected[0]))]
+    passed = np.cumsum(among)
+    return found.refused(OPEN, passed != passed[start]).refused(MIXED, mixed)

@@ -33,10 +33,6 @@ _SENT = 0.03
 # Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
 # within that part of a period after the start.
 HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
-# Crosstalk is over where it has fallen to this part of its peak, or of a wave that comes after it.
-# After 1.5 lengths of what was sent it is known by falling all the while: what rises by this factor
-# is a wave.
-_OVER, _RISEN = 0.1, 2.0
 # A wave that ends what crosstalk explains has broken this part of a period before.
 _ALREADY = 0.5
 # What is left of known crosstalk may reach this part of its peak; no wave comes within this part of
@@ -45,6 +41,9 @@ _DOUBTFUL, _SOONEST = 0.15, 0.25
 # A wave of this part of the largest that stands when crosstalk ends, and for this part of a period,
 # began within it; of the second where crosstalk was heard for longer than 1.5 lengths.
 _COVERED, _AT_END = (0.45, 0.2), 0.25
+# Where nothing says how long it was sent, what rises out of crosstalk of this part of the largest
+# may be more of it.
+STRONG = 0.45
 # A wave on crosstalk that explains itself no further is so many times as large.
 _WAVE = 1.5
 _LENGTHS = 1.5
@@ -72,6 +71,7 @@ class TransmissionRecord:
         period: of the central frequency of what came through, s.
         covered: whether a large wave is there already as crosstalk ends.
         unended: whether something is heard still where crosstalk is taken to end at the latest.
+        risen: whether something rose out of crosstalk before that had died away.
         unusable: why amplitudes tell nothing, or "".
         notes: what was put right.
     """
@@ -91,6 +91,7 @@ class TransmissionRecord:
     period: float
     covered: bool
     unended: bool
+    risen: bool
     unusable: str
     notes: tuple[str, ...]
 
@@ -104,7 +105,8 @@ class TransmissionRecord:
         """How long what is sent takes to half of its envelope's peak, s; 0 where not recorded."""
         if self.sent is None:
             return 0.0
-        size = envelope(self.sent)
+        # An envelope peaks where a square turns over, not where it begins.
+        size = np.minimum(envelope(self.sent), np.abs(self.sent).max())
         return max(0.0, float(self.t[int(np.argmax(size >= size.max() / 2))]) - self.start)
 
     @property
@@ -167,7 +169,7 @@ def transmission_record(
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
     found = TransmissionRecord(
         name, time, v, start, length, raw, raw[:0], raw, np.zeros(len(raw)), noise, start,
-        0.0, 0.0, False, False, CLIPPED if clipped else "", tuple(notes),
+        0.0, 0.0, False, False, False, CLIPPED if clipped else "", tuple(notes),
     )  # fmt: skip
     return _ready(found)
 
@@ -212,7 +214,7 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     # It comes with what is sent, when no wave can have come yet.
     inside = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
-    blank, part, unended = found.start, 0.0, False
+    blank, part, unended, risen = found.start, 0.0, False, False
     heard = max(HEARD * noise, _LEAST * float(size.max()))
     if found.start > t[0] and peak > heard and _at_once(raw, inside, dt, rough) > heard:
         part = peak
@@ -229,8 +231,9 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
             until = found.start + own[1]
             found = replace(found, raw=raw - own[0], crosstalk_taken=own[0])
             size = envelope(band_about(found.raw, dt, rough))
-        blank, unended = _over(found, size, peak, rough, noise, until)
-    return blanked(replace(found, crosstalk=part, period=rough, unended=unended), blank)
+        blank, unended, risen = _over(found, size, peak, rough, noise, until)
+    found = replace(found, crosstalk=part, period=rough, unended=unended, risen=risen)
+    return blanked(found, blank)
 
 
 def _follows_crosstalk(found: TransmissionRecord, size: Float, period: float, until: float) -> bool:
@@ -258,8 +261,9 @@ def _over(
     rough: float,
     noise: float,
     until: float | None,
-) -> tuple[float, bool]:
-    """When crosstalk is over, s, and whether it was heard still then.
+) -> tuple[float, bool, bool]:
+    """When crosstalk is over, s, whether it was heard still at the latest, and whether something
+    rose out of it before it had died away.
 
     Args:
         found: the record, what is known of its crosstalk taken out.
@@ -276,24 +280,18 @@ def _over(
     at_once = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     begin = int(np.argmax(np.where(at_once, size, 0.0)))
     begin = max(begin, int(np.searchsorted(t, found.start + found.length, "right")))
-    after = size[begin:]
-    lowest = np.minimum.accumulate(after)
-    rises = np.append(np.flatnonzero(after > _RISEN * lowest), len(after))[0]
-    largest = float(after[rises:].max(initial=0.0)) or peak
-    least = max(_OVER * min(peak, largest), 3 * noise)
-    ends = np.flatnonzero(after[:rises] < least)
-    at = int(ends[0]) if len(ends) else int(np.argmin(after[:rises]))
+    at, rises, died = crosstalk.falls(size[begin:], peak, 3 * noise)
     over = float(t[begin + at])
-    if not len(ends):
+    if not died:
         over = max(over, min(latest, float(t[begin + rises - 1])))
     if until is None:
         # What falls for so long is no longer told from the foot of a wave.
-        return over, not len(ends) or over > latest
+        return over, not died or over > latest, not died
     over = min(over, latest)
     # What is left of it beyond may not be what is known of it, but for a larger wave.
     waves = np.flatnonzero((t >= until) & (size > max(_DOUBTFUL * peak, 3 * noise)))
     first = float(t[waves[0]]) if len(waves) else over
-    return min(max(first - _ALREADY * rough, found.start + _SOONEST * rough), over), False
+    return min(max(first - _ALREADY * rough, found.start + _SOONEST * rough), over), False, False
 
 
 def _latest(found: TransmissionRecord, period: float) -> float:
@@ -326,8 +324,9 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     if part:
         size = envelope(band_about(found.raw, dt, period))[first:]
         at_end = size[: max(1, int(_AT_END * period / dt))]
-        long = int(found.unended and blank > _latest(found, found.period))
-        covered = float(at_end.min()) > _COVERED[long] * float(size.max())
+        long = found.unended and blank > _latest(found, found.period)
+        covered = float(at_end.min()) > _COVERED[int(long)] * float(size.max())
+        covered |= found.risen and found.sent is None and part > STRONG
     return replace(
         found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period,
         covered=covered,

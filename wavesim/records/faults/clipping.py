@@ -95,7 +95,13 @@ def _flat(v: Float, rail: float, quantum: float) -> float:
     # One crest of three or four equal samples is chance among the many of many receivers.
     if not len(long) or (quantum and len(long) == 1 and np.diff(long).max() < _SURE):
         return 0.0
-    noise = _ABOVE_NOISE * fine_noise(v)
+    # Noise leaves no run of equal samples but at a limit, the longer the less of it the last digit
+    # shows.
+    fine = fine_noise(v)
+    shown = min(1.0, fine / quantum) ** 2 if quantum else float(fine > 0)
+    if shown * np.diff(long).max() >= 2 * _SURE:
+        return float(np.diff(long).sum()) / len(v)
+    noise = _ABOVE_NOISE * fine
     # A crest that is round is entered slowly: the step before it is of the size of the last digit.
     # A top cut flat is entered as steeply as the wave climbs.
     climb = 0
