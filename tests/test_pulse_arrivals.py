@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 from wavesim.readings.pulse.arrivals import CONVENTIONS, arrivals, top
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.signals import PulseError, pulse_record
+from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.readings.pulse.velocity import arrival_velocity, told
 from wavesim.simulation.bandlimited import between
 
@@ -221,3 +222,16 @@ def test_a_velocity_is_told_with_an_error_or_a_reason_stands_in_its_place(speeds
         assert bool(one.reason) == (np.isnan(bar) or speeds[0] < 200)
         away = max(abs(one.velocity - c) for c in speeds)
         assert one.reason or away <= 1.96 * one.error <= 1.5 * away
+
+
+def test_a_square_rises_at_once_and_a_faded_burst_in_half_of_its_fade():
+    """At its first sample, though it turns over later; sin² over 500 µs is at half after 125 µs."""
+    t = np.arange(-1e-3, 3e-3, 1e-6)
+    on = (t >= 0) & (t < 5e-4)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    for sent, rise in (
+        (np.where(on, np.sign(np.sin(2 * np.pi * 2e3 * t) + 1e-9), 0), 0.0),
+        (np.where(on, np.sin(2 * np.pi * 2e4 * t) * np.sin(np.pi * t / 5e-4) ** 2, 0), 1.25e-4),
+    ):
+        made = transmission_record(t, np.roll(sent, 900) + noise, sent)
+        assert made.start + made.rise == pytest.approx(rise, abs=3e-6)

@@ -276,3 +276,30 @@ def test_it_knows_signals_alone():
     for name in here:
         assert not test_architecture.imports(name)[1] & {"jax", "matplotlib", "h5py"}
         assert test_architecture.reached(name) <= own, name
+
+
+@pytest.mark.parametrize("echo", [0.0, 0.3, -0.4])
+@pytest.mark.parametrize("end", [0.5, 1.0])
+def test_errors_of_two_receivers_hold_an_echo_that_runs_into_the_wave(echo, end):
+    """Law: u(x) + r u(2l − x), the end l half a wavelength or one beyond the farther receiver: with
+    two receivers nothing is left over that would tell it, but both parts of kΔx ripple. 85 % of c
+    within two errors, which without an echo are 1 % of it at most, Q within two of its own."""
+    wavelength = C / F
+    x = wavelength * np.array([2.0, 5.0])
+    far = 2 * (x[1] + end * wavelength) - x
+    source = ricker(T, F, 4e-6)
+    values = through(lossy, T, source, x) + echo * through(lossy, T, source, far)
+    held = []
+    for seed in range(4):
+        noise = 1e-3 * np.random.default_rng(seed).standard_normal(values.shape)
+        found = measure(T, *named(values + noise, x))
+        own = np.isfinite(found.dispersion.phase_error)
+        omega = found.dispersion.omega[own]
+        off = found.dispersion.phase_velocity[own] - omega / lossy(omega).real
+        error = found.dispersion.phase_error[own]
+        assert own.sum() > 10
+        held.append(np.mean(np.abs(off) <= 2 * error))
+        assert echo or np.median(error) <= 1e-2 * C
+        quality = found.quality
+        assert quality.reason or abs(quality.inverse - 1 / 40) <= 2 * quality.inverse_error
+    assert np.mean(held) >= 0.85

@@ -146,6 +146,10 @@ def mean_quality(
     unsaid = mean**2 / math.pi
     excess = float(np.sum((inverse - mean) ** 2 / (error**2 + unsaid**2)) / (count - 1))
     shared = max(1.0, 1 / duration / float(np.median(np.diff(f))))
+    # So do those that are off the mean alike, as by echoes.
+    left = (inverse - mean) / error
+    along = max(0.0, float(np.sum(left[1:] * left[:-1]) / np.sum(left**2)))
+    shared = max(shared, min((1 + along) / max(1 - along, 1e-9), count))
     spread = float(np.sum(1 / (error**2 + unsaid**2)))
     bar = float(np.sqrt(max(shared / weight.sum(), (excess > 1) * excess * shared / spread)))
     bar = math.hypot(bar, unsaid)

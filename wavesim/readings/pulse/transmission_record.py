@@ -105,7 +105,8 @@ class TransmissionRecord:
         """How long what is sent takes to half of its envelope's peak, s; 0 where not recorded."""
         if self.sent is None:
             return 0.0
-        size = envelope(self.sent)
+        # An envelope peaks where a square turns over, not where it begins.
+        size = np.minimum(envelope(self.sent), np.abs(self.sent).max())
         return max(0.0, float(self.t[int(np.argmax(size >= size.max() / 2))]) - self.start)
 
     @property

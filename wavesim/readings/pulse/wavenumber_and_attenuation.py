@@ -46,6 +46,8 @@ UNKNOWN = (
     "the error of k is not known: two receivers have none to spare, and the record shows no noise "
     "before the wave; add a receiver, or begin earlier"
 )
+# kΔx of two receivers is smooth to so many rad, told by so many frequencies at least.
+_SMOOTH, _FEWEST_OF_CURVE = 0.03, 8
 # A loss is seen where α is this many times its standard error.
 SEEN = 3.0
 
@@ -185,7 +187,35 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     if not (len(known) and np.mean(fit.residual) > NOISE_SPREAD * np.mean(known**2)):
         power = np.maximum(power, fit.residual)
     error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
+    two = spare <= 0
+    x = np.where(used[two], seen.x, np.nan)
+    apart = np.nanmax(x, axis=1) - np.nanmin(x, axis=1) if two.any() else np.zeros(0)
+    own = rows[two]
+    ripple = _ripple(seen.omega[own], k[own] * apart, error[own] * apart)
+    error[own] = np.hypot(error[own], ripple / apart)
     return k, error
+
+
+def _ripple(omega: Float, phase: Complex, error: Float) -> float:
+    """How far kΔx of two receivers, which leave nothing over, is off a smooth curve, rad; 0 where
+    that is little: an echo that comes before the direct wave has passed makes both parts ripple.
+
+    Args:
+        omega: shape (n,), rad/s.
+        phase: kΔx, complex, shape (n,).
+        error: of each part, shape (n,); NaN where unknown.
+    """
+    if len(omega) < _FEWEST_OF_CURVE:
+        return 0.0
+    s = (omega - omega.mean()) / np.ptp(omega)
+    weight = 1 / np.hypot(np.nan_to_num(error), _SMOOTH / 2)
+    left = []
+    for part, degree in ((phase.real, 3), (phase.imag, 2)):
+        curve = np.polynomial.polynomial.polyfit(s, part, degree, w=weight)
+        off = weight * (part - np.polynomial.polynomial.polyval(s, curve))
+        left.append(np.sum(off**2) / np.sum(weight**2) * len(s) / (len(s) - degree - 1))
+    ripple = float(np.sqrt(max(left)))
+    return ripple if ripple > _SMOOTH else 0.0
 
 
 def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispersion:
