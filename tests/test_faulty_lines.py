@@ -297,3 +297,38 @@ def test_gains_at_random_of_five_receivers_show_none_that_is_mis_scaled(gains, r
     for gain, named in ((1 + np.array(gains), 0), (loud, 1)):
         found = record(u * gain, t, x).findings
         assert sum(one.what == "mis-scaled" for one in found) == named
+
+
+@pytest.mark.parametrize("fault", ["reversed", "delayed"])
+def test_a_side_of_a_line_that_is_reversed_or_late_is_told(fault):
+    """Two cards of a digitiser, or two cables: seven and nine receivers of one wave. Turned round,
+    or left out; as it is, side lobes of the jump are waves of wrong speeds to `dispersion`."""
+    x = 0.02 + 0.005 * np.arange(16)
+    u = passing(x, [(plain, lambda r: 1 + 0 * r)], 5e4, T)
+    late = 20 if fault == "delayed" else 0
+    u[:, :7] = -u[:, :7] if not late else np.roll(u[:, :7], late, axis=0)
+    u += 1e-3 * np.random.default_rng(1).normal(size=u.shape)
+    found = record(u, T, x)
+    assert [one.what for one in found.findings] == [fault]
+    assert len(found.x) == (16 if fault == "reversed" else 9)
+    points = in_space(found, 2 * np.pi * np.linspace(2e4, 9e4, 30))
+    own = points.take(points.valid)
+    assert len(own) >= 28
+    assert np.mean(np.abs(own.k - own.omega / SPEED) <= own.bar) >= 0.85
+    if late:
+        told = float(found.findings[0].size.split()[2].rstrip(","))
+        assert told == pytest.approx(late * 5e-7, rel=0.02)
+
+
+def test_a_folded_mode_that_breaks_off_and_goes_on_is_folded():
+    """ω ∝ (k + 2π/d)², a bending wave: k runs from −0.9 to 0.9 of π/d through 0, joined in three
+    pieces, of which the last alone might be a wave that begins at a cutoff."""
+    d = 0.5
+    k = np.linspace(-0.9, 0.9, 121) * np.pi / d
+    omega = (k + 2 * np.pi / d) ** 2
+    branch = np.digitize(k * d / np.pi, (-0.2, 0.3))
+    branch[[40, 41, 82, 83]] = -1
+    own = branch >= 0
+    assert folded_branches(branch, k, omega, d)[own].all()
+    upper = np.where(branch == 2, 2, -1)
+    assert not folded_branches(upper, k, omega, d).any()

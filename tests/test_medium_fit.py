@@ -200,3 +200,5 @@ def test_points_of_another_sector_tell_what_one_branch_does_not(tmp_path):
         key = f"medium.{name}"
         assert abs(both.values[key] - value) <= 3 * both.errors[key]
         assert both.errors[key] < 0.1 * alone.errors[key]
+    misnamed = of_points(files[1:], case, ["stiffness_ratio"], "longitudinal")
+    assert all("of other waves" in why for why in misnamed.reasons.values())

@@ -230,7 +230,7 @@ def test_a_square_rises_at_once_and_a_faded_burst_in_half_of_its_fade():
     on = (t >= 0) & (t < 5e-4)
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
     for sent, rise in (
-        (np.where(on, np.sign(np.sin(2 * np.pi * 4e3 * t) + 1e-9), 0), 0.0),
+        (np.where(on, np.sign(np.sin(2 * np.pi * 2e3 * t) + 1e-9), 0), 0.0),
         (np.where(on, np.sin(2 * np.pi * 2e4 * t) * np.sin(np.pi * t / 5e-4) ** 2, 0), 1.25e-4),
     ):
         made = transmission_record(t, np.roll(sent, 900) + noise, sent)

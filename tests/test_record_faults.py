@@ -357,3 +357,20 @@ def test_what_was_done_to_all_channels_is_told_or_refused(rng):
     with pytest.raises(RecordError, match="rectified"):
         record(np.abs(burst), t, x)
     assert len(record(burst, t, x).x) == 8
+
+
+def test_few_receivers_that_are_left_of_many_with_flat_tops_tell_of_no_several_waves():
+    """Of twelve, seven clipped: five are read. Eight: refused."""
+    x, t = 0.02 + 0.005 * np.arange(12), np.arange(1000) * 5e-7
+    u = ricker(t[:, None] - x / 3000, 5e4) * np.exp(-20 * x)
+    for many in (7, 8):
+        values = u.copy()
+        for j in range(many):
+            values[:, j] = np.minimum(u[:, j], 0.6 * u[:, j].max())
+        found = record(values, t, x)
+        assert found.clipped.sum() == many
+        if many == 7:
+            assert len(for_k_at_frequency(found).x) == 5
+        else:
+            with pytest.raises(RecordError, match="5 receivers at least"):
+                for_k_at_frequency(found)

@@ -117,10 +117,12 @@ def unclipped(record: Record, fewest: int = 2) -> Record:
     """Without the receivers with flat tops, unless they go round a ring.
 
     Raises:
-        RecordError: fewer than so many remain.
+        RecordError: fewer than so many remain, or than five where that is less than half: a few
+            loud ones taken away, several waves that pass are no longer told apart by the rest.
     """
     if record.ring or not len(record.clipped) or not record.clipped.any():
         return record
+    fewest = max(fewest, min(_FEWEST_ALONG, (len(record.x) + 1) // 2))
     return _without(
         record, record.clipped, "clipped", "flat tops", "turn the gain down and record again",
         fewest,

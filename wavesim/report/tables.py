@@ -265,10 +265,10 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
             console.print(f"{key}: no answer: {one['reason']}.", markup=False)
             continue
         console.print(f"{key} = {_fitted(one)}", markup=False)
-        most = sorted(moves.get(key, {}).items(), key=lambda moved: -abs(moved[1]))[:_MOST]
-        counts = [
-            name for name, by in most if abs(by) > _COUNTS * _number(one["error_if_held_known"])
-        ]
+        moved = {} if known_to else moves.get(key, {})
+        least = _COUNTS * _number(one["error_if_held_known"])
+        most = sorted(moved, key=lambda name: -abs(moved[name]))[:_MOST]
+        counts = [name for name in most if abs(moved[name]) > least]
         if counts:
             console.print(f"  most by {', '.join(counts)}", markup=False)
         if one["reason"]:
@@ -282,7 +282,7 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
     if any(one["error"] is not None for one in answer["parameters"].values()):
         how = "exact, or to 1 % in brackets: say by --held how well it is"
         if known_to:
-            how = ", ".join(f"{name or 'all else'} to {p:.3g}" for name, p in known_to.items())
+            how = ", ".join(f"{name} to {p:.3g}".strip() for name, p in known_to.items())
         console.print(f"± is one standard error, what is not varied known {how}.", markup=False)
     for pair in answer["correlations"]:
         a, b = pair["keys"]

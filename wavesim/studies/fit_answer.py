@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from wavesim.case.load import Case
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.readings.misfit import LARGEST_RESIDUAL, Comparison, goes_with, laid_otherwise, misfit
-from wavesim.studies.fit_terms import FitAnswer, Held, answered, held_beside, targets, with_values
+from wavesim.studies.fit_terms import (
+    ALLOWED,
+    SPOILS,
+    FitAnswer,
+    Held,
+    answered,
+    held_beside,
+    targets,
+    with_values,
+)
 from wavesim.studies.least_squares import FitError, Solution, solve
 from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms
 
@@ -122,11 +131,10 @@ def _beside(
 # it leaves less than this part of that.
 _LOOKED_INTO, _FAR_LESS = 0.1, 0.5
 # What is left over goes with the signals where they explain this part of its power (of noise and of
-# jitter 0.04 at most was seen); so much of the record's rms spoils what is fitted.
-_NO_NOISE, _SPOILS = 0.3, 0.01
-# What is held is changed by this part, to see what that does; and may leave over so many times what
-# it does where it is off by its error.
-_CHANGED, _ALLOWED = 1e-3, 2.0
+# jitter 0.04 at most was seen).
+_NO_NOISE = 0.3
+# What is held is changed by this part, to see what that does.
+_CHANGED = 1e-3
 # What a grid does to a value is taken back, to first order, up to so many errors.
 _BY_GRID = 3.0
 
@@ -167,12 +175,15 @@ def of_waveforms(
     held = Held.of(J, columns)
     off = Held.of(J, {"grid": exact - r}).moved[:, 0] if not solution.degenerate else np.zeros(0)
     moved = dict(zip(solution.values, off.tolist(), strict=False))
-    told = {key: value + moved.get(key, 0.0) for key, value in solution.values.items()}
+    told = {
+        one.key: float(np.clip(solution.values[one.key] + moved.get(one.key, 0), one.low, one.high))
+        for one in data.parameters
+    }
     # What was fitted to columns of other receivers is no case to lay them on.
     far = beside.residual > LARGEST_RESIDUAL
     otherwise = compare(case, measured, lag, gain).otherwise if far else ""
     notes = measured.notes if far else beside.notes
-    allowed = _ALLOWED * np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
+    allowed = ALLOWED * np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
     stated = [f"--{name}" for name, one in (("lag", lag), ("scale", gain)) if one is not None]
     reasons = {
         one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated, moved)
@@ -257,7 +268,7 @@ def _reason(
     by = abs(moved.get(key, 0.0)) / solution.errors[key]
     if by > _BY_GRID:
         return f"the grid moves it by {by:.1f} of its errors: take a finer [bar] spacing"
-    if beside.systematic > max(_SPOILS, allowed):
+    if beside.systematic > max(SPOILS, allowed):
         return (
             f"what is left over, {beside.systematic:.1%} of the record, goes with the signals and "
             "is no noise: something that is held is off, and the errors do not hold that; vary "
@@ -268,4 +279,6 @@ def _reason(
         return (
             "it ended at the limit of what is admissible: hold it there with --set, and vary others"
         )
-    return "" if solution.converged else "the fit did not settle: begin closer, with --set"
+    fewer = "leave out of --vary what the data do not tell"
+    then = fewer if solution.degenerate else "begin closer, with --set"
+    return "" if solution.converged else f"the fit did not settle: {then}"

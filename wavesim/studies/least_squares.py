@@ -77,7 +77,6 @@ class Solution:
         errors: {key: standard error}, SI; NaN where the data don't tell.
         covariance: shape (p, p), in the order of values, of what is told.
         misfit: root of the mean square of the residuals.
-        count: number of residuals.
         evaluations: of them.
         degenerate: directions that the data don't tell, {key: part of the direction} each.
         at_limits: keys that ended at a limit.
@@ -88,7 +87,6 @@ class Solution:
     errors: dict[str, float]
     covariance: Float
     misfit: float
-    count: int
     evaluations: int
     degenerate: tuple[dict[str, float], ...]
     at_limits: tuple[str, ...]
@@ -159,7 +157,6 @@ def solve(
         dict(zip(keys, errors.tolist(), strict=True)),
         told,
         float(np.sqrt(np.mean(r**2))),
-        len(r),
         int(answer.nfev),
         tuple(named),
         ends,

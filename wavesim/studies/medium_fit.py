@@ -74,6 +74,7 @@ class Fitted:
             the points' errors are right. Errors are stretched by its root where it is above 1.
         points: number of points used.
         held: the medium's other parameters, and the wavenumbers of all points.
+        left: what is left over of ω, or of k, weighted by the errors, –.
     """
 
     medium: Medium
@@ -84,6 +85,7 @@ class Fitted:
     points: int
     systematic: bool
     held: Held
+    left: float
 
     @property
     def bars(self) -> dict[str, float]:
@@ -157,12 +159,16 @@ def fit(
         if all(np.array_equal(a, b) for a, b in zip(names, again, strict=True)):
             break
         names = again
-    singular = np.linalg.svd(answer.jac, compute_uv=False)
+    felt = np.linalg.norm(answer.jac, axis=0) + 1e-300
+    _, singular, rows = np.linalg.svd(answer.jac / felt)
     if not singular[-1] > 1e-9 * singular[0]:
+        part = np.abs(rows[-1] / felt)
+        apart = [n for n, one in zip(parameters, part / part.max(), strict=True) if one > 0.15]
+        which = (f"{', '.join(apart)} apart", "one of them") if apart[1:] else (apart[0], "it")
+        beside = ", or see whether points of another sector tell, with --also FILE"
         raise FitError(
-            f"the points do not tell {', '.join(parameters)} apart (condition "
-            f"{singular[0] / max(singular[-1], 1e-300):.1e}): fit fewer, or add points of other "
-            "branches, or of another sector with --also FILE"
+            f"the points do not tell {which[0]}: leave {which[1]} out of --vary"
+            + (beside if len(kept) == 1 else "")
         )
     chi_square = 2 * answer.cost / (total - len(parameters))
     inverse = np.linalg.inv(answer.jac.T @ answer.jac)
@@ -174,12 +180,15 @@ def fit(
         wider = np.maximum(most / np.sqrt(np.diag(covariance)), 1.0)
         covariance = covariance * wider[:, None] * wider
     held = Held.of(answer.jac / unit, _held_columns(model, scaled))
-    shared = inverse @ answer.jac.T @ _in_common(kept)
+    sizes = [_sizes(o.points) for o in kept]
+    common = [o.common * size for o, size in zip(kept, sizes, strict=True)]
+    shared = inverse @ answer.jac.T @ np.concatenate(common)
     covariance = (covariance + np.outer(shared, shared)) * unit[:, None] * unit
     values: dict[str, Any] = dict(zip(parameters, map(float, scaled * unit), strict=True))
     errors = dict(zip(parameters, map(float, np.sqrt(np.diag(covariance))), strict=True))
+    left = float(np.linalg.norm(answer.fun) / np.linalg.norm(np.concatenate(sizes)))
     return Fitted(replace(start, **values), values, errors, covariance, chi_square, total,
-                  systematic, held)  # fmt: skip
+                  systematic, held, left)  # fmt: skip
 
 
 def _held_columns(model: _Model, scaled: Float) -> dict[str, Float]:
@@ -199,17 +208,12 @@ def _held_columns(model: _Model, scaled: Float) -> dict[str, Float]:
     return {name: (there - now) / _CHANGED for name, there in found.items()}
 
 
-def _in_common(observed: Sequence[Observed]) -> Float:
-    """How residuals change with what all points of a record have in common."""
-    parts = []
-    for one in observed:
-        points = one.points
-        if points.in_space:
-            off = one.common * points.k / points.error * np.sqrt(2)
-            parts += [off.real, off.imag]
-        else:
-            parts.append(one.common * points.omega / points.error)
-    return np.concatenate(parts)
+def _sizes(points: BranchPoints) -> Float:
+    """ω, or both parts of k, over the errors, as residuals are."""
+    if points.in_space:
+        of = points.k / points.error * np.sqrt(2)
+        return np.concatenate([of.real, of.imag])
+    return points.omega / points.error
 
 
 def _relation(one: Observed, medium: Medium) -> OfMedium:

@@ -26,7 +26,7 @@ from wavesim.case.load import Case
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.point_table import read_points
-from wavesim.studies.fit_terms import QUALITY, FitAnswer, Held, answered, targets
+from wavesim.studies.fit_terms import ALLOWED, QUALITY, SPOILS, FitAnswer, Held, answered, targets
 from wavesim.studies.least_squares import FitError
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")
@@ -221,11 +221,13 @@ def of_points(
 
     varied = targets(case, keys)
     odd = next((v for v in varied if v.name == QUALITY or not v.key.startswith("medium.")), None)
-    if odd is not None or not case.simulation.layers.uniform:
+    if odd is not None:
         raise FitError(
-            f"--vary {odd.key if odd else keys[0]}: points tell of one lossless medium: name its "
-            "parameters, such as medium.anisotropy, or give the waveforms"
+            f"--vary {odd.key}: points tell of one lossless medium: name its parameters, such as "
+            "medium.anisotropy, or give the waveforms"
         )
+    if not case.simulation.layers.uniform:
+        raise FitError("points tell of one medium: leave [[layers]] out, or give the waveforms")
     names = [one.name for one in varied]
     given = [sector, *[None] * (len(paths) - 1)]
     sectors = [_sector(path, case, names, one) for path, one in zip(paths, given, strict=True)]
@@ -237,11 +239,21 @@ def of_points(
         found = medium_fit.fit(observed, case.medium, names)
     except FitError as wrong:
         raise FitError(f"{', '.join(map(str, paths))}: {wrong}") from None
+    held, known_to = found.held, known_to or {}
+    allowed = np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
+    reason = ""
+    if found.systematic and found.left > SPOILS and found.chi_square > (ALLOWED * allowed) ** 2:
+        reason = (
+            f"the points lie {found.left:.1%} off, {found.chi_square**0.5:.1f} of their errors: "
+            "they are of other waves (--sector, branch), or something that is held is off: vary "
+            "more keys, hold them at other values with --set, or say by --held how well they are "
+            "known"
+        )
     notes = [
         f"{found.points} numbers of {' and '.join(sectors)} points, χ² per degree of freedom "
         f"{found.chi_square:.3g}"
     ]
-    if found.systematic:
+    if found.systematic and not reason:
         notes.append(
             "more is left over than the points' errors: they are held against the endless medium, "
             "and a simulated record's grid, or another medium, puts them off; the errors hold what "
@@ -252,9 +264,9 @@ def of_points(
         {one.key: found.values[one.name] for one in varied},
         {one.key: found.errors[one.name] for one in varied},
         found.covariance,
-        found.held,
-        known_to or {},
-        {one.key: "" for one in varied},
+        held,
+        known_to,
+        {one.key: reason for one in varied},
         residual=found.chi_square,
         notes=tuple(notes),
     )

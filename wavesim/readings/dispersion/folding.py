@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,9 @@ _CURVED, _BENT, _SMOOTH = 1e-3, 0.2, 0.2
 _WITHIN = 0.5
 # Points of a mode, at least, that is believed beside others that are folded.
 _FEW = 5
+# A mode goes on by lines through so many points that meet to this part of 2π/d, and after this part
+# of ω at most.
+_PIECE, _MEETS, _SOON = 12, 0.05, 0.1
 
 
 def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
@@ -105,6 +108,13 @@ def folded_branches(
     for at in own:
         at = at[np.argsort(omega[at])]
         folded[at] |= _in_pieces(k[at], omega[at], gap)
+    # What goes on where a folded one ends, or ends where one begins, is the same mode.
+    own = sorted((at[np.argsort(omega[at])] for at in own), key=lambda at: float(omega[at[0]]))
+    meeting = [(a, b) for a, b in permutations(own, 2) if _meet(k, omega, a, b, gap)]
+    for before, after in meeting:
+        folded[after] |= folded[before[-1]]
+    for before, after in reversed(meeting):
+        folded[before] |= folded[after[0]] and not folded[before].any()
     # A few points by themselves are no mode that is not, where many others are.
     found = int(folded.sum())
     for at in own:
@@ -112,6 +122,19 @@ def folded_branches(
         if left < _FEW and 2 * left < found:
             folded[at] = True
     return folded
+
+
+def _meet(k: Float, omega: Float, first: Any, last: Any, gap: float) -> bool:
+    """Whether one branch goes on where another ended: as straight lines they meet there."""
+    first, last = first[-_PIECE:], last[:_PIECE]
+    if min(len(first), len(last)) < _FEWEST or omega[last[0]] < omega[first[-1]]:
+        return False
+    if omega[last[0]] - omega[first[-1]] > _SOON * omega[last[0]]:
+        return False
+    at = (omega[first[-1]] + omega[last[0]]) / 2
+    lines = [_straight(k[own], omega[own]) for own in (first, last)]
+    turns = (lines[0][2] + lines[0][0] * at - lines[1][2] - lines[1][0] * at) * gap / (2 * np.pi)
+    return bool(lines[0][0] * lines[1][0] > 0 and abs(turns) < _MEETS)
 
 
 def _in_pieces(k: Float, omega: Float, gap: float) -> NDArray[np.bool_]:

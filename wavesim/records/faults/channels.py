@@ -1,4 +1,4 @@
-"""Channels that do not fit the others: dead, reversed, swapped, delayed, mis-scaled.
+"""Channels that do not fit the others: dead, reversed, swapped, delayed, mis-scaled, one or a side.
 
 At each frequency the field along a line is a few waves e^{ikx} that fall off alike, as round a ring
 (`unfit_receivers.py`), so that several modes are no fault of any channel. What a channel shows is
@@ -8,7 +8,7 @@ the others do not agree on few waves, nothing is said of any.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.moveout import delay_of, jump
 from wavesim.records.faults.quiet import Rest
-from wavesim.records.faults.unfit_receivers import Waves, unfit
+from wavesim.records.faults.unfit_receivers import Waves, along_line, unfit
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -29,11 +30,6 @@ _DAMPING = 8.0
 # Frequencies count above this part of the greatest power, and so many times above what is there at
 # the highest.
 _STRONG, _ABOVE = 0.05, 10.0
-# Waves are no more than this part of the receivers and than so many; each must lower what is left
-# to this part.
-_WAVES, _MOST_WAVES, _LOWERS = 0.25, 4, 0.6
-# Wavenumbers tried, per receiver, over ±π/d; what they miss by leaves this part of the power.
-_FINE, _ROUNDING = 16, 1e-16
 # Waves spread as r^c, c from this to 0, from so many spacings before the line or behind it.
 _SPREADS, _BEFORE = -1.6, (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _FEWEST_SPREAD = 8
@@ -99,6 +95,18 @@ def misfits(
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     if nx < FEWEST or not np.isfinite(x).all() or (rest.onset > 0).sum() < 0.6 * nx:
         return mended
+    if (broken := _broken(component, t, x, rest)) is not None:
+        kind, those = broken
+        apart = Mended(mended.order, mended.factor, mended.out)
+        found.append(mend(apart, kind, those, x, labels))
+        keep = np.flatnonzero(~apart.out)
+        right = component[:, keep] * apart.factor[keep]
+        own = replace(rest, **{k: v[..., keep] for k, v in vars(rest).items()})
+        more = misfits(right, t, x[keep], tuple(labels[j] for j in keep) if labels else labels,
+                       own, unsure[keep], found)  # fmt: skip
+        apart.order[keep], apart.out[keep] = keep[more.order], more.out
+        apart.factor[keep] *= more.factor
+        return apart
     starts = list(range(0, max(nx - _TOGETHER, 0) + 1, _TOGETHER // 2))
     if starts[-1] + _TOGETHER < nx:
         starts.append(nx - _TOGETHER)
@@ -175,7 +183,7 @@ def _judge(
     known = dead | ~heard
     if (~known).sum() < FEWEST - 1:
         return found
-    U, waves = U / fall, _along(x)
+    U, waves = U / fall, along_line(x)
     if len(x) < _FEW and not known.any() and (pair := _exchanged(U, waves)):
         a, b = pair
         return {a: ("swapped", float(part[b])), b: ("swapped", float(part[a]))}
@@ -204,7 +212,7 @@ def _judge(
         size = float(np.sum(np.abs(U[:, j]) ** 2))
         factor = float(factors[j])
         phase = np.angle(U[:, j] * np.conj(V[:, j]))
-        delay = _delay(phase, omega)
+        delay = delay_of(phase, omega)
         late = float(np.sum(np.abs(U[:, j] - V[:, j] * np.exp(1j * omega * delay)) ** 2))
         if np.sum(np.abs(U[:, j] - factor * V[:, j]) ** 2) < _ALONE * size:
             least = max(np.log(_AT_END if j in (0, len(x) - 1) else _FACTOR), by_chance)
@@ -215,6 +223,31 @@ def _judge(
         else:
             found[j] = ("delayed", delay) if late < _LATE * size else ("misfit", 0.0)
     return found
+
+
+def _broken(
+    component: Float, t: Float, x: Float, rest: Rest
+) -> tuple[str, dict[int, float]] | None:
+    """The fewer of receivers on both sides of a place that one wave's phases jump at, as between
+    two cards or cables: reversed, or delayed; each with its size."""
+    nx = len(x)
+    for start in range(0, max(nx - _TOGETHER // 2, 1), _TOGETHER // 2):
+        part = np.arange(start, min(start + _TOGETHER, nx))
+        transform = _transform(component[:, part], t, rest, part)
+        if transform is None:
+            continue
+        U, omega, floor = transform
+        heard = np.median(np.abs(U), axis=0) > np.sqrt(_HEARD) * floor
+        seen = np.flatnonzero(heard)
+        if (found := jump(U[:, seen], omega, x[part[seen]])) is None:
+            continue
+        j, turned, delay = found
+        last = int(part[seen[j]]) + 1
+        # Which side is late or reversed nothing tells: the fewer are.
+        fewer = range(last, nx) if 2 * last >= nx else range(last)
+        size = np.pi if turned else delay if 2 * last >= nx else -delay
+        return "reversed" if turned else "delayed", dict.fromkeys(fewer, float(size))
+    return None
 
 
 def _exchanged(U: Any, waves: Waves) -> tuple[int, int] | None:
@@ -293,45 +326,3 @@ def _absolute(columns: Float, y: Float) -> tuple[Float, float, float]:
         left = np.abs(y - columns @ c)
         weight = 1 / np.sqrt(np.maximum(left, 1e-3))
     return columns @ c, float(left.sum()), float(c[-1])
-
-
-def _along(x: Float) -> Waves:
-    """Few waves of any wavenumber that receivers at x tell apart, ±π/d, one by one."""
-    k = np.linspace(-1, 1, _FINE * len(x) + 1)[:-1] * np.pi / float(np.median(np.diff(x)))
-    steer = np.exp(1j * np.outer(k, x - x.mean()))
-
-    def waves(U: Any, good: Mask) -> tuple[Any, Float]:
-        n, count = len(U), int(good.sum())
-        seen = np.where(good, U, 0)
-        power = np.sum(np.abs(seen) ** 2, axis=1)
-        V, rest, left = np.zeros_like(U), seen, power / count
-        taken, goes = np.zeros((n, 0), int), np.ones(n, bool)
-        for number in range(1, max(1, min(_MOST_WAVES, int(_WAVES * count))) + 1):
-            taken = np.append(taken, np.abs(rest @ steer.conj().T).argmax(axis=1)[:, None], axis=1)
-            own = steer[taken]
-            heard = np.conj(own * good)
-            gram = heard @ own.transpose(0, 2, 1) + 1e-9 * count * np.eye(number)
-            size = np.linalg.solve(gram, heard @ seen[:, :, None])
-            told = (size * own).sum(axis=1)
-            after = np.where(good, U - told, 0)
-            # A wave has a size, a phase and a wavenumber.
-            lower = np.sum(np.abs(after) ** 2, axis=1) / max(count - 1.5 * number, 0.5)
-            goes &= (lower < _LOWERS * left) | (number == 1)
-            V, rest = (np.where(goes[:, None], a, b) for a, b in ((told, V), (after, rest)))
-            left = np.where(goes, lower, left)
-        return V, np.maximum(left, _ROUNDING * power / count)
-
-    return waves
-
-
-def _delay(phase: Float, omega: Float) -> float:
-    """τ whose ωτ fits phases best, whole turns left open, s."""
-    step = 0.25 / omega.max()
-    reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
-    most = min(200.0, np.floor(reach / step))
-    tau = step * np.arange(-most, most + 1)
-    match = np.exp(1j * phase) @ np.exp(-1j * np.outer(omega, tau))
-    worth = match.real + 1e-3 * np.abs(match) - 1e-3 * len(omega) * np.abs(tau) / tau[-1]
-    found = float(tau[np.argmax(worth)])
-    left = np.angle(np.exp(1j * (phase - omega * found)))
-    return found + float(np.sum(omega * left) / np.sum(omega**2))

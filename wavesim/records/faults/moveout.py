@@ -33,6 +33,10 @@ _SEAMS, _SPAN, _LONG, _LOUD = 3, 1.5, 0.3, 0.01
 _FEWEST_ROUND = 8
 # … and that are there, with this part of the mean power.
 _THERE = 0.01
+# One wave's phases jump between two sides of so many receivers or more, where that leaves this part
+# of what a wave without the jump does, that this part of all at least, and the mean cosine of what
+# is over is 1 but for this.
+_SIDE, _JUMPS, _LEAST, _SURE, _FINE = 3, 0.03, 2e-3, 0.1, 16
 
 
 def begun(component: Float, rest: Rest) -> Mask:
@@ -150,3 +154,54 @@ def comes_round(component: Float) -> bool | None:
         return True
     loud = there[-1] > _THERE * own.sum()
     return False if loud and step[-1] > _NEVER * max(step[:-1].max(), 1.0) else None
+
+
+def jump(U: Any, omega: Float, x: Float) -> tuple[int, bool, float] | None:
+    """Where one wave's phases jump along a line, as from one card or cable to the next.
+
+    Σ_j U_j/|U_j| e^{−ikx_j} is taken over both sides apart, of one k, and held against that over
+    all; the jump must be π at all frequencies, or ωτ.
+
+    Args:
+        U: field at m frequencies ω, shape (m, nx).
+        omega: ω, shape (m,), rad/s.
+        x: places, ascending, shape (nx,), m.
+
+    Returns:
+        The last receiver before it, whether those behind are reversed, and τ by which they are
+        late, s; None where there is none.
+    """
+    many = len(x)
+    if many < 2 * _SIDE:
+        return None
+    k = np.linspace(-1, 1, _FINE * many + 1)[:-1] * np.pi / float(np.median(np.diff(x)))
+    phases = U / np.maximum(np.abs(U), 1e-300)
+    sums = np.cumsum(phases[:, None] * np.exp(-1j * np.outer(k, x - x[0])), axis=2)
+    n = np.arange(1, many)
+    before, behind = sums[..., :-1], sums[..., -1:] - sums[..., :-1]
+    apart = np.abs(before) ** 2 / n + np.abs(behind) ** 2 / (many - n)
+    whole = many - np.median((np.abs(sums[..., -1]) ** 2 / many).max(axis=1))
+    left = many - np.median(apart.max(axis=1), axis=0)
+    j = _SIDE - 1 + int(np.argmin(left[_SIDE - 1 : many - _SIDE]))
+    if whole < _LEAST * many or left[j] > _JUMPS * whole:
+        return None
+    at = np.arange(len(U)), apart[..., j].argmax(axis=1)
+    phase = np.angle(behind[..., j][at] * np.conj(before[..., j][at]))
+    late = delay_of(phase, omega)
+    turned = bool(np.mean(np.cos(phase)) < _SURE - 1)
+    if not turned and np.mean(np.cos(phase - omega * late)) < 1 - _SURE:
+        return None
+    return j, turned, late
+
+
+def delay_of(phase: Float, omega: Float) -> float:
+    """τ whose ωτ fits phases best, whole turns left open, s."""
+    step = 0.25 / omega.max()
+    reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
+    most = min(200.0, np.floor(reach / step))
+    tau = step * np.arange(-most, most + 1)
+    match = np.exp(1j * phase) @ np.exp(-1j * np.outer(omega, tau))
+    worth = match.real + 1e-3 * np.abs(match) - 1e-3 * len(omega) * np.abs(tau) / tau[-1]
+    found = float(tau[np.argmax(worth)])
+    left = np.angle(np.exp(1j * (phase - omega * found)))
+    return found + float(np.sum(omega * left) / np.sum(omega**2))

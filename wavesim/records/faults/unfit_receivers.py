@@ -41,6 +41,9 @@ _FULL = 256
 _LOUD, _LEAST = 0.01, 1e-6
 # Where, of many, none has so many times the median left, none is off.
 _MANY, _EVEN = 16, 3.0
+# Along a line waves are no more than so many, and each must lower what is left to this part.
+# Wavenumbers tried, per receiver, over ±π/d; what they miss by leaves this part of the power.
+_MOST_ALONG, _LOWERS, _FINE, _SQUARE = 4, 0.6, 16, 1e-16
 
 
 @dataclass(frozen=True)
@@ -184,3 +187,32 @@ def _round_ring(U: Any, good: Mask) -> tuple[Any, Float]:
     spare = np.maximum(good.sum() - taken.sum(axis=1), 1)
     rest = np.sum(np.abs(left) ** 2, axis=1) / spare
     return V, np.maximum(rest, _ROUNDING**2 * np.mean(np.abs(seen) ** 2, axis=1))
+
+
+def along_line(x: Float) -> Waves:
+    """Few waves of any wavenumber that receivers at x tell apart, ±π/d, one by one."""
+    k = np.linspace(-1, 1, _FINE * len(x) + 1)[:-1] * np.pi / float(np.median(np.diff(x)))
+    steer = np.exp(1j * np.outer(k, x - x.mean()))
+
+    def waves(U: Any, good: Mask) -> tuple[Any, Float]:
+        n, count = len(U), int(good.sum())
+        seen = np.where(good, U, 0)
+        power = np.sum(np.abs(seen) ** 2, axis=1)
+        V, rest, left = np.zeros_like(U), seen, power / count
+        taken, goes = np.zeros((n, 0), int), np.ones(n, bool)
+        for number in range(1, max(1, min(_MOST_ALONG, int(_WAVES * count))) + 1):
+            taken = np.append(taken, np.abs(rest @ steer.conj().T).argmax(axis=1)[:, None], axis=1)
+            own = steer[taken]
+            heard = np.conj(own * good)
+            gram = heard @ own.transpose(0, 2, 1) + 1e-9 * count * np.eye(number)
+            size = np.linalg.solve(gram, heard @ seen[:, :, None])
+            told = (size * own).sum(axis=1)
+            after = np.where(good, U - told, 0)
+            # A wave has a size, a phase and a wavenumber.
+            lower = np.sum(np.abs(after) ** 2, axis=1) / max(count - 1.5 * number, 0.5)
+            goes &= (lower < _LOWERS * left) | (number == 1)
+            V, rest = (np.where(goes[:, None], a, b) for a, b in ((told, V), (after, rest)))
+            left = np.where(goes, lower, left)
+        return V, np.maximum(left, _SQUARE * power / count)
+
+    return waves
