@@ -203,7 +203,10 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             shown.print(_decays(points.take(points.valid)))
             sigma = float(max(points.omega.imag, default=0.0))
             if sigma > 0:
-                shown.print(f"Read at ω + iσ, σ = {sigma:.4g} 1/s, where lossless waves decay too.")
+                shown.print(
+                    f"Read at ω + iσ, σ = {sigma:.4g} 1/s, where waves without loss decay too, by "
+                    "σ/v_g: what is lost in the material alone, wavesim pulse tells."
+                )
         else:
             _show_branches(shown, points)
         if one.score is not None:
@@ -275,7 +278,7 @@ def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
     from wavesim.material.shown import DECIBELS, HERTZ
 
-    headings = "frequency\nkHz", "attenuation\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
+    headings = "frequency\nkHz", "Im k\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
     table = new_table(*headings, f"one of\n{len(own)}", words=0)
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
         k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
