@@ -281,6 +281,25 @@ def test_receivers_divided_by_their_size_have_no_loss(clean, size, tmp_path):
     assert not from_file(tmp_path, clean).levelled
 
 
+@pytest.mark.parametrize(("split", "gain"), [(4, 2.0), (6, 0.8), (3, 0.1)])
+def test_receivers_of_two_gains_have_velocities_and_no_loss(split, gain):
+    """Ten receivers, those beyond one through another amplifier: α would be off by ln g over the
+    line. Velocities are what they are without; gains that differ by 3 % at random are no second."""
+    x = 0.02 + 0.004 * np.arange(10)
+    rng = np.random.default_rng(11)
+    values = through(lambda w: LOSSY.lossless(w) / C, T, ricker(T, F, 4e-6), x)
+    values = values + 1e-3 * rng.standard_normal(values.shape)
+    plain = read_array("made up", T, *named(values * np.exp(0.03 * rng.standard_normal(10)), x))
+    assert plain.result.quality.quality == pytest.approx(50, rel=0.5)
+    beyond = values * np.where(np.arange(10) < split, 1.0, gain)
+    one = read_array("made up", T, *named(beyond, x))
+    why = one.result.quality.reason
+    assert f"x = {x[split]:.4g} m" in why
+    assert float(why.split("are ")[1].split()[0]) == pytest.approx(gain, rel=0.05)
+    assert not np.isfinite(one.result.dispersion.attenuation).any()
+    assert one.best.velocity == pytest.approx(C, rel=0.01)
+
+
 def from_file(folder, values):
     np.savez(folder / "record.npz", t=T, x=X, values=values, t_unit="s", x_unit="m")
     (test,) = of_pulse_file(folder / "record.npz", Layout())

@@ -137,10 +137,14 @@ def read_array(
         one = of_one_wave(result.spectra, result.dispersion, expected)
         result = replace(result, dispersion=one)
         notes += [overlap] if overlap else []
+    spectra = result.spectra
+    if not levelled and noise != 0 and not why:
+        levelled = faults.second_gain(spectra.values, result.record.x, spectra.above)
+        notes = [*([levelled] if levelled else []), *notes]
     if levelled:
         gone = (levelled,) * len(result.loss.reason)
         result = replace(result, loss=replace(result.loss, reason=gone)).without_loss(levelled)
-    elif noise != 0 and spreads(result.spectra.values, result.record.x, result.spectra.above, None):
+    elif noise != 0 and spreads(spectra.values, result.record.x, spectra.above, None):
         result = result.without_loss(SPREADS)
         notes.insert(0, SPREADS)
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)

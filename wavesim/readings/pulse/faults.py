@@ -34,6 +34,9 @@ _WANDERS = 1.5
 # A receiver turned over must leave this part of what was left before, and little at all; looked at
 # where every receiver has this part of its peak spectrum.
 _TURNED = 0.15
+# Two gains leave this part of what a line leaves of ln|U| along the receivers, of so many at least
+# two have the other one, and it is this many times as large.
+_STEP_LEAVES, _FEWEST_OF_STEP, _STEP = 0.02, 6, 1.05
 _FITS = 0.03
 _IN_BAND = 0.3
 
@@ -162,3 +165,36 @@ def reversed_receivers(values: Float, x: Float) -> list[int]:
     best = int(np.argmin(turned))
     clear = turned[best] < _FITS and turned[best] < _TURNED * apart(np.ones(m))
     return [best] if clear else []
+
+
+def second_gain(values: Any, x: Float, above: NDArray[np.bool_]) -> str:
+    """Why amplitudes tell nothing, where the receivers beyond one have another gain; "" elsewhere.
+
+    The mean over frequency of ln|U| then steps from one line in x to another.
+
+    Args:
+        values: spectra U, shape (n, nx).
+        x: positions, shape (nx,), m.
+        above: where |U| stands above the noise, shape (n, nx).
+    """
+    count = len(x)
+    own = above.all(axis=1)
+    if count < _FEWEST_OF_STEP or not own.any():
+        return ""
+    mean = np.log(np.abs(values[own])).mean(axis=0)
+    line = np.stack([np.ones(count), (x - x.mean()) / np.ptp(x)], axis=1)
+
+    def left(*columns: Float) -> tuple[float, float]:
+        design = np.column_stack([line, *columns])
+        found = np.linalg.lstsq(design, mean, rcond=None)[0]
+        return float(np.sum((mean - design @ found) ** 2)), float(found[-1])
+
+    alone = left()[0]
+    steps = [(*left(1.0 * (np.arange(count) >= at)), at) for at in range(2, count - 1)]
+    least, step, at = min(steps)
+    if least > _STEP_LEAVES * alone or abs(step) < np.log(_STEP):
+        return ""
+    return (
+        f"receivers from x = {x[at]:.4g} m on are {np.exp(step):.3g} times as strong as the loss "
+        "before them foretells, at all frequencies: a second gain; divide them by it"
+    )
