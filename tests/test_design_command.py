@@ -140,7 +140,7 @@ def test_a_wish_that_can_t_be_kept_gives_1_and_says_by_how_much(path, tmp_path):
 
 BAD = {
     "design.variables.0.key='layers.0.thicknes'": "did you mean thickness?",
-    "design.variables.0.key='layers.9.thickness'": "no layer stands at layers.9; there are",
+    "design.variables.0.key='layers.9.thickness'": "no layer stands at layers.9; name one of",
     "design.variables.0.key='layers.*.colour'": "'colour' can't be varied",
     "design.variables.0.from=6e-3": "must be greater than from = 0.006, or nothing varies",
     "design.variables.0.from=-1.0": "a thickness must be greater than 0",

@@ -276,7 +276,7 @@ def test_a_key_reaches_the_layers_that_have_it(key):
     ("key", "told"),
     [
         ("layers.0.thicknes", "did you mean thickness"),
-        ("layers.5.thickness", "there are layers.0, layers.1.layers.0, layers.1.layers.1"),
+        ("layers.5.thickness", "name one of layers.0, layers.1.layers.0, layers.1.layers.1"),
         ("time.duration", "'duration' can't be varied"),
         ("layers.0.density.1", "is no pair there"),
         ("medium.thickness", "no layer stands at medium"),

@@ -15,8 +15,9 @@ Float = NDArray[Any]
 
 # Exponents p of r^{−p}.
 KINDS = {"plane": 0.0, "cylindrical": 0.5, "spherical": 1.0}
-# Spreading is told where p is above this and so many of its errors.
-_LEAST = 0.25
+# Spreading is told where p is above this and so many of its errors; beyond the second value no wave
+# spreads.
+_LEAST, _MOST = 0.25, 2.0
 _ERRORS = 8.0
 _FEWEST = 6
 # Distances of a source that is not named from the first receiver, over the line's length.
@@ -74,7 +75,7 @@ def spreads(U: Any, x: Float, used: Any, source: float | None) -> str:
         U, x, used, source: as of :func:`exponent`.
     """
     power, error = exponent(U, x, used, source)
-    if not (power > _LEAST and power > _ERRORS * error):
+    if not (_LEAST < power < _MOST and power > _ERRORS * error):
         return ""
     if source is None:
         return (

@@ -27,9 +27,10 @@ _STUCK = 8
 # Sizes of channels are one where they are apart by less than this part of what noise makes, so many
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
 # so many blocks. Loudness over a window, and one longer by a part, varies by so much of that over
-# its quarter where it is levelled, as so many channels say.
+# its quarter where it is levelled, as so many channels say; noise is more of some windows than the
+# first part and of others less than the second.
 _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
-_LEVEL, _MORE, _CHANNELS = 0.4, 1.4, 16
+_LEVEL, _MORE, _CHANNELS, _HISSES = 0.4, 1.4, 16, (0.3, 0.1)
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # shortly, between lobes of that part; most of the time it is below this part.
 _BELOW, _LOBE, _DIPS, _AT_REST = 0.02, 0.1, 2, 0.25
@@ -255,5 +256,14 @@ def _levelled(v: Float) -> int:
         short = varies(m // 4)
         # Over a period loudness is the same too, but not over a part more.
         if max(varies(m), varies(int(_MORE * m))) < _LEVEL * min(short, 1.0) * short:
-            return int(m)
+            return int(m) if _hisses_at_times(v, int(m)) else 0
     return 0
+
+
+def _hisses_at_times(v: Float, m: int) -> bool:
+    """Whether over some m frames channels, (nt, nx), are noise and over others are not: waves
+    that go round a ring, or never end, are alike loud without a gain that follows them."""
+    blocks = [v[a : a + m] for a in range(0, len(v) - m + 1, m)]
+    part = [[fine_noise(u) / max(float(np.std(u)), 1e-300) for u in block.T] for block in blocks]
+    most, least = np.max(part, axis=0), np.min(part, axis=0)
+    return bool(np.median((most > _HISSES[0]) & (least < _HISSES[1])) > 0.5)
