@@ -203,10 +203,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             shown.print(_decays(points.take(points.valid)))
             sigma = float(max(points.omega.imag, default=0.0))
             if sigma > 0:
-                shown.print(
-                    f"Read at ω + iσ, σ = {sigma:.4g} 1/s, where waves without loss decay too, by "
-                    "σ/v_g: what is lost in the material alone, wavesim pulse tells."
-                )
+                shown.print(f"Read at ω + iσ, σ = {sigma:.4g} 1/s: by σ/v_g more than is lost.")
         else:
             _show_branches(shown, points)
         if one.score is not None:
