@@ -114,6 +114,7 @@ def read_array(
     if cleared is not given:
         given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
+    unlike = unlike or faults.muted(looked_at.values)
     window, overlap = echo_gate(looked_at)
     if window is not None and not overlap:
         at = "" if math.isinf(window.velocity) else ", later at each that the wave reaches later"

@@ -25,8 +25,9 @@ OVERLOAD = 1e30
 _DEAD = 1e-2
 # A sample this many times the second largest, and of the median size, is a code and no signal.
 _STANDS_ALONE = 1e4
-# Equal samples in a row before the signal are a padding.
-_PADDING = 16
+# Equal samples in a row before the signal are a padding; after it, by so many more at one receiver
+# than at another, a muting.
+_PADDING, _MUTED = 16, 4
 # A record that begins above this part of its peak begins within the signal.
 _BEGUN = 0.05
 # A quiet part that bends by this many deviations of its roughness wanders.
@@ -88,6 +89,22 @@ def padding(values: Float) -> int:
     level, then = np.std(early), np.std(later)
     peak = np.abs(values - values[0]).max()
     return lead if level > 1e-5 * peak and level > 0.2 * then else 0
+
+
+def muted(values: Float) -> str:
+    """Why spectra tell nothing of signals that were muted after the wave, at each receiver by a
+    time of its own; "" of others.
+
+    Args:
+        values: u, shape (nt, m).
+    """
+    equal = np.array([int(np.argmax((u != u[-1])[::-1])) for u in values.T])
+    if np.ptp(np.where(quanta(values[None]) > 0, 0, equal)) < _MUTED:
+        return ""
+    return (
+        "signals are muted after the wave, and c, α and Q would be those of the part that is left: "
+        "give them as they were recorded"
+    )
 
 
 def base(u: Float, quiet: int, late: int) -> tuple[Float, str]:

@@ -35,6 +35,7 @@ from wavesim.readings.pulse.transmission_record import (
 from wavesim.readings.pulse.travel_time import TravelTime, travel_times
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
+    LEAST_P_OVER_S,
     RIVAL,
     Packet,
     endless,
@@ -127,8 +128,10 @@ def run_into(
         return (
             risen if late < abs(distance / wanted.speed + delay - one.begins) else one.begins
         ), math.nan
-    # A P wave comes ahead of the S wave that is meant, but no nearer than that's own first cycle.
-    if wanted.wave and risen - one.begins > _OWN_CYCLE * record.period:
+    # A P wave comes ahead of the S wave that is meant, but no nearer than that's own first cycle,
+    # nor than P waves do.
+    own_cycle = risen - one.begins <= _OWN_CYCLE * record.period
+    if wanted.wave and not own_cycle and (risen - delay) > LEAST_P_OVER_S * (one.begins - delay):
         return (risen if wanted.wave == "S" else one.begins), math.nan
     return one.begins, risen
 

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.central_band import sent_period
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
@@ -158,6 +159,7 @@ class _Signal:
         self.tau = one.t - one.start - delay
         self.u = one.got / (float(np.abs(one.got).max()) or 1.0)
         self.period = one.period
+        self.sent_period = sent_period(one.sent, one.interval) or 1.0
         # A burst's cycles keep their length, and only its envelope moves as a stretch does.
         self.burst = one.length > _BURST * one.period
         self.outline = envelope(self.u) if self.burst else self.u
@@ -189,9 +191,11 @@ class _Signal:
         return np.asarray(there @ own / np.maximum(size, max(least, 1e-30)))
 
     def shifted(self, other: _Signal, time: float, times: Float, period: float) -> Float:
-        """Correlation of the packet at ``time`` here with those at some times there."""
+        """Correlation of the packet at ``time`` here with those at some times there, each as long
+        as what was sent."""
         s = np.arange(_PACKET[0] * period, _PACKET[1] * period, period / 24)
-        own, there = self.at(time + s), other.at(times[:, None] + s)
+        as_long = other.sent_period / self.sent_period
+        own, there = self.at(time + s), other.at(times[:, None] + as_long * s)
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         least = 0.1 * np.sqrt(np.sum(own**2) * len(s) * float(np.mean(other.u**2)))
         return np.asarray(there @ own / np.maximum(size, max(float(least), 1e-30)))

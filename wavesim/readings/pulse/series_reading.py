@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.left_open import Arrived, left_open, open_between
+from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
@@ -45,6 +45,12 @@ _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
+UNLIKE_MOST = (
+    "most records of the series show no wave of this one's, or it lies within their crosstalk: "
+    "shield and ground both sides, or look whether they are of one set-up"
+)
+# A wave that this part of a series or more does not show is none.
+_MOST_LOST = 0.6
 
 
 @dataclass(frozen=True)
@@ -249,10 +255,12 @@ def _followed(
     noise = np.hypot(np.nan_to_num(found.error), scatter)
     share = _open_in_periods(alone, time, period)
     unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
+    hidden = [in_crosstalk(one, t + delay) for one, t in zip(records, time, strict=True)]
+    none = UNLIKE_MOST if np.mean(unlike | hidden) > _MOST_LOST else ""
     return [
         Arrived(
             FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,
-            UNLIKE if unlike[i] else "",
+            UNLIKE if unlike[i] else none,
         )
         for i, one in enumerate(alone)
     ]  # fmt: skip

@@ -166,11 +166,12 @@ def without_stuck(
                 # to go on.
                 held = v[start]
                 jump = abs(v[stop + 1] - held) if stop + 1 < len(v) else 0.0
-                before = abs(held - v[start - 1]) if start else 0.0
+                # An average of coarse steps rests on a crest, and goes on by steps as large.
+                beside = (*np.diff(v[max(0, start - 3) : start + 1]), *np.diff(v[stop + 1 :][:4]))
                 apart = abs(held - np.nanmedian(v)) > 0.02 * size[j]
                 extreme = held in (np.nanmax(v), np.nanmin(v))
                 if (stop - start >= _STUCK and apart and not extreme and start > 0
-                        and jump > 3 * max(before, quantum[j])):  # fmt: skip
+                        and jump > 3 * np.nanmax(np.abs([*beside, quantum[j]]))):  # fmt: skip
                     which[j] = True
                     total += int(stop - start)
                     first = min(first, int(start))
