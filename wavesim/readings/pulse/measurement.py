@@ -185,6 +185,20 @@ def measure(
     if omega is not None and np.iscomplexobj(omega):
         raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
     record = pulse_record(t, signals, positions, quiet_until, noise)
+    return measured(record, window, omega, through, fraction, source, k_max, expected)
+
+
+def measured(
+    record: PulseRecord,
+    window: Window | None = None,
+    omega: ArrayLike | None = None,
+    through: tuple[str, str] | None = None,
+    fraction: float = 0.5,
+    source: ArrayLike | None = None,
+    k_max: float | None = None,
+    expected: tuple[float, float] | None = None,
+) -> PulseResult:
+    """Read a pulse test of signals that have been looked over, as :func:`measure` does."""
     if window is None:
         window = whole_record(record.t)
     known = None if source is None else np.asarray(source, float)

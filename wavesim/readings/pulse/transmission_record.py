@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavesim.readings.pulse import crosstalk, faults
+from wavesim.readings.pulse import crosstalk
 from wavesim.readings.pulse.central_band import band_about, central_period, sent_period
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import (
@@ -23,7 +23,10 @@ from wavesim.readings.pulse.signals import (
     checked,
     even_time_axis,
     finely,
+    marked,
 )
+from wavesim.records.faults.clipping import clipped
+from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quantisation import quanta
 from wavesim.records.faults.quiet import fine_noise
 
@@ -149,11 +152,11 @@ def transmission_record(
     """
     time, notes = even_time_axis(t)
     u = checked("receiver", received, time)
-    at = faults.overload(u)
-    if at is not None:
+    found: list[Finding] = []
+    if marked(u[:, None], time, np.array([np.nan]), (name,), found).any():
+        size, where = found[-1].size, found[-1].where
         raise PulseError(
-            f"{u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
-            "no signal: record it again with less gain"
+            f"{size} ({where}) is a mark of overload, no signal: record it again with less gain"
         )
     length, v = 0.0, None if sent is None else checked("transmitter", sent, time)
     for whose, row in (("receiver", u), ("transmitter", v)):
@@ -162,7 +165,7 @@ def transmission_record(
                 f"the {whose}'s signal reaches {np.abs(row).max():.3g}: is it its own?"
             )
     step = float(quanta(u[None, :, None])[0])
-    clipped = bool(faults.flat_tops(u[:, None])[0])
+    flat = bool(clipped(u[None, :, None], np.array([step]))[0][0])
     sampled = float(time[-1] - time[0]) / (len(time) - 1)
     time, u, v, said = finely(time, u, v)
     notes += said
@@ -175,13 +178,13 @@ def transmission_record(
     if not np.abs(raw).max() > 0:
         raise PulseError("the receiver's signal is constant: is its column the right one?")
     noise = max(_deviation(early), step / np.sqrt(12)) if known else np.nan
-    if clipped:
+    if flat:
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
-    found = TransmissionRecord(
+    ready = TransmissionRecord(
         name, time, v, start, length, raw, raw[:0], raw, np.zeros(len(raw)), noise, start,
-        0.0, 0.0, False, False, False, CLIPPED if clipped else "", tuple(notes), sampled,
+        0.0, 0.0, False, False, False, CLIPPED if flat else "", tuple(notes), sampled,
     )  # fmt: skip
-    return _ready(found)
+    return _ready(ready)
 
 
 def _deviation(part: Float) -> float:
