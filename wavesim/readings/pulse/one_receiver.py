@@ -57,6 +57,10 @@ _APART = 0.6
 _OWN_CYCLE = 0.65
 # Noise that hides a wave of this part of the largest is told of.
 _MAY_HIDE = 0.1
+UNSAID = (
+    "nothing says when it was sent, as the record begins at t = 0: --input names the column of what "
+    "was sent, or --delay says by how much it was later (--delay 0s: then it is {:.4g} m/s)"
+)
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 
@@ -177,6 +181,10 @@ def settled(
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
     notes += [note for part, note in parts if note and part > 0]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    # No crosstalk, and nothing before t = 0, says that this is when it was sent.
+    silent = record.sent is None and not delays and not record.crosstalk
+    if not reason and silent and record.t[0] > record.start - record.interval:
+        reason = UNSAID.format(distance / time)
     if not reason and not wanted.speed > 0:
         reason = endless(heard, record)
     best = judged(
