@@ -12,20 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse import faults
-from wavesim.readings.pulse.array_crosstalk import (
-    without_crosstalk,
-    without_what_all_hear_at_once,
-)
+from wavesim.readings.pulse.array_crosstalk import without_crosstalk, without_what_all_hear_at_once
 from wavesim.readings.pulse.echo_gate import common_period, echo_gate
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.measurement import PulseResult, measured
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
-from wavesim.readings.pulse.several_waves import (
-    Passing,
-    of_one_wave,
-    unexplained,
-    waves_passing,
-)
+from wavesim.readings.pulse.several_waves import Passing, of_one_wave, unexplained, waves_passing
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import (
@@ -105,8 +97,7 @@ def read_array(
     if len(given) - len(dead) > 1:
         given = {key: u for key, u in given.items() if key not in dead}
         positions = {key: x for key, x in positions.items() if key not in dead}
-        if dead:
-            notes.append(f"{', '.join(dead)}: dead, no signal beside the others': left out")
+        notes += [f"{', '.join(dead)}: dead, no signal beside the others': left out"] * bool(dead)
     looked_at = pulse_record(t, given, positions)
     try:
         cleared = without_what_all_hear_at_once(looked_at, given, common_period(looked_at), notes)

@@ -140,52 +140,19 @@ def measure(
     t: ArrayLike,
     signals: Mapping[str, ArrayLike],
     positions: Mapping[str, float],
-    window: Window | None = None,
-    omega: ArrayLike | None = None,
-    through: tuple[str, str] | None = None,
-    fraction: float = 0.5,
-    source: ArrayLike | None = None,
     quiet_until: float | None = None,
-    k_max: float | None = None,
-    expected: tuple[float, float] | None = None,
     noise: float = math.nan,
+    **how: Any,
 ) -> PulseResult:
-    """Read a pulse test.
+    """Read a pulse test as :func:`measured` does, after its signals have been looked over.
 
     Args:
-        t: times, even, shape (nt,), s; may start anywhere.
-        signals: of each receiver, shape (nt,) each, one unit; 2 to about 20 receivers, all on one
-            side of the source, ascending away from it. What is wrong with them is put right, or
-            keeps them from being read, and stands in ``record.notes``.
-        positions: x of each, m.
-        window: for spectra; where None a gate over the whole record, of which the last 5 %
-            fade.
-        omega: ω of all spectral results, ascending, shape (n,), rad/s; where None, as dense as
-            the window resolves, but 400 at most, over the band about the peak of the source's
-            spectrum in which that is above 1 % of the peak, and the first receiver above noise.
-        through: names of the input and output of the transmission loss; the first and the last
-            receiver where None.
-        fraction: of the peak, for arrival by threshold, –.
-        source: the source's signal, shape (nt,), which receivers are correlated with and whose
-            spectrum says what was driven; the first receiver's where None.
-        quiet_until: time before which there is only noise at every receiver, s; three quarters of
-            the time to each first break where None.
-        k_max: largest |Re k| that can be, rad/m, and
-        expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s: either resolves
-            the phases' ambiguity, see :mod:`wavesim.readings.pulse.phase_unwrapping`.
-        noise: of arrivals where the record shows none before them, unit of the signals; 0 in a
-            simulation.
-
-    Returns:
-        The result.
-
-    Raises:
-        PulseError: something is not admissible; the message names it.
+        t, signals, positions, quiet_until, noise: as for
+            :func:`~wavesim.readings.pulse.signals.pulse_record`; 2 to about 20 receivers, all on
+            one side of the source, ascending away from it.
+        how: window, omega … of :func:`measured`.
     """
-    if omega is not None and np.iscomplexobj(omega):
-        raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
-    record = pulse_record(t, signals, positions, quiet_until, noise)
-    return measured(record, window, omega, through, fraction, source, k_max, expected)
+    return measured(pulse_record(t, signals, positions, quiet_until, noise), **how)
 
 
 def measured(
@@ -198,7 +165,29 @@ def measured(
     k_max: float | None = None,
     expected: tuple[float, float] | None = None,
 ) -> PulseResult:
-    """Read a pulse test of signals that have been looked over, as :func:`measure` does."""
+    """Read a pulse test.
+
+    Args:
+        record: the signals; what is wrong with them stands in ``notes``.
+        window: for spectra; where None a gate over the whole record, of which the last 5 %
+            fade.
+        omega: ω of all spectral results, ascending, shape (n,), rad/s; where None, as dense as
+            the window resolves, but 400 at most, over the band about the peak of the source's
+            spectrum in which that is above 1 % of the peak, and the first receiver above noise.
+        through: names of the input and output of the transmission loss; the first and the last
+            receiver where None.
+        fraction: of the peak, for arrival by threshold, –.
+        source: the source's signal, shape (nt,), which receivers are correlated with and whose
+            spectrum says what was driven; the first receiver's where None.
+        k_max: largest |Re k| that can be, rad/m, and
+        expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s: either resolves
+            the phases' ambiguity, see :mod:`wavesim.readings.pulse.phase_unwrapping`.
+
+    Raises:
+        PulseError: something is not admissible; the message names it.
+    """
+    if omega is not None and np.iscomplexobj(omega):
+        raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
     if window is None:
         window = whole_record(record.t)
     known = None if source is None else np.asarray(source, float)

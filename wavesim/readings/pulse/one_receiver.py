@@ -29,9 +29,7 @@ from wavesim.readings.pulse.reading import (
     spanned,
 )
 from wavesim.readings.pulse.signals import check_distance
-from wavesim.readings.pulse.transmission_record import (
-    TransmissionRecord,
-)
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import TravelTime, travel_times
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
@@ -58,8 +56,8 @@ _OWN_CYCLE = 0.65
 # Noise that hides a wave of this part of the largest is told of.
 _MAY_HIDE = 0.1
 UNSAID = (
-    "nothing says when it was sent, as the record begins at t = 0: --input names the column of what "
-    "was sent, or --delay says by how much it was later (--delay 0s: then it is {:.4g} m/s)"
+    "nothing says when it was sent, as the record begins at t = 0: --input names the column of "
+    "what was sent, or --delay says by how much it was later (--delay 0s: then it is {:.4g} m/s)"
 )
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
@@ -132,11 +130,12 @@ def run_into(
         return (
             risen if late < abs(distance / wanted.speed + delay - one.begins) else one.begins
         ), math.nan
-    # A P wave comes ahead of the S wave that is meant, but no nearer than that's own first cycle,
-    # nor than P waves do.
-    own_cycle = risen - one.begins <= _OWN_CYCLE * record.period
-    if wanted.wave and not own_cycle and (risen - delay) > LEAST_P_OVER_S * (one.begins - delay):
-        return (risen if wanted.wave == "S" else one.begins), math.nan
+    # A P wave comes ahead of the S wave that is meant, but no nearer than that's own first cycle;
+    # what lies nearer than P waves do may be that wave itself.
+    if wanted.wave and risen - one.begins > _OWN_CYCLE * record.period:
+        near = risen - delay < LEAST_P_OVER_S * (one.begins - delay)
+        as_well = one.begins if near else math.nan
+        return (risen, as_well) if wanted.wave == "S" else (one.begins, math.nan)
     return one.begins, risen
 
 

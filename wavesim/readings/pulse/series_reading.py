@@ -264,7 +264,7 @@ def _followed(
     share = _open_in_periods(alone, time, period)
     unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
     hidden = [in_crosstalk(one, t + delay) for one, t in zip(records, time, strict=True)]
-    none = UNLIKE_MOST if np.mean(unlike | hidden) > _MOST_LOST else ""
+    none = UNLIKE_MOST * bool(np.mean(unlike | hidden) > _MOST_LOST)
     return [
         Arrived(
             FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,

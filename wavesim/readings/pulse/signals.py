@@ -188,19 +188,13 @@ def pulse_record(
         if count >= FEWEST_QUIET and not why[j] and _wanders(own, count):
             why[j] = WANDERS
     why[flat & (why != MARKED)] = CLIPPED
-    whole = (why == "") | (why == WANDERS)
-    within = begun(values, at_rest) & np.isfinite(quiet)
-    why[whole & within] = BEGUN
-    turned = np.flatnonzero(why != MARKED)[
-        faults.reversed_receivers(values[:, why != MARKED], x[why != MARKED])
-    ]
+    why[np.isin(why, ("", WANDERS)) & begun(values, at_rest) & np.isfinite(quiet)] = BEGUN
+    there = np.flatnonzero(why != MARKED)
+    turned = there[faults.reversed_receivers(values[:, there], x[there])]
     values[:, turned] *= -1
     told = (
         (filled > 0, "padded: equal samples at its beginning count as none"),
-        (
-            np.isin(np.arange(len(names)), turned),
-            "reversed beside the others, turned over; check its polarity",
-        ),
+        (np.isin(np.arange(len(names)), turned), REVERSED),
         *((why == one, one) for one in dict.fromkeys(why) if one),
     )
     notes += [one.said for one in found]
@@ -218,9 +212,8 @@ def marked(
 
 def _wanders(u: Float, quiet: int) -> bool:
     """Whether the quiet beginning bends by more than its roughness."""
-    n, part = np.arange(quiet), u[:quiet]
-    curve = np.polynomial.Polynomial.fit(n, part, 2)(n)
-    rough = float(np.std(np.diff(part))) / np.sqrt(2)
+    curve = np.polynomial.Polynomial.fit(np.arange(quiet), u[:quiet], 2)(np.arange(quiet))
+    rough = float(np.std(np.diff(u[:quiet]))) / np.sqrt(2)
     return bool(np.std(curve) > max(_BENDS * rough, 1e-3 * float(np.ptp(u))))
 
 

@@ -32,6 +32,7 @@ from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
 
+MARK = "a mark of overload, no signal: record it again with less gain"
 NOTHING_SENT = (
     "the transmitter's signal is constant: is --input its column? a step must be sent after the "
     "record begins"
@@ -154,10 +155,7 @@ def transmission_record(
     u = checked("receiver", received, time)
     found: list[Finding] = []
     if marked(u[:, None], time, np.array([np.nan]), (name,), found).any():
-        size, where = found[-1].size, found[-1].where
-        raise PulseError(
-            f"{size} ({where}) is a mark of overload, no signal: record it again with less gain"
-        )
+        raise PulseError(f"{found[-1].size} ({found[-1].where}) is {MARK}")
     length, v = 0.0, None if sent is None else checked("transmitter", sent, time)
     for whose, row in (("receiver", u), ("transmitter", v)):
         if row is not None and np.abs(row).max() > _LARGEST:

@@ -32,7 +32,7 @@ DIRECT = 0.45
 # As near as the first, a packet is a part of the next one.
 _PAIR = (1.1, 1.25, 1.41, 1.47, 2.2, 2.6)
 _PAIR_SURE = (1.0, 0.0, 0.05, 1.0, 1.0, 0.0)
-LEAST_P_OVER_S = _PAIR[2]
+LEAST_P_OVER_S = _PAIR[1]
 # How likely a packet of so many times the direct one's size is ahead of it, as its P wave or not;
 # and after it, as its S wave or not, as a guided wave. Also where the sender's wave is known.
 _SIZE = (0.2, 0.3, 0.5, 0.8, 1.5, 2.5, 4.0)
