@@ -460,6 +460,11 @@ SCOPES = {
         [f"\t{a}\t{b}" for a, b in zip(SENT, GOT, strict=True)],
         "A",
     ),
+    "times rounded to four samples, and a start and steps": (
+        LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\n",
+        [f"{t:.5f}\t{a}\t{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
+        "A",
+    ),
     "times, and settings in the headings": (
         "Time(S),CH1V,CH2V,t0 = -2.0e-04, tInc = 2.5e-06\n",
         [f"{t:.7f},{a},{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
