@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -266,13 +267,15 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 def _show_branches(shown: Any, points: Any) -> None:
     from wavesim.material.shown import HERTZ
 
-    for branch in points.branches:
+    longest = Counter(points.branch[points.branch >= 0].tolist()).most_common()
+    for branch, _ in sorted(longest[:_FEW]):
         own = points.take(points.branch == branch)
         hertz = own.omega * HERTZ
-        text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
-                " of ω")  # fmt: skip
-        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {text}")
+        where = f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to"
+        bar = f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e} of ω"
+        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {where} {bar}")
+    if rest := longest[_FEW:]:
+        shown.print(f"  and {len(rest)} more, of {rest[0][1]} points at most")
 
 
 def _decays(own: Any) -> Any:
@@ -295,9 +298,8 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing
         write_json(folder / f"{kind}.json", answer, indent=None)
         for one in results:
             write_columns(folder / f"{kind}_{one.origin.label}.csv", one.points.columns())
-        drawn = [drawing.ask(f"{_DRAWING}.write", [one], folder) for one in results]
-        for picture in drawn:
-            picture.result()
+        for drawn in [drawing.ask(f"{_DRAWING}.write", [one], folder) for one in results]:
+            drawn.result()
 
 
 @click.command(short_help="Branches ω(k) of a space-time record.")
