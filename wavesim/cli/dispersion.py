@@ -18,6 +18,7 @@ import click
 
 from wavesim.cli.arguments import (
     BAND,
+    FILES,
     JSON,
     NOT_NEGATIVE,
     NUMBER,
@@ -31,6 +32,7 @@ from wavesim.cli.arguments import (
     print_json,
     read_case,
     record_options,
+    told_files,
     write_columns,
     write_json,
     writing,
@@ -41,7 +43,6 @@ from wavesim.worker import Worker
 # So many frequencies are shown; the files have all.
 _FEW = 10
 _DRAWING = "wavesim.figures.record"
-# How points were found, in words.
 _METHODS = {
     "harmonic": "by harmonic inversion",
     "fft": "by FFT",
@@ -51,7 +52,7 @@ _METHODS = {
 
 # What both kinds of extraction take.
 _OPTIONS = options(
-    click.argument("file", type=click.Path()),
+    FILES,
     click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
     click.option("--sector", default="longitudinal", show_default=True),
     WRITTEN,
@@ -80,15 +81,15 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
 def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
-    from wavesim.records.of_medium import of_file
+    from wavesim.records.of_medium import of_files
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
-    file = given["file"]
+    file = told_files(given["files"])
     drawing = drawing_beside(_DRAWING) if given["out"] else None
     medium = medium_of(given["medium"])
-    found = of_file(Path(file), _layout(given), medium, given["sector"])
+    found = of_files(given["files"], _layout(given), medium, given["sector"])
     fit = None
     try:
         with working("reading waves off the record"):
@@ -97,8 +98,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
             start = medium_of(given["medium"], found)
             if start is None:
                 stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
-            names = [name.strip() for name in given["parameters"].split(",")]
-            fit = _fitted(results, start, names)
+            fit = _fitted(results, start, [n.strip() for n in given["parameters"].split(",")])
     except (RecordError, NotHyperbolicError) as error:
         stop(f"{file}: {error}", BAD_INPUT)
     except FitError as error:
@@ -311,7 +311,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
-    """Branches ω(k) of the record FILE: a run, or any file that `wavesim inspect` reads."""
+    """Branches ω(k) of the record FILE: a run, or what `wavesim inspect` reads."""
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record
