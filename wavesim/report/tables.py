@@ -300,8 +300,9 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
 def _fitted(one: dict[str, Any]) -> str:
     """A value with its error, and what that is where what is held is exact."""
     told = with_error(one["value"], _number(one["error"]))
-    alone = _number(one["error_if_held_exact"])
-    return f"{told} (± {alone:.2g} by the data alone)" if alone < _number(one["error"]) else told
+    alone, beside = _number(one["error_if_held_exact"]), 1 - _COUNTS**2
+    less = alone < beside * _number(one["error"])
+    return f"{told} (± {alone:.2g} by the data alone)" if less else told
 
 
 def _number(value: float | None) -> float:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from wavesim.case.load import Case
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
-from wavesim.records.point_table import read_points
+from wavesim.records.point_table import ERRORS, read_points
 from wavesim.studies.fit_terms import ALLOWED, QUALITY, SPOILS, FitAnswer, Held, answered, targets
 from wavesim.studies.least_squares import FitError
 
@@ -294,7 +294,7 @@ def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> 
 
 def _points(path: Path) -> BranchPoints:
     """The valid points of a table, each of its branch."""
-    columns = read_points(path)
+    columns = read_points(path, ERRORS)
     k, omega = columns["k"], columns["omega"]
     valid = columns.get("valid", np.ones(len(k), bool))
     if not valid.any():
