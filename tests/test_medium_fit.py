@@ -207,8 +207,8 @@ def test_points_of_another_sector_tell_what_one_branch_does_not(tmp_path):
 
 
 def test_points_of_another_program_are_points(tmp_path):
-    """k in rad/mm and f in kHz, with a column of errors: the same fit as of rad/m and rad/s; without
-    one it is told, and no such table is taken for waveforms."""
+    """k in rad/mm and f in kHz with errors: the same fit as of rad/m and rad/s; without errors it is
+    told so, and no table of waveforms is taken for points."""
     k = np.linspace(0.03, 0.3, 12) * UNIT
     omega = OfMedium(MEDIUM, MEDIUM.family.blocks_of("longitudinal")[0]).omega(k)[:, 0]
     case = replace(load("isotropic"), medium=MEDIUM)
