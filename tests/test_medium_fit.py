@@ -207,11 +207,11 @@ def test_points_of_another_sector_tell_what_one_branch_does_not(tmp_path):
 
 
 def test_points_of_another_program_are_points(tmp_path):
-    """k in rad/mm and f in kHz with errors: the same fit as of rad/m and rad/s; without errors it is
-    told so, and no table of waveforms is taken for points."""
-    k = np.linspace(0.03, 0.3, 12) * UNIT
-    omega = OfMedium(MEDIUM, MEDIUM.family.blocks_of("longitudinal")[0]).omega(k)[:, 0]
-    case = replace(load("isotropic"), medium=MEDIUM)
+    """k in rad/mm and f in kHz with errors: the same fit as of rad/m and rad/s; without errors it
+    says so, and no table of waveforms is taken for points."""
+    case, k = load("isotropic"), np.linspace(0.03, 0.3, 12) * UNIT
+    medium = replace(case.medium, anisotropy=0.1)
+    omega = OfMedium(medium, medium.family.blocks_of("longitudinal")[0]).omega(k)[:, 0]
     rows = np.stack([k, omega, 1e-3 * omega], axis=1)
     fits = []
     for name, heads, scale in (("own", "k,omega,error", (1, 1, 1)),
@@ -223,6 +223,7 @@ def test_points_of_another_program_are_points(tmp_path):
     for name in ("own", "other"):
         assert is_points(tmp_path / f"{name}.csv")
         fits.append(of_points([tmp_path / f"{name}.csv"], case, ["anisotropy"]))
+    assert fits[0].values["medium.anisotropy"] == pytest.approx(0.1)
     assert fits[0].values == pytest.approx(fits[1].values)
     assert fits[0].errors == pytest.approx(fits[1].errors)
     np.savetxt(tmp_path / "bare.csv", rows[:, :2], delimiter=",", header="k,f_Hz", comments="")
