@@ -14,6 +14,7 @@ import pytest
 import scipy.io
 
 from wavesim.records.files import Layout, from_arrays, from_xarray, read
+from wavesim.records.formats.seismic import of_stream
 from wavesim.records.record import RecordError
 
 N, M = 64, 4
@@ -418,6 +419,16 @@ def test_seismic_formats(tmp_path):
         stream.write(str(tmp_path / "split.segy"), format="SEGY", data_encoding=5)
     t, u = np.arange(N) * 1e-3, U.astype("f4").astype(float)
     same(read(tmp_path / "split.segy"), t, 20.0 * np.arange(M) - 23, u)
+    # Offsets count from the source, which so is known, but where the user places receivers.
+    assert read(tmp_path / "split.segy").sources == (0.0,)
+    assert read(tmp_path / "split.segy", Layout(spacing=2.0)).sources == ()
+    for j, trace in enumerate(traces):
+        del trace.stats.segy
+        trace.stats.seg2 = {"RECEIVER_LOCATION": f"{100 + j}.25", "SOURCE_LOCATION": "98.75 0 0"}
+    stream.stats = obspy.core.AttribDict(seg2={"UNITS": "FEET"})
+    located = of_stream(stream).arrays
+    assert located["x"][0] == 100.25
+    assert located["sources"] == pytest.approx([98.75 * 0.3048])
     same(read(tmp_path / "a.segy"), t, 10 + 2.0 * np.arange(M), u)
     same(read(tmp_path / "ft.segy"), t - 0.03, 0.3048 * (10 + 2.4 * np.arange(M)), u)
     same(read(tmp_path / "a.mseed", Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)
@@ -458,6 +469,11 @@ SCOPES = {
     "no times, and a heading for remarks": (
         LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\tComment\n",
         [f"\t{a}\t{b}" for a, b in zip(SENT, GOT, strict=True)],
+        "A",
+    ),
+    "times rounded to four samples, and a start and steps": (
+        LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\n",
+        [f"{t:.5f}\t{a}\t{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
         "A",
     ),
     "times, and settings in the headings": (

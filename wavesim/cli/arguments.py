@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import functools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from wavesim.report.terminal import BAD_INPUT, stop, unwritable
+from wavesim.worker import Worker
 
 
 def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -261,6 +263,13 @@ def writing(folder: Path) -> Iterator[None]:
         stop(*unwritable(error, f"--out {error.filename or folder}"))
 
 
+def drawing_beside(module: str) -> Worker:
+    """A process that loads what it will draw with, until the command ends."""
+    worker = click.get_current_context().with_resource(Worker())
+    worker.prepare("importlib.import_module", module)
+    return worker
+
+
 def print_json(answer: Any) -> None:
     """One line."""
     click.echo(json.dumps(answer, ensure_ascii=False))
@@ -270,6 +279,14 @@ def write_json(path: Path, answer: Any, indent: int | None = 1) -> None:
     """The same as a file."""
     text = json.dumps(answer, ensure_ascii=False, indent=indent)
     path.write_text(text + "\n", encoding="utf-8")
+
+
+def write_columns(path: Path, columns: Mapping[str, Any]) -> None:
+    """Columns of any kind as CSV under their names."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(columns)
+        table.writerows(zip(*columns.values(), strict=True))
 
 
 def write_table(path: Path, heads: Sequence[str], rows: Any, fmt: str = "%.18e") -> None:

@@ -5,9 +5,9 @@ Exit codes: 0 all well; 1 a check fell short, or no point is valid; 2 bad input.
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,17 +26,21 @@ from wavesim.cli.arguments import (
     SOURCES,
     WRITTEN,
     NumberIn,
+    drawing_beside,
     options,
     print_json,
     read_case,
     record_options,
+    write_columns,
     write_json,
     writing,
 )
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
+from wavesim.worker import Worker
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
+_DRAWING = "wavesim.figures.record"
 # How points were found, in words.
 _METHODS = {
     "harmonic": "by harmonic inversion",
@@ -82,6 +86,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     from wavesim.studies.least_squares import FitError
 
     file = given["file"]
+    drawing = drawing_beside(_DRAWING) if given["out"] else None
     medium = medium_of(given["medium"])
     found = of_file(Path(file), _layout(given), medium, given["sector"])
     fit = None
@@ -103,8 +108,8 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
         print_json(answer)
     else:
         _show(results, answer)
-    if given["out"]:
-        _write(results, answer, Path(given["out"]))
+    if drawing is not None:
+        _write(results, answer, Path(given["out"]), drawing)
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
 
@@ -262,13 +267,15 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 def _show_branches(shown: Any, points: Any) -> None:
     from wavesim.material.shown import HERTZ
 
-    for branch in points.branches:
+    longest = Counter(points.branch[points.branch >= 0].tolist()).most_common()
+    for branch, _ in sorted(longest[:_FEW]):
         own = points.take(points.branch == branch)
         hertz = own.omega * HERTZ
-        text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
-                " of ω")  # fmt: skip
-        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {text}")
+        where = f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to"
+        bar = f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e} of ω"
+        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {where} {bar}")
+    if rest := longest[_FEW:]:
+        shown.print(f"  and {len(rest)} more, of {rest[0][1]} points at most")
 
 
 def _decays(own: Any) -> Any:
@@ -285,20 +292,14 @@ def _decays(own: Any) -> Any:
     return table
 
 
-def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None:
-    from wavesim.figures.record import write
-
+def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker) -> None:
     kind = "attenuation" if results[0].points.in_space else "dispersion"
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
         for one in results:
-            columns = one.points.columns()
-            path = folder / f"{kind}_{one.origin.label}.csv"
-            with path.open("w", newline="", encoding="utf-8") as file:
-                table = csv.writer(file)
-                table.writerow(columns)
-                table.writerows(zip(*columns.values(), strict=True))
-        write(results, folder)
+            write_columns(folder / f"{kind}_{one.origin.label}.csv", one.points.columns())
+        for drawn in [drawing.ask(f"{_DRAWING}.write", [one], folder) for one in results]:
+            drawn.result()
 
 
 @click.command(short_help="Branches ω(k) of a space-time record.")

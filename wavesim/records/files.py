@@ -147,7 +147,8 @@ def _build(content: Content, layout: Layout) -> Record:
     rest = found.rest
     quiet = _scalar(rest, "quiet_from") if layout.quiet_from is None else layout.quiet_from
     sources = list(layout.sources)
-    if not sources and "sources" in rest and rest["sources"].dtype.kind in "fiu":
+    own = layout.positions is None and layout.spacing is None  # sources stand among them
+    if not sources and own and "sources" in rest and rest["sources"].dtype.kind in "fiu":
         sources = [float(s) for s in np.atleast_1d(rest["sources"]).ravel()]
     try:
         made = record(
