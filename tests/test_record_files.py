@@ -557,11 +557,11 @@ def test_tables_of_oscilloscopes_are_read_with_their_own_times(tmp_path, kind):
          "times begin anew 1 times"),
         ("Frequency (kHz),A,B\n" + rows(u=U[:, :2]), "column 1 .* holds frequencies"),
         ("Distance (mm),A,B\n" + rows(u=U[:, :2]), "column 1 .* holds places"),
-        ("timestamp,A,B\n" + rows(1.7e12 + 2 * np.arange(N), U[:, :2], form="%.13g"),
+        ("timestamp,A,B\n" + rows(1.7e13 + 2 * np.arange(N), U[:, :2], form="%.14g"),
          "no seconds since 1970: .*--time-unit"),
     ],
     ids=["samples counted", "a clock without a start", "segments", "frequencies", "places",
-         "milliseconds since 1970"],
+         "of no unit since 1970"],
 )  # fmt: skip
 def test_what_holds_no_times_is_refused(tmp_path, text, message):
     (tmp_path / "a.csv").write_text(text)

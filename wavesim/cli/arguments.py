@@ -165,13 +165,15 @@ _OPTIONS = (
     click.option("--interval", type=POSITIVE, help="Δt in s; stands before the file's times."),
     click.option("--spacing", type=POSITIVE,
                  help="Receiver spacing in m; stands before the file's positions."),
+    click.option("--receivers", type=click.IntRange(min=1),
+                 help="How many, where nothing tells which axis of an array is theirs."),
     click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
     click.option("--position-unit", metavar="UNIT", help="Of the file's positions: m, mm, in …"),
     click.option("--as-recorded", is_flag=True,
                  help="Hold no channel of a line against the others: none is mended or left out."),
 )  # fmt: skip
-NAMES = ("values", "time", "positions", "interval", "spacing", "time_unit", "position_unit",
-         "as_recorded")  # fmt: skip
+NAMES = ("values", "time", "positions", "interval", "spacing", "receivers", "time_unit",
+         "position_unit", "as_recorded")  # fmt: skip
 
 
 def record_options(function: Callable[..., Any]) -> Callable[..., Any]:

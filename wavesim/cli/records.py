@@ -119,7 +119,8 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
 @JSON
 def score(truth: str, points: str, k_max: float | None, out: str | None, as_json: bool) -> None:
     """Hold the points of POINTS.csv against the record TRUTH.npz that synthesize made, or that
-    carries arrays truth_k (n,), rad/m, and truth_omega (n, branches), rad/s, of your own.
+    carries arrays truth_k (n,), rad/m, and truth_omega (n, branches), rad/s, of your own beside its
+    values, t and x.
 
     POINTS has columns k and omega (rad/m, rad/s; or frequency in Hz, or another unit in the
     heading) and perhaps error, one standard error; or what dispersion and attenuation write with
