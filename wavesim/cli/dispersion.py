@@ -43,13 +43,6 @@ from wavesim.worker import Worker
 # So many frequencies are shown; the files have all.
 _FEW = 10
 _DRAWING = "wavesim.figures.record"
-_METHODS = {
-    "harmonic": "by harmonic inversion",
-    "fft": "by FFT",
-    "beam": "by the phases along the line",
-    "space": "by fits along the line",
-}
-
 # What both kinds of extraction take.
 _OPTIONS = options(
     FILES,
@@ -185,6 +178,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
     from wavesim.material.shown import with_error
+    from wavesim.readings.dispersion.points import METHODS
     from wavesim.report.tables import show_short
 
     shown = console()
@@ -195,7 +189,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             f"{int(points.valid.sum())} of {len(points)} points valid"
         )
         branches = _count(entry["branches"], "branch", "branches")
-        shown.print(f"  {branches}, {_METHODS[points.method]}")
+        shown.print(f"  {branches}, {METHODS[points.method]}")
         for note in entry["notes"]:
             shown.print(f"  Note: {note}.")
         if (near := _splitting(points)) is not None:
