@@ -38,7 +38,7 @@ from wavesim.cli.arguments import (
     writing,
 )
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
-from wavesim.worker import Worker
+from wavesim.worker import Here, Worker
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
@@ -74,13 +74,15 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
 def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
+    from wavesim.records.files import own_result
     from wavesim.records.of_medium import of_files
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
     file = told_files(given["files"])
-    drawing = drawing_beside(_DRAWING) if given["out"] else None
+    several = given["out"] and own_result(given["files"][0])  # sectors of a run
+    drawing = drawing_beside(_DRAWING) if several else Here()
     medium = medium_of(given["medium"])
     found = of_files(given["files"], _layout(given), medium, given["sector"])
     fit = None
@@ -101,7 +103,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
         print_json(answer)
     else:
         _show(results, answer)
-    if drawing is not None:
+    if given["out"]:
         _write(results, answer, Path(given["out"]), drawing)
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
@@ -286,7 +288,9 @@ def _decays(own: Any) -> Any:
     return table
 
 
-def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker) -> None:
+def _write(
+    results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker | Here
+) -> None:
     kind = "attenuation" if results[0].points.in_space else "dispersion"
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
