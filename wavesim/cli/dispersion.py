@@ -71,7 +71,7 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
     return read_case(case).simulation.medium
 
 
-def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
+def _extract(given: dict[str, Any], work: Callable[[Any], Any], travelling: bool = False) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
     from wavesim.records.files import own_result
@@ -84,7 +84,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     several = given["out"] and own_result(given["files"][0])  # sectors of a run
     drawing = drawing_beside(_DRAWING) if several else Here()
     medium = medium_of(given["medium"])
-    found = of_files(given["files"], _layout(given), medium, given["sector"])
+    found = of_files(given["files"], _layout(given), medium, given["sector"], travelling)
     fit = None
     try:
         with working("reading waves off the record"):
@@ -345,4 +345,4 @@ def attenuation(
 
         return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
 
-    _extract(given, work)
+    _extract(given, work, travelling=True)
