@@ -5,9 +5,9 @@ Exit codes: 0 all well; 1 a check fell short, or no point is valid; 2 bad input.
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ import click
 
 from wavesim.cli.arguments import (
     BAND,
+    FILES,
     JSON,
     NOT_NEGATIVE,
     NUMBER,
@@ -26,28 +27,25 @@ from wavesim.cli.arguments import (
     SOURCES,
     WRITTEN,
     NumberIn,
+    drawing_beside,
     options,
     print_json,
     read_case,
     record_options,
+    told_files,
+    write_columns,
     write_json,
     writing,
 )
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
+from wavesim.worker import Here, Worker
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
-# How points were found, in words.
-_METHODS = {
-    "harmonic": "by harmonic inversion",
-    "fft": "by FFT",
-    "beam": "by the phases along the line",
-    "space": "by fits along the line",
-}
-
+_DRAWING = "wavesim.figures.record"
 # What both kinds of extraction take.
 _OPTIONS = options(
-    click.argument("file", type=click.Path()),
+    FILES,
     click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
     click.option("--sector", default="longitudinal", show_default=True),
     WRITTEN,
@@ -73,17 +71,20 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
     return read_case(case).simulation.medium
 
 
-def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
+def _extract(given: dict[str, Any], work: Callable[[Any], Any], travelling: bool = False) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
-    from wavesim.records.of_medium import of_file
+    from wavesim.records.files import own_result
+    from wavesim.records.of_medium import of_files
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
-    file = given["file"]
+    file = told_files(given["files"])
+    several = given["out"] and own_result(given["files"][0])  # sectors of a run
+    drawing = drawing_beside(_DRAWING) if several else Here()
     medium = medium_of(given["medium"])
-    found = of_file(Path(file), _layout(given), medium, given["sector"])
+    found = of_files(given["files"], _layout(given), medium, given["sector"], travelling)
     fit = None
     try:
         with working("reading waves off the record"):
@@ -92,8 +93,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
             start = medium_of(given["medium"], found)
             if start is None:
                 stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
-            names = [name.strip() for name in given["parameters"].split(",")]
-            fit = _fitted(results, start, names)
+            fit = _fitted(results, start, [n.strip() for n in given["parameters"].split(",")])
     except (RecordError, NotHyperbolicError) as error:
         stop(f"{file}: {error}", BAD_INPUT)
     except FitError as error:
@@ -104,7 +104,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     else:
         _show(results, answer)
     if given["out"]:
-        _write(results, answer, Path(given["out"]))
+        _write(results, answer, Path(given["out"]), drawing)
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
 
@@ -180,6 +180,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
     from wavesim.material.shown import with_error
+    from wavesim.readings.dispersion.points import METHODS
     from wavesim.report.tables import show_short
 
     shown = console()
@@ -190,7 +191,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             f"{int(points.valid.sum())} of {len(points)} points valid"
         )
         branches = _count(entry["branches"], "branch", "branches")
-        shown.print(f"  {branches}, {_METHODS[points.method]}")
+        shown.print(f"  {branches}, {METHODS[points.method]}")
         for note in entry["notes"]:
             shown.print(f"  Note: {note}.")
         if (near := _splitting(points)) is not None:
@@ -262,13 +263,15 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 def _show_branches(shown: Any, points: Any) -> None:
     from wavesim.material.shown import HERTZ
 
-    for branch in points.branches:
+    longest = Counter(points.branch[points.branch >= 0].tolist()).most_common()
+    for branch, _ in sorted(longest[:_FEW]):
         own = points.take(points.branch == branch)
         hertz = own.omega * HERTZ
-        text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
-                " of ω")  # fmt: skip
-        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {text}")
+        where = f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to"
+        bar = f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e} of ω"
+        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {where} {bar}")
+    if rest := longest[_FEW:]:
+        shown.print(f"  and {len(rest)} more, of {rest[0][1]} points at most")
 
 
 def _decays(own: Any) -> Any:
@@ -285,20 +288,16 @@ def _decays(own: Any) -> Any:
     return table
 
 
-def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None:
-    from wavesim.figures.record import write
-
+def _write(
+    results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker | Here
+) -> None:
     kind = "attenuation" if results[0].points.in_space else "dispersion"
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
         for one in results:
-            columns = one.points.columns()
-            path = folder / f"{kind}_{one.origin.label}.csv"
-            with path.open("w", newline="", encoding="utf-8") as file:
-                table = csv.writer(file)
-                table.writerow(columns)
-                table.writerows(zip(*columns.values(), strict=True))
-        write(results, folder)
+            write_columns(folder / f"{kind}_{one.origin.label}.csv", one.points.columns())
+        for drawn in [drawing.ask(f"{_DRAWING}.write", [one], folder) for one in results]:
+            drawn.result()
 
 
 @click.command(short_help="Branches ω(k) of a space-time record.")
@@ -310,7 +309,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
-    """Branches ω(k) of the record FILE: a run, or any file that `wavesim inspect` reads."""
+    """Branches ω(k) of the record FILE: a run, or what `wavesim inspect` reads."""
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record
@@ -346,4 +345,4 @@ def attenuation(
 
         return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
 
-    _extract(given, work)
+    _extract(given, work, travelling=True)

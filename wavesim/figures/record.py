@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -28,7 +29,7 @@ from wavesim.material.shown import DECIBELS, HERTZ, KHZ
 from wavesim.readings.dispersion.fft_peaks import power
 from wavesim.readings.dispersion.frequency_at_wavenumber import series
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber, phase_beam
-from wavesim.readings.dispersion.points import BAR
+from wavesim.readings.dispersion.points import BAR, METHODS
 from wavesim.readings.dispersion.receiver_spectra import spectra
 from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.readings.misfit import Comparison
@@ -89,7 +90,7 @@ def spectrum(one: Recovered) -> Figure:
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
     axes.set(xlabel=k_label, ylabel=f_label, xlim=(0, None), ylim=(0, top * to_f))
-    axes.set_title(f"{as_written(one.origin.name)}: recovered by {points.method}")
+    axes.set_title(f"{as_written(one.origin.name)}: {METHODS[points.method]}")
     figure.legend(loc="outside lower center", ncols=3)
     figure.colorbar(image, ax=axes, label="power (dB)")
     return figure
@@ -254,10 +255,11 @@ def phase_velocity(one: Recovered) -> Figure:
     image = axes.pcolormesh(
         omega * to_f, c, height.T, cmap=MAP, vmin=0, vmax=1, shading="nearest", rasterized=True
     )
+    longest = Counter(points.branch[points.branch >= 0].tolist()).most_common(_MOST)
     for branch in points.branches:
         own = points.take(points.branch == branch)
         error = BAR * own.phase_velocity_error
-        label = f"mode {branch + 1}, 95 %"
+        label = f"mode {branch + 1}, 95 %" if branch in dict(longest) else "_"
         plot_branch(axes, branch, own.omega * to_f, own.phase_velocity, error, label)
     if one.origin.theory is not None:
         fine = np.linspace(float(k.min()), float(k.max()), 800)
