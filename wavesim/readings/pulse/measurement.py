@@ -140,6 +140,8 @@ def measure(
     t: ArrayLike,
     signals: Mapping[str, ArrayLike],
     positions: Mapping[str, float],
+    window: Window | None = None,
+    omega: ArrayLike | None = None,
     quiet_until: float | None = None,
     noise: float = math.nan,
     **how: Any,
@@ -150,9 +152,9 @@ def measure(
         t, signals, positions, quiet_until, noise: as for
             :func:`~wavesim.readings.pulse.signals.pulse_record`; 2 to about 20 receivers, all on
             one side of the source, ascending away from it.
-        how: window, omega … of :func:`measured`.
+        window, omega, how: as for :func:`measured`.
     """
-    return measured(pulse_record(t, signals, positions, quiet_until, noise), **how)
+    return measured(pulse_record(t, signals, positions, quiet_until, noise), window, omega, **how)
 
 
 def measured(
