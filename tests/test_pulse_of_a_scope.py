@@ -13,6 +13,7 @@ from pulses import named, ricker
 from wavesim.cli.main import main
 from wavesim.readings.pulse.array_reading import read_array
 from wavesim.readings.pulse.one_receiver import read_one
+from wavesim.readings.pulse.quality_over_band import mean_quality
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import transmission_record
@@ -154,3 +155,27 @@ def test_one_note_tells_of_all_receivers_with_a_fault(tmp_path):
     told = json.loads(CliRunner().invoke(main, ["pulse", str(file), "--json"]).output)["records"][0]
     (said,) = (note for note in told["notes"] if "lower the gain" in note)
     assert said.startswith("x=80 mm, x=100 mm: ")
+
+
+def test_edges_of_a_long_pulse_are_one_wave():
+    """A trapezoid of 160 µs through two Hopkinson bars, L/c = 0.314 ms: what is heard is what was
+    sent, once, and its falling edge is no second wave."""
+    t = np.arange(-1e-4, 1e-3, 2e-7)
+    sent = np.interp(t, [0, 1e-5, 1.5e-4, 1.6e-4], [0.0, 1, 1, 0])
+    got = np.interp(t - 1.6 / 5100, t, sent) + 0.003 * np.random.default_rng(4).standard_normal(
+        len(t)
+    )
+    best = read_one(transmission_record(t, got, sent), 1.6, {}).best
+    assert best.valid
+    assert abs(best.time - 1.6 / 5100) <= 2 * best.error
+    assert best.error < 0.05 * best.time
+
+
+def test_where_loss_is_seen_at_each_frequency_no_bound_of_q_is_told():
+    """1/Q in proportion to f, from 0.1 to 2, known to 1 %: Q changes with frequency."""
+    omega = 2 * np.pi * np.linspace(50, 1000, 40)
+    k = omega / 2.0 * (1 + 0.5j * omega / 3000)
+    error = 0.01 * k.imag
+    found = mean_quality(omega, k, error, np.full(40, 2.0), np.full(40, 0.02), 0.1)
+    assert not np.isfinite(found.at_least) or found.at_least < 1
+    assert "above" not in found.reason

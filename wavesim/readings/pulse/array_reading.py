@@ -265,7 +265,10 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
     time = span / one.velocity
     reason = ""
     if not one.velocity > 0:
-        reason = "the wave runs towards smaller positions: are they counted from the source?"
+        reason = (
+            "the wave runs towards smaller positions: are they counted from the source, or lengths "
+            "of specimens that take the place of a slower liquid?"
+        )
     error = time * bar / abs(one.velocity)
     return judged(name, time, error, span, reason, remedy=remedy)
 
