@@ -13,8 +13,9 @@ from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, misfits
 from wavesim.records.faults.clipping import clipped, once_each, tell_processed, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
-from wavesim.records.faults.fill_values import without_fill, without_spikes
+from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
+from wavesim.records.faults.gaps import check_goes_on
 from wavesim.records.faults.moveout import (
     arrivals,
     begun,
@@ -44,7 +45,7 @@ def samples(
         step, whether they have flat tops, and whether they hold another's samples, or the times.
     """
     values, t, held = once_each(values, t, np.zeros(0), found)
-    values = without_fill(values, t, x, labels, found)
+    values = without_fill(unwrapped(values, found), t, x, labels, found)
     quantum = quantisation.quanta(values)
     # A gap is as broad in frequency as noise.
     whole = bool(np.isfinite(values).all())
@@ -138,6 +139,8 @@ def together(
     nx = values.shape[2]
     values = _filled(values, missing)
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
+    if not missing.any() and not as_recorded:
+        check_goes_on(values[strongest], t)
     own = rest(values[strongest], quantum)
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     odd = np.zeros(nx, bool)
