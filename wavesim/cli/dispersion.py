@@ -264,24 +264,25 @@ def _show_branches(shown: Any, points: Any) -> None:
 
     for branch in points.branches:
         own = points.take(points.branch == branch)
-        hertz = own.omega * HERTZ
-        text = (f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to "
-                f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e}"
-                " of ω")  # fmt: skip
+        f, bar = own.omega * HERTZ, median(own.bar / own.omega)
+        text = f"{f.min():.5g} to {f.max():.5g} Hz over k {own.k.min():.4g} to {own.k.max():.4g} "
+        text += f"rad/m, median 95 % bar {bar:.1e} of ω"
         shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {text}")
 
 
 def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
-    from wavesim.material.shown import DECIBELS, HERTZ
+    from wavesim.material.shown import DECIBELS, in_frequency, in_wavenumber
 
-    headings = "frequency\nkHz", "Im k\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
-    table = new_table(*headings, f"one of\n{len(own)}", words=0)
+    to_f, hertz = in_frequency(own.omega.real.max())
+    to_k, length = in_wavenumber(abs(own.k).max())
+    table = new_table(f"frequency\n{hertz}", f"Im k\ndB/{length}", f"Re k\nrad/{length}",
+                      "95 % bar\nof |k|", f"one of\n{len(own)}", words=0)  # fmt: skip
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
-        k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
+        k = complex(own.k[n])
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        loss = f"{1e-3 * DECIBELS * k.imag:.4g}"
-        table.add_row(f"{hertz / 1e3:.5g}", loss, f"{k.real / 1e3:.4g}", size, str(n + 1))
+        at, loss = f"{to_f * own.omega[n].real:.5g}", f"{to_k * DECIBELS * k.imag:.4g}"
+        table.add_row(at, loss, f"{to_k * k.real:.4g}", size, str(n + 1))
     return table
 
 
