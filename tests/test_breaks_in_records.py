@@ -139,3 +139,40 @@ def test_units_of_a_field_shot_are_those_of_the_field(tmp_path):
     assert said.exit_code == 0
     assert all(unit in said.output for unit in ("Hz", "dB/m", "rad/m"))
     assert not any(unit in said.output for unit in ("kHz", "dB/mm", "rad/mm"))
+
+
+def test_receivers_in_another_order_than_their_positions_are_told():
+    """Odd channels before even ones, or each card of eight the other way round: by no wave."""
+    u = line()
+    for order in (np.r_[0:16:2, 1:16:2], np.r_[7:-1:-1, 15:7:-1]):
+        with pytest.raises(RecordError, match="do not stand in the order of their positions"):
+            record(u[:, order], T, X)
+    record(u[:, ::-1], T, X)  # as a wave that comes from the other side
+
+
+def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
+    """Standing waves of all wavenumbers, c = 2000 m/s; 12 of 32 receivers."""
+    x, t = np.arange(32) * 1e-3, np.arange(500) * 2e-7
+    k = 2 * np.pi * np.arange(1, 13) / 0.032
+    phase = np.random.default_rng(2).uniform(0, 2 * np.pi, len(k))
+    u = noisy(np.cos(np.outer(t, 2000 * k)) @ np.cos(np.outer(k, x) + phase[:, None]))
+    ours = u.copy()
+    ours[:, 20:] *= -1
+    found = record(ours, t, x, ring=True)
+    assert [one.what for one in found.findings] == ["reversed"]
+    assert found.values[0] == pytest.approx(u)
+
+
+def test_samples_that_are_blank_within_a_signal_are_missing():
+    """Twelve of one receiver, as of a beam that lost its spot."""
+    u = line()
+    u[92:104, 8] = 0.0
+    found = record(u, T, X)
+    assert {one.what for one in found.findings} >= {"stuck"}
+    assert found.broken[8]
+
+
+def test_times_that_are_all_alike_ask_for_the_interval():
+    """Seconds since 1970 in single precision are 128 s apart."""
+    with pytest.raises(RecordError, match="hold none between; give --interval"):
+        record(line(), (1.7e9 + T).astype(np.float32), X)

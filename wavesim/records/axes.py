@@ -16,16 +16,18 @@ from wavesim.records.units import factor, named_as, unit_in
 Float = NDArray[Any]
 
 TIMES = ("t", "time", "times", "tt", "taxis", "timeaxis", "tvec", "timevector", "timestamp",
-          "timestamps")  # fmt: skip
+          "timestamps", "rawdatatime")  # fmt: skip
 POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offsets", "distance",
               "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
               "coordinates")  # fmt: skip
 INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "samplingperiod",
              "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
              "deltax", "tinterval", "tinc", "hresolution")  # fmt: skip
-RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr")
+RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr",
+         "outputdatarate")  # fmt: skip
 STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")
-_SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval")
+_SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval",
+             "spatialsamplinginterval")  # fmt: skip
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
 # Seconds since 1970 are fewer: this is the year 5138.
 _NO_DATE = 1e11

@@ -23,7 +23,7 @@ _OFF = 0.2
 # three, are cut off there.
 _FINE = ((2, 1e3), (3, 10.0))
 _MOST_HELD = 16
-_STUCK = 8
+_STUCK, _LOST = 8, 0.1
 # Sizes of channels are one where they are apart by less than this part of what noise makes, so many
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
 # so many blocks. Loudness over a window, and one longer by a part, varies by so much of that over
@@ -165,14 +165,15 @@ def without_stuck(
             for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1),
                                    strict=True):  # fmt: skip
                 # It stands at a value that is neither the level at rest nor an extreme, and jumps
-                # to go on.
+                # to go on; or at that level, and jumps to it and off it.
                 held = v[start]
                 jump = abs(v[stop + 1] - held) if stop + 1 < len(v) else 0.0
                 before = abs(held - v[start - 1]) if start else 0.0
                 apart = abs(held - np.nanmedian(v)) > 0.02 * size[j]
                 extreme = held in (np.nanmax(v), np.nanmin(v))
-                if (stop - start >= _STUCK and apart and not extreme and start > 0
-                        and jump > 3 * max(before, quantum[j])):  # fmt: skip
+                lost = not apart and min(before, jump) > max(_LOST * size[j], 3 * quantum[j])
+                goes_on = apart and not extreme and jump > 3 * max(before, quantum[j])
+                if stop - start >= _STUCK and start > 0 and (goes_on or lost):
                     which[j] = True
                     total += int(stop - start)
                     first = min(first, int(start))

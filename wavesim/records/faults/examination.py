@@ -21,6 +21,7 @@ from wavesim.records.faults.moveout import (
     begun,
     comes_round,
     of_no_wave,
+    out_of_order,
     source_within,
     speed,
 )
@@ -32,6 +33,8 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 # Beside noise of this part of the spectrum's highest no two samples are alike by chance.
 _NOISY = 1e-5
+# So many receivers are listed that are out of order.
+_LISTED = 8
 
 
 def samples(
@@ -142,6 +145,14 @@ def together(
     if not missing.any() and not as_recorded:
         check_goes_on(values[strongest], t)
     own = rest(values[strongest], quantum)
+    arrival, line = arrivals(values[strongest], t, own), not ring and np.isfinite(x).all()
+    if line and even and not as_recorded and (order := out_of_order(arrival)) is not None:
+        listed = ", ".join(str(j + 1) for j in order[:_LISTED]) + ", …"
+        raise RecordError(
+            f"the signal comes to the receivers in the order {listed} and evenly in that alone: "
+            "they do not stand in the order of their positions; give these as they are with "
+            "--positions X1,X2,…"
+        )
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     odd = np.zeros(nx, bool)
     seam = not lost[[0, -1]].any()
@@ -166,8 +177,7 @@ def together(
         )  # fmt: skip
     within = begun(values[strongest], own)
     place = None
-    if not ring and np.isfinite(x).all() and nx > 2:
-        arrival = arrivals(values[strongest], t, own)
+    if line and nx > 2:
         place = source_within(x, arrival)
         v = speed(x, arrival)
         if place is None and (why := of_no_wave(v, v)):

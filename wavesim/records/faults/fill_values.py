@@ -49,7 +49,7 @@ _BETTER = 0.3
 
 # Values wrapped round fill this part of a range of 2^n steps, n no less, or of a turn; steps of
 # neighbours are so many times as large or more, and as good as none of this part of it.
-_FILLED, _TURNS, _FEWEST_BITS = 0.93, (2 * np.pi, 360.0), 7
+_FILLED, _TURNS, _FEWEST_BITS, _MOST_BITS = 0.93, (2 * np.pi, 360.0), 7, 33
 _WRAPS, _MIDDLE, _BETWEEN, _AT_ENDS = 3, (0.3, 0.7), 0.1, 0.5
 
 
@@ -64,15 +64,17 @@ def unwrapped(values: Float, found: list[Finding]) -> Float:
     """
     for component in values:
         low, high = np.nanmin(component), np.nanmax(component)
-        steps = np.abs(np.diff(component, axis=0))
+        with np.errstate(over="ignore"):
+            steps = np.abs(np.diff(component, axis=0))
         quantum = float(np.min(steps[steps > 0], initial=np.inf))
         if not np.isfinite(quantum):
             continue
-        levels = (high - low) / quantum + 1
-        bits = max(int(np.ceil(np.log2(levels) - 1e-9)), _FEWEST_BITS)
-        grid = (component[:: max(1, len(component) // 512)] - low) / quantum
-        whole = bool(np.nanmax(np.abs(grid - np.round(grid))) < 1e-3)
-        ranges = [*_TURNS, *([quantum * 2.0**bits] if whole and bits < 34 else [])]
+        ranges, whole = list(_TURNS), False
+        if high - low < quantum * 2.0**_MOST_BITS:
+            bits = np.ceil(np.log2((high - low) / quantum + 1) - 1e-9)
+            grid = (component[:: max(1, len(component) // 512)] - low) / quantum
+            whole = bool(np.nanmax(np.abs(grid - np.round(grid))) < 1e-3)
+            ranges += [quantum * 2.0 ** max(bits, _FEWEST_BITS)] if whole else []
         ends = np.mean((component == low) | (component == high))
         for size in ranges:
             part = (high - low + (quantum if whole else 0)) / size

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.quiet import Rest, fine_noise
-from wavesim.records.faults.unfit_receivers import along_line
+from wavesim.records.faults.unfit_receivers import Waves, along_line
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -34,6 +34,9 @@ _SEAMS, _SPAN, _LONG, _LOUD = 3, 1.5, 0.3, 0.01
 _FEWEST_ROUND = 8
 # … and that are there, with this part of the mean power.
 _THERE = 0.01
+# Receivers are out of order where in that of arrivals these are even to this part, and so many are
+# elsewhere.
+_EVENLY, _MANY_MOVED = 0.3, 0.3
 # Phases jump between two sides of so many receivers or more, where that leaves this part of what
 # waves without the jump do, that this part of all at least, and the mean cosine of what is over is
 # 1 but for this, and so many times the noise; phases are tried so many, of each so many
@@ -101,6 +104,25 @@ def source_within(x: Float, arrival: Float) -> float | None:
     return round(best[1] / grain) * grain
 
 
+def out_of_order(arrival: Float) -> NDArray[np.int64] | None:
+    """The order in which a signal comes to the receivers of an even line, where it goes on evenly
+    in that order alone: they are not where they are said to be; None where they may be.
+
+    Args:
+        arrival: shape (nx,), s; NaN where it is not seen.
+    """
+    many = len(arrival)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(arrival))) != 0)
+    if many < _FEWEST_ROUND or not np.isfinite(arrival).all() or len(turns) < 2:
+        return None
+    order = np.argsort(arrival, kind="stable")
+    steps = np.diff(arrival[order])
+    even = np.std(steps) < _EVENLY * np.mean(steps)
+    moved = np.abs(np.argsort(order) - np.arange(many))
+    moved = np.minimum(moved, moved[::-1])  # whichever way it goes
+    return order if even and np.mean(moved > 1) > _MANY_MOVED else None
+
+
 def speed(x: Float, arrival: Float) -> float:
     """Speed at which the signal goes along the receivers, m/s; NaN where it can't be told."""
     seen = np.isfinite(arrival)
@@ -158,17 +180,20 @@ def comes_round(component: Float) -> bool | None:
     return False if loud and step[-1] > _NEVER * max(step[:-1].max(), 1.0) else None
 
 
-def jump(U: Any, omega: Float, x: Float, noise: Float) -> tuple[int, bool, float] | None:
+def jump(
+    U: Any, omega: Float, x: Float, noise: Float, waves: Waves | None = None
+) -> tuple[int, bool, float] | None:
     """Where phases of all waves jump along a line, as from one card or cable to the next.
 
-    Few waves are laid through the line with one side turned by a phase φ, whichever leaves least;
-    the jump must be π at all frequencies, or ωτ.
+    Few waves are laid through the line with one side turned by a phase φ, whichever leaves least,
+    and as loud as the other; the jump must be π at all frequencies, or ωτ.
 
     Args:
         U: field at m frequencies ω, shape (m, nx), amplitudes made as even as they fall off.
         omega: ω, shape (m,), rad/s.
         x: places, ascending, shape (nx,), m.
         noise: its part of the power, shape (m,), –.
+        waves: lays few waves through receivers; where not given, they stand along a line.
 
     Returns:
         The last receiver before it, whether those behind are reversed, and τ by which they are
@@ -177,25 +202,26 @@ def jump(U: Any, omega: Float, x: Float, noise: Float) -> tuple[int, bool, float
     many = len(x)
     if many < 2 * _SIDE:
         return None
-    waves, good = along_line(x), np.ones(many, bool)
-    power = np.mean(np.abs(U) ** 2, axis=1)
+    waves, good = waves or along_line(x), np.ones(many, bool)
 
     def left(first: int, turns: Float, each: int = 1) -> Float:
         """Part of the power with those from one on turned back, at each φ and some ω."""
-        turned = np.where(np.arange(many) < first, 1, np.exp(-1j * turns)[:, None, None])
+        behind = np.arange(many) >= first
+        size = np.median(np.abs(U[:, first - 2 : first])) / np.median(np.abs(U[:, first:][:, :2]))
+        turned = np.where(behind, size * np.exp(-1j * turns)[:, None, None], 1)
         V = (U[::each] * turned).reshape(-1, many)
-        return np.asarray(waves(V, good)[1].reshape(len(turns), -1) / power[::each])
+        power = np.mean(np.abs(V) ** 2, axis=1)
+        return np.asarray((waves(V, good)[1] / power).reshape(len(turns), -1))
 
-    told = left(0, np.zeros(1))[0]
-    whole = float(np.median(told))
-    if whole < _LEAST or np.median(told / noise) < _OF_NOISE:
+    told = waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1)
+    if np.median(told) < _LEAST or np.median(told / noise) < _OF_NOISE:
         return None
     coarse = np.arange(4) * np.pi / 2
     firsts = range(_SIDE, many - _SIDE + 1)
     first = min(firsts, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
     fine = np.arange(_FINE) * 2 * np.pi / _FINE
     seen = left(first, fine)
-    if np.median(seen.min(axis=0)) > _JUMPS * whole:
+    if np.median(seen.min(axis=0)) > _JUMPS * np.median(seen[0]):
         return None
     phase = fine[seen.argmin(axis=0)]
     late = delay_of(phase, omega)
@@ -209,7 +235,7 @@ def delay_of(phase: Float, omega: Float) -> float:
     """τ whose ωτ fits phases best, whole turns left open, s."""
     step = 0.25 / omega.max()
     reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
-    most = min(200.0, np.floor(reach / step))
+    most = min(1000.0, np.floor(reach / step))
     tau = step * np.arange(-most, most + 1)
     match = np.exp(1j * phase) @ np.exp(-1j * np.outer(omega, tau))
     worth = match.real + 1e-3 * np.abs(match) - 1e-3 * len(omega) * np.abs(tau) / tau[-1]
