@@ -166,7 +166,7 @@ def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
 def test_samples_that_are_blank_within_a_signal_are_missing():
     """Twelve of one receiver, as of a beam that lost its spot."""
     u = line()
-    u[92:104, 8] = 0.0
+    u[95:107, 8] = 0.0
     found = record(u, T, X)
     assert {one.what for one in found.findings} >= {"stuck"}
     assert found.broken[8]
