@@ -12,7 +12,9 @@ from wavesim.case.load import load
 from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.content import RecordError
 from wavesim.records.of_field import block_record
+from wavesim.records.point_table import is_points
 from wavesim.records.relations import OfMedium
 from wavesim.studies.least_squares import FitError
 from wavesim.studies.medium_fit import Observed, _Model, fit
@@ -202,3 +204,30 @@ def test_points_of_another_sector_tell_what_one_branch_does_not(tmp_path):
         assert both.errors[key] < 0.1 * alone.errors[key]
     misnamed = of_points(files[1:], case, ["stiffness_ratio"], "longitudinal")
     assert all("of other waves" in why for why in misnamed.reasons.values())
+
+
+def test_points_of_another_program_are_points(tmp_path):
+    """k in rad/mm and f in kHz with errors: the same fit as of rad/m and rad/s; without errors it
+    says so, and no table of waveforms is taken for points."""
+    case, k = load("isotropic"), np.linspace(0.03, 0.3, 12) * UNIT
+    medium = replace(case.medium, anisotropy=0.1)
+    omega = OfMedium(medium, medium.family.blocks_of("longitudinal")[0]).omega(k)[:, 0]
+    rows = np.stack([k, omega, 1e-3 * omega], axis=1)
+    fits = []
+    for name, heads, scale in (("own", "k,omega,error", (1, 1, 1)),
+                               ("other", "k [rad/mm];f [kHz];std [kHz]",
+                                (1e3, 2e3 * np.pi, 2e3 * np.pi))):  # fmt: skip
+        parted = ";" if ";" in heads else ","
+        np.savetxt(tmp_path / f"{name}.csv", rows / scale, delimiter=parted, header=heads,
+                   comments="")  # fmt: skip
+    for name in ("own", "other"):
+        assert is_points(tmp_path / f"{name}.csv")
+        fits.append(of_points([tmp_path / f"{name}.csv"], case, ["anisotropy"]))
+    assert fits[0].values["medium.anisotropy"] == pytest.approx(0.1)
+    assert fits[0].values == pytest.approx(fits[1].values)
+    assert fits[0].errors == pytest.approx(fits[1].errors)
+    np.savetxt(tmp_path / "bare.csv", rows[:, :2], delimiter=",", header="k,f_Hz", comments="")
+    with pytest.raises(RecordError, match="no column of error"):
+        of_points([tmp_path / "bare.csv"], case, ["anisotropy"])
+    (tmp_path / "waves.csv").write_text("t,k,far\n0,1,2\n")
+    assert not is_points(tmp_path / "waves.csv")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from wavesim.records.files import Layout, from_arrays
 from wavesim.records.fitness import for_k_at_frequency
@@ -212,6 +213,21 @@ def test_a_record_that_begins_late_loses_the_receivers_that_it_cuts():
     assert inside > 0.7
     with pytest.raises(RecordError, match="begins inside the signal at all 8 receivers"):
         along(CLEAN[70:], T[70:])
+
+
+def test_a_rumble_of_the_ground_is_no_signal_that_the_record_begins_inside():
+    """Slow noise, as loud before the pulse as long after it, and no part of the pulse."""
+    t, x = np.arange(2000) * 5e-7, 0.02 + 0.005 * np.arange(24)
+    pulse = ricker(t[:, None] - 1e-5 - x / SPEED)
+    for seed in range(4):
+        white = np.random.default_rng(seed).standard_normal((3000, 24))
+        rumble = lfilter(*butter(2, 1e4, fs=2e6), white, axis=0)[1000:]
+        rumble *= 0.03 / rumble.std()
+        assert not record(pulse + rumble, t, x).begun.any()
+        cut = record((pulse + rumble)[90:], t[90:], x).begun
+        late = t[90] - 1e-5 - x / SPEED - 1.5 / 5e4
+        assert cut[np.abs(late) < 2e-6].all()
+        assert not cut[late < -4e-5].any()
 
 
 def test_a_first_row_of_zeros_beside_an_offset_is_left_out():

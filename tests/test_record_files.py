@@ -14,6 +14,7 @@ import pytest
 import scipy.io
 
 from wavesim.records.files import Layout, from_arrays, from_xarray, read
+from wavesim.records.formats.seismic import of_stream
 from wavesim.records.record import RecordError
 
 N, M = 64, 4
@@ -418,6 +419,16 @@ def test_seismic_formats(tmp_path):
         stream.write(str(tmp_path / "split.segy"), format="SEGY", data_encoding=5)
     t, u = np.arange(N) * 1e-3, U.astype("f4").astype(float)
     same(read(tmp_path / "split.segy"), t, 20.0 * np.arange(M) - 23, u)
+    # Offsets count from the source, which so is known, but where the user places receivers.
+    assert read(tmp_path / "split.segy").sources == (0.0,)
+    assert read(tmp_path / "split.segy", Layout(spacing=2.0)).sources == ()
+    for j, trace in enumerate(traces):
+        del trace.stats.segy
+        trace.stats.seg2 = {"RECEIVER_LOCATION": f"{100 + j}.25", "SOURCE_LOCATION": "98.75 0 0"}
+    stream.stats = obspy.core.AttribDict(seg2={"UNITS": "FEET"})
+    located = of_stream(stream).arrays
+    assert located["x"][0] == 100.25
+    assert located["sources"] == pytest.approx([98.75 * 0.3048])
     same(read(tmp_path / "a.segy"), t, 10 + 2.0 * np.arange(M), u)
     same(read(tmp_path / "ft.segy"), t - 0.03, 0.3048 * (10 + 2.4 * np.arange(M)), u)
     same(read(tmp_path / "a.mseed", Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)
@@ -427,6 +438,44 @@ def test_seismic_formats(tmp_path):
     one = read(tmp_path / "a.sac", Layout(placed=False))
     assert one.values.shape == (1, N, 1)
     assert np.abs(one.values[0, :, 0] - u[:, 0]).max() < 1e-12
+
+
+def test_receivers_of_one_record_may_stand_in_files_of_their_own(tmp_path):
+    """Names as a shell lists them, R1, R10, R2; a file that begins later, and one that is cut."""
+    t, x = np.arange(400) * 1e-4, 5.0 + 2.0 * np.arange(12)
+    u = np.sin(2e3 * np.maximum(t[:, None] - 4e-3 - x / 4e3, 0)) ** 3
+    for j in range(12):
+        rows = slice(3 if j == 4 else 0, 360 if j == 7 else 400)
+        np.savetxt(tmp_path / f"R{j + 1}.Z.semd", np.column_stack([t, u[:, j]])[rows])
+    files = sorted(tmp_path.glob("*.semd"), key=str)
+    assert files[1].name == "R10.Z.semd"
+    found = read(files, Layout(spacing=2.0, first=5.0))
+    assert found.x == pytest.approx(x)
+    assert found.labels[:2] == ("R1.Z", "R2.Z")
+    whole = slice(0, 300)
+    assert found.t[whole] == pytest.approx(t[whole], abs=1e-12)
+    assert np.abs(found.values[0][whole] - u[whole]).max() < 1e-9
+    with pytest.raises(RecordError, match=r"12 files: positions of 12 receivers.*--spacing"):
+        read(files)
+    with pytest.raises(RecordError, match="--positions: 2 given for 12 receivers"):
+        read(files, Layout(positions=(1.0, 2.0)))
+    (tmp_path / "R3.Z.semd").write_text("no numbers")
+    with pytest.raises(RecordError, match=r"12 files: R3\.Z\.semd: "):
+        read(files, Layout(spacing=2.0))
+
+
+def test_traces_of_one_shot_may_stand_in_files_of_their_own(tmp_path):
+    """Each of SAC's is of one trace, with a date and a distance."""
+    obspy = pytest.importorskip("obspy")
+    begin = obspy.UTCDateTime(2024, 3, 1)
+    for j in range(M):
+        trace = obspy.Trace(U[:, j].astype("f4"), {"delta": 1e-3, "starttime": begin})
+        trace.stats.sac = {"dist": 0.02 + 0.005 * j}  # km
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # obspy's own
+            trace.write(str(tmp_path / f"{M - j}.sac"), format="SAC")
+    found = read(sorted(tmp_path.glob("*.sac")))
+    same(found, np.arange(N) * 1e-3, 20.0 + 5 * np.arange(M), U.astype("f4").astype(float))
 
 
 SCOPE = -2e-4 + 2.5e-6 * np.arange(200)
@@ -458,6 +507,11 @@ SCOPES = {
     "no times, and a heading for remarks": (
         LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\tComment\n",
         [f"\t{a}\t{b}" for a, b in zip(SENT, GOT, strict=True)],
+        "A",
+    ),
+    "times rounded to four samples, and a start and steps": (
+        LVM + "X0\t-2.0E-4\t-2.0E-4\nDelta_X\t2.5E-6\t2.5E-6\nX_Value\tA\tB\n",
+        [f"{t:.5f}\t{a}\t{b}" for t, a, b in zip(SCOPE, SENT, GOT, strict=True)],
         "A",
     ),
     "times, and settings in the headings": (
@@ -503,11 +557,11 @@ def test_tables_of_oscilloscopes_are_read_with_their_own_times(tmp_path, kind):
          "times begin anew 1 times"),
         ("Frequency (kHz),A,B\n" + rows(u=U[:, :2]), "column 1 .* holds frequencies"),
         ("Distance (mm),A,B\n" + rows(u=U[:, :2]), "column 1 .* holds places"),
-        ("timestamp,A,B\n" + rows(1.7e12 + 2 * np.arange(N), U[:, :2], form="%.13g"),
+        ("timestamp,A,B\n" + rows(1.7e13 + 2 * np.arange(N), U[:, :2], form="%.14g"),
          "no seconds since 1970: .*--time-unit"),
     ],
     ids=["samples counted", "a clock without a start", "segments", "frequencies", "places",
-         "milliseconds since 1970"],
+         "of no unit since 1970"],
 )  # fmt: skip
 def test_what_holds_no_times_is_refused(tmp_path, text, message):
     (tmp_path / "a.csv").write_text(text)

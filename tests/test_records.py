@@ -52,6 +52,66 @@ def test_the_same_record_from_every_kind_of_file(tmp_path, made):
     same(from_arrays({"u": made.values[0], "t": T, "x": X}), made)
 
 
+def passing(rng, receivers=24, frames=600):
+    """A pulse that passes receivers 5 mm apart at 2500 m/s, and noise; (frames, receivers)."""
+    t, x = 1e-6 * np.arange(frames)[:, None], 5e-3 * np.arange(receivers)
+    at = (np.pi * 4e4 * (t - 6e-5 - x / 2500)) ** 2
+    return (1 - 2 * at) * np.exp(-at) + 0.01 * rng.standard_normal((frames, receivers))
+
+
+@pytest.mark.parametrize(
+    ("receivers", "frames"), [(24, 600), (300, 250), (600, 600)], ids=["few", "many", "as many"]
+)
+def test_an_array_lies_as_it_begins_at_rest(receivers, frames):
+    """An interval and a spacing tell no axis: frames are those of which the first are at rest."""
+    u = passing(np.random.default_rng(1), receivers, frames)
+    for stored in (u, u.T):
+        found = from_arrays({"u": stored, "dt": 1e-6, "dx": 5e-3})
+        assert np.array_equal(found.values[0], u)
+
+
+def test_what_never_rests_lies_as_it_is_said_to():
+    """Of waves all along the record: frames down where they are the more; else --receivers asks,
+    or a number of the file's that is called so tells."""
+    i, j = np.arange(300)[:, None], np.arange(40)
+    u, steps = np.cos(0.3 * i - 0.4 * j) + np.cos(0.2 * i + 0.3 * j), {"dt": 1e-6, "dx": 5e-3}
+    assert from_arrays({"u": u} | steps).values.shape[-2:] == (300, 40)
+    with pytest.raises(RecordError, match="--receivers 40 or --receivers 300"):
+        from_arrays({"u": u.T} | steps)
+    for more, layout in (({}, Layout(receivers=40)), ({"nch": 40}, Layout())):
+        assert np.array_equal(from_arrays({"u": u.T} | steps | more, layout).values[0], u)
+    with pytest.raises(RecordError, match="--receivers 7: the record is of shape"):
+        from_arrays({"u": u} | steps, Layout(receivers=7))
+
+
+def test_a_fibres_file_is_read_by_its_own_names(tmp_path):
+    """PRODML: microseconds since 1970, a spatial sampling interval with its unit of measure."""
+    u = passing(np.random.default_rng(3)).astype("f4")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("Acquisition")
+        group.attrs["SpatialSamplingInterval"], group.attrs["SpatialSamplingInterval.uom"] = 5, "mm"
+        group["Raw[0]/RawData"] = u.T
+        group["Raw[0]/RawDataTime"] = 1_700_000_000_000_000 + np.arange(600)
+    found = read(tmp_path / "a.h5")
+    assert np.array_equal(found.values[0], u)
+    assert found.t == pytest.approx(1e-6 * np.arange(600), abs=1e-12)
+    assert found.x == pytest.approx(5e-3 * np.arange(24))
+
+
+@pytest.mark.parametrize(
+    ("second", "layout", "receivers"),
+    [("received", {}, 1), ("received", {"spacing": 0.5}, 2), ("received", {"positions": (0, 1)}, 2),
+     ("incident bar", {}, 2)],
+)  # fmt: skip
+def test_a_transmitter_among_receivers_is_none(second, layout, receivers, tmp_path):
+    """Where positions are given that it has too, or beside what is incident."""
+    u = passing(np.random.default_rng(4), 2)
+    rows = "".join(f"{1e-6 * i:.7f},{a:.5f},{b:.5f}\n" for i, (a, b) in enumerate(u))
+    (tmp_path / "a.csv").write_text(f"time (s),{second},transmitter\n{rows}")
+    found = read(tmp_path / "a.csv", Layout(placed=False, transmitter=True, **layout))
+    assert found.values.shape[-1] == receivers
+
+
 @pytest.mark.parametrize(
     ("arrays", "layout", "message"),
     [

@@ -178,3 +178,21 @@ def test_a_record_without_truth_is_refused(ring):
         ws.score(bare, points_of([1.0], [1.0]))
     with pytest.raises(RecordError, match="must be as many"):
         points_of([1.0, 2.0], [1.0])
+
+
+def test_units_and_errors_are_found_under_their_usual_names(tmp_path, exact):
+    """k in rad/mm and f in kHz after an underscore, errors as std: the same points."""
+    k, omega = exact
+    rows = [f"{a / 1e3:.12g},{b / 2e3 / np.pi:.12g},{0.01 * b / 2e3 / np.pi:.12g}"
+            for a, b in zip(k, omega, strict=True)]  # fmt: skip
+    (tmp_path / "p.csv").write_text("\n".join(["k (rad/mm),freq_kHz,std_kHz", *rows]) + "\n")
+    found = read_points(tmp_path / "p.csv")
+    assert found["k"] == pytest.approx(k)
+    assert found["omega"] == pytest.approx(omega)
+    assert found["error"] == pytest.approx(0.01 * omega)
+
+
+def test_a_truth_without_its_record_is_told_as_one(tmp_path, exact):
+    np.savez(tmp_path / "t.npz", truth_k=exact[0], truth_omega=exact[1][:, None])
+    with pytest.raises(RecordError, match=r"the truth alone.*values \(times, receivers\), t"):
+        ws.read_record(tmp_path / "t.npz")

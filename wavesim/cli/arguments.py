@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import functools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from wavesim.report.terminal import BAD_INPUT, stop, unwritable
+from wavesim.worker import Worker
 
 
 def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -107,6 +109,8 @@ SET = click.option(
     shell_complete=keys,
     help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
 )
+# Of one record, whose receivers may stand in several.
+FILES = click.argument("files", metavar="FILE…", nargs=-1, required=True, type=click.Path())
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 OUT = click.option(
     "-o",
@@ -161,13 +165,15 @@ _OPTIONS = (
     click.option("--interval", type=POSITIVE, help="Δt in s; stands before the file's times."),
     click.option("--spacing", type=POSITIVE,
                  help="Receiver spacing in m; stands before the file's positions."),
+    click.option("--receivers", type=click.IntRange(min=1),
+                 help="How many, where nothing tells which axis of an array is theirs."),
     click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
     click.option("--position-unit", metavar="UNIT", help="Of the file's positions: m, mm, in …"),
     click.option("--as-recorded", is_flag=True,
                  help="Hold no channel of a line against the others: none is mended or left out."),
 )  # fmt: skip
-NAMES = ("values", "time", "positions", "interval", "spacing", "time_unit", "position_unit",
-         "as_recorded")  # fmt: skip
+NAMES = ("values", "time", "positions", "interval", "spacing", "receivers", "time_unit",
+         "position_unit", "as_recorded")  # fmt: skip
 
 
 def record_options(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -259,6 +265,18 @@ def writing(folder: Path) -> Iterator[None]:
         stop(*unwritable(error, f"--out {error.filename or folder}"))
 
 
+def drawing_beside(module: str) -> Worker:
+    """A process that loads what it will draw with, until the command ends."""
+    worker = click.get_current_context().with_resource(Worker())
+    worker.prepare("importlib.import_module", module)
+    return worker
+
+
+def told_files(files: Sequence[str]) -> str:
+    """Files of one record in a message."""
+    return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
+
+
 def print_json(answer: Any) -> None:
     """One line."""
     click.echo(json.dumps(answer, ensure_ascii=False))
@@ -268,6 +286,14 @@ def write_json(path: Path, answer: Any, indent: int | None = 1) -> None:
     """The same as a file."""
     text = json.dumps(answer, ensure_ascii=False, indent=indent)
     path.write_text(text + "\n", encoding="utf-8")
+
+
+def write_columns(path: Path, columns: Mapping[str, Any]) -> None:
+    """Columns of any kind as CSV under their names."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(columns)
+        table.writerows(zip(*columns.values(), strict=True))
 
 
 def write_table(path: Path, heads: Sequence[str], rows: Any, fmt: str = "%.18e") -> None:

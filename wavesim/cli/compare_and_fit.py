@@ -176,7 +176,8 @@ def compare(
 @record_options
 def fit(out: str | None, as_json: bool, **given: Any) -> None:
     """Fit parameters of CASE, named by --vary KEY…, to RECORD: waveforms at its receivers, or the
-    points that wavesim dispersion or attenuation wrote.
+    points that wavesim dispersion or attenuation wrote, or another program, with columns k, omega
+    (rad/m, rad/s, or units in the headings) and error.
 
     From speeds of P and S waves to K_n_a and stiffness_ratio of a medium of the translation family:
     wavesim fit CASE --speeds V_P V_S, or, of two series of pulse tests, wavesim fit P.json CASE

@@ -5,9 +5,9 @@ Exit codes: 0 all well; 1 a check fell short, or no point is valid; 2 bad input.
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ import click
 
 from wavesim.cli.arguments import (
     BAND,
+    FILES,
     JSON,
     NOT_NEGATIVE,
     NUMBER,
@@ -26,18 +27,22 @@ from wavesim.cli.arguments import (
     SOURCES,
     WRITTEN,
     NumberIn,
+    drawing_beside,
     options,
     print_json,
     read_case,
     record_options,
+    told_files,
+    write_columns,
     write_json,
     writing,
 )
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
+from wavesim.worker import Worker
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
-# How points were found, in words.
+_DRAWING = "wavesim.figures.record"
 _METHODS = {
     "harmonic": "by harmonic inversion",
     "fft": "by FFT",
@@ -47,7 +52,7 @@ _METHODS = {
 
 # What both kinds of extraction take.
 _OPTIONS = options(
-    click.argument("file", type=click.Path()),
+    FILES,
     click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
     click.option("--sector", default="longitudinal", show_default=True),
     WRITTEN,
@@ -76,14 +81,15 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
 def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
-    from wavesim.records.of_medium import of_file
+    from wavesim.records.of_medium import of_files
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
-    file = given["file"]
+    file = told_files(given["files"])
+    drawing = drawing_beside(_DRAWING) if given["out"] else None
     medium = medium_of(given["medium"])
-    found = of_file(Path(file), _layout(given), medium, given["sector"])
+    found = of_files(given["files"], _layout(given), medium, given["sector"])
     fit = None
     try:
         with working("reading waves off the record"):
@@ -92,8 +98,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
             start = medium_of(given["medium"], found)
             if start is None:
                 stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
-            names = [name.strip() for name in given["parameters"].split(",")]
-            fit = _fitted(results, start, names)
+            fit = _fitted(results, start, [n.strip() for n in given["parameters"].split(",")])
     except (RecordError, NotHyperbolicError) as error:
         stop(f"{file}: {error}", BAD_INPUT)
     except FitError as error:
@@ -103,8 +108,8 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
         print_json(answer)
     else:
         _show(results, answer)
-    if given["out"]:
-        _write(results, answer, Path(given["out"]))
+    if drawing is not None:
+        _write(results, answer, Path(given["out"]), drawing)
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
 
@@ -209,8 +214,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         if one.score is not None:
             shown.print(f"  {one.score.said()}.")
     if answer["checks"]:
-        short = [check for check in answer["checks"] if not check["passed"]]
-        count = len(answer["checks"])
+        short, count = [c for c in answer["checks"] if not c["passed"]], len(answer["checks"])
         shown.print(f"{count - len(short)} of {count} checks against the medium passed.")
         show_short(shown, short)
     if "fit" in answer:
@@ -226,8 +230,7 @@ def _splitting(points: Any) -> str | None:
     if points.splitting is None or points.method not in ("harmonic", "space"):
         return None
     own = points.take(points.valid)
-    apart = [s for s in own.splitting if math.isfinite(s)]
-    if not apart:
+    if not (apart := [s for s in own.splitting if math.isfinite(s)]):
         return None
     size, unit = (own.k, "rad/m of k") if points.in_space else (own.omega, "rad/s of ω")
     middle = median(apart)
@@ -262,12 +265,15 @@ def _waves(rows: Sequence[dict[str, Any]], on_grid: bool) -> Any:
 def _show_branches(shown: Any, points: Any) -> None:
     from wavesim.material.shown import HERTZ
 
-    for branch in points.branches:
+    longest = Counter(points.branch[points.branch >= 0].tolist()).most_common()
+    for branch, number in sorted(longest[:_FEW]):
         own = points.take(points.branch == branch)
-        f, bar = own.omega * HERTZ, median(own.bar / own.omega)
-        text = f"{f.min():.5g} to {f.max():.5g} Hz over k {own.k.min():.4g} to {own.k.max():.4g} "
-        text += f"rad/m, median 95 % bar {bar:.1e} of ω"
-        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {text}")
+        f, k, many = own.omega * HERTZ, own.k, _count(number, "point", "points")
+        text = f"{f.min():.5g} to {f.max():.5g} Hz over k {k.min():.4g} to {k.max():.4g} rad/m, "
+        text += f"median 95 % bar {median(own.bar / own.omega):.1e} of ω"
+        shown.print(f"  branch {branch + 1}: {many}, {text}")
+    if rest := longest[_FEW:]:
+        shown.print(f"  and {len(rest)} more, of {rest[0][1]} points at most")
 
 
 def _decays(own: Any) -> Any:
@@ -279,27 +285,21 @@ def _decays(own: Any) -> Any:
     table = new_table(f"frequency\n{hertz}", f"Im k\ndB/{length}", f"Re k\nrad/{length}",
                       "95 % bar\nof |k|", f"one of\n{len(own)}", words=0)  # fmt: skip
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
-        k = complex(own.k[n])
+        k, at = complex(own.k[n]), f"{to_f * own.omega[n].real:.5g}"
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        at, loss = f"{to_f * own.omega[n].real:.5g}", f"{to_k * DECIBELS * k.imag:.4g}"
-        table.add_row(at, loss, f"{to_k * k.real:.4g}", size, str(n + 1))
+        loss, real = f"{to_k * DECIBELS * k.imag:.4g}", f"{to_k * k.real:.4g}"
+        table.add_row(at, loss, real, size, str(n + 1))
     return table
 
 
-def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None:
-    from wavesim.figures.record import write
-
+def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker) -> None:
     kind = "attenuation" if results[0].points.in_space else "dispersion"
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
         for one in results:
-            columns = one.points.columns()
-            path = folder / f"{kind}_{one.origin.label}.csv"
-            with path.open("w", newline="", encoding="utf-8") as file:
-                table = csv.writer(file)
-                table.writerow(columns)
-                table.writerows(zip(*columns.values(), strict=True))
-        write(results, folder)
+            write_columns(folder / f"{kind}_{one.origin.label}.csv", one.points.columns())
+        for drawn in [drawing.ask(f"{_DRAWING}.write", [one], folder) for one in results]:
+            drawn.result()
 
 
 @click.command(short_help="Branches ω(k) of a space-time record.")
@@ -311,7 +311,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path) -> None
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
-    """Branches ω(k) of the record FILE: a run, or any file that `wavesim inspect` reads."""
+    """Branches ω(k) of the record FILE: a run, or what `wavesim inspect` reads."""
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record

@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from wavesim.cli.arguments import (
+    FILES,
     INPUT,
     JSON,
     NOT_NEGATIVE,
@@ -23,6 +24,7 @@ from wavesim.cli.arguments import (
     SOURCES,
     print_json,
     record_options,
+    told_files,
     write_json,
     write_table,
     writing,
@@ -117,7 +119,8 @@ def synthesize(file: str, medium: str | None, sector: str, relation: str | None,
 @JSON
 def score(truth: str, points: str, k_max: float | None, out: str | None, as_json: bool) -> None:
     """Hold the points of POINTS.csv against the record TRUTH.npz that synthesize made, or that
-    carries arrays truth_k (n,), rad/m, and truth_omega (n, branches), rad/s, of your own.
+    carries arrays truth_k (n,), rad/m, and truth_omega (n, branches), rad/s, of your own beside its
+    values, t and x.
 
     POINTS has columns k and omega (rad/m, rad/s; or frequency in Hz, or another unit in the
     heading) and perhaps error, one standard error; or what dispersion and attenuation write with
@@ -202,14 +205,14 @@ _MOST_RANGES = 4
 
 
 @click.command(short_help="What is wrong with a record, and what can use it.")
-@click.argument("file", type=click.Path())
+@FILES
 @JSON
 @INPUT
 @SOURCES
 @RING
 @record_options
 def inspect(
-    file: str,
+    files: tuple[str, ...],
     as_json: bool,
     column: str | None,
     places: tuple[float, ...],
@@ -219,7 +222,8 @@ def inspect(
     """What is wrong with the record FILE, what was done about it, and which commands can use it.
 
     FILE is a run's folder or result.h5, a table of text (.csv, .txt, .tsv, .dat, …), .npz, .npy,
-    HDF5, MATLAB's .mat, netCDF, and with obspy SEG-Y, SEG-2, SU, SAC, miniSEED.
+    HDF5, MATLAB's .mat, netCDF, and with obspy SEG-Y, SEG-2, SU, SAC, miniSEED; or several of one
+    record, each of a receiver, as SAC's.
 
     Exit code 0: some can, as it is or with an option that is named; 1: none can; 2: it can't be
     read.
@@ -227,10 +231,13 @@ def inspect(
     from wavesim.readings.crosstalk_findings import crosstalk_findings
     from wavesim.records.inspection import inspect as look_over
 
-    found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
+    found = look_over(
+        files if len(files) > 1 else files[0],
+        replace(layout, input=column, sources=places, ring=ring),
+    )
     if not (found.run or ring):
         found = replace(found, findings=(*found.findings, *crosstalk_findings(found.record)))
-    summary = {"file": file} | found.summary()
+    summary = {"file": told_files(files)} | found.summary()
     if as_json:
         print_json(summary)
     else:

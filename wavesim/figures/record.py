@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -245,10 +246,11 @@ def phase_velocity(one: Recovered) -> Figure:
     image = axes.pcolormesh(
         omega * to_f, c, height.T, cmap=MAP, vmin=0, vmax=1, shading="nearest", rasterized=True
     )
+    longest = Counter(points.branch[points.branch >= 0].tolist()).most_common(_MOST)
     for branch in points.branches:
         own = points.take(points.branch == branch)
         error = BAR * own.phase_velocity_error
-        label = f"mode {branch + 1}, 95 %"
+        label = f"mode {branch + 1}, 95 %" if branch in dict(longest) else "_"
         plot_branch(axes, branch, own.omega * to_f, own.phase_velocity, error, label)
     if one.origin.theory is not None:
         fine = np.linspace(float(k.min()), float(k.max()), 800)

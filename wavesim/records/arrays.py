@@ -36,6 +36,11 @@ Float = NDArray[Any]
 
 _TRUTH = "truth_"
 _SENT = re.compile(r"transmit|\bsent\b|\binput\b|\bexcit|\bdrive\b|\bgenerator\b", re.IGNORECASE)
+# Beside what is incident, what is transmitted has gone through.
+_THROUGH = re.compile(r"\bincident\b|\breflected\b", re.IGNORECASE)
+# Of an array that nothing tells the axes of: its first frames, as a part of all, and their power
+# over the mean where they are at rest, and where they are not.
+_FIRST, _QUIET, _LOUD = 0.01, 0.2, 0.5
 
 
 @dataclass(frozen=True)
@@ -76,8 +81,14 @@ def find(content: Content, layout: Layout) -> Found:
     arrays = {n: np.asarray(a) for n, a in content.arrays.items()}
     truth = {n[len(_TRUTH) :]: a for n, a in arrays.items() if n.startswith(_TRUTH)}
     arrays = {n: a for n, a in arrays.items() if not n.startswith(_TRUTH)}
+    if truth and not arrays:
+        raise RecordError(
+            "holds the truth alone: which waves can be missed is told by the record, its values "
+            "(times, receivers), t (s) and x (m), beside it"
+        )
     # Rows and columns are of one axis, as MATLAB has no other.
-    arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and not content.labels else a
+    arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and not content.labels
+              else a[..., 0] if a.ndim == 3 and a.shape[-1] == 1 else a
               for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
     content = replace(content, arrays=arrays, unplaced=dict(content.unplaced))
@@ -87,7 +98,7 @@ def find(content: Content, layout: Layout) -> Found:
     }
     layout = replace(layout, **meant)
     if layout.input is None and layout.transmitter:
-        layout = replace(layout, input=_transmitter(content))
+        layout = replace(layout, input=_transmitter(content, layout))
         if layout.input is not None:
             notes.append(
                 f'the column headed "{layout.input}" is taken for what was sent: --input names '
@@ -102,21 +113,21 @@ def find(content: Content, layout: Layout) -> Found:
         )
     values, labels, name = _values(content, layout)
     swapped = np.swapaxes(values, -1, -2)
+    if layout.receivers not in (None, *values.shape[-2:]):
+        raise RecordError(f"--receivers {layout.receivers}: the record is of shape {values.shape}")
     fits = [0 if labels else as_long(content, layout, one.shape[-2:]) for one in (values, swapped)]
-    # Of two ways that nothing tells apart, the one that has the frames of a record.
-    frames, count = (0, 0) if labels else values.shape[-2:]
-    lies = fits[0] < fits[1] or (fits == [0, 0] and frames < FEWEST_FRAMES <= count)
+    untold = fits == [0, 0] and not labels and 1 not in values.shape[-2:]
+    lies, how = _lies_across(values, name) if untold else (fits[0] < fits[1], "")
     axes = None if lies else axes_of(content, layout, values)
     if axes is None:
         axes = axes_of(content, layout, swapped)
         if axes is not None:
             values = swapped
             notes.append(
-                f"{name} {np.shape(arrays.get(name, values))}: receivers first, times last"
+                f"{name} {np.shape(arrays.get(name, values))}: receivers first, times last{how}"
             )
-    elif fits == [0, 0] and not labels and 1 not in values.shape[-2:]:
-        notes.append(f"{name} {np.shape(values)}: taken as times down, receivers across, as "
-                     "nothing in the file says which is which")  # fmt: skip
+    elif how:
+        notes.append(f"{name} {np.shape(values)}: taken as times down, receivers across, {how}")
     if axes is None:
         raise _unsaid(content, layout, values, labels)
     (t, t_note, t_resolution), (x, x_note, x_resolution) = axes
@@ -135,15 +146,46 @@ def find(content: Content, layout: Layout) -> Found:
                  rest, truth)  # fmt: skip
 
 
-def _transmitter(content: Content) -> str | None:
-    """The one column, or array of one axis, that is headed as a transmitter's; None without."""
+def _lies_across(values: Float, name: str) -> tuple[bool, str]:
+    """Whether receivers lie down and times across an array that nothing else tells the axes of,
+    and by what that is known: a record begins at rest, and along its receivers it does not.
+
+    Raises:
+        RecordError: that does not tell, and so it would have more receivers than frames.
+    """
+    frames, count = values.shape[-2:]
+    # Of two ways the one that has the frames of a record.
+    if (frames < FEWEST_FRAMES) != (count < FEWEST_FRAMES):
+        return frames < FEWEST_FRAMES, ", as so few are no frames"
+    power = np.abs(np.nan_to_num(values.astype(complex if values.dtype.kind == "c" else float)))
+    power = (power - np.median(power)) ** 2
+    power = power.reshape(-1, frames, count).mean(axis=0) / (power.mean() or 1.0)
+    first = [power[: max(1, int(_FIRST * frames))].mean(),
+             power[:, : max(1, int(_FIRST * count))].mean()]  # fmt: skip
+    for lies in (False, True):
+        if first[lies] < _QUIET and first[not lies] > _LOUD:
+            return lies, "as so it begins at rest" if not lies else ", as so it begins at rest"
+    if frames < count:
+        raise RecordError(
+            f"{name} {values.shape}: {count} receivers and {frames} times, or the other way round? "
+            f"nothing in the file says: give --receivers {frames} or --receivers {count}"
+        )
+    return False, "as nothing in the file says which is which"
+
+
+def _transmitter(content: Content, layout: Layout) -> str | None:
+    """The one column, or array of one axis, that is headed as a transmitter's; None without, and
+    where positions are given that it would have too."""
     values = content.arrays.get("values")
     if values is not None and values.ndim == 2 and content.labels:
         among = [*content.labels, *content.unplaced]
     else:
         among = [n for n, a in content.arrays.items() if a.ndim == 1 and a.size > 1]
     sent = [name for name in among if _SENT.search(name)]
-    return sent[0] if len(sent) == 1 and len(among) > 1 else None
+    places = layout.positions if not isinstance(layout.positions, str) else None
+    counted = len(places or ()) == len(among) or (layout.spacing is not None and len(among) == 2)
+    other = counted or any(map(_THROUGH.search, among))
+    return sent[0] if len(sent) == 1 and len(among) > 1 and not other else None
 
 
 def _input(content: Content, layout: Layout) -> Float | None:

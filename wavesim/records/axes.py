@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wavesim.records.content import Content, RecordError
 from wavesim.records.layout import Layout
 from wavesim.records.straight_line import along_line
-from wavesim.records.units import factor, named_as, unit_in
+from wavesim.records.units import TIME, factor, named_as, unit_in
 
 Float = NDArray[Any]
 
@@ -28,9 +28,11 @@ RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequen
 STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval",
              "spatialsamplinginterval")  # fmt: skip
+_COUNTS = ("nch", "nchannels", "channels", "numchannels", "numberofchannels", "nx", "nreceivers",
+           "receivers", "ntraces", "traces", "numberoftraces", "numberofloci", "nloci")  # fmt: skip
 _SI = {"time": "s", "position": "m", "frequency": "Hz"}
-# Seconds since 1970 are fewer: this is the year 5138.
-_NO_DATE = 1e11
+# Seconds since 1970 are fewer: this is the year 5138. Dates are of 1980 to 2100.
+_NO_DATE, _DATES = 1e11, (3.2e8, 4.1e9)
 UNSAID = "no unit of {} is said"
 Axis = tuple[Float, str, float]
 
@@ -75,7 +77,11 @@ def as_long(content: Content, layout: Layout, shape: tuple[int, ...]) -> int:
     )
     given = layout.positions is not None and not isinstance(layout.positions, str)
     many = len(layout.positions or ()) == count if given else places is not None
-    return int(times is not None and content.arrays[times].size in (frames, frames * count)) + many
+    long = times is not None and content.arrays[times].size in (frames, frames * count)
+    if layout.receivers is not None:
+        return 3 * (layout.receivers == count)
+    said = any(bare(key) in _COUNTS and n == count != frames for key, n in _numbers(content))
+    return int(long) + many + (said and not long and not many)
 
 
 def axes_of(content: Content, layout: Layout, values: Float) -> tuple[Axis, Axis] | None:
@@ -191,6 +197,13 @@ def _seconds(
         raise RecordError(f"{name}: holds no real numbers; give times in s")
     values, note, resolution = _in_si(stored, name, "time", content, layout)
     if "taken as" in note and np.abs(values[np.isfinite(values)]).max(initial=0.0) > _NO_DATE:
+        begin = stored.ravel()[0]
+        for unit in ("ms", "us", "ns"):
+            if _DATES[0] < begin * TIME[unit] < _DATES[1]:
+                said = (
+                    f"{name}: {unit} since 1970, as their size says; seconds from the first sample"
+                )
+                return _scaled(stored - begin, TIME[unit]), said, _rounding(stored) * TIME[unit]
         raise RecordError(
             f"{name}: times of {stored.ravel()[0]:.6g} are no seconds since 1970: say what "
             "they are in, with --time-unit (ms, us or ns)"

@@ -130,3 +130,14 @@ def _rounder(value: float, within: float) -> float:
             if abs(short - number) <= reach:
                 return 1 / short if back else short
     return value
+
+
+def unrounded(arrays: dict[str, Float], interval: float) -> bool:
+    """Whether times, "t", are so rounded that they repeat, and made even by an interval said beside
+    them, with which they agree."""
+    t = arrays["t"]
+    steps, even = np.diff(t), t[0] + interval * np.arange(len(t))
+    if not len(steps) or steps.min() != 0 or np.abs(t - even).max() > steps.max():
+        return False
+    arrays["t"] = even
+    return True

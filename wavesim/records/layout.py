@@ -22,6 +22,7 @@ class Layout:
         positions: name of an array, or the positions themselves.
         interval: Δt, s; stands before the file's times, whose first is kept.
         spacing: between receivers, m; stands before the file's positions, whose first is kept.
+        receivers: how many there are, where nothing tells which axis of an array is theirs.
         first: position of the first receiver, m, with a spacing where the file has no positions.
         time_unit, position_unit: of the file's times and positions, and of no number given here;
             what the file says itself where None.
@@ -41,6 +42,7 @@ class Layout:
     positions: str | Sequence[float] | None = None
     interval: float | None = None
     spacing: float | None = None
+    receivers: int | None = None
     first: float = 0.0
     time_unit: str | None = None
     position_unit: str | None = None

@@ -6,6 +6,7 @@ supposes, and there is no grid.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,11 +55,13 @@ class RecordOfMedium:
         return exact, None if self.bar is None else OfMedium(self.medium, self.block, self.bar)
 
 
-def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> list[RecordOfMedium]:
-    """Records of a file: the driven blocks of a result.h5, or one record of any other.
+def of_files(
+    paths: Sequence[str | Path], layout: Layout, medium: Medium | None, sector: str
+) -> list[RecordOfMedium]:
+    """Records of files: the driven blocks of a result.h5, or one record of any others.
 
     Args:
-        path: of the file, or the folder of a run.
+        paths: of the file, or the folder of a run; or of several, each of some receivers.
         layout: what it does not say for itself.
         medium: theory to lay over it; a result.h5 brings its own.
         sector: which sector's, for a record that does not say.
@@ -66,10 +69,10 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
     Raises:
         RecordError: the file can't be used.
     """
-    path = file_of(path)
-    if own_result(path) is not None:
+    path = file_of(Path(paths[0]))
+    if len(paths) == 1 and own_result(path) is not None:
         return _of_result(path)
-    record = read(path, layout)
+    record = read(paths, layout)
     if medium is None:
         return [RecordOfMedium(path.stem, record)]
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,13 @@ _NAMES: dict[str, dict[str, float]] = {
     "k_imag": {"k_imag": 1, "k_imag_rad_per_m": 1, "alpha": 1, "attenuation": 1},
     "omega": {
         "omega": 1, "omega_rad_per_s": 1, "w": 1, "ω": 1,
-        "f": 2 * np.pi, "f_hz": 2 * np.pi, "frequency": 2 * np.pi, "frequency_hz": 2 * np.pi,
+        "f": 2 * np.pi, "freq": 2 * np.pi, "frequency": 2 * np.pi,
     },
     "sigma": {"sigma": 1, "sigma_rad_per_s": 1},
     "error": {
         "error": 1, "omega_error": 1, "omega_error_rad_per_s": 1, "k_error_rad_per_m": 1,
-        "f_error": 2 * np.pi, "frequency_error": 2 * np.pi,
+        "f_error": 2 * np.pi, "frequency_error": 2 * np.pi, "err": 1, "std": 1, "se": 1,
+        "uncertainty": 1, "standard error": 1, "standard_error": 1,
     },
     "valid": {"valid": 1},
     "branch": {"branch": 1},
@@ -39,13 +41,18 @@ _CASED = {"Mrad/s": 1e6, "mrad/s": 1e-3}
 _TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
 
 
-def read_points(path: str | Path) -> dict[str, Any]:
+# Of what no fit can do without.
+ERRORS = ("error", "error, one standard error")
+
+
+def read_points(path: str | Path, *needed: tuple[str, str]) -> dict[str, Any]:
     """Columns of a table of points.
 
     Args:
         path: a text file, parted by commas, semicolons, tabs or spaces. Headed as ``--out`` of
             dispersion and attenuation writes it, or k, omega (or frequency, in Hz), error, and for
             attenuation k_imag and sigma; without a heading k, omega and perhaps error.
+        needed: what must be there beside k and omega, each with an example of its heading.
 
     Returns:
         k (complex for attenuation), omega, and where they are there error, valid and branch.
@@ -88,7 +95,7 @@ def read_points(path: str | Path) -> dict[str, Any]:
                     _numbers(path, own[at[0]], column) * _size(path, own[at[0]], size)
                 )  # fmt: skip
                 break
-    for what, example in (("k", "k (rad/m)"), ("omega", "omega (rad/s), frequency (Hz)")):
+    for what, example in (("k", "k (rad/m)"), ("omega", "omega (rad/s), frequency (Hz)"), *needed):
         if what not in found:
             raise RecordError(
                 f"{path}: has no column of {what} (such as {example}); its columns are "
@@ -141,12 +148,9 @@ def _flags(path: Path, column: Any) -> NDArray[np.bool_]:
 
 
 def is_points(path: Path) -> bool:
-    """Whether a file is a table of points, as wavesim dispersion or attenuation writes it."""
+    """Whether a file is a table of points: its first line names k and ω or a frequency."""
     if not path.is_file() or path.suffix.lower() not in (".csv", ".txt"):
         return False
-    with path.open(encoding="utf-8", errors="replace") as file:
-        names = {name.strip() for name in file.readline(4096).split(",")}
-    return any(
-        {"omega_rad_per_s", f"{k}_rad_per_m", error} <= names
-        for k, error in (("k", "omega_error_rad_per_s"), ("k_imag", "k_error_rad_per_m"))
-    )
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        names = [name.strip() for name in re.split("[,;\t]", file.readline(4096))]
+    return all(any(named_as(one, names) for one in _NAMES[what]) for what in ("k", "omega"))

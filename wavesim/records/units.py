@@ -121,7 +121,9 @@ def without_unit(heading: str) -> str:
     if not found or not is_unit(found.group(3)):
         return text
     # "_m" and "_s" end many a name that is no unit's.
-    return text if found.group(2) == "_" and not size_of_values("", found.group(3)) else found[1]
+    unit = found.group(3)
+    own = size_of_values("", unit) or factor(unit, "frequency")
+    return text if found.group(2) == "_" and not own else found[1]
 
 
 def named_as(text: str, names: Sequence[str]) -> list[int]:
@@ -153,7 +155,7 @@ def unit_of_time_said(text: str) -> str | None:
 
 def measured_by(name: str) -> str | None:
     """Of what an entry is the unit: t of "t_unit", time of "timeUnits"; None where of nothing."""
-    found = re.fullmatch(r"(.*[^_\W])_?units?", name, re.IGNORECASE)
+    found = re.fullmatch(r"(.*[^_\W])[_.]?(?:units?|uom)", name, re.IGNORECASE)
     return found.group(1) if found else None
 
 

@@ -266,7 +266,7 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
             continue
         console.print(f"{key} = {_fitted(one)}", markup=False)
         moved = {} if known_to else moves.get(key, {})
-        least = _COUNTS * _number(one["error_if_held_known"])
+        least = _COUNTS * _number(one["error"])
         most = sorted(moved, key=lambda name: -abs(moved[name]))[:_MOST]
         counts = [name for name in most if abs(moved[name]) > least]
         if counts:
@@ -280,7 +280,7 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         told = with_error(one["value"] * scale, error * scale, unit) if unit else None
         console.print(f"{key} {told or with_error(one['value'], error)}", markup=False)
     if any(one["error"] is not None for one in answer["parameters"].values()):
-        how = "exact, or to 1 % in brackets: say by --held how well it is"
+        how = "to 1 %, or exactly in brackets: say by --held how well it is"
         if known_to:
             how = ", ".join(f"{name} to {p:.3g}".strip() for name, p in known_to.items())
         console.print(f"± is one standard error, what is not varied known {how}.", markup=False)
@@ -292,18 +292,17 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         console.print(f"{tied}{told}.", markup=False)
     if answer["kind"] == "waveforms":
         console.print(f"left over {answer['residual']:.3%} of the record's rms, "
-                      f"{answer['evaluations']} runs")  # fmt: skip
+                      f"{answer['evaluations']} solutions")  # fmt: skip
     for note in answer["notes"]:
         console.print(f"Note: {note}.", markup=False)
 
 
 def _fitted(one: dict[str, Any]) -> str:
-    """A value with its error, and what that is where what is held is known to 1 %."""
+    """A value with its error, and what that is where what is held is exact."""
     told = with_error(one["value"], _number(one["error"]))
-    wider = _number(one["error_if_held_known"])
-    return (
-        f"{told} (± {wider:.2g} by 1 % of what is held)" if wider > _number(one["error"]) else told
-    )
+    alone, beside = _number(one["error_if_held_exact"]), 1 - _COUNTS**2
+    less = alone < beside * _number(one["error"])
+    return f"{told} (± {alone:.2g} by the data alone)" if less else told
 
 
 def _number(value: float | None) -> float:

@@ -17,36 +17,17 @@ from wavesim.studies.fit_terms import (
     SPOILS,
     FitAnswer,
     Held,
+    Target,
     answered,
+    check_held,
     held_beside,
     targets,
     with_values,
 )
-from wavesim.studies.least_squares import FitError, Solution, solve
-from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms
+from wavesim.studies.least_squares import Solution, solve
+from wavesim.studies.waveform_fit import GAIN, LAG, REACH, Waveforms, fit_waveforms, signals_of
 
 Float = NDArray[Any]
-
-
-def signals_of(case: Case, measured: Measured) -> Float:
-    """The case's field at the receivers, (frames, m): exact for a bar, simulated for a ring."""
-    simulated = case.simulation
-    names, places = measured.names, measured.positions
-    if simulated.endless:
-        from wavesim.timedomain.integrate import simulate
-
-        field = simulate(
-            simulated.layers, simulated.bar, simulated.sources, simulated.duration,
-            samples=simulated.frames, receivers=dict(zip(names, places, strict=True)),
-        )  # fmt: skip
-        return np.stack([field.at(x, measured.field) for x in places], axis=1)
-    from wavesim.layered.signals import signals
-
-    found = signals(
-        simulated.layers, simulated.bar.left, simulated.bar.right, simulated.sources,
-        dict(zip(names, places, strict=True)), simulated.times,
-    )  # fmt: skip
-    return np.stack([found[name][measured.field] for name in names], axis=1)
 
 
 def compare(
@@ -135,8 +116,6 @@ _LOOKED_INTO, _FAR_LESS = 0.1, 0.5
 _NO_NOISE = 0.3
 # What is held is changed by this part, to see what that does.
 _CHANGED = 1e-3
-# What a grid does to a value is taken back, to first order, up to so many errors.
-_BY_GRID = 3.0
 
 
 def of_waveforms(
@@ -161,7 +140,10 @@ def of_waveforms(
         FitError: it can't be done.
     """
     varied = targets(case, keys)
-    _check_clear(case, measured)
+    beside_them = held_beside(case, varied)
+    places = [f"position of {name}" for name in measured.names]
+    stated_gain = ["--scale"] if gain is not None else []
+    check_held(known_to or {}, [*(one.key for one in beside_them), *places, *stated_gain])
     data = Waveforms(case, varied, measured, lag, gain)
     solution = fit_waveforms(data)
     values = [solution.values[one.key] for one in varied]
@@ -170,15 +152,8 @@ def of_waveforms(
     scale = data.scale_of(solution.values)
     lain = lag if lag is not None else solution.values[LAG]
     beside = compare(fitted, measured, lain, scale)
-    r, J, _ = data.residuals(solution.values)
-    exact, columns = _held_columns(fitted, varied, measured, lain, scale, gain)
-    held = Held.of(J, columns)
-    off = Held.of(J, {"grid": exact - r}).moved[:, 0] if not solution.degenerate else np.zeros(0)
-    moved = dict(zip(solution.values, off.tolist(), strict=False))
-    told = {
-        one.key: float(np.clip(solution.values[one.key] + moved.get(one.key, 0), one.low, one.high))
-        for one in data.parameters
-    }
+    _, J, _ = data.residuals(solution.values)
+    held = Held.of(J, _held_columns(fitted, beside_them, measured, lain, scale, gain))
     # What was fitted to columns of other receivers is no case to lay them on.
     far = beside.residual > LARGEST_RESIDUAL
     otherwise = compare(case, measured, lag, gain).otherwise if far else ""
@@ -186,11 +161,11 @@ def of_waveforms(
     allowed = ALLOWED * np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
     stated = [f"--{name}" for name, one in (("lag", lag), ("scale", gain)) if one is not None]
     reasons = {
-        one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated, moved)
+        one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated)
         for one in varied
     }
     found = answered(
-        "waveforms", told, solution.errors, solution.covariance, held, known_to or {},
+        "waveforms", solution.values, solution.errors, solution.covariance, held, known_to or {},
         reasons, degenerate=solution.degenerate, residual=beside.residual,
         evaluations=solution.evaluations, notes=notes, comparison=beside,
     )  # fmt: skip
@@ -201,9 +176,14 @@ def of_waveforms(
 
 
 def _held_columns(
-    case: Case, varied: Any, measured: Measured, lag: float, scale: float, gain: float | None
-) -> tuple[Float, dict[str, Float]]:
-    """The residuals, (n,), and {what is held: how they change as it grows by all of its size}."""
+    case: Case,
+    varied: Sequence[Target],
+    measured: Measured,
+    lag: float,
+    scale: float,
+    gain: float | None,
+) -> dict[str, Float]:
+    """{What is held: how the residuals, (n,), change as it grows by all of its size}."""
 
     def left(layers: Any, places: Measured, by: float = 1.0) -> Float:
         one = replace(case, simulation=replace(case.simulation, layers=layers))
@@ -213,7 +193,7 @@ def _held_columns(
 
     own, found = case.simulation.layers, {}
     now = left(own, measured)
-    for one in held_beside(case, varied):
+    for one in varied:
         changed = with_values(own, [one], [one.value_in(own) + _CHANGED * one.size_in(own)])
         found[one.key] = (left(changed, measured) - now) / _CHANGED
     for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True)):
@@ -223,23 +203,7 @@ def _held_columns(
         found[f"position of {name}"] = (moved - now) / _CHANGED
     if gain is not None:
         found["--scale"] = (left(own, measured, 1 + _CHANGED) - now) / _CHANGED
-    return now, found
-
-
-def _check_clear(case: Case, measured: Measured) -> None:
-    """Refuse receivers in an absorbing layer, which the run that fits has there and no bar does."""
-    bar = case.simulation.bar
-    low, high = bar.clear
-    named = zip(measured.names, measured.positions, strict=True)
-    hidden = [(name, x) for name, x in named if not low <= x <= high]
-    if hidden:
-        remedy = "take its column out"
-        if bar.right == "absorbing" and low <= hidden[0][1]:
-            longer = bar.length + max(x for _, x in hidden) - high
-            remedy = f"lengthen [bar] length to {longer:.4g} or more"
-        raise FitError(
-            f"receiver {hidden[0][0]} = {hidden[0][1]:g} m: stands in an absorbing layer; {remedy}"
-        )
+    return found
 
 
 def _reason(
@@ -249,7 +213,6 @@ def _reason(
     otherwise: str,
     allowed: float,
     stated: Sequence[str],
-    moved: Mapping[str, float],
 ) -> str:
     """Why a value does not count, or ""."""
     if beside.residual > LARGEST_RESIDUAL:
@@ -265,9 +228,6 @@ def _reason(
         known = "".join(f", or state {options[k]}" for k in with_it if k in options)
         leave = "one of them" if with_it else "it"
         return f"the data do not tell it{with_what}: leave {leave} out of --vary{known}"
-    by = abs(moved.get(key, 0.0)) / solution.errors[key]
-    if by > _BY_GRID:
-        return f"the grid moves it by {by:.1f} of its errors: take a finer [bar] spacing"
     if beside.systematic > max(SPOILS, allowed):
         return (
             f"what is left over, {beside.systematic:.1%} of the record, goes with the signals and "

@@ -113,6 +113,17 @@ def held_beside(case: Case, varied: Sequence[Target]) -> list[Target]:
     return list(found.values())
 
 
+def check_held(known_to: Mapping[str, float], names: Sequence[str]) -> None:
+    """Refuse a name that is of nothing held.
+
+    Raises:
+        FitError: it is; the message says what is held.
+    """
+    for name in known_to:
+        if name and name not in names:
+            raise FitError(f"--held {name}: is not held; must be of {', '.join(names)}")
+
+
 def _check_one_law(key: str, full: str, layers: Sequence[Layer]) -> None:
     """Refuse a quality factor that is not all that is lost, or not that of all layers."""
     law = layers[0].medium.damping
@@ -186,9 +197,7 @@ class Held:
         Raises:
             FitError: what is named is not held.
         """
-        for name in known_to:
-            if name and name not in self.names:
-                raise FitError(f"--held {name}: is not held; must be of {', '.join(self.names)}")
+        check_held(known_to, self.names)
         known_to = known_to or {"": SUPPOSED}
         return np.array([known_to.get(name, known_to.get("", 0.0)) for name in self.names])
 
@@ -204,7 +213,8 @@ class FitAnswer:
 
     Attributes:
         kind: "waveforms", "points" or "speeds".
-        values, errors: {key: value and standard error}, SI; NaN where the data don't tell.
+        values, errors: {key: value and standard error}, SI; NaN where the data don't tell. Errors
+            hold that what is held is known to 1 % alone, or as it is stated to be.
         reasons: {key: why a value does not count, or ""}.
         nuisances: {gain, lag: (value, standard error)}.
         degenerate: directions that the data don't tell, {key: part} each.
@@ -213,9 +223,8 @@ class FitAnswer:
         evaluations, notes: how it went.
         along: {key: value} of what goes along with them, SI.
         known_to: to which part of its size each thing that is held was stated to be known, as
-            :meth:`Held.parts` has it; errors hold that.
-        if_known: {key: standard error where what is held is known to that, or to 1 % if not
-            stated}, SI.
+            :meth:`Held.parts` has it; {}, not stated.
+        alone: {key: standard error where what is held is exact}, SI.
         held: {key: {what is held: by how much the value changes where that is 1 % larger}}, SI.
         comparison: the record beside the fitted case; None but for waveforms.
     """
@@ -232,7 +241,7 @@ class FitAnswer:
     notes: tuple[str, ...] = ()
     along: dict[str, float] = field(default_factory=dict)
     known_to: Mapping[str, float] = field(default_factory=dict)
-    if_known: dict[str, float] = field(default_factory=dict)
+    alone: dict[str, float] = field(default_factory=dict)
     held: dict[str, dict[str, float]] = field(default_factory=dict)
     comparison: Comparison | None = None
 
@@ -242,7 +251,7 @@ class FitAnswer:
             key: {
                 "value": value,
                 "error": self.errors[key],
-                "error_if_held_known": self.if_known.get(key, self.errors[key]),
+                "error_if_held_exact": self.alone.get(key, self.errors[key]),
                 "valid": not self.reasons[key],
                 "reason": self.reasons[key],
             }
@@ -278,17 +287,16 @@ def answered(
 
     Args:
         kind, more: of :class:`FitAnswer`.
-        values, errors, covariance: of all that was fitted, SI; errors NaN where not told.
+        values, errors, covariance: of all that was fitted, SI, by the data alone; errors NaN where
+            not told.
         held: what was not.
-        known_to: as :meth:`Held.parts` takes it; {}, not stated.
+        known_to: as :meth:`Held.parts` takes it; {}, not stated: all to 1 %.
         reasons: why a value does not count, or "", of those that are wanted.
         least: correlation beyond which errors are said to hang together.
     """
     beside = held.covariance(held.parts(known_to))
     total = np.hypot([*errors.values()], np.sqrt(np.diag(beside)))
     wider = dict(zip(values, total.tolist(), strict=True))
-    if known_to:
-        errors, covariance = wider, covariance + beside
     moves = {
         key: dict(zip(held.names, (0.01 * row).tolist(), strict=True))
         for key, row in zip(values, held.moved, strict=True) if key in reasons
@@ -296,12 +304,12 @@ def answered(
     return FitAnswer(
         kind,
         {key: values[key] for key in reasons},
-        {key: errors[key] for key in reasons},
+        {key: wider[key] for key in reasons},
         reasons,
-        {key: (values[key], errors[key]) for key in values if key not in reasons},
-        tied=tied(values, errors, covariance, least),
+        {key: (values[key], wider[key]) for key in values if key not in reasons},
+        tied=tied(values, wider, covariance + beside, least),
         known_to=known_to,
-        if_known={key: wider[key] for key in reasons},
+        alone={key: errors[key] for key in reasons},
         held=moves,
         **more,
     )

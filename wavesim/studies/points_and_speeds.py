@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from wavesim.case.load import Case
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
-from wavesim.records.point_table import read_points
+from wavesim.records.point_table import ERRORS, read_points
 from wavesim.studies.fit_terms import ALLOWED, QUALITY, SPOILS, FitAnswer, Held, answered, targets
 from wavesim.studies.least_squares import FitError
 
@@ -151,9 +151,8 @@ def of_series(
     fits, told = [], []
     for key in both:
         (v_p, e_p), (v_s, e_s) = known[0][key], known[1][key]
-        own, held = (of_speeds(v_p, v_s, start, (e_p, e_s), one) for one in ({}, known_to))
-        fits.append((key[0], own))
-        told.append(held.summary())
+        fits.append((key[0], of_speeds(v_p, v_s, start, (e_p, e_s), known_to)))
+        told.append(fits[-1][1].summary())
     answer, name = told[0], (p.get("series") or {}).get("parameter") or "state"
     rows = [{"parameter": at} | o["parameters"] for (at, _), o in zip(fits, told, strict=True)]
     first = f"parameters, and fitted.toml of --out, are those at {name} = {fits[0][0]:g}"
@@ -192,7 +191,7 @@ def _power_law(fits: Sequence[tuple[float, FitAnswer]]) -> dict[str, float]:
     away = x - x.mean()
     lever = float(np.sum(away**2))
     scatter = float(np.sum((y - c - b * x) ** 2)) / (len(x) - 2) / lever
-    own = np.nan_to_num(np.array([one.errors[KEYS[0]] for _, one in fits]) / K)
+    own = np.nan_to_num(np.array([one.alone[KEYS[0]] for _, one in fits]) / K)
     error = math.sqrt(max(scatter, float(np.sum((away * own) ** 2)) / lever**2))
     return {"c": float(np.exp(c)), "b": float(b), "b_error": error}
 
@@ -295,7 +294,7 @@ def _sector(path: Path, case: Case, names: Sequence[str], given: str | None) -> 
 
 def _points(path: Path) -> BranchPoints:
     """The valid points of a table, each of its branch."""
-    columns = read_points(path)
+    columns = read_points(path, ERRORS)
     k, omega = columns["k"], columns["omega"]
     valid = columns.get("valid", np.ones(len(k), bool))
     if not valid.any():

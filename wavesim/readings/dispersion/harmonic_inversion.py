@@ -94,7 +94,7 @@ def invert(
     least = _OF_STRONGEST * float(size_of.max(initial=0.0))
     leaks = None if leakage is None or not leakage.any() else leakage
     settings = Settings(window, weight, padded, most, dynamic_range, damped, scale, least, leaks)
-    size = max(1, _BATCH // (count * max(channels, 4)))
+    size = max(1, min(-(-n // _WORKERS), _BATCH // (count * max(channels, 4))))
     parts = [slice(start, min(start + size, n)) for start in range(0, n, size)]
 
     def one(part: slice) -> list[tuple[np.ndarray, Sinusoids]]:

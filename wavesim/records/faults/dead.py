@@ -31,18 +31,19 @@ def living(
 ) -> Mask:
     """Which receivers say something, shape (nx,); those that stand still are dead if so wished."""
     finite = np.isfinite(values)
-    size = np.nanmax(np.where(finite, np.abs(values), 0), axis=(0, 1))
-    seen = ~(~finite).all(axis=(0, 2))
-    if not seen.any():
-        raise RecordError("no sample is finite: every receiver is dead or mostly missing")
-    gone = (~finite[:, seen]).mean(axis=(0, 1)) > _MOST_MISSING
-    varies = np.nanmax(np.where(finite, values, -np.inf), axis=1) - np.nanmin(
-        np.where(finite, values, np.inf), axis=1
-    )
-    least = _DEAD * max(size.max(), 1e-300)
+    if finite.all():
+        gone, some = np.zeros(len(x), bool), values
+    else:
+        seen = finite.any(axis=(0, 2))
+        if not seen.any():
+            raise RecordError("no sample is finite: every receiver is dead or mostly missing")
+        gone = (~finite[:, seen]).mean(axis=(0, 1)) > _MOST_MISSING
+        some = np.where(finite, values, np.nan)
     dead: Mask = np.asarray(gone)
     if still:
-        at_rest = np.nan_to_num(varies, nan=0, neginf=0).max(axis=0) <= least
+        high, low = np.fmax.reduce(some, axis=1), np.fmin.reduce(some, axis=1)
+        size = np.nan_to_num(np.fmax(np.abs(high), np.abs(low))).max()
+        at_rest = np.nan_to_num(high - low).max(axis=0) <= _DEAD * max(size, 1e-300)
         if ring and at_rest.any():
             # Where no wave has come, or none travels, many rest rightly.
             at_rest &= ~_nodes(values) & (at_rest.sum() <= max(1, PART * len(x)))

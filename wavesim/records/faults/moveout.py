@@ -19,7 +19,7 @@ _ABOVE, _PART = 4.0, 2e-3
 _WITHOUT_REST = 0.4
 _FIRST = 3
 _BLOCKS = 8
-_STEADY, _HISS = 3.0, 2.0
+_STEADY, _HISS, _LOUDER = 3.0, 2.0, 8.0
 # No wave is slower, m/s, or faster but light, from the slowest of it to its phase in waveguides.
 SLOWEST, FASTEST, _LIGHT = 0.1, 2e4, (1e7, 1e9)
 _ARRIVED = 0.2
@@ -57,10 +57,14 @@ def begun(component: Float, rest: Rest) -> Mask:
         head = float(np.sqrt(np.mean(v[:_FIRST] ** 2)))
         # Where no rest was seen at the start, less is needed to doubt it.
         part = 1.0 if rest.onset[j] else _WITHOUT_REST
-        # What is as loud in the first part as it ever is in the quietest is noise, of any colour.
-        hiss = blocks[0] < _HISS * blocks.min()
-        noise = max(noise, float(blocks.min()) if hiss else 0.0)
-        within[j] = head > part * max(_ABOVE * noise, _PART * float(np.abs(v).max()))
+        # What is as loud in the first part as it ever is in the quietest is noise, of any colour;
+        # so is what goes on alike long after a signal that was far louder.
+        late, peak = np.sqrt(np.mean(blocks.reshape(4, -1) ** 2, axis=1))[2:], np.abs(v).max()
+        goes_on = late.max() < _STEADY * late.min() and peak > _LOUDER * late.max()
+        rumble = max(float(late.max()) if goes_on else 0.0,
+                     float(blocks.min()) if blocks[0] < _HISS * blocks.min() else 0.0)  # fmt: skip
+        least = part * max(_ABOVE * noise, _PART * float(peak))
+        within[j] = head > max(least, _ABOVE * rumble)
     # Alike from beginning to end beside channels that are not, it is nothing but noise.
     if not steady.all():
         within &= ~steady

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.axes import INTERVALS, RATES, STARTS
 from wavesim.records.content import Content, RecordError
+from wavesim.records.evenness import unrounded
 from wavesim.records.faults.clock import on_clock
 from wavesim.records.formats.text_table import Table, read_table
 from wavesim.records.units import (
@@ -75,6 +76,10 @@ def of_table(table: Table) -> Content:
             units["t"], said_in["t"] = above
         if first in table.dated:
             settled.add("t")
+        if sampling is not None:
+            scale = factor(units.get("t", ""), "time") or 1.0
+            if unrounded(arrays, sampling[0] / scale):
+                notes.append(f"times are rounded so that they repeat: taken by {sampling[2]}")
         if len(clocks) > 1:
             notes += _one_clock(table, clocks, channels, arrays)
     elif sampling is not None and (np.isfinite(sampling[1]) or len(channels) > 1):

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesim.records.content import Content, RecordError, check_size
 from wavesim.records.straight_line import along_line, line_of
+from wavesim.records.units import factor
 
 FORMATS = {
     ".sgy": "SEGY", ".segy": "SEGY", ".su": "SU", ".sac": "SAC", ".mseed": "MSEED",
@@ -16,8 +17,15 @@ FORMATS = {
 }  # fmt: skip
 
 
-def from_seismic(path: Path) -> Content:
-    """Traces of one length and interval as an array; offsets where the headers say them."""
+def from_seismic(*paths: Path) -> Content:
+    """Traces of one interval as an array; offsets where the headers say them."""
+    stream = _stream(paths[0])
+    for path in paths[1:]:
+        stream += _stream(path)
+    return of_stream(stream)
+
+
+def _stream(path: Path) -> Any:
     try:
         from obspy import read
     except ImportError:
@@ -26,7 +34,7 @@ def from_seismic(path: Path) -> Content:
         ) from None
     kind = FORMATS.get(path.suffix.lower(), "SEG2")
     options = {"unpack_trace_headers": True} if kind in ("SEGY", "SU") else {}
-    return of_stream(read(str(path), format=kind, **options))
+    return read(str(path), format=kind, **options)
 
 
 def of_stream(stream: Any) -> Content:
@@ -100,6 +108,9 @@ def _place(content: Content, stream: Any, traces: list[Any]) -> None:
     content.arrays["x"] = usable
     content.units["x"] = unit
     content.notes.append(f"positions by the {what} in the traces' headers, in {unit}")
+    source = _source(traces) if what == "offsets" else 0.0 if what != "coordinates" else None
+    if source is not None:
+        content.arrays["sources"] = np.array([source * (factor(unit, "position") or 1.0)])
 
 
 def _unit(stream: Any) -> str:
@@ -150,6 +161,19 @@ def _offsets(traces: list[Any]) -> np.ndarray | None:
         except (TypeError, ValueError):
             return None
     return np.array(found)
+
+
+def _source(traces: list[Any]) -> float | None:
+    """Where offsets count from: 0, but for SEG-2's locations, which have one of the source."""
+    said = {str(t.stats.seg2.get("SOURCE_LOCATION", "nan")).split()[0]
+            for t in traces if "seg2" in t.stats}  # fmt: skip
+    if not said:
+        return 0.0
+    try:
+        (place,) = map(float, said)
+    except ValueError:
+        return None
+    return place if np.isfinite(place) else None
 
 
 def _coordinates(traces: list[Any]) -> tuple[np.ndarray | None, np.ndarray | None]:
