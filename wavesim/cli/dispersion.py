@@ -38,18 +38,11 @@ from wavesim.cli.arguments import (
     writing,
 )
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
-from wavesim.worker import Worker
+from wavesim.worker import Here, Worker
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
 _DRAWING = "wavesim.figures.record"
-_METHODS = {
-    "harmonic": "by harmonic inversion",
-    "fft": "by FFT",
-    "beam": "by the phases along the line",
-    "space": "by fits along the line",
-}
-
 # What both kinds of extraction take.
 _OPTIONS = options(
     FILES,
@@ -78,18 +71,20 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
     return read_case(case).simulation.medium
 
 
-def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
+def _extract(given: dict[str, Any], work: Callable[[Any], Any], travelling: bool = False) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
+    from wavesim.records.files import own_result
     from wavesim.records.of_medium import of_files
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
     file = told_files(given["files"])
-    drawing = drawing_beside(_DRAWING) if given["out"] else None
+    several = given["out"] and own_result(given["files"][0])  # sectors of a run
+    drawing = drawing_beside(_DRAWING) if several else Here()
     medium = medium_of(given["medium"])
-    found = of_files(given["files"], _layout(given), medium, given["sector"])
+    found = of_files(given["files"], _layout(given), medium, given["sector"], travelling)
     fit = None
     try:
         with working("reading waves off the record"):
@@ -108,7 +103,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
         print_json(answer)
     else:
         _show(results, answer)
-    if drawing is not None:
+    if given["out"]:
         _write(results, answer, Path(given["out"]), drawing)
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
@@ -185,6 +180,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
     from wavesim.material.shown import with_error
+    from wavesim.readings.dispersion.points import METHODS
     from wavesim.report.tables import show_short
 
     shown = console()
@@ -195,7 +191,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             f"{int(points.valid.sum())} of {len(points)} points valid"
         )
         branches = _count(entry["branches"], "branch", "branches")
-        shown.print(f"  {branches}, {_METHODS[points.method]}")
+        shown.print(f"  {branches}, {METHODS[points.method]}")
         for note in entry["notes"]:
             shown.print(f"  Note: {note}.")
         if (near := _splitting(points)) is not None:
@@ -292,7 +288,9 @@ def _decays(own: Any) -> Any:
     return table
 
 
-def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker) -> None:
+def _write(
+    results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker | Here
+) -> None:
     kind = "attenuation" if results[0].points.in_space else "dispersion"
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
@@ -347,4 +345,4 @@ def attenuation(
 
         return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
 
-    _extract(given, work)
+    _extract(given, work, travelling=True)

@@ -29,7 +29,7 @@ from wavesim.material.shown import DECIBELS, in_frequency, in_wavenumber
 from wavesim.readings.dispersion.fft_peaks import power
 from wavesim.readings.dispersion.frequency_at_wavenumber import series
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber, phase_beam
-from wavesim.readings.dispersion.points import BAR
+from wavesim.readings.dispersion.points import BAR, METHODS
 from wavesim.readings.dispersion.receiver_spectra import spectra
 from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.readings.misfit import Comparison
@@ -82,7 +82,7 @@ def spectrum(one: Recovered) -> Figure:
     axes.set(
         xlabel=f"k (rad/{k_unit})", ylabel=f"ω/2π ({f_unit})", xlim=(0, None), ylim=(0, top * to_f)
     )
-    axes.set_title(f"{as_written(one.origin.name)}: recovered by {points.method}")
+    axes.set_title(f"{as_written(one.origin.name)}: {METHODS[points.method]}")
     figure.legend(loc="outside lower center", ncols=3)
     figure.colorbar(image, ax=axes, label="power (dB)")
     return figure
