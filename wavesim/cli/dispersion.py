@@ -210,8 +210,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         if one.score is not None:
             shown.print(f"  {one.score.said()}.")
     if answer["checks"]:
-        short = [check for check in answer["checks"] if not check["passed"]]
-        count = len(answer["checks"])
+        short, count = [c for c in answer["checks"] if not c["passed"]], len(answer["checks"])
         shown.print(f"{count - len(short)} of {count} checks against the medium passed.")
         show_short(shown, short)
     if "fit" in answer:
@@ -227,8 +226,7 @@ def _splitting(points: Any) -> str | None:
     if points.splitting is None or points.method not in ("harmonic", "space"):
         return None
     own = points.take(points.valid)
-    apart = [s for s in own.splitting if math.isfinite(s)]
-    if not apart:
+    if not (apart := [s for s in own.splitting if math.isfinite(s)]):
         return None
     size, unit = (own.k, "rad/m of k") if points.in_space else (own.omega, "rad/s of ω")
     middle = median(apart)
@@ -264,27 +262,29 @@ def _show_branches(shown: Any, points: Any) -> None:
     from wavesim.material.shown import HERTZ
 
     longest = Counter(points.branch[points.branch >= 0].tolist()).most_common()
-    for branch, _ in sorted(longest[:_FEW]):
+    for branch, number in sorted(longest[:_FEW]):
         own = points.take(points.branch == branch)
-        hertz = own.omega * HERTZ
-        where = f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to"
-        bar = f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e} of ω"
-        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {where} {bar}")
+        f, k, many = own.omega * HERTZ, own.k, _count(number, "point", "points")
+        text = f"{f.min():.5g} to {f.max():.5g} Hz over k {k.min():.4g} to {k.max():.4g} rad/m, "
+        text += f"median 95 % bar {median(own.bar / own.omega):.1e} of ω"
+        shown.print(f"  branch {branch + 1}: {many}, {text}")
     if rest := longest[_FEW:]:
         shown.print(f"  and {len(rest)} more, of {rest[0][1]} points at most")
 
 
 def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
-    from wavesim.material.shown import DECIBELS, HERTZ
+    from wavesim.material.shown import DECIBELS, in_frequency, in_wavenumber
 
-    headings = "frequency\nkHz", "Im k\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
-    table = new_table(*headings, f"one of\n{len(own)}", words=0)
+    to_f, hertz = in_frequency(own.omega.real.max())
+    to_k, length = in_wavenumber(abs(own.k).max())
+    table = new_table(f"frequency\n{hertz}", f"Im k\ndB/{length}", f"Re k\nrad/{length}",
+                      "95 % bar\nof |k|", f"one of\n{len(own)}", words=0)  # fmt: skip
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
-        k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
+        k, at = complex(own.k[n]), f"{to_f * own.omega[n].real:.5g}"
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        loss = f"{1e-3 * DECIBELS * k.imag:.4g}"
-        table.add_row(f"{hertz / 1e3:.5g}", loss, f"{k.real / 1e3:.4g}", size, str(n + 1))
+        loss, real = f"{to_k * DECIBELS * k.imag:.4g}", f"{to_k * k.real:.4g}"
+        table.add_row(at, loss, real, size, str(n + 1))
     return table
 
 
