@@ -57,18 +57,32 @@ def begun(component: Float, rest: Rest) -> Mask:
         head = float(np.sqrt(np.mean(v[:_FIRST] ** 2)))
         # Where no rest was seen at the start, less is needed to doubt it.
         part = 1.0 if rest.onset[j] else _WITHOUT_REST
-        # What is as loud in the first part as it ever is in the quietest is noise, of any colour;
-        # so is what goes on alike long after a signal that was far louder.
-        late, peak = np.sqrt(np.mean(blocks.reshape(4, -1) ** 2, axis=1))[2:], np.abs(v).max()
-        goes_on = late.max() < _STEADY * late.min() and peak > _LOUDER * late.max()
-        rumble = max(float(late.max()) if goes_on else 0.0,
-                     float(blocks.min()) if blocks[0] < _HISS * blocks.min() else 0.0)  # fmt: skip
-        least = part * max(_ABOVE * noise, _PART * float(peak))
-        within[j] = head > max(least, _ABOVE * rumble)
+        # What is as loud in the first part as it ever is in the quietest is noise, of any colour.
+        hiss = blocks[0] < _HISS * blocks.min()
+        noise = max(noise, float(blocks.min()) if hiss else 0.0)
+        least = part * max(_ABOVE * noise, _PART * float(np.abs(v).max()))
+        within[j] = head > max(least, _ABOVE * _rumble(v, blocks))
     # Alike from beginning to end beside channels that are not, it is nothing but noise.
     if not steady.all():
         within &= ~steady
     return within
+
+
+def _rumble(v: Float, blocks: Float) -> float:
+    """Noise of any colour: what goes on alike long after a far louder signal; 0 where none does.
+
+    Args:
+        v: one channel, shape (nt,).
+        blocks: root mean square of its eighths.
+    """
+    quarters = np.sqrt(np.mean(blocks.reshape(4, -1) ** 2, axis=1))[2:]
+    late, slope = float(quarters.max()), float(np.sum(np.diff(v) ** 2))
+    alike = late < _STEADY * quarters.min()
+    if not alike or np.abs(v).max() < _LOUDER * late or slope == 0:
+        return 0.0
+    # Within a signal the next crest is less than a period away, 2π over the mean ω by power.
+    period = 2 * np.pi * float(np.sqrt(np.sum(v**2) / slope))
+    return late if np.argmax(np.abs(v) > _ABOVE * late) > period else 0.0
 
 
 def arrivals(component: Float, t: Float, rest: Rest) -> Float:
