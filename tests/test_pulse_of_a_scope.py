@@ -179,3 +179,20 @@ def test_where_loss_is_seen_at_each_frequency_no_bound_of_q_is_told():
     found = mean_quality(omega, k, error, np.full(40, 2.0), np.full(40, 0.02), 0.1)
     assert not np.isfinite(found.at_least) or found.at_least < 1
     assert "above" not in found.reason
+
+
+def test_what_comes_back_to_the_gauge_on_the_input_bar_is_not_sent_again():
+    """The pulse of a Hopkinson bar, reflected at its specimen until the record ends, and what went
+    through: L/c = 0.392 ms."""
+    t, r = np.arange(-2e-5, 7e-4, 1e-6), np.random.default_rng(3)
+
+    def pulse(t):
+        return np.interp(t, [0, 1.5e-5, 1.6e-4, 1.8e-4], [0.0, 1, 1, 0])
+
+    sent = pulse(t) - 0.8 * pulse(t - 3.9e-4) + 0.4 * pulse(t - 6e-4)
+    got = 0.4 * pulse(t - 2.0 / 5100)
+    sent, got = (u + 0.003 * r.standard_normal(len(t)) for u in (sent, got))
+    best = read_one(transmission_record(t, got, sent), 2.0, {}).best
+    assert best.valid
+    assert abs(best.time - 2.0 / 5100) <= 2 * best.error
+    assert best.error < 0.05 * best.time

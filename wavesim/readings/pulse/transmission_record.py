@@ -15,7 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import crosstalk
-from wavesim.readings.pulse.central_band import band_about, central_period, sent_period
+from wavesim.readings.pulse.central_band import (
+    band_about,
+    central_period,
+    is_step,
+    sent_period,
+)
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import (
     CLIPPED,
@@ -39,6 +44,8 @@ NOTHING_SENT = (
 )
 # What is sent begins where it has this part of its peak.
 _SENT = 0.03
+# It is over where it has less than this part for as long as it lasted.
+_BACK = 0.15
 # What varies by less than this many deviations of its noise, or of its least step, is constant.
 _NOISE = 12.0
 # Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
@@ -200,7 +207,13 @@ def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
         raise PulseError(NOTHING_SENT)
     above = np.flatnonzero(np.abs(v) >= _SENT * peak)
     first, last = int(above[0]), int(above[-1])
-    if last > 0.8 * len(v):
+    loud = np.flatnonzero(np.abs(v) >= _BACK * peak)
+    apart = np.flatnonzero(np.diff(loud) > loud[:-1] - loud[0] + 4)
+    if last > 0.8 * len(v) and len(apart) and not is_step(v):
+        # A gauge on a bar hears what was sent come back: that is not sent again.
+        last = int(loud[apart[0]])
+        v = np.where(np.arange(len(v)) <= last, v, 0.0)
+    elif last > 0.8 * len(v):
         # A step stays: what it sends, it sends as it rises.
         level = float(np.median(v[-max(4, len(v) // 50) :]))
         moving = np.flatnonzero(np.abs(v - level) >= 0.1 * peak)
