@@ -228,6 +228,7 @@ def inspect(
     from wavesim.readings.crosstalk_findings import crosstalk_findings
     from wavesim.records.inspection import inspect as look_over
 
+    column = None if column is not None and Path(column).is_file() else column
     found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
     if not (found.run or ring):
         found = replace(found, findings=(*found.findings, *crosstalk_findings(found.record)))
