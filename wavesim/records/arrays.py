@@ -216,16 +216,16 @@ def _input(content: Content, layout: Layout) -> Float | None:
             raise RecordError(f"--input {text}: {what}; there are {near}")
         (j, *_) = at
         if j >= len(content.labels):
-            return np.asarray(content.unplaced.pop(labels[j]), float)
+            return _real(content.unplaced.pop(labels[j]))
         keep = [i for i in range(len(content.labels)) if i != j]
         content.arrays["values"] = values[:, keep]
         content.labels = tuple(content.labels[i] for i in keep)
         content.columns = tuple(content.columns[i] for i in keep if i < len(content.columns))
         if "x" in content.arrays and len(content.arrays["x"]) == len(keep) + 1:
             content.arrays["x"] = content.arrays["x"][keep]
-        return np.asarray(values[:, j], float)
+        return _real(values[:, j])
     if named_as(text, list(content.arrays)):
-        return np.asarray(content.arrays.pop(named(content.arrays, text)), float).ravel()
+        return _real(content.arrays.pop(named(content.arrays, text))).ravel()
     if text.isdigit():
         found, _, name = _values(content, layout)
         j = int(text) - 2
@@ -239,8 +239,13 @@ def _input(content: Content, layout: Layout) -> Float | None:
             if 0 <= j < found.shape[axis]:
                 if name in content.arrays:
                     content.arrays[name] = np.delete(found, j, axis)
-                return np.asarray(np.take(found, j, axis), float)
+                return _real(np.take(found, j, axis))
     raise RecordError(f"--input {text}: no such column; arrays are {listed(content.arrays)}")
+
+
+def _real(signal: Float) -> Float:
+    """As numbers; a record of complex ones is refused with its receivers."""
+    return np.asarray(np.real(signal), float)
 
 
 def _values(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], str]:
