@@ -157,20 +157,23 @@ def _lies_across(values: Float, name: str) -> tuple[bool, str]:
     # Of two ways the one that has the frames of a record.
     if (frames < FEWEST_FRAMES) != (count < FEWEST_FRAMES):
         return frames < FEWEST_FRAMES, ", as so few are no frames"
+    if frames >= count:
+        return False, "as nothing in the file says which is which"
     power = np.abs(np.nan_to_num(values.astype(complex if values.dtype.kind == "c" else float)))
     power = (power - np.median(power)) ** 2
     power = power.reshape(-1, frames, count).mean(axis=0) / (power.mean() or 1.0)
-    first = [power[: max(1, int(_FIRST * frames))].mean(),
-             power[:, : max(1, int(_FIRST * count))].mean()]  # fmt: skip
-    for lies in (False, True):
-        if first[lies] < _QUIET and first[not lies] > _LOUD:
-            return lies, "as so it begins at rest" if not lies else ", as so it begins at rest"
-    if frames < count:
-        raise RecordError(
-            f"{name} {values.shape}: {count} receivers and {frames} times, or the other way round? "
-            f"nothing in the file says: give --receivers {frames} or --receivers {count}"
-        )
-    return False, "as nothing in the file says which is which"
+    first = (power[: max(1, int(_FIRST * frames))].mean(),
+             power[:, : max(1, int(_FIRST * count))].mean())  # fmt: skip
+    if first[0] < _QUIET and first[1] > _LOUD:
+        return False, "as so it begins at rest"
+    # What spreads to both sides from where it was at first does not pass receivers that lie down.
+    middle = power @ np.arange(count) / np.maximum(power.sum(axis=1), 1e-300)
+    if first[1] < _QUIET and first[0] > _LOUD and middle.std() > _FIRST * count:
+        return True, ", as so it begins at rest"
+    raise RecordError(
+        f"{name} {values.shape}: {count} receivers and {frames} times, or the other way round? "
+        f"nothing in the file says: give --receivers {frames} or --receivers {count}"
+    )
 
 
 def _transmitter(content: Content, layout: Layout) -> str | None:
