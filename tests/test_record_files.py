@@ -440,6 +440,44 @@ def test_seismic_formats(tmp_path):
     assert np.abs(one.values[0, :, 0] - u[:, 0]).max() < 1e-12
 
 
+def test_receivers_of_one_record_may_stand_in_files_of_their_own(tmp_path):
+    """Names as a shell lists them, R1, R10, R2; a file that begins later, and one that is cut."""
+    t, x = np.arange(400) * 1e-4, 5.0 + 2.0 * np.arange(12)
+    u = np.sin(2e3 * np.maximum(t[:, None] - 4e-3 - x / 4e3, 0)) ** 3
+    for j in range(12):
+        rows = slice(3 if j == 4 else 0, 360 if j == 7 else 400)
+        np.savetxt(tmp_path / f"R{j + 1}.Z.semd", np.column_stack([t, u[:, j]])[rows])
+    files = sorted(tmp_path.glob("*.semd"), key=str)
+    assert files[1].name == "R10.Z.semd"
+    found = read(files, Layout(spacing=2.0, first=5.0))
+    assert found.x == pytest.approx(x)
+    assert found.labels[:2] == ("R1.Z", "R2.Z")
+    whole = slice(0, 300)
+    assert found.t[whole] == pytest.approx(t[whole], abs=1e-12)
+    assert np.abs(found.values[0][whole] - u[whole]).max() < 1e-9
+    with pytest.raises(RecordError, match=r"12 files: positions of 12 receivers.*--spacing"):
+        read(files)
+    with pytest.raises(RecordError, match="--positions: 2 given for 12 receivers"):
+        read(files, Layout(positions=(1.0, 2.0)))
+    (tmp_path / "R3.Z.semd").write_text("no numbers")
+    with pytest.raises(RecordError, match=r"12 files: R3\.Z\.semd: "):
+        read(files, Layout(spacing=2.0))
+
+
+def test_traces_of_one_shot_may_stand_in_files_of_their_own(tmp_path):
+    """Each of SAC's is of one trace, with a date and a distance."""
+    obspy = pytest.importorskip("obspy")
+    begin = obspy.UTCDateTime(2024, 3, 1)
+    for j in range(M):
+        trace = obspy.Trace(U[:, j].astype("f4"), {"delta": 1e-3, "starttime": begin})
+        trace.stats.sac = {"dist": 0.02 + 0.005 * j}  # km
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # obspy's own
+            trace.write(str(tmp_path / f"{M - j}.sac"), format="SAC")
+    found = read(sorted(tmp_path.glob("*.sac")))
+    same(found, np.arange(N) * 1e-3, 20.0 + 5 * np.arange(M), U.astype("f4").astype(float))
+
+
 SCOPE = -2e-4 + 2.5e-6 * np.arange(200)
 SENT, GOT = np.round(np.random.default_rng(8).standard_normal((2, 200)), 4)
 LVM = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\nChannels\t2\n"

@@ -109,6 +109,8 @@ SET = click.option(
     shell_complete=keys,
     help="Lay a value over the case's, such as bar.order=10 or sources.0.field='\"phi2\"'.",
 )
+# Of one record, whose receivers may stand in several.
+FILES = click.argument("files", metavar="FILE…", nargs=-1, required=True, type=click.Path())
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 OUT = click.option(
     "-o",
@@ -268,6 +270,11 @@ def drawing_beside(module: str) -> Worker:
     worker = click.get_current_context().with_resource(Worker())
     worker.prepare("importlib.import_module", module)
     return worker
+
+
+def told_files(files: Sequence[str]) -> str:
+    """Files of one record in a message."""
+    return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
 
 
 def print_json(answer: Any) -> None:

@@ -18,6 +18,7 @@ import click
 
 from wavesim.cli.arguments import (
     BAND,
+    FILES,
     JSON,
     NOT_NEGATIVE,
     NUMBER,
@@ -31,27 +32,20 @@ from wavesim.cli.arguments import (
     print_json,
     read_case,
     record_options,
+    told_files,
     write_columns,
     write_json,
     writing,
 )
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
-from wavesim.worker import Worker
+from wavesim.worker import Here, Worker
 
 # So many frequencies are shown; the files have all.
 _FEW = 10
 _DRAWING = "wavesim.figures.record"
-# How points were found, in words.
-_METHODS = {
-    "harmonic": "by harmonic inversion",
-    "fft": "by FFT",
-    "beam": "by the phases along the line",
-    "space": "by fits along the line",
-}
-
 # What both kinds of extraction take.
 _OPTIONS = options(
-    click.argument("file", type=click.Path()),
+    FILES,
     click.option("--medium", metavar="CASE.toml", help="Lay this case's medium over it."),
     click.option("--sector", default="longitudinal", show_default=True),
     WRITTEN,
@@ -77,18 +71,20 @@ def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
     return read_case(case).simulation.medium
 
 
-def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
+def _extract(given: dict[str, Any], work: Callable[[Any], Any], travelling: bool = False) -> None:
     """Read, extract, fit, show, write: what both commands do."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
-    from wavesim.records.of_medium import of_file
+    from wavesim.records.files import own_result
+    from wavesim.records.of_medium import of_files
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
-    file = given["file"]
-    drawing = drawing_beside(_DRAWING) if given["out"] else None
+    file = told_files(given["files"])
+    several = given["out"] and own_result(given["files"][0])  # sectors of a run
+    drawing = drawing_beside(_DRAWING) if several else Here()
     medium = medium_of(given["medium"])
-    found = of_file(Path(file), _layout(given), medium, given["sector"])
+    found = of_files(given["files"], _layout(given), medium, given["sector"], travelling)
     fit = None
     try:
         with working("reading waves off the record"):
@@ -97,8 +93,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
             start = medium_of(given["medium"], found)
             if start is None:
                 stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
-            names = [name.strip() for name in given["parameters"].split(",")]
-            fit = _fitted(results, start, names)
+            fit = _fitted(results, start, [n.strip() for n in given["parameters"].split(",")])
     except (RecordError, NotHyperbolicError) as error:
         stop(f"{file}: {error}", BAD_INPUT)
     except FitError as error:
@@ -108,7 +103,7 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any]) -> None:
         print_json(answer)
     else:
         _show(results, answer)
-    if drawing is not None:
+    if given["out"]:
         _write(results, answer, Path(given["out"]), drawing)
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
@@ -185,6 +180,7 @@ def _summary(results: Sequence[Any], fit_of: Any = None) -> dict[str, Any]:
 
 def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
     from wavesim.material.shown import with_error
+    from wavesim.readings.dispersion.points import METHODS
     from wavesim.report.tables import show_short
 
     shown = console()
@@ -195,7 +191,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
             f"{int(points.valid.sum())} of {len(points)} points valid"
         )
         branches = _count(entry["branches"], "branch", "branches")
-        shown.print(f"  {branches}, {_METHODS[points.method]}")
+        shown.print(f"  {branches}, {METHODS[points.method]}")
         for note in entry["notes"]:
             shown.print(f"  Note: {note}.")
         if (near := _splitting(points)) is not None:
@@ -214,8 +210,7 @@ def _show(results: Sequence[Any], answer: dict[str, Any]) -> None:
         if one.score is not None:
             shown.print(f"  {one.score.said()}.")
     if answer["checks"]:
-        short = [check for check in answer["checks"] if not check["passed"]]
-        count = len(answer["checks"])
+        short, count = [c for c in answer["checks"] if not c["passed"]], len(answer["checks"])
         shown.print(f"{count - len(short)} of {count} checks against the medium passed.")
         show_short(shown, short)
     if "fit" in answer:
@@ -231,8 +226,7 @@ def _splitting(points: Any) -> str | None:
     if points.splitting is None or points.method not in ("harmonic", "space"):
         return None
     own = points.take(points.valid)
-    apart = [s for s in own.splitting if math.isfinite(s)]
-    if not apart:
+    if not (apart := [s for s in own.splitting if math.isfinite(s)]):
         return None
     size, unit = (own.k, "rad/m of k") if points.in_space else (own.omega, "rad/s of ω")
     middle = median(apart)
@@ -268,31 +262,35 @@ def _show_branches(shown: Any, points: Any) -> None:
     from wavesim.material.shown import HERTZ
 
     longest = Counter(points.branch[points.branch >= 0].tolist()).most_common()
-    for branch, _ in sorted(longest[:_FEW]):
+    for branch, number in sorted(longest[:_FEW]):
         own = points.take(points.branch == branch)
-        hertz = own.omega * HERTZ
-        where = f"{hertz.min():.5g} to {hertz.max():.5g} Hz over k {own.k.min():.4g} to"
-        bar = f"{own.k.max():.4g} rad/m, median 95 % bar {median(own.bar / own.omega):.1e} of ω"
-        shown.print(f"  branch {branch + 1}: {_count(len(own), 'point', 'points')}, {where} {bar}")
+        f, k, many = own.omega * HERTZ, own.k, _count(number, "point", "points")
+        text = f"{f.min():.5g} to {f.max():.5g} Hz over k {k.min():.4g} to {k.max():.4g} rad/m, "
+        text += f"median 95 % bar {median(own.bar / own.omega):.1e} of ω"
+        shown.print(f"  branch {branch + 1}: {many}, {text}")
     if rest := longest[_FEW:]:
         shown.print(f"  and {len(rest)} more, of {rest[0][1]} points at most")
 
 
 def _decays(own: Any) -> Any:
     """Complex wavenumbers over frequency, no more than a few of them."""
-    from wavesim.material.shown import DECIBELS, HERTZ
+    from wavesim.material.shown import DECIBELS, in_frequency, in_wavenumber
 
-    headings = "frequency\nkHz", "Im k\ndB/mm", "Re k\nrad/mm", "95 % bar\nof |k|"
-    table = new_table(*headings, f"one of\n{len(own)}", words=0)
+    to_f, hertz = in_frequency(own.omega.real.max())
+    to_k, length = in_wavenumber(abs(own.k).max())
+    table = new_table(f"frequency\n{hertz}", f"Im k\ndB/{length}", f"Re k\nrad/{length}",
+                      "95 % bar\nof |k|", f"one of\n{len(own)}", words=0)  # fmt: skip
     for n in range(0, len(own), max(1, -(-len(own) // _FEW))):
-        k, hertz = complex(own.k[n]), own.omega[n].real * HERTZ
+        k, at = complex(own.k[n]), f"{to_f * own.omega[n].real:.5g}"
         size = f"{own.bar[n] / abs(k):.1e}" if k else "–"
-        loss = f"{1e-3 * DECIBELS * k.imag:.4g}"
-        table.add_row(f"{hertz / 1e3:.5g}", loss, f"{k.real / 1e3:.4g}", size, str(n + 1))
+        loss, real = f"{to_k * DECIBELS * k.imag:.4g}", f"{to_k * k.real:.4g}"
+        table.add_row(at, loss, real, size, str(n + 1))
     return table
 
 
-def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker) -> None:
+def _write(
+    results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker | Here
+) -> None:
     kind = "attenuation" if results[0].points.in_space else "dispersion"
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
@@ -311,7 +309,7 @@ def _write(results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing
 @click.option("--most", type=click.IntRange(1, 40), default=12, help="Most waves at one k.")
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
-    """Branches ω(k) of the record FILE: a run, or any file that `wavesim inspect` reads."""
+    """Branches ω(k) of the record FILE: a run, or what `wavesim inspect` reads."""
 
     def work(found: Any) -> Any:
         from wavesim.verdict import record
@@ -347,4 +345,4 @@ def attenuation(
 
         return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
 
-    _extract(given, work)
+    _extract(given, work, travelling=True)

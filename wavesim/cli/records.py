@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from wavesim.cli.arguments import (
+    FILES,
     INPUT,
     JSON,
     NOT_NEGATIVE,
@@ -23,6 +24,7 @@ from wavesim.cli.arguments import (
     SOURCES,
     print_json,
     record_options,
+    told_files,
     write_json,
     write_table,
     writing,
@@ -203,14 +205,14 @@ _MOST_RANGES = 4
 
 
 @click.command(short_help="What is wrong with a record, and what can use it.")
-@click.argument("file", type=click.Path())
+@FILES
 @JSON
 @INPUT
 @SOURCES
 @RING
 @record_options
 def inspect(
-    file: str,
+    files: tuple[str, ...],
     as_json: bool,
     column: str | None,
     places: tuple[float, ...],
@@ -220,7 +222,8 @@ def inspect(
     """What is wrong with the record FILE, what was done about it, and which commands can use it.
 
     FILE is a run's folder or result.h5, a table of text (.csv, .txt, .tsv, .dat, …), .npz, .npy,
-    HDF5, MATLAB's .mat, netCDF, and with obspy SEG-Y, SEG-2, SU, SAC, miniSEED.
+    HDF5, MATLAB's .mat, netCDF, and with obspy SEG-Y, SEG-2, SU, SAC, miniSEED; or several of one
+    record, each of a receiver, as SAC's.
 
     Exit code 0: some can, as it is or with an option that is named; 1: none can; 2: it can't be
     read.
@@ -229,10 +232,13 @@ def inspect(
     from wavesim.records.inspection import inspect as look_over
 
     column = None if column is not None and Path(column).is_file() else column
-    found = look_over(file, replace(layout, input=column, sources=places, ring=ring))
+    found = look_over(
+        files if len(files) > 1 else files[0],
+        replace(layout, input=column, sources=places, ring=ring),
+    )
     if not (found.run or ring):
         found = replace(found, findings=(*found.findings, *crosstalk_findings(found.record)))
-    summary = {"file": file} | found.summary()
+    summary = {"file": told_files(files)} | found.summary()
     if as_json:
         print_json(summary)
     else:

@@ -25,11 +25,11 @@ from wavesim.figures.style import (
     plot_branch,
     shade,
 )
-from wavesim.material.shown import DECIBELS, HERTZ, KHZ
+from wavesim.material.shown import DECIBELS, in_frequency, in_wavenumber
 from wavesim.readings.dispersion.fft_peaks import power
 from wavesim.readings.dispersion.frequency_at_wavenumber import series
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber, phase_beam
-from wavesim.readings.dispersion.points import BAR
+from wavesim.readings.dispersion.points import BAR, METHODS
 from wavesim.readings.dispersion.receiver_spectra import spectra
 from wavesim.readings.dispersion.waves_along_line import one_side
 from wavesim.readings.misfit import Comparison
@@ -38,16 +38,6 @@ from wavesim.verdict.recovered_points import Matched, MatchedInSpace
 
 _MOST_POINTS = 60
 _DEEPEST = -100.0
-
-
-def _frequency(largest: float) -> tuple[float, str]:
-    """From rad/s to the unit shown: kHz as everywhere, Hz where all is slower."""
-    return (KHZ, "ω/2π (kHz)") if largest * HERTZ >= 1e3 else (HERTZ, "ω/2π (Hz)")
-
-
-def _wavenumber(largest: float) -> tuple[float, str]:
-    """From rad/m to the unit shown: rad/mm as everywhere, rad/m where all are longer."""
-    return (1e-3, "k (rad/mm)") if largest >= 1e2 else (1.0, "k (rad/m)")
 
 
 def spectrum(one: Recovered) -> Figure:
@@ -60,8 +50,8 @@ def spectrum(one: Recovered) -> Figure:
     shown = points.take(points.valid)
     top = 1.15 * float(shown.omega.max(initial=omega[-1] / 1.15))
     kept = omega <= top
-    to_k, k_label = _wavenumber(float(k[-1]))
-    to_f, f_label = _frequency(top)
+    to_k, k_unit = in_wavenumber(float(k[-1]))
+    to_f, f_unit = in_frequency(top)
     figure = Figure(figsize=(5.8, 4.6))
     axes = figure.subplots()
     image = axes.imshow(
@@ -89,8 +79,10 @@ def spectrum(one: Recovered) -> Figure:
     lone = shown.take(shown.branch < 0)
     if len(lone):
         axes.plot(lone.k * to_k, lone.omega * to_f, "x", ms=4, color="#555555", label="no branch")
-    axes.set(xlabel=k_label, ylabel=f_label, xlim=(0, None), ylim=(0, top * to_f))
-    axes.set_title(f"{as_written(one.origin.name)}: recovered by {points.method}")
+    axes.set(
+        xlabel=f"k (rad/{k_unit})", ylabel=f"ω/2π ({f_unit})", xlim=(0, None), ylim=(0, top * to_f)
+    )
+    axes.set_title(f"{as_written(one.origin.name)}: {METHODS[points.method]}")
     figure.legend(loc="outside lower center", ncols=3)
     figure.colorbar(image, ax=axes, label="power (dB)")
     return figure
@@ -100,7 +92,7 @@ def residuals(one: Recovered) -> Figure:
     """Relative error of each wave against the grid and against the continuum, with its bar."""
     matched = one.matched
     assert isinstance(matched, Matched)
-    to_k, label = _wavenumber(float(matched.k.max()))
+    to_k, unit = in_wavenumber(float(matched.k.max()))
     references = (("against the continuum", True),)
     if one.origin.bar is not None:
         references = (("against the grid's exact relation", False), *references)  # type: ignore[assignment]
@@ -116,7 +108,7 @@ def residuals(one: Recovered) -> Figure:
             )
             bar = (matched.bar / matched.omega)[:, b]
             axes.plot(matched.k * to_k, bar, color=shade, lw=0.8, label=f"{name}, 95 % bar")
-        axes.set(yscale="log", xlabel=label)
+        axes.set(yscale="log", xlabel=f"k (rad/{unit})")
         axes.set_title(title)
         axes.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel("|Δω|/ω")
@@ -128,15 +120,15 @@ def residuals(one: Recovered) -> Figure:
 def attenuation(one: Recovered) -> Figure:
     """Attenuation and Re k with 95 % bands, theory at the same complex ω, and what was refused."""
     points = one.points
-    to_f, f_label = _frequency(float(points.omega.real.max()))
+    to_f, f_unit = in_frequency(float(points.omega.real.max()))
     figure = Figure(figsize=(6.0, 5.6))
     loss, real = figure.subplots(2, 1, sharex=True)
     frequency = points.omega.real * to_f
-    to_k, k_label = _wavenumber(float(np.abs(points.k.real).max()))
-    decibels, per = DECIBELS * to_k, "mm" if to_k < 1 else "m"
+    to_k, k_unit = in_wavenumber(float(np.abs(points.k.real).max()))
+    decibels = DECIBELS * to_k
     parts: tuple[tuple[Any, Callable[[Any], Any], float, str], ...] = (
-        (loss, np.imag, decibels, f"attenuation (dB/{per})"),
-        (real, np.real, to_k, f"Re {k_label}"),
+        (loss, np.imag, decibels, f"attenuation (dB/{k_unit})"),
+        (real, np.real, to_k, f"Re k (rad/{k_unit})"),
     )
     valid = points.valid
     for axes, part, factor, label in parts:
@@ -166,7 +158,7 @@ def attenuation(one: Recovered) -> Figure:
         if len(shown):
             room = 0.12 * max(float(np.ptp(shown)), 1e-300)
             axes.set_ylim(shown.min() - room, shown.max() + room)
-    real.set_xlabel(f_label)
+    real.set_xlabel(f"ω/2π ({f_unit})")
     figure.legend(*loss.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     loss.set_title(
         f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s"
@@ -179,7 +171,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     matched = one.matched
     assert isinstance(matched, MatchedInSpace)
     points = matched.points
-    to_f, f_label = _frequency(float(points.omega.real.max()))
+    to_f, f_unit = in_frequency(float(points.omega.real.max()))
     figure = Figure(figsize=(5.6, 3.9))
     axes = figure.subplots()
     for own, name in enumerate(("grid", "continuum")):
@@ -191,7 +183,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
             )  # fmt: skip
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
-    axes.set(yscale="log", xlabel=f_label, ylabel="|Δk|/|k|")
+    axes.set(yscale="log", xlabel=f"ω/2π ({f_unit})", ylabel="|Δk|/|k|")
     axes.set_title(as_written(one.origin.name))
     axes.grid(alpha=0.25, lw=0.5)
     figure.legend(loc="outside lower center", ncols=3)
@@ -248,8 +240,7 @@ def phase_velocity(one: Recovered) -> Figure:
     c = np.geomspace(slow, fast, _VELOCITIES)
     k = omega[:, None] / c
     height = np.maximum(*(phase_beam(U, x, weight, sign * k) for sign in (1, -1)))
-    unit, prefix = (1e-3, "k") if float(omega.max()) * HERTZ >= 1e3 else (1.0, "")
-    to_f = HERTZ * unit
+    to_f, unit = in_frequency(float(omega.max()))
     figure = Figure(figsize=(6.0, 4.6))
     axes = figure.subplots()
     image = axes.pcolormesh(
@@ -270,7 +261,7 @@ def phase_velocity(one: Recovered) -> Figure:
     axes.plot(omega * to_f, omega * aperture / (2 * np.pi), "--", color="#555555", lw=0.9)
     axes.plot(omega * to_f, omega * gap / np.pi, ":", color="#555555", lw=1.1)
     axes.set(
-        xlabel=f"frequency ({prefix}Hz)", ylabel="phase velocity (m/s)",
+        xlabel=f"frequency ({unit})", ylabel="phase velocity (m/s)",
         xlim=(omega[0] * to_f, omega[-1] * to_f), ylim=(slow, fast),
     )  # fmt: skip
     axes.set_title(f"{as_written(one.origin.name)}: phases in line, B(f, c)")

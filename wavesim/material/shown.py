@@ -89,6 +89,17 @@ def in_time(value: float) -> tuple[float, str]:
     return (1e3, "ms") if size >= 2e-4 else (1e6, "µs")
 
 
+def in_frequency(largest: float) -> tuple[float, str]:
+    """The unit that frequencies, rad/s, are shown in: kHz, or Hz where all are slower; and what one
+    rad/s is in it."""
+    return (KHZ, "kHz") if largest * HERTZ >= 1e3 else (HERTZ, "Hz")
+
+
+def in_wavenumber(largest: float) -> tuple[float, str]:
+    """Likewise of wavenumbers, rad/m: per mm, or per m where all waves are long."""
+    return (1e-3, "mm") if largest >= 1e2 else (1.0, "m")
+
+
 def with_error(value: float, error: float = math.nan, unit: str = "") -> str:
     """A value to two digits of its error, "3000.8 ± 1.3 m/s", to seven digits at most; "–" where
     there is none."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.records.arrays import find
+from wavesim.records.arrays import Found, find
 from wavesim.records.content import Content, RecordError, UnitsError
 from wavesim.records.faults.moveout import arrivals, speed
 from wavesim.records.faults.quiet import rest
@@ -26,12 +28,14 @@ _TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".ascii", ".prn", ".tab", ".lvm
 _SEISMIC = (".sgy", ".segy", ".su", ".sac", ".mseed", ".miniseed", ".msd", ".seg2", ".sg2", ".gse")
 
 
-def read(path: str | Path, layout: Layout | None = None) -> Record:
-    """Read a record from a file.
+def read(path: str | Path | Sequence[str | Path], layout: Layout | None = None) -> Record:
+    """Read a record from a file, or from several, each of some of its receivers.
 
     Args:
         path: .csv, .txt and other tables of text, with a column of times and one for each receiver;
-            .npz, .npy; HDF5 and MATLAB's .mat; netCDF; SEG-Y, SAC, miniSEED.
+            .npz, .npy; HDF5 and MATLAB's .mat; netCDF; SEG-Y, SAC, miniSEED. Of several files
+            receivers stand in their order, or that of the numbers in their names where that is the
+            only thing by which the files are not in it, as a shell lists 1, 10, 2.
         layout: what the file does not say for itself.
 
     Returns:
@@ -40,21 +44,91 @@ def read(path: str | Path, layout: Layout | None = None) -> Record:
     Raises:
         RecordError: the file can't be read or used; the message names it.
     """
-    path, layout = file_of(Path(path)), layout or Layout()
-    if path.is_dir():
-        raise RecordError(
-            f"{path}: is a folder without a result.h5: give a file, or the folder of a run"
-        )
-    if not path.is_file():
-        raise RecordError(f"{path}: no such file")
+    layout = layout or Layout()
+    paths = _in_order([Path(path)] if isinstance(path, (str, Path)) else [Path(p) for p in path])
+    if len(paths) == 1:
+        (path,) = map(file_of, paths)
+        with _named(path):
+            return _built(find(_content(path), layout), layout)
+    with _named(f"{len(paths)} files"):
+        return _of_several(paths, layout)
+
+
+@contextmanager
+def _named(what: Path | str) -> Iterator[None]:
+    """What goes wrong names the file."""
     try:
-        return _build(content_of(path), layout)
+        yield
     except RecordError as error:
-        raise RecordError(f"{path}: {error}") from None
+        raise RecordError(f"{what}: {error}") from None
     except OSError as error:
-        raise RecordError(f"{path}: can't be read: {error.strerror or error}") from None
+        raise RecordError(f"{what}: can't be read: {error.strerror or error}") from None
     except MemoryError:
-        raise RecordError(f"{path}: too large for the memory there is; cut the record") from None
+        raise RecordError(f"{what}: too large for the memory there is; cut the record") from None
+
+
+def _content(path: Path) -> Content:
+    if path.is_dir():
+        raise RecordError("is a folder without a result.h5: give a file, or the folder of a run")
+    if not path.is_file():
+        raise RecordError("no such file")
+    return content_of(path)
+
+
+def _in_order(paths: list[Path]) -> list[Path]:
+    """Files as given, but by the numbers in their names where only those are out of order."""
+    names = [str(path) for path in paths]
+    alike = len({re.sub(r"\d+", "0", name) for name in names}) == 1
+    if not alike or names != sorted(names):
+        return paths
+    return sorted(paths, key=lambda path: [int(n) for n in re.findall(r"\d+", str(path))])
+
+
+def _of_several(paths: list[Path], layout: Layout) -> Record:
+    """A record whose receivers stand in files of their own, on one clock."""
+    order = f"{len(paths)} files as receivers of one record, {paths[0].name} to {paths[-1].name}"
+    if all(path.suffix.lower() in _SEISMIC for path in paths):  # whose clocks have a date
+        for path in paths:
+            with _named(path.name):
+                _content(path)
+        content = content_of(*paths)
+        content.notes.append(order)
+        return _built(find(content, layout), layout)
+    if any(own_result(path) for path in paths):
+        raise RecordError("one of them is a run, which is a record of its own: give it alone")
+    alone = replace(layout, placed=False, positions=None, spacing=None)
+    parts = []
+    for path in paths:
+        with _named(path.name):
+            parts.append(find(_content(path), alone))
+            if parts[-1].values.ndim != 2:
+                raise RecordError("each file must hold times and a signal at each receiver")
+    each = [(part, path, j) for part, path in zip(parts, paths, strict=True)
+            for j in range(part.values.shape[-1])]  # fmt: skip
+    count = max(len(part.values) for part in parts)
+    values, t = np.full((2, count, len(each)), np.nan)
+    for n, (part, _, j) in enumerate(each):
+        own, frames = part.t if part.t.ndim == 1 else part.t[:, j], len(part.values)
+        step = (own[-1] - own[0]) / max(frames - 1, 1)
+        values[:frames, n] = part.values[:, j]
+        t[:, n] = np.r_[own, own[-1] + step * np.arange(1, count - frames + 1)]
+    x = np.array([part.x[j] for part, _, j in each])
+    if layout.positions is not None:
+        x = np.array(layout.positions, float) if not isinstance(layout.positions, str) else x
+    elif layout.spacing is not None:
+        x = layout.first + layout.spacing * np.arange(len(each))
+    if len(x) != len(each):
+        raise RecordError(f"--positions: {len(x)} given for {len(each)} receivers; one for each")
+    if layout.placed and not np.isfinite(x).all():
+        raise RecordError(
+            f"positions of {len(each)} receivers: the files say none; give --spacing, or "
+            "--positions X1,X2,… in their order"
+        )
+    labels = tuple(path.stem if part.values.shape[-1] == 1 else f"{path.stem} {part.labels[j]}"
+                   for part, path, j in each)  # fmt: skip
+    notes = dict.fromkeys(note for part in parts for note in part.notes)
+    whole = replace(parts[0], values=values, t=t, x=x, labels=labels, notes=(order, *notes))
+    return _built(whole, layout)
 
 
 def file_of(path: Path) -> Path:
@@ -75,27 +149,29 @@ def own_result(path: str | Path) -> Path | None:
 
 def from_arrays(arrays: Mapping[str, Any], layout: Layout | None = None) -> Record:
     """A record from named arrays, as :func:`read` finds them in a file."""
-    return _build(Content({n: np.asarray(a) for n, a in arrays.items()}), layout or Layout())
+    layout = layout or Layout()
+    return _built(find(Content({n: np.asarray(a) for n, a in arrays.items()}), layout), layout)
 
 
 def from_xarray(dataset: Any, layout: Layout | None = None) -> Record:
     """A record from an xarray DataArray or Dataset, with its coordinates and their units."""
     from wavesim.records.formats.netcdf import of_dataset
 
-    return _build(of_dataset(dataset), layout or Layout())
+    layout = layout or Layout()
+    return _built(find(of_dataset(dataset), layout), layout)
 
 
-def content_of(path: Path) -> Content:
-    """What a file holds, as named arrays.
+def content_of(*paths: Path) -> Content:
+    """What a file holds, or several of traces, as named arrays.
 
     Raises:
         RecordError: it is of no kind that is known, or not what it says.
     """
-    reader, kind = _reader(path)
+    reader, kind = _reader(paths[0])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return reader(path)
+            return reader(*paths)
     except (RecordError, MemoryError):
         raise
     except Exception as error:
@@ -104,7 +180,7 @@ def content_of(path: Path) -> Content:
         raise RecordError(f"can't be read as {kind}: {text}") from None
 
 
-def _reader(path: Path) -> tuple[Callable[[Path], Content], str]:
+def _reader(path: Path) -> tuple[Callable[..., Content], str]:
     """What reads a file, and what it is taken for."""
     kind = path.suffix.lower()
     with path.open("rb") as file:
@@ -132,7 +208,8 @@ def _reader(path: Path) -> tuple[Callable[[Path], Content], str]:
         from wavesim.records.formats.numpy_files import from_npz
 
         return from_npz, "NumPy's"
-    if kind in _TEXT:
+    numbers = re.fullmatch(rb"[\s\d.,;eE+-]*\d[\s\d.,;eE+-]*", start)
+    if kind in _TEXT or numbers:
         from wavesim.records.formats.csv_and_text import from_text
 
         return from_text, "text"
@@ -142,8 +219,7 @@ def _reader(path: Path) -> tuple[Callable[[Path], Content], str]:
     )
 
 
-def _build(content: Content, layout: Layout) -> Record:
-    found = find(content, layout)
+def _built(found: Found, layout: Layout) -> Record:
     rest = found.rest
     quiet = _scalar(rest, "quiet_from") if layout.quiet_from is None else layout.quiet_from
     sources = list(layout.sources)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -83,11 +84,14 @@ def _quantum(record: Record, j: int) -> Any:
     return record.quantum[j] if len(record.quantum) else 0.0
 
 
-def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspection:
+def inspect(
+    source: str | Path | Sequence[str | Path] | Record, layout: Layout | None = None
+) -> Inspection:
     """Look a record over, before anything is read off it.
 
     Args:
-        source: a file, a run's folder or result.h5, or a record that has been read.
+        source: a file, several of one record, a run's folder or result.h5, or a record that has
+            been read.
         layout: what the file does not say for itself; positions need not be known.
 
     Returns:
@@ -99,7 +103,9 @@ def inspect(source: str | Path | Record, layout: Layout | None = None) -> Inspec
     if isinstance(source, Record):
         record = source
     else:
-        layout, result = layout or Layout(), own_result(source)
+        layout = layout or Layout()
+        alone = [source] if isinstance(source, (str, Path)) else source
+        result = own_result(alone[0]) if len(alone) == 1 else None
         if result is not None and layout.values is None:
             return _of_run(result)
         record = read(source, replace(layout, placed=False, transmitter=True))

@@ -6,6 +6,7 @@ supposes, and there is no grid.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,22 +55,30 @@ class RecordOfMedium:
         return exact, None if self.bar is None else OfMedium(self.medium, self.block, self.bar)
 
 
-def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> list[RecordOfMedium]:
-    """Records of a file: the driven blocks of a result.h5, or one record of any other.
+def of_files(
+    paths: Sequence[str | Path],
+    layout: Layout,
+    medium: Medium | None,
+    sector: str,
+    travelling: bool = False,
+) -> list[RecordOfMedium]:
+    """Records of files: the driven blocks of a result.h5, or one record of any others.
 
     Args:
-        path: of the file, or the folder of a run.
+        paths: of the file, or the folder of a run; or of several, each of some receivers.
         layout: what it does not say for itself.
         medium: theory to lay over it; a result.h5 brings its own.
         sector: which sector's, for a record that does not say.
+        travelling: whether a result.h5 gives no more than the sectors in which waves travel, where
+            there are any.
 
     Raises:
         RecordError: the file can't be used.
     """
-    path = file_of(path)
-    if own_result(path) is not None:
-        return _of_result(path)
-    record = read(path, layout)
+    path = file_of(Path(paths[0]))
+    if len(paths) == 1 and own_result(path) is not None:
+        return _of_result(path, travelling)
+    record = read(paths, layout)
     if medium is None:
         return [RecordOfMedium(path.stem, record)]
     try:
@@ -84,7 +93,7 @@ def of_file(path: Path, layout: Layout, medium: Medium | None, sector: str) -> l
     return [RecordOfMedium(path.stem, record, medium, block)]
 
 
-def _of_result(path: Path) -> list[RecordOfMedium]:
+def _of_result(path: Path, travelling: bool) -> list[RecordOfMedium]:
     from wavesim.io.result_reader import StorageError
     from wavesim.records.of_field import OF_LAYERS, block_record
     from wavesim.records.run_folder import field_of
@@ -93,10 +102,11 @@ def _of_result(path: Path) -> list[RecordOfMedium]:
     if not field.simulation.endless:
         # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
         raise RecordError(f"{path}: {OF_LAYERS}")
+    moving = [b for b in field.blocks if b.macro]
     try:
         return [
             RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar)
-            for b in field.blocks
+            for b in (moving if travelling and moving else field.blocks)
         ]
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None

@@ -17,8 +17,8 @@ GROWS = (
 )
 # Arrivals tell a direction by so many errors.
 _SURELY = 4.0
-# A pulse's band is where its power is this part of its most; k is about sω to this part.
-_LOUD, _ABOUT = 0.01, 0.3
+# A pulse's k is about sω to this part.
+_ABOUT = 0.3
 
 
 def slowness(come: Float, x: Float, period: float) -> float:
@@ -31,9 +31,7 @@ def slowness(come: Float, x: Float, period: float) -> float:
     return late if sure else 0.0
 
 
-def runs_on(
-    points: BranchPoints, late: float, gap: float, power: Float, omega: Float
-) -> NDArray[np.bool_]:
+def runs_on(points: BranchPoints, late: float, gap: float, width: float) -> NDArray[np.bool_]:
     """Points of a pulse whose phases run on by more than a turn within its band.
 
     Its phases between receivers d apart change by d s dω: those below half a turn lie in no more
@@ -43,13 +41,12 @@ def runs_on(
         points: of waves.
         late: s, its slowness, s/m.
         gap: d, of receivers on an even line that folds at the same k, m.
-        power: at each frequency, shape (n,).
-        omega: shape (n,), rad/s.
+        width: of its band, whatever part of that is asked for, rad/s.
     """
-    loud, expected = power >= _LOUD * power.max(initial=0.0), abs(late) * points.omega.real
+    expected = abs(late) * points.omega.real
     near = np.abs(np.abs(points.k.real) - expected) < _ABOUT * expected
     begins = near & (expected * gap < np.pi)
-    return ~begins & bool(abs(late) * gap * np.ptp(omega[loud]) > 2 * np.pi)
+    return ~begins & bool(abs(late) * gap * width > 2 * np.pi)
 
 
 def against_travel(points: BranchPoints, late: float, models: Any) -> tuple[Any, Any]:

@@ -230,19 +230,23 @@ def widened(points: BranchPoints, k: Float) -> BranchPoints:
 
 
 def _from_sinusoids(found: Sinusoids, k: Float) -> BranchPoints:
-    reason = np.where(found.resolved, "", "not told apart from a neighbour or from noise")
+    # A sum of many may run away, whose sinusoids are none.
+    numbers = found.omega, found.decay, found.amplitude, found.omega_error
+    whole = np.isfinite(numbers).all(axis=0)
+    omega, decay, amplitude, error = np.where(whole, numbers, np.array([0, 0, 0, np.inf])[:, None])
+    reason = np.where(found.resolved & whole, "", "not told apart from a neighbour or from noise")
     settled = found.settled[found.series]
     # Where the lines of many wavenumbers are random, those that look alike are too.
     broad = found.broad[found.series] | (found.broad.mean() > _RANDOM)
-    reason = np.where(found.resolved & ~settled, MORE, reason)
+    reason = np.where(found.resolved & whole & ~settled, MORE, reason)
     reason = np.where(broad, RANDOM, reason)
     return BranchPoints(
         "harmonic",
         k[found.series],
-        found.omega,
-        found.decay,
-        found.amplitude,
-        found.omega_error,
+        omega,
+        decay,
+        amplitude,
+        error,
         found.residual[found.series],
         reason == "",
         reason.astype(object),

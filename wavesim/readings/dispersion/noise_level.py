@@ -232,18 +232,19 @@ _SMOOTHED, _FAINT, _ABOVE_NOISE = 5, 1e-4, 4.0
 
 
 def excited_frequencies(
-    values: Float, interval: float, quantum: Float | float = 0.0
+    values: Float, interval: float, quantum: Float | float = 0.0, part: float = _FAINT
 ) -> tuple[float, float]:
     """The lowest and the highest frequency at which something is above the noise, rad/s.
 
     Args:
         values, interval, quantum: as of :func:`noise_variance`.
+        part: of the greatest power that counts, –.
     """
     omega = 2 * np.pi * np.fft.rfftfreq(len(values), interval)[1:]
     power = np.mean(np.abs(np.fft.rfft(values, axis=0)[1:] * interval) ** 2, axis=1)
     noise = np.mean(noise_of_transform(values, interval, omega, quantum) ** 2, axis=1)
     power = uniform_filter1d(power, _SMOOTHED, mode="nearest")
-    loud = np.flatnonzero((power > _FAINT * power.max()) & (power > _ABOVE_NOISE * noise))
+    loud = np.flatnonzero((power > part * power.max()) & (power > _ABOVE_NOISE * noise))
     if not len(loud):
         return float(omega[0]), float(omega[-1])
     return float(omega[loud[0]]), float(omega[loud[-1]])

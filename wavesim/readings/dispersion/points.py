@@ -27,6 +27,15 @@ CUT = (
 ALONE = "stands alone: no branch goes on from it"
 
 
+# How points were found, in words.
+METHODS = {
+    "harmonic": "by harmonic inversion",
+    "fft": "by FFT",
+    "beam": "by the phases along the line",
+    "space": "by fits along the line",
+}
+
+
 @dataclass(frozen=True, repr=False)
 class BranchPoints(Shown):
     """Points (k, ω) of dispersion branches, in arrays of shape (m,).

@@ -21,7 +21,7 @@ from wavesim.readings.dispersion.direction_of_travel import GROWS, against_trave
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
 from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import unknowns
-from wavesim.readings.dispersion.noise_level import noise_variance
+from wavesim.readings.dispersion.noise_level import excited_frequencies, noise_variance
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
 from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, line_fits, simplest
@@ -50,6 +50,8 @@ _FEW, _OF_POWER = 5, 0.2
 _SEVERAL = 2
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
 _BAND = 0.8
+# A pulse's band is where its power is this part of its most.
+_LOUD = 0.01
 # A record weighted down to this part at its end does not break off.
 _ENDED = 1e-3
 # Noise at the beginning is within so many of its deviations.
@@ -191,7 +193,9 @@ def in_space(
         come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
         late = slowness(come, x, 2 * np.pi / float(np.median(points.omega.real)))
         beyond, grows = against_travel(seen, late, models)
-        beyond |= runs_on(seen, late, gap, np.sum(np.abs(U) ** 2, axis=1), omega)
+        loudest = values[:, [int(np.argmax(np.sum(values**2, axis=0)))]]
+        band = excited_frequencies(loudest, record.interval, part=_LOUD)
+        beyond |= runs_on(seen, late, gap, float(np.ptp(band)))
     if not record.lattice:
         known = points.branch, points.k.real, points.omega.real
         points = points.refused(folded_branches(*known, gap, beyond), FOLDED)

@@ -41,8 +41,9 @@ _WIDE, _NEAR_TONE, _TONE = 4, 12, 10.0
 _LOUD = 0.1
 # Fewer points left are no mode.
 _FEWEST = 3
-# The slope of a mode is taken over so many points on either side.
-_SLOPE = 2
+# The slope of a mode is taken over so many points on either side, and more where it is not known
+# to this part of it.
+_SLOPE, _SURELY_SLOPE = 2, 0.3
 # The slowest wave is looked for above this part of the receivers' Nyquist wavenumber.
 _SHORT = 0.3
 # One whose dω/dk is less than this part of ω/k is not. Above so many times its frequency at π/d all
@@ -119,7 +120,7 @@ def _as_points(
     folded = folded_branches(branch, found.k, at, gap)
     modes = [np.flatnonzero(branch == b) for b in np.unique(np.delete(branch, tones)) if b >= 0]
     for own in modes:
-        speed[own] = np.abs(slopes(found.k[own], at[own]))
+        speed[own] = np.abs(slopes(found.k[own], at[own], error[own]))
     # Where the slowest wave is folded, k is one that points to 0, or may be any.
     phase = at / np.maximum(np.abs(found.k), 1e-290)
     short = ~folded & (branch >= 0) & (np.abs(found.k) > _SHORT * np.pi / gap)
@@ -193,12 +194,23 @@ def numbered(points: BranchPoints) -> BranchPoints:
     return replace(points, branch=changed)
 
 
-def slopes(k: Float, omega: Float) -> Float:
-    """dω/dk at each point of a mode, by straight lines through the points about it."""
+def slopes(k: Float, omega: Float, error: Float) -> Float:
+    """dω/dk at each point of a mode, by straight lines through the points about it.
+
+    Args:
+        k, omega: along a mode, shape (m,), rad/m and rad/s.
+        error: standard error of k, shape (m,), rad/m: the lines are as long as they must be.
+    """
     result = np.empty(len(k))
     for i in range(len(k)):
-        near = slice(max(0, i - _SLOPE), i + _SLOPE + 1)
-        away = omega[near] - omega[near].mean()
-        change = float(np.sum(away * (k[near] - k[near].mean())) / np.sum(away**2))
+        reach, change, unsure = _SLOPE, 0.0, 1.0
+        while unsure > _SURELY_SLOPE * abs(change) and reach < 2 * len(k):
+            near = slice(max(0, i - reach), i + reach + 1)
+            away = omega[near] - omega[near].mean()
+            size = float(np.sum(away**2))
+            change = float(np.sum(away * (k[near] - k[near].mean())) / size)
+            unsure, reach = float(np.median(error[near])) / np.sqrt(size), 2 * reach
+        if unsure > _SURELY_SLOPE * abs(change):  # as fast as phases, for all that is known
+            change = min(abs(change), abs(k[i]) / omega[i])
         result[i] = 1 / change if change else omega[i] / max(abs(k[i]), 1e-290)
     return result

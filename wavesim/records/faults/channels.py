@@ -228,8 +228,8 @@ def _judge(
 def _broken(
     component: Float, t: Float, x: Float, rest: Rest
 ) -> tuple[str, dict[int, float]] | None:
-    """The fewer of receivers on both sides of a place that one wave's phases jump at, as between
-    two cards or cables: reversed, or delayed; each with its size."""
+    """The fewer of receivers on both sides of a place that phases jump at, as between two cards or
+    cables: reversed, or delayed; each with its size."""
     nx = len(x)
     for start in range(0, max(nx - _TOGETHER // 2, 1), _TOGETHER // 2):
         part = np.arange(start, min(start + _TOGETHER, nx))
@@ -239,7 +239,13 @@ def _broken(
         U, omega, floor = transform
         heard = np.median(np.abs(U), axis=0) > np.sqrt(_HEARD) * floor
         seen = np.flatnonzero(heard)
-        if (found := jump(U[:, seen], omega, x[part[seen]])) is None:
+        if len(seen) < FEWEST:
+            continue
+        U, at = U[:, seen], x[part[seen]]
+        fall = _fall_off(np.abs(U), at)
+        U, hiss = U / fall, np.mean((floor[seen] / fall) ** 2, axis=1)
+        hiss = hiss / np.mean(np.abs(U) ** 2, axis=1) + 1e-300
+        if (found := jump(U, omega, at, hiss)) is None:
             continue
         j, turned, delay = found
         last = int(part[seen[j]]) + 1

@@ -23,7 +23,7 @@ _OFF = 0.2
 # three, are cut off there.
 _FINE = ((2, 1e3), (3, 10.0))
 _MOST_HELD = 16
-_STUCK = 8
+_STUCK, _LOST = 8, 0.1
 # Sizes of channels are one where they are apart by less than this part of what noise makes, so many
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
 # so many blocks. Loudness over a window, and one longer by a part, varies by so much of that over
@@ -31,9 +31,11 @@ _STUCK = 8
 # first part and of others less than the second.
 _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
 _LEVEL, _MORE, _CHANNELS, _HISSES = 0.4, 1.4, 16, (0.3, 0.1)
+_PARTS, _EVENLY = 12, 0.35
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
-# shortly, between lobes of that part; most of the time it is below this part.
-_BELOW, _LOBE, _DIPS, _AT_REST = 0.02, 0.1, 2, 0.25
+# or each of so many once, shortly, between lobes of that part; most of the time it is below this
+# part.
+_BELOW, _LOBE, _DIPS, _ALL_OF, _AT_REST = 0.02, 0.1, 2, 4, 0.25
 NORMALISED = "normalised"
 
 
@@ -163,14 +165,15 @@ def without_stuck(
             for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1),
                                    strict=True):  # fmt: skip
                 # It stands at a value that is neither the level at rest nor an extreme, and jumps
-                # to go on.
+                # to go on; or at that level, and jumps to it and off it.
                 held = v[start]
                 jump = abs(v[stop + 1] - held) if stop + 1 < len(v) else 0.0
                 before = abs(held - v[start - 1]) if start else 0.0
                 apart = abs(held - np.nanmedian(v)) > 0.02 * size[j]
                 extreme = held in (np.nanmax(v), np.nanmin(v))
-                if (stop - start >= _STUCK and apart and not extreme and start > 0
-                        and jump > 3 * max(before, quantum[j])):  # fmt: skip
+                lost = not apart and min(before, jump) > max(_LOST * size[j], 3 * quantum[j])
+                goes_on = apart and not extreme and jump > 3 * max(before, quantum[j])
+                if stop - start >= _STUCK and start > 0 and (goes_on or lost):
                     which[j] = True
                     total += int(stop - start)
                     first = min(first, int(start))
@@ -200,7 +203,8 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
             gaps = np.diff(np.flatnonzero(lobes)) - 1
             dips.append(np.sum((gaps > 0) & (gaps < lobes.sum() / (1 + np.sum(gaps > 0)))))
         low = np.median(np.nanmedian(v, axis=0) < _AT_REST * size) == 1
-        if low and np.nanmin(v + _BELOW * size) > 0 and np.median(dips) >= _DIPS:
+        many = np.median(dips) >= _DIPS or (len(dips) >= _ALL_OF and min(dips) > 0)
+        if low and np.nanmin(v + _BELOW * size) > 0 and many:
             raise RecordError(
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"
@@ -257,7 +261,9 @@ def _levelled(v: Float) -> int:
         # Over a period loudness is the same too, but not over a part more.
         if max(varies(m), varies(int(_MORE * m))) < _LEVEL * min(short, 1.0) * short:
             return int(m) if _hisses_at_times(v, int(m)) else 0
-    return 0
+    # Of shorter windows long parts are alike loud, hiss or not.
+    m = len(v) // _PARTS
+    return m if m >= 16 and varies(m) < _EVENLY and _hisses_at_times(v, m // 2) else 0
 
 
 def _hisses_at_times(v: Float, m: int) -> bool:

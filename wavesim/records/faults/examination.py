@@ -13,13 +13,15 @@ from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, misfits
 from wavesim.records.faults.clipping import clipped, once_each, tell_processed, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
-from wavesim.records.faults.fill_values import without_fill, without_spikes
+from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
+from wavesim.records.faults.gaps import check_goes_on
 from wavesim.records.faults.moveout import (
     arrivals,
     begun,
     comes_round,
     of_no_wave,
+    out_of_order,
     source_within,
     speed,
 )
@@ -31,6 +33,8 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 # Beside noise of this part of the spectrum's highest no two samples are alike by chance.
 _NOISY = 1e-5
+# So many receivers are listed that are out of order.
+_LISTED = 8
 
 
 def samples(
@@ -44,7 +48,7 @@ def samples(
         step, whether they have flat tops, and whether they hold another's samples, or the times.
     """
     values, t, held = once_each(values, t, np.zeros(0), found)
-    values = without_fill(values, t, x, labels, found)
+    values = without_fill(unwrapped(values, found), t, x, labels, found)
     quantum = quantisation.quanta(values)
     # A gap is as broad in frequency as noise.
     whole = bool(np.isfinite(values).all())
@@ -138,7 +142,17 @@ def together(
     nx = values.shape[2]
     values = _filled(values, missing)
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
+    if not missing.any() and not as_recorded:
+        check_goes_on(values[strongest], t)
     own = rest(values[strongest], quantum)
+    arrival, line = arrivals(values[strongest], t, own), not ring and np.isfinite(x).all()
+    if line and even and not as_recorded and (order := out_of_order(arrival)) is not None:
+        listed = ", ".join(str(j + 1) for j in order[:_LISTED]) + ", …"
+        raise RecordError(
+            f"the signal comes to the receivers in the order {listed} and evenly in that alone: "
+            "they do not stand in the order of their positions; give these as they are with "
+            "--positions X1,X2,…"
+        )
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     odd = np.zeros(nx, bool)
     seam = not lost[[0, -1]].any()
@@ -163,8 +177,7 @@ def together(
         )  # fmt: skip
     within = begun(values[strongest], own)
     place = None
-    if not ring and np.isfinite(x).all() and nx > 2:
-        arrival = arrivals(values[strongest], t, own)
+    if line and nx > 2:
         place = source_within(x, arrival)
         v = speed(x, arrival)
         if place is None and (why := of_no_wave(v, v)):

@@ -47,6 +47,55 @@ _SHAPES = [
 _BETTER = 0.3
 
 
+# Values wrapped round fill this part of a range of 2^n steps, n no less, or of a turn; steps of
+# neighbours are so many times as large or more, and as good as none of this part of it.
+_FILLED, _TURNS, _FEWEST_BITS, _MOST_BITS = 0.93, (2 * np.pi, 360.0), 7, 33
+_WRAPS, _MIDDLE, _BETWEEN, _AT_ENDS = 3, (0.3, 0.7), 0.1, 0.5
+
+
+def unwrapped(values: Float, found: list[Finding]) -> Float:
+    """Values that run over one end of their range to the other, put one range beyond, in place.
+
+    So are signed numbers read as unsigned ones, sums too large for their digits, and phases.
+
+    Args:
+        values: shape (C, nt, nx), NaN where a sample is missing.
+        found: findings, added to.
+    """
+    for component in values:
+        low, high = np.nanmin(component), np.nanmax(component)
+        with np.errstate(over="ignore"):
+            steps = np.abs(np.diff(component, axis=0))
+        quantum = float(np.min(steps[steps > 0], initial=np.inf))
+        if not np.isfinite(quantum):
+            continue
+        ranges, whole = list(_TURNS), False
+        if high - low < quantum * 2.0**_MOST_BITS:
+            bits = np.ceil(np.log2((high - low) / quantum + 1) - 1e-9)
+            grid = (component[:: max(1, len(component) // 512)] - low) / quantum
+            whole = bool(np.nanmax(np.abs(grid - np.round(grid))) < 1e-3)
+            ranges += [quantum * 2.0 ** max(bits, _FEWEST_BITS)] if whole else []
+        ends = np.mean((component == low) | (component == high))
+        for size in ranges:
+            part = (high - low + (quantum if whole else 0)) / size
+            wraps = int(np.sum(steps > _MIDDLE[1] * size))
+            between = int(np.sum((steps > _MIDDLE[0] * size) & (steps <= _MIDDLE[1] * size)))
+            if not (_FILLED < part < 1 + 1e-6 and between <= _BETWEEN * wraps and wraps >= _WRAPS):
+                continue
+            # Signed numbers read as unsigned ones are whole about the range's end.
+            about = (component - low + size / 2) % size
+            signed = np.sum(np.abs(np.diff(about, axis=0)) > _MIDDLE[1] * size) < _WRAPS
+            if signed or ends < _AT_ENDS:
+                own = np.isfinite(component).all(axis=0)
+                right = about if signed else np.unwrap(component, axis=0, period=size)
+                component[:, own] = right[:, own]
+                said = f"values run over the end of a range of {size:.6g} to its other end "
+                said += f"{wraps} times: put one range beyond"
+                found.append(Finding("wrapped", "all receivers", f"{wraps} times", CURED, said))
+                break
+    return values
+
+
 def within_range(values: Float, found: list[Finding]) -> Float:
     """Values with those that no instrument gives, infinite ones among them, as NaN, in place."""
     with np.errstate(invalid="ignore"):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.quiet import Rest, fine_noise
+from wavesim.records.faults.unfit_receivers import Waves, along_line
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -33,10 +34,14 @@ _SEAMS, _SPAN, _LONG, _LOUD = 3, 1.5, 0.3, 0.01
 _FEWEST_ROUND = 8
 # … and that are there, with this part of the mean power.
 _THERE = 0.01
-# One wave's phases jump between two sides of so many receivers or more, where that leaves this part
-# of what a wave without the jump does, that this part of all at least, and the mean cosine of what
-# is over is 1 but for this.
-_SIDE, _JUMPS, _LEAST, _SURE, _FINE = 3, 0.03, 2e-3, 0.1, 16
+# Receivers are out of order where in that of arrivals these are even to this part, and so many are
+# elsewhere.
+_EVENLY, _MANY_MOVED = 0.3, 0.3
+# Phases jump between two sides of so many receivers or more, where that leaves this part of what
+# waves without the jump do, that this part of all at least, and the mean cosine of what is over is
+# 1 but for this, and so many times the noise; phases are tried so many, of each so many
+# frequencies one.
+_SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH = 3, 0.1, 2e-3, 0.1, 4.0, 16, 3
 
 
 def begun(component: Float, rest: Rest) -> Mask:
@@ -52,18 +57,32 @@ def begun(component: Float, rest: Rest) -> Mask:
         head = float(np.sqrt(np.mean(v[:_FIRST] ** 2)))
         # Where no rest was seen at the start, less is needed to doubt it.
         part = 1.0 if rest.onset[j] else _WITHOUT_REST
-        # What is as loud in the first part as it ever is in the quietest is noise, of any colour;
-        # so is what goes on alike long after a signal that was far louder.
-        late, peak = np.sqrt(np.mean(blocks.reshape(4, -1) ** 2, axis=1))[2:], np.abs(v).max()
-        goes_on = late.max() < _STEADY * late.min() and peak > _LOUDER * late.max()
-        rumble = max(float(late.max()) if goes_on else 0.0,
-                     float(blocks.min()) if blocks[0] < _HISS * blocks.min() else 0.0)  # fmt: skip
-        least = part * max(_ABOVE * noise, _PART * float(peak))
-        within[j] = head > max(least, _ABOVE * rumble)
+        # What is as loud in the first part as it ever is in the quietest is noise, of any colour.
+        hiss = blocks[0] < _HISS * blocks.min()
+        noise = max(noise, float(blocks.min()) if hiss else 0.0)
+        least = part * max(_ABOVE * noise, _PART * float(np.abs(v).max()))
+        within[j] = head > max(least, _ABOVE * _rumble(v, blocks))
     # Alike from beginning to end beside channels that are not, it is nothing but noise.
     if not steady.all():
         within &= ~steady
     return within
+
+
+def _rumble(v: Float, blocks: Float) -> float:
+    """Noise of any colour: what goes on alike long after a far louder signal; 0 where none does.
+
+    Args:
+        v: one channel, shape (nt,).
+        blocks: root mean square of its eighths.
+    """
+    quarters = np.sqrt(np.mean(blocks.reshape(4, -1) ** 2, axis=1))[2:]
+    late, slope = float(quarters.max()), float(np.sum(np.diff(v) ** 2))
+    alike = late < _STEADY * quarters.min()
+    if not alike or np.abs(v).max() < _LOUDER * late or slope == 0:
+        return 0.0
+    # Within a signal the next crest is less than a period away, 2π over the mean ω by power.
+    period = 2 * np.pi * float(np.sqrt(np.sum(v**2) / slope))
+    return late if np.argmax(np.abs(v) > _ABOVE * late) > period else 0.0
 
 
 def arrivals(component: Float, t: Float, rest: Rest) -> Float:
@@ -101,6 +120,25 @@ def source_within(x: Float, arrival: Float) -> float | None:
     # To a tenth of the spacing.
     grain = float(np.median(np.diff(x))) / 10
     return round(best[1] / grain) * grain
+
+
+def out_of_order(arrival: Float) -> NDArray[np.int64] | None:
+    """The order in which a signal comes to the receivers of an even line, where it goes on evenly
+    in that order alone: they are not where they are said to be; None where they may be.
+
+    Args:
+        arrival: shape (nx,), s; NaN where it is not seen.
+    """
+    many = len(arrival)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(arrival))) != 0)
+    if many < _FEWEST_ROUND or not np.isfinite(arrival).all() or len(turns) < 2:
+        return None
+    order = np.argsort(arrival, kind="stable")
+    steps = np.diff(arrival[order])
+    even = np.std(steps) < _EVENLY * np.mean(steps)
+    moved = np.abs(np.argsort(order) - np.arange(many))
+    moved = np.minimum(moved, moved[::-1])  # whichever way it goes
+    return order if even and np.mean(moved > 1) > _MANY_MOVED else None
 
 
 def speed(x: Float, arrival: Float) -> float:
@@ -160,16 +198,20 @@ def comes_round(component: Float) -> bool | None:
     return False if loud and step[-1] > _NEVER * max(step[:-1].max(), 1.0) else None
 
 
-def jump(U: Any, omega: Float, x: Float) -> tuple[int, bool, float] | None:
-    """Where one wave's phases jump along a line, as from one card or cable to the next.
+def jump(
+    U: Any, omega: Float, x: Float, noise: Float, waves: Waves | None = None
+) -> tuple[int, bool, float] | None:
+    """Where phases of all waves jump along a line, as from one card or cable to the next.
 
-    Σ_j U_j/|U_j| e^{−ikx_j} is taken over both sides apart, of one k, and held against that over
-    all; the jump must be π at all frequencies, or ωτ.
+    Few waves are laid through the line with one side turned by a phase φ, whichever leaves least,
+    and as loud as the other; the jump must be π at all frequencies, or ωτ.
 
     Args:
-        U: field at m frequencies ω, shape (m, nx).
+        U: field at m frequencies ω, shape (m, nx), amplitudes made as even as they fall off.
         omega: ω, shape (m,), rad/s.
         x: places, ascending, shape (nx,), m.
+        noise: its part of the power, shape (m,), –.
+        waves: lays few waves through receivers; where not given, they stand along a line.
 
     Returns:
         The last receiver before it, whether those behind are reversed, and τ by which they are
@@ -178,31 +220,40 @@ def jump(U: Any, omega: Float, x: Float) -> tuple[int, bool, float] | None:
     many = len(x)
     if many < 2 * _SIDE:
         return None
-    k = np.linspace(-1, 1, _FINE * many + 1)[:-1] * np.pi / float(np.median(np.diff(x)))
-    phases = U / np.maximum(np.abs(U), 1e-300)
-    sums = np.cumsum(phases[:, None] * np.exp(-1j * np.outer(k, x - x[0])), axis=2)
-    n = np.arange(1, many)
-    before, behind = sums[..., :-1], sums[..., -1:] - sums[..., :-1]
-    apart = np.abs(before) ** 2 / n + np.abs(behind) ** 2 / (many - n)
-    whole = many - np.median((np.abs(sums[..., -1]) ** 2 / many).max(axis=1))
-    left = many - np.median(apart.max(axis=1), axis=0)
-    j = _SIDE - 1 + int(np.argmin(left[_SIDE - 1 : many - _SIDE]))
-    if whole < _LEAST * many or left[j] > _JUMPS * whole:
+    waves, good = waves or along_line(x), np.ones(many, bool)
+
+    def left(first: int, turns: Float, each: int = 1) -> Float:
+        """Part of the power with those from one on turned back, at each φ and some ω."""
+        behind = np.arange(many) >= first
+        size = np.median(np.abs(U[:, first - 2 : first])) / np.median(np.abs(U[:, first:][:, :2]))
+        turned = np.where(behind, size * np.exp(-1j * turns)[:, None, None], 1)
+        V = (U[::each] * turned).reshape(-1, many)
+        power = np.mean(np.abs(V) ** 2, axis=1)
+        return np.asarray((waves(V, good)[1] / power).reshape(len(turns), -1))
+
+    told = waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1)
+    if np.median(told) < _LEAST or np.median(told / noise) < _OF_NOISE:
         return None
-    at = np.arange(len(U)), apart[..., j].argmax(axis=1)
-    phase = np.angle(behind[..., j][at] * np.conj(before[..., j][at]))
+    coarse = np.arange(4) * np.pi / 2
+    firsts = range(_SIDE, many - _SIDE + 1)
+    first = min(firsts, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
+    fine = np.arange(_FINE) * 2 * np.pi / _FINE
+    seen = left(first, fine)
+    if np.median(seen.min(axis=0)) > _JUMPS * np.median(seen[0]):
+        return None
+    phase = fine[seen.argmin(axis=0)]
     late = delay_of(phase, omega)
     turned = bool(np.mean(np.cos(phase)) < _SURE - 1)
     if not turned and np.mean(np.cos(phase - omega * late)) < 1 - _SURE:
         return None
-    return j, turned, late
+    return first - 1, turned, late
 
 
 def delay_of(phase: Float, omega: Float) -> float:
     """τ whose ωτ fits phases best, whole turns left open, s."""
     step = 0.25 / omega.max()
     reach = np.pi / max(float(np.median(np.diff(omega))), 1e-300)
-    most = min(200.0, np.floor(reach / step))
+    most = min(1000.0, np.floor(reach / step))
     tau = step * np.arange(-most, most + 1)
     match = np.exp(1j * phase) @ np.exp(-1j * np.outer(omega, tau))
     worth = match.real + 1e-3 * np.abs(match) - 1e-3 * len(omega) * np.abs(tau) / tau[-1]

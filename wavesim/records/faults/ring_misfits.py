@@ -22,15 +22,16 @@ import numpy as np
 from numpy.fft import fft, ifft
 from numpy.typing import NDArray
 
-from wavesim.records.faults.channels import Mended
+from wavesim.records.faults.channels import Mended, mend
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.moveout import jump
 from wavesim.records.faults.ring_waves import (
     FEWEST_FREQUENCIES,
     RingWaves,
     ring_waves,
     strong_frequencies,
 )
-from wavesim.records.faults.unfit_receivers import PART, unfit
+from wavesim.records.faults.unfit_receivers import PART, round_ring, unfit
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -190,6 +191,9 @@ def ring_misfits(
     """
     nx = values.shape[2]
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
+    if not known.any() and (side := _reversed_side(values, x)) is not None:
+        found.append(mend(mended, "reversed", dict.fromkeys(side, np.pi), x, labels))
+        values = values * mended.factor
     seen = [gains(component, known) for component in values]
     odd = np.logical_or.reduce([known, *(one.odd for one in seen)])
     turned = np.logical_or.reduce([one.gain < 0 for one in seen]) & ~odd
@@ -197,13 +201,14 @@ def ring_misfits(
     gain = seen[0].gain
     if len(values) > 1:
         odd, turned, scaled = odd | turned | scaled, turned & False, scaled & False
-    mended.factor[turned] = -1
+    before = mended.factor.copy()
+    mended.factor[turned] *= -1
     scaled |= turned & (np.abs(gain + 1) > _TURNED)
     # Of many the others say more exactly what it shows than its factor does.
     if nx >= FEWEST and (odd | scaled).mean() <= PART:
         odd = odd | scaled
     else:
-        mended.factor[scaled] = 1 / gain[scaled]
+        mended.factor[scaled] = before[scaled] / gain[scaled]
     if turned.any():
         where = places(x, turned, labels)
         said = f"of reversed polarity, as the ring's waves say: turned round ({where})"
@@ -223,6 +228,20 @@ def ring_misfits(
         )
         found.append(Finding("misfit", where, f"{int(new.sum())} of {nx}", TAKEN_OUT, said))
     return mended, odd
+
+
+def _reversed_side(values: Float, x: Float) -> range | None:
+    """The fewer of receivers on two sides of a ring that are of opposite polarity, as two cards."""
+    strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
+    U, omega, noise = strong_frequencies(values[strongest])
+    if len(U) < FEWEST_FREQUENCIES:
+        return None
+    part = noise / np.maximum(np.mean(np.abs(U) ** 2, axis=1), 1e-300) + 1e-300
+    seen = jump(U, omega, x, part, round_ring)
+    if seen is None or not seen[1]:
+        return None
+    first = seen[0] + 1
+    return range(first, len(x)) if 2 * first >= len(x) else range(first)
 
 
 def _sure(now: RingWaves, omega: Float, odd: Mask) -> Float:

@@ -88,6 +88,11 @@ def check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
         )
     if not (np.isfinite(t).all() and (not placed or np.isfinite(x).all())):
         raise RecordError("t or x: holds values that are not finite; give every time and position")
+    if len(t) and np.ptp(t) == 0:
+        raise RecordError(
+            f"all times are {t.flat[0]:.9g} s: the numbers that they are stored in hold none "
+            "between; give --interval (s)"
+        )
     span, reach = np.ptp(t), np.ptp(x) if placed else 1.0
     if not (_LEAST < span < _GREATEST and (reach == 0 or _LEAST < reach < _GREATEST)):
         raise RecordError(

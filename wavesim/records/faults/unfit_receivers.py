@@ -80,7 +80,7 @@ def unfit(U: Any, known: Mask, waves: Waves | None = None) -> Unfit:
     off, factor = known.copy(), np.full(nx, np.nan)
     if (nx < FEWEST and waves is None) or len(U) < _FEWEST_FREQUENCIES:
         return Unfit(off, factor, True)
-    waves = waves or _round_ring
+    waves = waves or round_ring
     size = np.sum(np.abs(U) ** 2, axis=1)
     several = max(4 * _FEWEST_FREQUENCIES, min(_FREQUENCIES, _FREQUENCIES * _FULL // nx))
     loud = np.argsort(-size, kind="stable")[:several]
@@ -156,7 +156,7 @@ def _fall(before: tuple[Any, Float], after: tuple[Any, Float]) -> float:
     return float(np.median(before[1] / after[1]))
 
 
-def _round_ring(U: Any, good: Mask) -> tuple[Any, Float]:
+def round_ring(U: Any, good: Mask) -> tuple[Any, Float]:
     """The field of a few waves laid through good receivers, and the variance of what is left."""
     n, nx = U.shape
     seen = np.where(good, U, 0)

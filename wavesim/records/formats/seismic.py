@@ -17,8 +17,15 @@ FORMATS = {
 }  # fmt: skip
 
 
-def from_seismic(path: Path) -> Content:
-    """Traces of one length and interval as an array; offsets where the headers say them."""
+def from_seismic(*paths: Path) -> Content:
+    """Traces of one interval as an array; offsets where the headers say them."""
+    stream = _stream(paths[0])
+    for path in paths[1:]:
+        stream += _stream(path)
+    return of_stream(stream)
+
+
+def _stream(path: Path) -> Any:
     try:
         from obspy import read
     except ImportError:
@@ -27,7 +34,7 @@ def from_seismic(path: Path) -> Content:
         ) from None
     kind = FORMATS.get(path.suffix.lower(), "SEG2")
     options = {"unpack_trace_headers": True} if kind in ("SEGY", "SU") else {}
-    return of_stream(read(str(path), format=kind, **options))
+    return read(str(path), format=kind, **options)
 
 
 def of_stream(stream: Any) -> Content:

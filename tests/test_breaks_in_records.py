@@ -1,0 +1,178 @@
+"""Records that break: frames lost while times go on, a side of a line late, values wrapped round.
+
+The law: pulses that go along a line at c = 3000 m/s without loss or dispersion, so that k = ω/c.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pulses import ricker
+from runs import call
+from test_waves_along_line import passing
+
+from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.records.record import RecordError, record
+
+SPEED = 3000.0
+T = np.arange(1000) * 5e-7
+X = 0.02 + 0.005 * np.arange(16)
+
+
+def noisy(u, part=1e-3):
+    return u + part * np.random.default_rng(1).normal(size=u.shape)
+
+
+def line(modes=1, x=X):
+    waves = [(lambda w: w / SPEED, lambda r: 1.0), (lambda w: w / 1900, lambda r: 0.6)]
+    return noisy(passing(x, waves[:modes], 5e4, T))
+
+
+def held(points, share=0.9):
+    own = points.take(points.valid)
+    assert np.mean(np.abs(own.omega - SPEED * own.k) <= own.bar) >= share
+    return own
+
+
+BROKEN = {
+    "lost": lambda u: np.delete(u, slice(90, 93), axis=0),
+    "a block lost": lambda u: np.delete(u, slice(90, 115), axis=0),
+    "twice": lambda u: np.concatenate([u[:90], u[86:]]),
+    "exchanged": lambda u: np.concatenate([u[:90], np.roll(u[90:], 1, axis=1)]),
+}
+
+
+@pytest.mark.parametrize("how", BROKEN)
+def test_what_breaks_off_at_all_receivers_at_once_is_no_wave(how):
+    """Times that only count frames go on where frames are lost: refused, with the time."""
+    u = BROKEN[how](line())
+    with pytest.raises(RecordError, match=r"t = 4\.[45].*e-05 to .* break off at once"):
+        record(u, T[: len(u)] if len(u) <= len(T) else 5e-7 * np.arange(len(u)), X)
+
+
+def test_a_ring_that_loses_a_frame_is_refused():
+    """Standing waves of all wavenumbers, c = 2000 m/s."""
+    x, t = np.arange(32) * 1e-3, np.arange(500) * 2e-7
+    k = 2 * np.pi * np.arange(1, 13) / 0.032
+    phase = np.random.default_rng(2).uniform(0, 2 * np.pi, len(k))
+    u = noisy(np.cos(np.outer(t, 2000 * k)) @ np.cos(np.outer(k, x) + phase[:, None]))
+    assert not record(u, t, x, ring=True).findings
+    with pytest.raises(RecordError, match="break off at once"):
+        record(np.delete(u, 200, axis=0), t[:-1], x, ring=True)
+
+
+def test_a_step_that_all_receivers_pick_up_is_no_break():
+    """Of one sign and one shape, or at receivers at rest too."""
+    step = 0.3 * (np.arange(len(T)) >= 92)[:, None]
+    gains = np.random.default_rng(3).uniform(0.5, 1.5, len(X))
+    for pick_up in (step, step * gains, step * gains * (-1) ** np.arange(len(X))):
+        record(line() + pick_up, T, X)
+
+
+@pytest.mark.parametrize("fault", ["reversed", "delayed"])
+def test_a_side_of_a_line_is_told_beside_two_modes(fault):
+    """Seven of sixteen receivers of two modes turned round, or ten samples late and left out."""
+    u = line(2)
+    ours = u.copy()
+    ours[:, :7] = -u[:, :7] if fault == "reversed" else np.roll(u[:, :7], 10, axis=0)
+    found = record(ours, T, X)
+    assert [one.what for one in found.findings] == [fault]
+    if fault == "reversed":
+        assert found.values[0] * np.sign(np.sum(found.values[0, :, 0] * u[:, 0])) == (
+            pytest.approx(u)
+        )
+    else:
+        assert len(found.x) == 9
+
+
+@pytest.mark.parametrize("late", [1e-3, 1e-2, 0.1])
+def test_bars_hold_a_side_that_is_a_little_late(late):
+    """A part of a period of 20 µs: a line through two parallel ones is of neither's slope."""
+    u = np.stack([ricker(T, 5e4, 3e-5 + p / SPEED + 2e-5 * late * (p > 0.05)) for p in X], axis=1)
+    points = in_time(record(noisy(u), T, X), method="fft")
+    assert len(held(points)) > 20
+
+
+def test_slopes_of_modes_are_no_noise_in_a_long_record():
+    """30,000 frames of which 500 hold the pulse, 2 % of noise: neighbouring frequencies are so
+    close that noise alone tells their k apart."""
+    u = np.zeros((30_000, 8))
+    u[15_000:16_000] = passing(X[:8], [(lambda w: w / SPEED, lambda r: 1.0)], 5e4, T)
+    points = in_time(record(noisy(u, 0.02), 5e-7 * np.arange(len(u)), X[:8]), method="fft")
+    assert len(held(points)) > 40
+
+
+WRAPPED = {
+    "signed read as unsigned": lambda u: np.round(3e4 * u).astype(np.int16).astype(np.uint16),
+    "8 bits": lambda u: np.round(100 * u).astype(np.int8).astype(np.uint8),
+    "overflow": lambda u: np.round(4.5e4 * u).astype(np.int64).astype(np.int16),
+    "phase": lambda u: np.angle(np.exp(5j * u)),
+}
+
+
+@pytest.mark.parametrize("how", WRAPPED)
+def test_wrapped_values_are_put_right(how):
+    """Up to a factor and an offset they are the signals that were."""
+    u = line()
+    found = record(WRAPPED[how](u), T, X)
+    assert found.findings[0].what == "wrapped"
+    right = found.values[0]
+    factor = np.sum(right * u) / np.sum(u * u)
+    assert np.abs(right / factor - u).max() < 0.02
+    assert not any(one.what == "wrapped" for one in record(np.round(100 * u), T, X).findings)
+
+
+def test_a_short_gain_control_is_told():
+    """A window of one period and a half: long parts are alike loud, hiss or wave."""
+    u = line()
+    power = np.stack([np.convolve(v**2, np.ones(60) / 60, "same") for v in u.T], axis=1)
+    found = record(u / np.sqrt(power), T, X)
+    assert "normalised" in {one.what for one in found.findings}
+
+
+def test_units_of_a_field_shot_are_those_of_the_field(tmp_path):
+    """A pulse of 20 Hz at 200 m/s, receivers 2 m apart: hertz and metres, no 0.02 kHz."""
+    x, t = 10.0 + 2 * np.arange(12), np.arange(1000) * 1e-3
+    u = ricker(t[:, None] - x / 200, 20, 0.08)
+    np.savez(tmp_path / "shot.npz", t=t, x=x, values=noisy(u))
+    said = call("attenuation", tmp_path / "shot.npz", "--band", 10, 30)
+    assert said.exit_code == 0
+    assert all(unit in said.output for unit in ("Hz", "dB/m", "rad/m"))
+    assert not any(unit in said.output for unit in ("kHz", "dB/mm", "rad/mm"))
+
+
+def test_receivers_in_another_order_than_their_positions_are_told():
+    """Odd channels before even ones, or each card of eight the other way round: by no wave."""
+    u = line()
+    for order in (np.r_[0:16:2, 1:16:2], np.r_[7:-1:-1, 15:7:-1]):
+        with pytest.raises(RecordError, match="do not stand in the order of their positions"):
+            record(u[:, order], T, X)
+    record(u[:, ::-1], T, X)  # as a wave that comes from the other side
+
+
+def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
+    """Standing waves of all wavenumbers, c = 2000 m/s; 12 of 32 receivers."""
+    x, t = np.arange(32) * 1e-3, np.arange(500) * 2e-7
+    k = 2 * np.pi * np.arange(1, 13) / 0.032
+    phase = np.random.default_rng(2).uniform(0, 2 * np.pi, len(k))
+    u = noisy(np.cos(np.outer(t, 2000 * k)) @ np.cos(np.outer(k, x) + phase[:, None]))
+    ours = u.copy()
+    ours[:, 20:] *= -1
+    found = record(ours, t, x, ring=True)
+    assert [one.what for one in found.findings] == ["reversed"]
+    assert found.values[0] == pytest.approx(u)
+
+
+def test_samples_that_are_blank_within_a_signal_are_missing():
+    """Twelve of one receiver, as of a beam that lost its spot."""
+    u = line()
+    u[95:107, 8] = 0.0
+    found = record(u, T, X)
+    assert {one.what for one in found.findings} >= {"stuck"}
+    assert found.broken[8]
+
+
+def test_times_that_are_all_alike_ask_for_the_interval():
+    """Seconds since 1970 in single precision are 128 s apart."""
+    with pytest.raises(RecordError, match="hold none between; give --interval"):
+        record(line(), (1.7e9 + T).astype(np.float32), X)
