@@ -125,6 +125,7 @@ def test_a_transmitter_among_receivers_is_none(second, layout, receivers, tmp_pa
         ({"u": np.ones((40, 5))}, {"values": "w"}, r"no array 'w'; arrays are u \(40, 5\)"),
         ({"u": np.ones((40, 5))}, {"interval": -1.0, "spacing": 1.0}, r"interval = -1: must be"),
         ({"u": np.ones((8, 5))}, {"interval": 1.0, "spacing": 1.0}, "8 frames: at least 16"),
+        ({"u": np.ones((0, 5))}, {"interval": 1.0, "spacing": 1.0}, "0 frames: at least 16"),
         ({"u": np.ones((40, 1))}, {"interval": 1.0, "spacing": 1.0}, "1 receiver: at least 2"),
     ],
 )  # fmt: skip

@@ -157,7 +157,7 @@ def _lies_across(values: Float, name: str) -> tuple[bool, str]:
     # Of two ways the one that has the frames of a record.
     if (frames < FEWEST_FRAMES) != (count < FEWEST_FRAMES):
         return frames < FEWEST_FRAMES, ", as so few are no frames"
-    if frames >= count:
+    if frames >= count or count < FEWEST_FRAMES:
         return False, "as nothing in the file says which is which"
     power = np.abs(np.nan_to_num(values.astype(complex if values.dtype.kind == "c" else float)))
     power = (power - np.median(power)) ** 2
