@@ -176,3 +176,12 @@ def test_times_that_are_all_alike_ask_for_the_interval():
     """Seconds since 1970 in single precision are 128 s apart."""
     with pytest.raises(RecordError, match="hold none between; give --interval"):
         record(line(), (1.7e9 + T).astype(np.float32), X)
+
+
+def test_compressed_samples_are_refused():
+    """µ-law and decibels hold less noise on crests than at rest; no other record here does."""
+    u = line()
+    law = np.sign(u) * np.log1p(255 * np.abs(u)) / np.log(256)
+    for samples in (np.round(127 * law), 20 * np.log10(np.abs(u) + 1e-4)):
+        with pytest.raises(RecordError, match="compressed"):
+            record(samples, T, X)

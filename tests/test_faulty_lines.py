@@ -11,7 +11,7 @@ from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.folding import folded_branches
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.line_fit import fit_line
-from wavesim.readings.dispersion.spreading import exponent
+from wavesim.readings.dispersion.spreading import exponent, spreads
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.record import RecordError, record
 
@@ -65,10 +65,10 @@ def test_losses_and_unequal_receivers_are_no_spreading(rng):
     """p of plane waves with any loss is 0 within its error; gains of 10 % make that error."""
     x = 0.05 + 0.005 * np.arange(24)
     U = np.exp(np.outer(np.linspace(-40, -1, 20), x))
-    power, _ = exponent(U, x, np.ones(U.shape, bool), 0.0)
+    power, *_ = exponent(U, x, np.ones(U.shape, bool), 0.0)
     assert abs(power) < 1e-9
     gains = np.exp(0.1 * rng.normal(size=24))
-    power, error = exponent(U * gains, x, np.ones(U.shape, bool), 0.0)
+    power, error, _ = exponent(U * gains, x, np.ones(U.shape, bool), 0.0)
     assert abs(power) < 4 * error
 
 
@@ -332,3 +332,14 @@ def test_a_folded_mode_that_breaks_off_and_goes_on_is_folded():
     assert folded_branches(branch, k, omega, d)[own].all()
     upper = np.where(branch == 2, 2, -1)
     assert not folded_branches(upper, k, omega, d).any()
+
+
+def test_levels_that_bend_otherwise_at_each_frequency_are_no_spreading(rng):
+    """r^−0.3 at low and r^−3 at high frequencies, as near a source that is struck too hard: the one
+    exponent of all of them, near 1, is no wave's; r^−1 at all of them is."""
+    x = 0.05 + 0.005 * np.arange(24)
+    loss = np.outer(np.linspace(-40, -1, 20), x) + 0.02 * rng.normal(size=(20, 24))
+    low = np.arange(20)[:, None] < 16
+    for power, told in ((np.where(low, 0.3, 3.0), False), (1.0, True)):
+        U = np.exp(loss - power * np.log(x))
+        assert bool(spreads(U, x, np.ones(U.shape, bool), 0.0)) == told

@@ -89,12 +89,12 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
             "with --values"
         )
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
-    values, notes = record.values[0], record.notes
-    missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     try:
-        for_pulse_test(record)
+        record = for_pulse_test(record)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+    values, notes = record.values[0], record.notes
+    missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     if missing.any():
         own = np.flatnonzero(~missing)
         values = np.stack([np.interp(np.arange(len(missing)), own, u[own]) for u in values.T], 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
@@ -36,6 +37,9 @@ _PARTS, _EVENLY = 12, 0.35
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
 # part.
 _BELOW, _LOBE, _DIPS, _ALL_OF, _AT_REST = 0.02, 0.1, 2, 4, 0.25
+# Compressed samples hold less noise above this part of the peak than below that, by this factor, at
+# so many receivers.
+_CREST, _STILL, _LESS, _SEVERAL = 0.5, 0.1, 0.35, 3
 NORMALISED = "normalised"
 
 
@@ -169,10 +173,14 @@ def without_stuck(
                 held = v[start]
                 jump = abs(v[stop + 1] - held) if stop + 1 < len(v) else 0.0
                 before = abs(held - v[start - 1]) if start else 0.0
+                # An average of coarse steps rests on a crest, and goes on by steps as large.
+                beside = (*np.diff(v[max(0, start - 3) : start + 1]), *np.diff(v[stop + 1 :][:4]))
                 apart = abs(held - np.nanmedian(v)) > 0.02 * size[j]
                 extreme = held in (np.nanmax(v), np.nanmin(v))
                 lost = not apart and min(before, jump) > max(_LOST * size[j], 3 * quantum[j])
-                goes_on = apart and not extreme and jump > 3 * max(before, quantum[j])
+                goes_on = (
+                    apart and not extreme and jump > 3 * np.nanmax(np.abs([*beside, quantum[j]]))
+                )
                 if stop - start >= _STUCK and start > 0 and (goes_on or lost):
                     which[j] = True
                     total += int(stop - start)
@@ -209,6 +217,11 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"
             )
+        if _compressed(v - np.nanmedian(v, axis=0)):
+            raise RecordError(
+                "noise is less on crests than at rest, as no instrument adds it: samples are "
+                "compressed (µ-law, decibels, an amplifier that saturates); take that back first"
+            )
         window = _levelled(np.nan_to_num(v - np.nanmedian(v, axis=0)))
         told = not window and not flat.any() and (size > 0).all()
         alike = _of_one_size(v, quantum) if told else ""
@@ -222,6 +235,19 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
             said += ", so that amplitudes along them tell nothing"
             size_of = alike or f"{window} frames"
             found.append(Finding(NORMALISED, "all receivers", size_of, TOLD, said))
+
+
+def _compressed(v: Float) -> bool:
+    """Whether third differences, nearly all noise, are less where channels, (nt, nx), are loud than
+    where they are at rest: a curve that rises less and less passes less of both."""
+    runs, third = sliding_window_view(np.abs(v), 4, axis=0), np.abs(np.diff(v, 3, axis=0))
+    peak, ratios = np.nanmax(np.abs(v), axis=0), []
+    for run, noise, top in zip(np.moveaxis(runs, 1, 0), third.T, peak, strict=True):
+        loud = noise[(run.min(axis=1) > _CREST * top) & (noise > 0)]
+        still = noise[run.max(axis=1) < _STILL * top]
+        if len(loud) >= _STUCK and len(still) >= 4 * _STUCK:
+            ratios.append(np.median(loud) / max(float(np.median(still)), 1e-300))
+    return len(ratios) >= _SEVERAL and float(np.median(ratios)) < _LESS
 
 
 def _of_one_size(v: Float, quantum: Float) -> str:
