@@ -43,6 +43,28 @@ def test_q_of_the_pulse_test_comes_back_from_its_receivers(shipped):
     assert told["quality"] == q
 
 
+def test_what_was_sent_may_stand_in_a_file_of_its_own(tmp_path):
+    """As of scopes that write a file for each channel: read as from two columns; of another clock,
+    refused."""
+    table = np.column_stack(record(120.0, seed=1))
+    for name, columns in (("both", [0, 1, 2]), ("sent", [0, 1]), ("heard", [0, 2])):
+        head = ["Time (s)", "a", "b"][: len(columns)]
+        np.savetxt(tmp_path / f"{name}.csv", table[:, columns], delimiter=",",
+                   header=",".join(head), comments="")  # fmt: skip
+    ways = (("both", 2), ("heard", tmp_path / "sent.csv"))
+    one, other = (
+        json.loads(pulse(tmp_path / f"{name}.csv", "--input", sent, "--distance", 0.12,
+                         "--json").output)["records"][0]["best"]
+        for name, sent in ways
+    )  # fmt: skip
+    assert one == other
+    table[:, 0] *= 2
+    np.savetxt(tmp_path / "sent.csv", table[:, :2], delimiter=",", header="Time (s),a", comments="")
+    wrong = pulse(tmp_path / "heard.csv", "--input", tmp_path / "sent.csv", "--distance", 0.12)
+    assert wrong.exit_code == 2
+    assert "its clock is not that of" in wrong.stderr
+
+
 def test_receivers_on_a_ring_tell_the_phase_velocity_within_their_bars(shipped):
     """Truth: ω/k of the plane-wave solver. Waves come round the bar, and others still pass."""
     run = shipped("bandgap_pulse")

@@ -9,10 +9,11 @@ from pulses import named, ricker, through
 
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
-from wavesim.readings.pulse.faults import flat_tops
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
+from wavesim.records.faults.clipping import clipped
+from wavesim.records.faults.quantisation import quanta
 from wavesim.records.layout import Layout
 from wavesim.records.of_pulse_test import of_pulse_file
 
@@ -42,7 +43,7 @@ def test_an_offset_is_taken_out(clean, offset):
     _, exact = speed(clean)
     found, one = speed(clean + offset)
     assert abs(one.velocity - exact.velocity) <= 0.05
-    assert "an offset of" in found.record.notes[0]
+    assert "offset of" in found.record.notes[0]
     assert found.quality.quality == pytest.approx(50, abs=3 * found.quality.error + 0.5)
 
 
@@ -50,7 +51,7 @@ def test_a_straight_drift_is_taken_out_and_another_refuses(clean):
     _, exact = speed(clean)
     found, one = speed(clean + 0.1 * (T / T[-1])[:, None] * np.array([1, -1, 0.5, 2, 0]))
     assert abs(one.velocity - exact.velocity) <= 0.05
-    assert "a drift of" in found.record.notes[0]
+    assert "drift of" in found.record.notes[0]
     found, one = speed(clean + 0.1 * np.sin(2 * np.pi * 2e4 * T + 1)[:, None])
     assert np.isnan(one.velocity)
     assert "wanders" in found.record.notes[-1]
@@ -58,13 +59,15 @@ def test_a_straight_drift_is_taken_out_and_another_refuses(clean):
 
 def test_marks_of_overload_and_flat_tops_leave_a_receiver_out(clean):
     _, exact = speed(clean)
-    for spoil, word in ((lambda u: np.where(np.arange(len(u)) == 100, 9.99e37, u), "overload"),
+    for spoil, word in ((lambda u: np.where(np.arange(len(u)) == 100, 9.99e37, u), "9.99e+37"),
                         (lambda u: np.clip(u, -0.3, 0.3), "flat tops")):  # fmt: skip
         values = clean.copy()
         values[:, 2] = spoil(values[:, 2])
         found, one = speed(values)
         assert abs(one.velocity - exact.velocity) <= 0.2
-        assert any(note.startswith("r2") and word in note for note in found.record.notes)
+        assert any(
+            ("r2" in note or "x = 0.04 m" in note) and word in note for note in found.record.notes
+        )
         assert np.isnan(found.arrivals["envelope"].time[2])
     found, one = speed(np.clip(clean, -0.1, 0.1))
     assert np.isnan(one.velocity)
@@ -317,7 +320,8 @@ def test_tops_cut_flat_are_told_beside_noise_and_none_where_none_are_cut(steps, 
         one = u + noise * np.random.default_rng(seed).standard_normal(len(t))
         one = np.round(one * steps / 2.4) * 2.4 / steps if steps else one
         limit = np.floor(0.5 * steps / 2.4) * 2.4 / steps if steps else 0.5
-        told.append(flat_tops(np.stack([one, np.clip(one, -limit, limit)], axis=1)))
+        pair = np.stack([one, np.clip(one, -limit, limit)], axis=1)[None]
+        told.append(clipped(pair, quanta(pair))[0])
     assert not np.any(told, axis=0)[0]
     if noise * (steps or np.inf) > 1:
         assert np.all(told, axis=0)[1]

@@ -59,15 +59,18 @@ def passing(rng, receivers=24, frames=600):
     return (1 - 2 * at) * np.exp(-at) + 0.01 * rng.standard_normal((frames, receivers))
 
 
-@pytest.mark.parametrize(
-    ("receivers", "frames"), [(24, 600), (300, 250), (600, 600)], ids=["few", "many", "as many"]
-)
-def test_an_array_lies_as_it_begins_at_rest(receivers, frames):
-    """An interval and a spacing tell no axis: frames are those of which the first are at rest."""
-    u = passing(np.random.default_rng(1), receivers, frames)
-    for stored in (u, u.T):
-        found = from_arrays({"u": stored, "dt": 1e-6, "dx": 5e-3})
-        assert np.array_equal(found.values[0], u)
+def test_an_array_lies_as_it_begins_at_rest():
+    """An interval and a spacing tell no axis: frames are those of which the first are at rest, of
+    few receivers and of more than there are frames. A field that spreads from its middle is at
+    rest at its ends: that asks."""
+    rng, steps = np.random.default_rng(1), {"dt": 1e-6, "dx": 5e-3}
+    few, many = passing(rng), passing(rng, 300, 250)
+    for stored, u in ((few, few), (few.T, few), (many, many)):
+        assert np.array_equal(from_arrays({"u": stored} | steps).values[0], u)
+    i, j = np.arange(40)[:, None], np.arange(300)
+    spreads = sum(np.exp(-(((j - 150 + way * i) / 6) ** 2)) for way in (1, -1))
+    with pytest.raises(RecordError, match="--receivers 40 or --receivers 300"):
+        from_arrays({"u": spreads} | steps)
 
 
 def test_what_never_rests_lies_as_it_is_said_to():
@@ -122,6 +125,7 @@ def test_a_transmitter_among_receivers_is_none(second, layout, receivers, tmp_pa
         ({"u": np.ones((40, 5))}, {"values": "w"}, r"no array 'w'; arrays are u \(40, 5\)"),
         ({"u": np.ones((40, 5))}, {"interval": -1.0, "spacing": 1.0}, r"interval = -1: must be"),
         ({"u": np.ones((8, 5))}, {"interval": 1.0, "spacing": 1.0}, "8 frames: at least 16"),
+        ({"u": np.ones((0, 5))}, {"interval": 1.0, "spacing": 1.0}, "0 frames: at least 16"),
         ({"u": np.ones((40, 1))}, {"interval": 1.0, "spacing": 1.0}, "1 receiver: at least 2"),
     ],
 )  # fmt: skip

@@ -123,9 +123,9 @@ QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 INPUT = click.option(
     "--input",
     "column",
-    metavar="COLUMN",
+    metavar="COLUMN|FILE",
     help="The transmitter's column: its heading, or its number from 1 (times are 1); 'column 2' "
-    "or 'heading 2' where either may be meant.",
+    "or 'heading 2' where either may be meant; or a file that holds it alone.",
 )
 SOURCES = click.option("--source", "places", type=NUMBER, multiple=True, help="Position in m.")
 RING = click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")

@@ -231,6 +231,7 @@ def inspect(
     from wavesim.readings.crosstalk_findings import crosstalk_findings
     from wavesim.records.inspection import inspect as look_over
 
+    column = None if column is not None and Path(column).is_file() else column
     found = look_over(
         files if len(files) > 1 else files[0],
         replace(layout, input=column, sources=places, ring=ring),

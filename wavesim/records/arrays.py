@@ -157,20 +157,23 @@ def _lies_across(values: Float, name: str) -> tuple[bool, str]:
     # Of two ways the one that has the frames of a record.
     if (frames < FEWEST_FRAMES) != (count < FEWEST_FRAMES):
         return frames < FEWEST_FRAMES, ", as so few are no frames"
+    if frames >= count or count < FEWEST_FRAMES:
+        return False, "as nothing in the file says which is which"
     power = np.abs(np.nan_to_num(values.astype(complex if values.dtype.kind == "c" else float)))
     power = (power - np.median(power)) ** 2
     power = power.reshape(-1, frames, count).mean(axis=0) / (power.mean() or 1.0)
-    first = [power[: max(1, int(_FIRST * frames))].mean(),
-             power[:, : max(1, int(_FIRST * count))].mean()]  # fmt: skip
-    for lies in (False, True):
-        if first[lies] < _QUIET and first[not lies] > _LOUD:
-            return lies, "as so it begins at rest" if not lies else ", as so it begins at rest"
-    if frames < count:
-        raise RecordError(
-            f"{name} {values.shape}: {count} receivers and {frames} times, or the other way round? "
-            f"nothing in the file says: give --receivers {frames} or --receivers {count}"
-        )
-    return False, "as nothing in the file says which is which"
+    first = (power[: max(1, int(_FIRST * frames))].mean(),
+             power[:, : max(1, int(_FIRST * count))].mean())  # fmt: skip
+    if first[0] < _QUIET and first[1] > _LOUD:
+        return False, "as so it begins at rest"
+    # What spreads to both sides from where it was at first does not pass receivers that lie down.
+    middle = power @ np.arange(count) / np.maximum(power.sum(axis=1), 1e-300)
+    if first[1] < _QUIET and first[0] > _LOUD and middle.std() > _FIRST * count:
+        return True, ", as so it begins at rest"
+    raise RecordError(
+        f"{name} {values.shape}: {count} receivers and {frames} times, or the other way round? "
+        f"nothing in the file says: give --receivers {frames} or --receivers {count}"
+    )
 
 
 def _transmitter(content: Content, layout: Layout) -> str | None:
@@ -216,16 +219,16 @@ def _input(content: Content, layout: Layout) -> Float | None:
             raise RecordError(f"--input {text}: {what}; there are {near}")
         (j, *_) = at
         if j >= len(content.labels):
-            return np.asarray(content.unplaced.pop(labels[j]), float)
+            return _real(content.unplaced.pop(labels[j]))
         keep = [i for i in range(len(content.labels)) if i != j]
         content.arrays["values"] = values[:, keep]
         content.labels = tuple(content.labels[i] for i in keep)
         content.columns = tuple(content.columns[i] for i in keep if i < len(content.columns))
         if "x" in content.arrays and len(content.arrays["x"]) == len(keep) + 1:
             content.arrays["x"] = content.arrays["x"][keep]
-        return np.asarray(values[:, j], float)
+        return _real(values[:, j])
     if named_as(text, list(content.arrays)):
-        return np.asarray(content.arrays.pop(named(content.arrays, text)), float).ravel()
+        return _real(content.arrays.pop(named(content.arrays, text))).ravel()
     if text.isdigit():
         found, _, name = _values(content, layout)
         j = int(text) - 2
@@ -239,8 +242,13 @@ def _input(content: Content, layout: Layout) -> Float | None:
             if 0 <= j < found.shape[axis]:
                 if name in content.arrays:
                     content.arrays[name] = np.delete(found, j, axis)
-                return np.asarray(np.take(found, j, axis), float)
+                return _real(np.take(found, j, axis))
     raise RecordError(f"--input {text}: no such column; arrays are {listed(content.arrays)}")
+
+
+def _real(signal: Float) -> Float:
+    """As numbers; a record of complex ones is refused with its receivers."""
+    return np.asarray(np.real(signal), float)
 
 
 def _values(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], str]:

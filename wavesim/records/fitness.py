@@ -73,14 +73,19 @@ def for_waves_along_line(record: Record) -> Record:
     return record
 
 
-def for_pulse_test(record: Record) -> None:
-    """Refuse a pulse test with more than a small gap."""
+def for_pulse_test(record: Record) -> Record:
+    """A pulse test without padding at its end.
+
+    Raises:
+        RecordError: more than a small gap is missing.
+    """
     missing = record.missing
     if len(missing) and missing.sum() > _SMALL_GAP * len(missing):
         raise RecordError(
             f"{missing.sum()} of {len(missing)} frames are missing; a pulse test needs them: "
             "record again without the gap"
         )
+    return record if record.input is not None else live(record)
 
 
 def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:

@@ -65,11 +65,19 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
 
     Args:
         path: of any file that a record can be read from, or of a run's folder or result.h5.
-        layout: what the file does not say; its ``input`` is the transmitter's column.
+        layout: what the file does not say; its ``input`` is the transmitter's column, or a file of
+            its own, of the same clock.
 
     Raises:
         RecordError: the file can't be used.
     """
+    if layout.input is not None and Path(str(layout.input)).is_file():
+        t, sent = _sent_by_itself(Path(str(layout.input)), layout)
+        tests = of_pulse_file(path, replace(layout, input=None))
+        for one in tests:
+            if t.shape != one.t.shape or np.abs(t - one.t).max() > 0.5 * (t[1] - t[0]):
+                raise RecordError(f"--input {layout.input}: its clock is not that of {path}")
+        return [replace(one, sent=sent) for one in tests]
     path = Path(path)
     result = own_result(path)
     if result is not None:
@@ -81,12 +89,12 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
             "with --values"
         )
     labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
-    values, notes = record.values[0], record.notes
-    missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     try:
-        for_pulse_test(record)
+        record = for_pulse_test(record)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+    values, notes = record.values[0], record.notes
+    missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     if missing.any():
         own = np.flatnonzero(~missing)
         values = np.stack([np.interp(np.arange(len(missing)), own, u[own]) for u in values.T], 1)
@@ -112,6 +120,14 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         )
         for label, u in columns.items()
     ]
+
+
+def _sent_by_itself(path: Path, layout: Layout) -> tuple[Float, Float]:
+    """Times and samples of a file that holds what was sent alone."""
+    found = read(path, replace(layout, input=None, placed=False, positions=None, spacing=None))
+    if found.values.shape[0] * found.values.shape[-1] != 1:
+        raise RecordError(f"--input {path}: must hold one channel, what was sent")
+    return np.asarray(found.t), np.asarray(found.values[0, :, 0])
 
 
 def _of_run(path: Path) -> list[PulseTestRecord]:

@@ -38,6 +38,8 @@ _SIZES = {
 }  # fmt: skip
 # In which the case tells.
 _CASED = {"Mrad/s": 1e6, "mrad/s": 1e-3}
+# No wave has more of anything, and sums of squares are numbers.
+_LARGEST = 1e100
 _TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
 
 
@@ -127,10 +129,12 @@ def _numbers(path: Path, name: Any, column: Any) -> Float:
 
     numbers = pd.to_numeric(column, errors="coerce")
     bad = numbers.isna() & column.notna() & (column.astype(str).str.strip().str.lower() != "nan")
+    bad |= numbers.abs() > _LARGEST
     if bad.any():
         at = int(np.flatnonzero(bad)[0])
         raise RecordError(
             f"{path}: column {name}, row {at + 1}: {str(column.iloc[at])[:40]!r} is no number"
+            + (f" up to {_LARGEST:g}" if abs(numbers.iloc[at]) > _LARGEST else "")
         )
     return np.asarray(numbers, float)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +23,7 @@ _MOST_NOTES = 12
 # Receivers whose arrivals are shown.
 _MOST_RECEIVERS = 8
 _LONGEST_NAME = 16
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 # No Q above this is told from none.
 _HIGHEST_Q = 1e6
 
@@ -71,9 +72,21 @@ def _single(
         console.print(_by_convention(alone[0], scale, unit))
     said = "± is one standard error: noise, and what conventions and other waves leave open."
     console.print(said + (" Conventions' times include the system's delay." if shown else ""))
-    reasons = Counter(one.best.reason for one in alone if not one.best.valid)
-    for reason, count in reasons.items():
-        console.print(f"{count} refused: {reason}.", markup=False)
+    for said, count in _alike([one.best.reason for one in alone if not one.best.valid]):
+        console.print(f"{count} refused: {said}.", markup=False)
+
+
+def _alike(reasons: Sequence[str]) -> list[tuple[str, int]]:
+    """Reasons and how many have each; those that differ by their first number have its range."""
+    groups: dict[str, list[str]] = {}
+    for reason in reasons:
+        groups.setdefault(_NUMBER.sub("#", reason, count=1), []).append(reason)
+    told = []
+    for key, those in groups.items():
+        numbers = sorted({_NUMBER.findall(one)[0] for one in those if "#" in key}, key=float)
+        said = key.replace("#", " to ".join(dict.fromkeys([*numbers[:1], *numbers[-1:]])), 1)
+        told.append((said, len(those)))
+    return told
 
 
 def _several(console: Console, one: Reading) -> None:
@@ -119,7 +132,8 @@ def _several(console: Console, one: Reading) -> None:
     speeds = [result.velocities[name] for name in result.arrivals]
     table.add_row("velocity (m/s)", *(_known(v.velocity, v.error) for v in speeds))
     console.print(table)
-    for why in dict.fromkeys(v.reason for v in speeds if v.reason not in ("", best.reason)):
+    mixed = [v.reason for v in speeds] if "several waves" in best.reason else [best.reason]
+    for why in dict.fromkeys(v.reason for v in speeds if v.reason not in ("", *mixed)):
         names = [n for n, v in zip(result.arrivals, speeds, strict=True) if v.reason == why]
         console.print(f"– {', '.join(names)}: {why}.", markup=False)
     if len(one.receivers) > _MOST_RECEIVERS:
@@ -129,7 +143,8 @@ def _several(console: Console, one: Reading) -> None:
 
 def _place(receiver: ReceiverArrivals) -> str:
     """A receiver's name and position, which some headings say already."""
-    name, place = receiver.name[:_LONGEST_NAME], f"{receiver.position * 1e3:.5g} mm"
+    x = receiver.position
+    name, place = receiver.name[:_LONGEST_NAME], f"{x:.5g} m" if x >= 10 else f"{x * 1e3:.5g} mm"
     return name if place in name else f"{name}, {place}"
 
 

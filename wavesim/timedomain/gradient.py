@@ -27,7 +27,7 @@ from wavesim.timedomain.chebyshev_stepper import ChebyshevSeries, series
 from wavesim.timedomain.equation import Equation, Motion
 from wavesim.timedomain.integrate import advance
 from wavesim.timedomain.moments_in_time import signals
-from wavesim.timedomain.operator import Operator, operator
+from wavesim.timedomain.operator import operator
 from wavesim.timedomain.source_terms import initial_state, source_terms
 from wavesim.timedomain.time_step import (
     TimeStep,
@@ -68,8 +68,6 @@ def traced_fields(
     receivers: Sequence[float] | None = None,
     thicknesses: Any = None,
     *,
-    law: tuple[Any, Any] | None = None,
-    fastest: Layers | None = None,
     forward: bool = False,
 ) -> dict[str, jax.Array]:
     """The fields of a run as jax arrays, a pure function of its media and its layers' thicknesses.
@@ -98,9 +96,6 @@ def traced_fields(
         receivers: positions, m; None for the whole grid.
         thicknesses: of the layers, shape (layers,), m, in place of those that they have; may be
             traced.
-        law: unrelaxed modulus m_U over the medium's own, –, and strengths Y_l, shape (mechanisms,),
-            in place of those of the plan's law, which must be one for all layers; may be traced.
-        fastest: layers for which the step is chosen, in place of the plan's.
         forward: whether derivatives are of forward mode, ``jax.jvp`` and ``jax.jacfwd``: for few
             parameters and many values.
 
@@ -115,9 +110,8 @@ def traced_fields(
     if sizes is not None:
         layers = _placed(layers, planned)
     given = as_layers(layers, planned.bar.length)
-    quickest = dataclasses.replace(planned, layers=fastest or planned.layers, solver="chebyshev")
-    step = _in_units_of(planned, quickest, time_step(quickest))
-    _check(given, planned, quickest)
+    step = time_step(dataclasses.replace(planned, solver="chebyshev"))
+    _check(given, planned)
     medium, bar, blocks = planned.medium, planned.bar, planned.blocks
     by_moments = receivers is not None and not planned.lossy and not forward
     kept = planned.with_gradient
@@ -130,8 +124,6 @@ def traced_fields(
         for value in one.of_gradient
     )
     A = operator(given, bar, blocks, medium, kept, planned.layers, sizes)
-    if law is not None:
-        A = _under_law(A, planned, *law)
     grid = None if sizes is None else TracedGrid(bar, sizes)
     terms = source_terms(planned.sources, medium, bar, blocks, A, grid)
     start = initial_state(planned.sources, medium, bar, blocks, A)
@@ -144,8 +136,7 @@ def traced_fields(
     fields = to_fields(pairs, blocks, medium)
     if receivers is None:
         fields = {n: f if is_macro(n) else f[:, : bar.cells] for n, f in fields.items()}
-    stiffer = None if law is None else law[0] / medium.damping.unrelaxed
-    fits = _fits(given, quickest, sizes, stiffer)
+    fits = _fits(given, planned, sizes)
     return {name: jnp.where(fits, values, jnp.nan) for name, values in fields.items()}
 
 
@@ -164,33 +155,6 @@ def _integrated(equation: _Recorded, start: Any, step: TimeStep, forward: bool) 
     )
     first = equation.observe(begun)
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, seen)
-
-
-def _in_units_of(planned: Simulation, other: Simulation, step: TimeStep) -> TimeStep:
-    """A time step in the scaled time of one simulation, from that of another."""
-    ratio = float(scales(other.medium).time) / float(scales(planned.medium).time)
-    return dataclasses.replace(
-        step, step=step.step * ratio, radius=step.radius / ratio, shift=step.shift / ratio
-    )
-
-
-def _under_law(A: Operator, planned: Simulation, unrelaxed: Any, strengths: Any) -> Operator:
-    """The operator with another unrelaxed modulus and other strengths of relaxation."""
-    (own, *others) = [layer.medium.damping for layer in planned.layers.layers]
-    if any(other != own for other in others) or own.mass or own.stiffness:
-        raise ValueError("law: the plan's layers must have one law of relaxations for all")
-    factor = unrelaxed / own.unrelaxed
-    groups = []
-    for group in A.groups:
-        c = dataclasses.replace(
-            group.c,
-            stiffness=group.c.stiffness * factor,
-            gradient=None if group.c.gradient is None else group.c.gradient * factor,
-        )
-        placed = jnp.where(group.losses.strengths > 0, strengths[:, None], 0.0)
-        losses = dataclasses.replace(group.losses, strengths=placed)
-        groups.append(dataclasses.replace(group, c=c, losses=losses))
-    return Operator(tuple(groups))
 
 
 def _sizes(thicknesses: Any, planned: Simulation) -> Any:
@@ -222,13 +186,9 @@ def _placed(layers: Medium | Layers | Sequence[Layer], planned: Simulation) -> A
     ]
 
 
-def _fits(given: Layers, planned: Simulation, sizes: Any, stiffer: Any) -> Any:
+def _fits(given: Layers, planned: Simulation, sizes: Any) -> Any:
     """Whether no frequency is above the highest of the plan; True where that is known before."""
-    if (
-        sizes is None
-        and stiffer is None
-        and all(_plain(layer) is not None for layer in given.layers)
-    ):
+    if sizes is None and all(_plain(layer) is not None for layer in given.layers):
         return True
     most = highest_frequency(planned) / closure_factor(planned.bar)
     units, bar = scales(planned.medium), planned.bar
@@ -242,8 +202,7 @@ def _fits(given: Layers, planned: Simulation, sizes: Any, stiffer: Any) -> Any:
             for block in planned.blocks:
                 matrix = bound_matrix(medium, block, units, norm, jnp)
                 squares.append(_largest(jax.lax.stop_gradient(matrix)))
-    largest = jnp.max(jnp.stack(squares)) * (1.0 if stiffer is None else stiffer)
-    return largest <= most**2 * 1.0001
+    return jnp.max(jnp.stack(squares)) <= most**2 * 1.0001
 
 
 def _largest(matrix: Any) -> Any:
@@ -255,7 +214,7 @@ def _largest(matrix: Any) -> Any:
     return jnp.exp(log + jnp.log(jnp.sqrt(jnp.sum(power**2))) / 2**7)
 
 
-def _check(given: Layers, planned: Simulation, quickest: Simulation) -> None:
+def _check(given: Layers, planned: Simulation) -> None:
     """Hold layers to those of the plan, as far as their numbers are known."""
     of_plan = planned.layers.layers
     if len(given.layers) != len(of_plan):
@@ -272,9 +231,7 @@ def _check(given: Layers, planned: Simulation, quickest: Simulation) -> None:
             if getattr(layer.medium, name) != getattr(plain.medium, name):
                 raise ValueError(f"{name} (layer {number}): must be that of the plan's layer")
         known.append(_plain(layer) or plain)
-    # Both in the plan's units: each has those of its own medium.
-    unit = float(scales(planned.medium).time) / float(scales(quickest.medium).time)
-    most = highest_frequency(quickest) * unit
+    most = highest_frequency(planned)
     here = highest_frequency(planned, Layers(tuple(known)))
     if here > most * (1 + 1e-9):
         raise ValueError(

@@ -76,7 +76,4 @@ def of_series(series: Series | None, readings: Sequence[Reading]) -> dict[str, A
 
 def answer(readings: Sequence[Reading], series: Series | None) -> dict[str, Any]:
     """All of it, as ``wavesim pulse --json`` prints it."""
-    return {
-        "records": [of_reading(one) for one in readings],
-        "series": of_series(series, readings),
-    }
+    return {"records": [of_reading(one) for one in readings], "series": of_series(series, readings)}

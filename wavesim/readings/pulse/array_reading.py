@@ -12,19 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse import faults
-from wavesim.readings.pulse.array_crosstalk import (
-    without_crosstalk,
-    without_what_all_hear_at_once,
-)
+from wavesim.readings.pulse.array_crosstalk import without_crosstalk, without_what_all_hear_at_once
 from wavesim.readings.pulse.echo_gate import common_period, echo_gate
-from wavesim.readings.pulse.measurement import PulseResult, measure
+from wavesim.readings.pulse.first_break import onset
+from wavesim.readings.pulse.measurement import PulseResult, measured
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
-from wavesim.readings.pulse.several_waves import (
-    Passing,
-    of_one_wave,
-    unexplained,
-    waves_passing,
-)
+from wavesim.readings.pulse.several_waves import Passing, of_one_wave, unexplained, waves_passing
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import (
@@ -45,6 +38,8 @@ SPREADS = (
     "wavesim attenuation takes --source and --spreading"
 )
 _Speed = tuple[str, Velocity]
+# Noise of this part of the others' size is that of a receiver without a signal.
+_DEAD = 1e-2
 
 
 # The first of them that there is: where the medium disperses all are right, each of another speed.
@@ -96,11 +91,13 @@ def read_array(
     """
     notes: list[str] = []
     given = {key: np.array(u, float) for key, u in signals.items()}
-    dead = faults.dead(given)
+    usual = float(np.median([np.ptp(u) for u in given.values()]))
+    dead = [key for key, u in given.items()
+            if not np.ptp(u) > _DEAD * usual and onset(u - np.median(u))[2]]  # fmt: skip
     if len(given) - len(dead) > 1:
         given = {key: u for key, u in given.items() if key not in dead}
         positions = {key: x for key, x in positions.items() if key not in dead}
-        notes += [f"{key}: dead, no signal beside the others': left out" for key in dead]
+        notes += [f"{', '.join(dead)}: dead, no signal beside the others': left out"] * bool(dead)
     looked_at = pulse_record(t, given, positions)
     try:
         cleared = without_what_all_hear_at_once(looked_at, given, common_period(looked_at), notes)
@@ -114,16 +111,14 @@ def read_array(
     if cleared is not given:
         given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
-    window, overlap = echo_gate(looked_at)
+    unlike = unlike or faults.muted(looked_at.values)
+    gated, (window, overlap) = looked_at.values, echo_gate(looked_at)
     if window is not None and not overlap:
         at = "" if math.isinf(window.velocity) else ", later at each that the wave reaches later"
         notes.append(f"the record is read up to {window.end:.4g} s, before the first echo{at}")
-        weights = window.weights(looked_at.t, looked_at.x)
-        given = {key: _ended(given[key], weights[:, j]) for j, key in enumerate(looked_at.names)}
-    result = measure(
-        t, given, positions, window=window, expected=expected, noise=noise,
-        source=None if sent is None else np.asarray(sent, float),
-    )  # fmt: skip
+        gated = looked_at.values * window.weights(looked_at.t, looked_at.x)
+    own = replace(looked_at, values=gated, known=noise)
+    result = measured(own, window, source=sent, expected=expected)
     if unlike:
         result = _without_spectra(result, unlike)
         notes.append(unlike)
@@ -236,12 +231,6 @@ def _of_several(
     return judged(name, time, error, span, reason)
 
 
-def _ended(u: Float, weight: Float) -> Float:
-    """A signal that ends with a gate, at the base it began with."""
-    base = float(np.median(u[: max(4, len(u) // 50)]))
-    return base + (u - base) * weight
-
-
 def _arrivals(result: PulseResult, j: int) -> dict[str, TravelTime]:
     return {
         convention: TravelTime(float(one.time[j]), float(one.error[j]), one.reason[j])
@@ -276,7 +265,10 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
     time = span / one.velocity
     reason = ""
     if not one.velocity > 0:
-        reason = "the wave runs towards smaller positions: are they counted from the source?"
+        reason = (
+            "the wave runs towards smaller positions: are they counted from the source, or lengths "
+            "of specimens that take the place of a slower liquid?"
+        )
     error = time * bar / abs(one.velocity)
     return judged(name, time, error, span, reason, remedy=remedy)
 

@@ -168,10 +168,7 @@ def _unless_known(noise: float) -> str:
 
 
 def arrivals(
-    record: PulseRecord,
-    convention: str,
-    fraction: float = 0.5,
-    reference: Float | None = None,
+    record: PulseRecord, convention: str, fraction: float = 0.5, reference: Float | None = None
 ) -> Arrivals:
     """Arrival at every receiver by one convention.
 

@@ -35,12 +35,12 @@ def band_about(u: Float, dt: float, period: float) -> Float:
 
 
 def central_period(
-    t: Float, raw: Float, sent: Float | None, otherwise: float, after: float
+    t: Float, raw: Float, sent: Float | None, otherwise: float, after: float, sampled: float
 ) -> float:
     """1/f of the mean of the power over frequency after a time, where that stands above noise.
 
     Power is weighted by f, so that a creeping base does not count, and noise is the level of the
-    highest frequencies.
+    highest frequencies, as they were sampled at an interval (s) that t may divide.
     """
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     u = raw[t >= after]
@@ -48,8 +48,8 @@ def central_period(
     f = np.fft.rfftfreq(len(u), dt)
     power = np.abs(np.fft.rfft(u * np.hanning(len(u)))) ** 2
     smooth = np.convolve(power, np.ones(5) / 5, "same")
-    level = float(np.median(power[len(power) // 2 :])) / np.log(2)
-    own = (f > 4 / (len(u) * dt)) & (smooth > 10 * level) & (f < 0.4 / dt)
+    level = float(np.median(power[(f >= 0.25 / sampled) & (f <= 0.5 / sampled)])) / np.log(2)
+    own = (f > 4 / (len(u) * dt)) & (smooth > 10 * level) & (f < 0.4 / sampled)
     weight = np.where(own, power * f, 0.0)
     if sent is not None:
         power_sent = np.abs(np.fft.rfft(np.gradient(sent), len(sent))) ** 2

@@ -1,36 +1,22 @@
-"""What is wrong with the signals of a pulse test, and what of it can be put right.
+"""What only a pulse test shows of its signals: padding, muting, a reversed receiver, a second gain.
 
-Each function looks at one thing, on plain arrays. An offset or a drift is taken out; noise is
-at least that of the steps the digitiser wrote, LSB/√12; a stretch of equal samples at the beginning
-tells nothing of it. Flat tops keep a receiver from amplitudes, a reversed one is turned over.
+What is wrong with any record is looked for by :mod:`wavesim.records.faults`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.first_break import onset
-from wavesim.records.faults.clipping import clipped
 from wavesim.records.faults.quantisation import quanta
 
 Float = NDArray[Any]
 
-# No instrument gives this: 9.9e37 is the overload mark of a scope.
-OVERLOAD = 1e30
-# Noise of this part of the others' size is that of a receiver without a signal.
-_DEAD = 1e-2
-# A sample this many times the second largest, and of the median size, is a code and no signal.
-_STANDS_ALONE = 1e4
-# Equal samples in a row before the signal are a padding.
-_PADDING = 16
-# A record that begins above this part of its peak begins within the signal.
-_BEGUN = 0.05
-# A quiet part that bends by this many deviations of its roughness wanders.
-_WANDERS = 1.5
+# Equal samples in a row before the signal are a padding; after it, by so many more at one receiver
+# than at another, a muting.
+_PADDING, _MUTED = 16, 4
 # A receiver turned over must leave this part of what was left before, and little at all; looked at
 # where every receiver has this part of its peak spectrum.
 _TURNED = 0.15
@@ -39,38 +25,6 @@ _TURNED = 0.15
 _STEP_LEAVES, _FEWEST_OF_STEP, _STEP = 0.02, 6, 1.05
 _FITS = 0.03
 _IN_BAND = 0.3
-
-
-def dead(signals: Mapping[str, Float]) -> tuple[str, ...]:
-    """Receivers that are constant, or small noise beside others in which something arrives.
-
-    Args:
-        signals: u of each, shape (nt,).
-    """
-    size = {name: float(np.ptp(u)) for name, u in signals.items()}
-    usual = float(np.median([one for one in size.values() if one > 0] or [0.0]))
-    return tuple(
-        name for name, u in signals.items()
-        if size[name] == 0
-        or (size[name] <= _DEAD * usual and onset(u - np.median(u))[2])
-    )  # fmt: skip
-
-
-def overload(values: Float) -> int | None:
-    """Index of a sample that no signal has: not finite, an overload mark, one alone above all."""
-    bad = ~(np.abs(values) < OVERLOAD)
-    if bad.any():
-        return int(np.argmax(bad))
-    size = np.sort(np.abs(values - np.median(values)))
-    usual = float(size[len(size) // 2])
-    if size[-1] > _STANDS_ALONE * max(size[-2], usual) > 0:
-        return int(np.argmax(np.abs(values - np.median(values))))
-    return None
-
-
-def flat_tops(values: Float) -> NDArray[np.bool_]:
-    """Which signals are clipped, shape (m,), of u of shape (nt, m)."""
-    return clipped(values[None], quanta(values[None]))[0]
 
 
 def padding(values: Float) -> int:
@@ -90,42 +44,20 @@ def padding(values: Float) -> int:
     return lead if level > 1e-5 * peak and level > 0.2 * then else 0
 
 
-def base(u: Float, quiet: int, late: int) -> tuple[Float, str]:
-    """The base line under a signal, told by its quiet part and, where that is sloped, by its end.
+def muted(values: Float) -> str:
+    """Why spectra tell nothing of signals that were muted after the wave, at each receiver by a
+    time of its own; "" of others.
 
     Args:
-        u: shape (nt,).
-        quiet: samples before the arrival.
-        late: samples at the end, which a slope must meet too.
-
-    Returns:
-        (base, shape (nt,), what it is): 0 and "" where the quiet part is about 0, a constant, a
-        line; NaN in place of it where it is none of them.
+        values: u, shape (nt, m).
     """
-    n = np.arange(len(u), dtype=float)
-    part = u[:quiet]
-    mean, noise = float(np.mean(part)), float(np.std(part))
-    curve = np.polynomial.Polynomial.fit(n[:quiet], part, 2)(n[:quiet])
-    rough = float(np.std(np.diff(part))) / np.sqrt(2)
-    wanders = np.std(curve) > _WANDERS * max(rough, 1e-3 * float(np.ptp(u)) / _WANDERS)
-    if not wanders:
-        flat = abs(mean) <= 3 * noise / np.sqrt(quiet)
-        return np.full(len(u), 0.0 if flat else mean), "" if flat else f"an offset of {mean:.4g}"
-    own = np.r_[:quiet, len(u) - late : len(u)]
-    line = np.polynomial.Polynomial.fit(n[own], u[own], 1)(n)
-    left = np.polynomial.Polynomial.fit(n[:quiet], part - line[:quiet], 1)(n[:quiet])
-    if max(np.abs(left).max(), abs(np.mean((u - line)[-late:]))) > max(
-        _WANDERS * rough, 1e-3 * np.ptp(u)
-    ):
-        return np.full(len(u), np.nan), ""
-    return line, f"a drift of {line[-1] - line[0]:.4g} from end to end"
-
-
-def begins_within(values: Float, noise: float) -> bool:
-    """Whether the record begins when the signal is there already; an offset is out."""
-    peak = float(np.abs(values).max())
-    early = float(np.sqrt(np.mean(values[:4] ** 2)))
-    return early > max(_BEGUN * peak, 5 * float(np.nan_to_num(noise)))
+    equal = np.array([int(np.argmax((u != u[-1])[::-1])) for u in values.T])
+    if np.ptp(np.where(quanta(values[None]) > 0, 0, equal)) < _MUTED:
+        return ""
+    return (
+        "signals are muted after the wave, and c, α and Q would be those of the part that is left: "
+        "give them as they were recorded"
+    )
 
 
 def reversed_receivers(values: Float, x: Float) -> list[int]:

@@ -142,22 +142,35 @@ def measure(
     positions: Mapping[str, float],
     window: Window | None = None,
     omega: ArrayLike | None = None,
+    quiet_until: float | None = None,
+    noise: float = math.nan,
+    **how: Any,
+) -> PulseResult:
+    """Read a pulse test as :func:`measured` does, after its signals have been looked over.
+
+    Args:
+        t, signals, positions, quiet_until, noise: as for
+            :func:`~wavesim.readings.pulse.signals.pulse_record`; 2 to about 20 receivers, all on
+            one side of the source, ascending away from it.
+        window, omega, how: as for :func:`measured`.
+    """
+    return measured(pulse_record(t, signals, positions, quiet_until, noise), window, omega, **how)
+
+
+def measured(
+    record: PulseRecord,
+    window: Window | None = None,
+    omega: ArrayLike | None = None,
     through: tuple[str, str] | None = None,
     fraction: float = 0.5,
     source: ArrayLike | None = None,
-    quiet_until: float | None = None,
     k_max: float | None = None,
     expected: tuple[float, float] | None = None,
-    noise: float = math.nan,
 ) -> PulseResult:
     """Read a pulse test.
 
     Args:
-        t: times, even, shape (nt,), s; may start anywhere.
-        signals: of each receiver, shape (nt,) each, one unit; 2 to about 20 receivers, all on one
-            side of the source, ascending away from it. What is wrong with them is put right, or
-            keeps them from being read, and stands in ``record.notes``.
-        positions: x of each, m.
+        record: the signals; what is wrong with them stands in ``notes``.
         window: for spectra; where None a gate over the whole record, of which the last 5 %
             fade.
         omega: ω of all spectral results, ascending, shape (n,), rad/s; where None, as dense as
@@ -168,23 +181,15 @@ def measure(
         fraction: of the peak, for arrival by threshold, –.
         source: the source's signal, shape (nt,), which receivers are correlated with and whose
             spectrum says what was driven; the first receiver's where None.
-        quiet_until: time before which there is only noise at every receiver, s; three quarters of
-            the time to each first break where None.
         k_max: largest |Re k| that can be, rad/m, and
         expected: (f, c), a phase velocity foreseen at one frequency, Hz and m/s: either resolves
             the phases' ambiguity, see :mod:`wavesim.readings.pulse.phase_unwrapping`.
-        noise: of arrivals where the record shows none before them, unit of the signals; 0 in a
-            simulation.
-
-    Returns:
-        The result.
 
     Raises:
         PulseError: something is not admissible; the message names it.
     """
     if omega is not None and np.iscomplexobj(omega):
         raise PulseError("omega: must be real, rad/s; a window says what its imaginary part is")
-    record = pulse_record(t, signals, positions, quiet_until, noise)
     if window is None:
         window = whole_record(record.t)
     known = None if source is None else np.asarray(source, float)

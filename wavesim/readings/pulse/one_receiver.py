@@ -29,12 +29,11 @@ from wavesim.readings.pulse.reading import (
     spanned,
 )
 from wavesim.readings.pulse.signals import check_distance
-from wavesim.readings.pulse.transmission_record import (
-    TransmissionRecord,
-)
+from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import TravelTime, travel_times
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
+    LEAST_P_OVER_S,
     RIVAL,
     Packet,
     endless,
@@ -56,6 +55,10 @@ _APART = 0.6
 _OWN_CYCLE = 0.65
 # Noise that hides a wave of this part of the largest is told of.
 _MAY_HIDE = 0.1
+UNSAID = (
+    "nothing says when it was sent, as the record begins at t = 0: --input names the column of "
+    "what was sent, or --delay says by how much it was later (--delay 0s: then it is {:.4g} m/s)"
+)
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 
@@ -127,9 +130,12 @@ def run_into(
         return (
             risen if late < abs(distance / wanted.speed + delay - one.begins) else one.begins
         ), math.nan
-    # A P wave comes ahead of the S wave that is meant, but no nearer than that's own first cycle.
+    # A P wave comes ahead of the S wave that is meant, but no nearer than that's own first cycle;
+    # what lies nearer than P waves do may be that wave itself.
     if wanted.wave and risen - one.begins > _OWN_CYCLE * record.period:
-        return (risen if wanted.wave == "S" else one.begins), math.nan
+        near = risen - delay < LEAST_P_OVER_S * (one.begins - delay)
+        as_well = one.begins if near else math.nan
+        return (risen, as_well) if wanted.wave == "S" else (one.begins, math.nan)
     return one.begins, risen
 
 
@@ -174,6 +180,10 @@ def settled(
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
     notes += [note for part, note in parts if note and part > 0]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    # No crosstalk, and nothing before t = 0, says that this is when it was sent.
+    silent = record.sent is None and not delays and not record.crosstalk
+    if not reason and silent and record.t[0] > record.start - record.interval:
+        reason = UNSAID.format(distance / time)
     if not reason and not wanted.speed > 0:
         reason = endless(heard, record)
     best = judged(

@@ -29,6 +29,7 @@ Float = NDArray[Any]
 
 _FEWEST_FREQUENCIES = 3
 UNSEEN = "no loss is seen: Q above {:.3g}"
+CHANGES = "Q changes with frequency, from {:.3g} to {:.3g} over the band, and no mean: take α(ω)"
 # The spectral ratio is refused where a velocity that changes puts it off by more than this part.
 _CONSTANT = 0.1
 
@@ -154,10 +155,13 @@ def mean_quality(
     bar = float(np.sqrt(max(shared / weight.sum(), (excess > 1) * excess * shared / spread)))
     bar = math.hypot(bar, unsaid)
     least = 1 / max(max(mean, 0.0) + 2 * bar, 1e-300)
-    seen = mean > 2 * bar
+    seen, at_each = mean > 2 * bar, inverse[inverse > 2 * error]
+    why = "" if seen else UNSEEN.format(least)
+    if not seen and len(at_each) > count / 2:
+        why, least = CHANGES.format(1 / at_each.max(), 1 / at_each.min()), nan
     return Quality(
         1 / mean if seen else nan, bar / mean**2 if seen else nan, mean, bar, count,
-        "" if seen else UNSEEN.format(least), least, (float(f[0]), float(f[-1])), excess,
+        why, least, (float(f[0]), float(f[-1])), excess,
     )  # fmt: skip
 
 
@@ -173,9 +177,6 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
     """
     if ratio.reason:
         return ratio
-    if not ratio.inverse > 2 * ratio.inverse_error:
-        least = 1 / max(max(ratio.inverse, 0.0) + 2 * ratio.inverse_error, 1e-300)
-        return replace(ratio, quality=np.nan, error=np.nan, reason=UNSEEN.format(least))
     with np.errstate(invalid="ignore"):
         own = np.isfinite(group) & (group > 0) & (group_error < 0.1 * group)
     if own.sum() < _FEWEST_FREQUENCIES:
@@ -189,7 +190,10 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
         inverse_error=float(np.hypot(ratio.inverse_error, apart * ratio.inverse)),
     )
     if apart <= _CONSTANT:
-        return widened
+        if widened.inverse > 2 * widened.inverse_error:
+            return widened
+        least = 1 / max(max(ratio.inverse, 0.0) + 2 * widened.inverse_error, 1e-300)
+        return replace(widened, quality=np.nan, error=np.nan, reason=UNSEEN.format(least))
     change = float(np.ptp(v) / np.mean(v))
     return replace(
         widened,

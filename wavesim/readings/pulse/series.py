@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.central_band import sent_period
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
@@ -39,6 +40,8 @@ _PRIOR = (0.25, 0.06)
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
 _BURST = 1.6
+# Frequencies sent are two where their logarithms are so far apart.
+_OTHER_FREQUENCY = 0.05
 # The weight of the direct wave that a record shows by itself, and how near it counts, in periods.
 _ALONE, _NEAR = 0.2, 0.25
 # The packet about its break, in periods.
@@ -69,9 +72,7 @@ class Followed:
 
 
 def clearest(
-    records: Sequence[TransmissionRecord],
-    heard: Sequence[list[Packet]],
-    own: Sequence[int | None],
+    records: Sequence[TransmissionRecord], heard: Sequence[list[Packet]], own: Sequence[int | None]
 ) -> int | None:
     """The record whose direct wave stands out most from its noise; None where none has one.
 
@@ -158,40 +159,47 @@ class _Signal:
         self.tau = one.t - one.start - delay
         self.u = one.got / (float(np.abs(one.got).max()) or 1.0)
         self.period = one.period
-        # A burst's cycles keep their length, and only its envelope moves as a stretch does.
+        self.sent_period = sent_period(one.sent, one.interval) or 1.0
         self.burst = one.length > _BURST * one.period
-        self.outline = envelope(self.u) if self.burst else self.u
+        self.envelope = envelope(self.u)
 
     def turned(self) -> _Signal:
-        """The same with the other sign; a burst's envelope has none."""
+        """The same with the other sign; its envelope has none."""
         other = copy(self)
         other.u = -self.u
-        other.outline = self.outline if self.burst else other.u
         return other
 
     def at(self, tau: Float) -> Float:
         return np.interp(tau, self.tau, self.u, left=0.0, right=0.0)
 
-    def outline_at(self, tau: Float) -> Float:
-        """What a stretch is judged by: the signal, or of a burst its envelope about its mean."""
-        outline = np.interp(tau, self.tau, self.outline, left=0.0, right=0.0)
-        return outline - outline.mean(axis=-1, keepdims=True) if self.burst else outline
+    def outline_at(self, tau: Float, whole: bool) -> Float:
+        """What a stretch is judged by: the signal, or its envelope about its mean."""
+        if not whole:
+            return self.at(tau)
+        outline = np.interp(tau, self.tau, self.envelope, left=0.0, right=0.0)
+        return np.asarray(outline - outline.mean(axis=-1, keepdims=True))
 
     def correlations(self, other: _Signal, time: float, log_ratios: Float) -> Float:
         """C(r) with another one, for an arrival at ``time`` here; shape of log_ratios."""
         step = min(self.period, other.period) / 16
         tau = np.arange(_FROM * time, max(_TO * time, _FROM * time + 2 * self.period), step)
-        own = self.outline_at(tau)
-        there = other.outline_at(np.exp(log_ratios)[:, None] * tau)
+        # Cycles of a burst keep their length, and those of what was sent at another frequency have
+        # their own: only the envelope moves as a stretch does.
+        apart = abs(np.log(other.sent_period / self.sent_period)) > _OTHER_FREQUENCY
+        whole = self.burst or other.burst or apart
+        own = self.outline_at(tau, whole)
+        there = other.outline_at(np.exp(log_ratios)[:, None] * tau, whole)
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         # A stretch that reaches into silence correlates with noise alone.
         least = 0.1 * np.sqrt(np.sum(own**2) * len(tau)) * float(np.sqrt(np.mean(other.u**2)))
         return np.asarray(there @ own / np.maximum(size, max(least, 1e-30)))
 
     def shifted(self, other: _Signal, time: float, times: Float, period: float) -> Float:
-        """Correlation of the packet at ``time`` here with those at some times there."""
+        """Correlation of the packet at ``time`` here with those at some times there, each as long
+        as what was sent."""
         s = np.arange(_PACKET[0] * period, _PACKET[1] * period, period / 24)
-        own, there = self.at(time + s), other.at(times[:, None] + s)
+        as_long = other.sent_period / self.sent_period
+        own, there = self.at(time + s), other.at(times[:, None] + as_long * s)
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         least = 0.1 * np.sqrt(np.sum(own**2) * len(s) * float(np.mean(other.u**2)))
         return np.asarray(there @ own / np.maximum(size, max(float(least), 1e-30)))
@@ -202,7 +210,7 @@ def _voted(
 ) -> Followed:
     """Times at which the packets of all pairs lie on each other best, and what is left over.
 
-    A packet keeps its length from state to state, so here it is shifted, not stretched.
+    A packet is as long as what was sent, so here it is shifted, and stretched about itself alone.
     """
     n = len(signals)
     rows, values, weights, pairs = [], [], [], []
@@ -218,12 +226,13 @@ def _voted(
             if not C[top] >= LEAST_CORRELATION:
                 continue
             row = np.zeros(n)
-            row[j], row[i] = 1.0, -1.0
+            as_long = signals[j].sent_period / signals[i].sent_period
+            row[j], row[i] = 1.0, -as_long
             rows.append(row)
             at = lags[0] + top_of(C, top) * (lags[1] - lags[0])
-            values.append(rough[j] - rough[i] + at)
+            values.append(rough[j] - as_long * rough[i] + at)
             weights.append(float(C[top]) ** 2 / (b - a))
-            pairs.append((i, j))
+            pairs.append((i, j, as_long))
             if b == a + 1:
                 best[i], best[j] = max(best[i], C[top]), max(best[j], C[top])
     hold = np.zeros(n)
@@ -234,8 +243,8 @@ def _voted(
     w = np.sqrt(np.array([1e3, *weights, *np.ones(n)]))
     time = np.linalg.lstsq(A * w[:, None], y * w, rcond=None)[0]
     off: list[list[float]] = [[] for _ in range(n)]
-    for (i, j), value in zip(pairs, values, strict=True):
-        left = time[j] - time[i] - value
+    for (i, j, as_long), value in zip(pairs, values, strict=True):
+        left = time[j] - as_long * time[i] - value
         off[i].append(left)
         off[j].append(left)
     spread = np.array([np.sqrt(np.mean(np.square(one))) if one else np.nan for one in off])

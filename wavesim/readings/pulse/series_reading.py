@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.left_open import Arrived, left_open, open_between
+from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
@@ -21,7 +21,7 @@ from wavesim.readings.pulse.series import (
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.travel_time import TravelTime
+from wavesim.readings.pulse.travel_time import REACHED, TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
@@ -38,6 +38,8 @@ Float = NDArray[np.float64]
 FOLLOWED = "followed"
 # Arrivals within this part of a period are the same.
 _SAME = 0.6
+# What was followed to may be a cycle off where a record's own packet is so many periods from it.
+_A_CYCLE = (0.3, 1.2)
 # A packet is on a series' line within this part of its time, and no more than twice; and the power
 # of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
 _OFF_LINE = 0.06
@@ -45,6 +47,12 @@ _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
 # Words of a parameter that make waves faster as Hertz's contacts do.
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
+UNLIKE_MOST = (
+    "most records of the series show no wave of this one's, or it lies within their crosstalk: "
+    "shield and ground both sides, or look whether they are of one set-up"
+)
+# A wave that this part of a series or more does not show is none.
+_MOST_LOST = 0.6
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,7 @@ def read_series(
     arrival = float(begun[reference])
     found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
-    each = _followed(records, found, delays)
+    each = _followed(records, found, begun, delays)
     parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     period = np.array([one.period for one in records])
     # What a set-up leaves open it leaves open in most of its records, as many periods of each.
@@ -237,22 +245,30 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
 
 
 def _followed(
-    records: Sequence[TransmissionRecord], found: Followed, delays: Mapping[str, float]
+    records: Sequence[TransmissionRecord],
+    found: Followed,
+    begun: Float,
+    delays: Mapping[str, float],
 ) -> list[Arrived]:
-    """Followed arrivals, which jump no cycle, with what the records' own first breaks are off."""
+    """Followed arrivals, which jump no cycle, with what the records' own first breaks are off, and
+    their own packets (begun, less the delay, s), where these are about a cycle from them."""
     delay, time = delays.get(OF_ONE, 0.0), found.time
     alone = [arrived(one, t + delay, delays) for one, t in zip(records, time, strict=True)]
     period = np.array([one.period for one in records])
     off = np.abs(np.array([one.begins - delay for one in alone]) - time)
     near = off < _SAME * period
     scatter = 1.4826 * float(np.median(off[near])) if near.any() else 0.0
-    noise = np.hypot(np.nan_to_num(found.error), scatter)
+    own = np.abs(begun - time) / period
+    cycle = np.where((own > _A_CYCLE[0]) & (own < _A_CYCLE[1]), own * period, 0.0)
+    noise = np.hypot(np.hypot(np.nan_to_num(found.error), scatter), REACHED * cycle)
     share = _open_in_periods(alone, time, period)
     unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
+    hidden = [in_crosstalk(one, t + delay) for one, t in zip(records, time, strict=True)]
+    none = UNLIKE_MOST * bool(np.mean(unlike | hidden) > _MOST_LOST)
     return [
         Arrived(
             FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,
-            UNLIKE if unlike[i] else "",
+            UNLIKE if unlike[i] else none,
         )
         for i, one in enumerate(alone)
     ]  # fmt: skip

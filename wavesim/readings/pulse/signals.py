@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.first_break import WEAK, onset
 from wavesim.records.evenness import even
+from wavesim.records.faults.baseline import without_baseline
+from wavesim.records.faults.clipping import clipped
+from wavesim.records.faults.fill_values import within_range, without_fill
+from wavesim.records.faults.finding import Finding
+from wavesim.records.faults.moveout import begun
 from wavesim.records.faults.quantisation import quanta
+from wavesim.records.faults.quiet import rest
 from wavesim.records.windows import noise_density
 
 Float = NDArray[Any]
@@ -32,9 +38,12 @@ _ROUNDING = 2.0**-53
 # which on that needs no word.
 _FEWEST_PER_PERIOD, _TOO_FEW, _PER_PERIOD, _ENOUGH = 24, 3.5, 32, 10
 _STRONG = 0.05
+# A quiet part that bends by this many deviations of its roughness wanders.
+_BENDS = 1.5
 CLIPPED = "flat tops: the signal is clipped; lower the gain"
 MARKED = "it holds a mark of overload: record it again with less gain"
 WANDERS = "its base wanders before the arrival: take drift or hum out, or record longer before it"
+REVERSED = "reversed beside the others, turned over; check its polarity"
 BEGUN = "the record begins within the signal: trigger earlier"
 
 
@@ -157,44 +166,55 @@ def pulse_record(
     if not (np.isfinite(x).all() and (np.diff(x) > 0).all()):
         raise PulseError(f"positions = {x.tolist()} m: must be finite and all different")
     values = np.stack([checked(name, signals[name], time) for name in names], axis=1)
-    why = [_marked(name, values[:, j], time, notes) for j, name in enumerate(names)]
-    if why.count("") < 2:
-        raise PulseError(f"{notes[-1]}; at least 2 receivers without one are needed")
-    values[:, [bool(one) for one in why]] = 0.0
+    found: list[Finding] = []
+    why = np.array([""] * len(names), object)
+    why[marked(values, time, x, names, found)] = MARKED
+    if (why == "").sum() < 2:
+        raise PulseError(f"{found[-1].said}; at least 2 receivers without any are needed")
+    values[:, why == MARKED] = 0.0
     filled = np.array([faults.padding(u) for u in values.T])
+    quantum = quanta(values[None])
+    flat = clipped(values[None], quantum)[0]
+    for j, first in enumerate(filled):
+        values[:first, j] = values[first, j] if first else 0.0
+    at_rest = rest(values, quantum)
+    values = without_baseline(values, time, x, names, quantum, at_rest, found)
     quiet = np.full(len(names), np.nan if quiet_until is None else float(quiet_until))
-    for j, name in enumerate(names):
-        own = values[filled[j] :, j]
+    for j, first in enumerate(filled.tolist()):
+        own = values[first:, j]
         if quiet_until is None:
-            quiet[j] = time[0] + step * (filled[j] + _quiet_samples(own))
-        count = int(np.searchsorted(time, quiet[j])) - int(filled[j])
-        if count < FEWEST_QUIET:
-            continue
-        base, what = faults.base(own, count, max(FEWEST_QUIET, len(own) // 10))
-        if np.isnan(base).any():
-            why[j] = why[j] or WANDERS
-        if what:
-            own -= base
-            notes.append(f"{name}: {what} was taken out")
-            if quiet_until is None:
-                quiet[j] = time[0] + step * (filled[j] + _quiet_samples(own))
-        if filled[j]:
-            values[: filled[j], j] = 0.0
-            notes.append(f"{name}: the first {filled[j]} samples are equal, and count as filled in")
-    for j in np.flatnonzero(faults.flat_tops(values)).tolist():
-        why[j] = why[j] if why[j] == MARKED else CLIPPED
-    whole = np.array([one not in (MARKED, CLIPPED) for one in why])
-    for j in np.flatnonzero(whole)[faults.reversed_receivers(values[:, whole], x[whole])]:
-        values[:, j] *= -1
-        notes.append(f"{names[j]}: reversed beside the others, turned over; check its polarity")
-    found = PulseRecord(time, names, x, values, quiet, filled, tuple(why), known=noise)
-    for j, (u, s, until) in enumerate(zip(values.T, found.noise, quiet, strict=True)):
-        if why[j] in ("", WANDERS) and faults.begins_within(u, s) and np.isfinite(until):
-            why[j] = BEGUN
-    notes += [
-        f"{name}: {one}" for name, one in zip(names, why, strict=True) if one not in ("", MARKED)
-    ]
-    return replace(found, unusable=tuple(why), notes=tuple(notes))
+            quiet[j] = time[0] + step * (first + _quiet_samples(own))
+        count = int(np.searchsorted(time, quiet[j])) - first
+        if count >= FEWEST_QUIET and not why[j] and _wanders(own, count):
+            why[j] = WANDERS
+    why[flat & (why != MARKED)] = CLIPPED
+    why[np.isin(why, ("", WANDERS)) & begun(values, at_rest) & np.isfinite(quiet)] = BEGUN
+    there = np.flatnonzero(why != MARKED)
+    turned = there[faults.reversed_receivers(values[:, there], x[there])]
+    values[:, turned] *= -1
+    told = (
+        (filled > 0, "padded: equal samples at its beginning count as none"),
+        (np.isin(np.arange(len(names)), turned), REVERSED),
+        *((why == one, one) for one in dict.fromkeys(why) if one),
+    )
+    notes += [one.said for one in found]
+    notes += [f"{', '.join(np.array(names)[own])}: {one}" for own, one in told if own.any()]
+    return PulseRecord(time, names, x, values, quiet, filled, tuple(why), tuple(notes), noise)
+
+
+def marked(
+    values: Float, t: Float, x: Float, names: tuple[str, ...], found: list[Finding]
+) -> NDArray[np.bool_]:
+    """Signals with marks of overload or of missing values among their samples, shape (m,)."""
+    whole = without_fill(within_range(values[None].copy(), found), t, x, names, found)
+    return np.asarray(~np.isfinite(whole[0]).all(axis=0))
+
+
+def _wanders(u: Float, quiet: int) -> bool:
+    """Whether the quiet beginning bends by more than its roughness."""
+    curve = np.polynomial.Polynomial.fit(np.arange(quiet), u[:quiet], 2)(np.arange(quiet))
+    rough = float(np.std(np.diff(u[:quiet]))) / np.sqrt(2)
+    return bool(np.std(curve) > max(_BENDS * rough, 1e-3 * float(np.ptp(u))))
 
 
 def even_time_axis(t: ArrayLike) -> tuple[Float, list[str]]:
@@ -274,18 +294,6 @@ def checked(name: str, signal: ArrayLike, time: Float) -> Float:
             f"shape {one.shape}"
         )
     return np.array(one, float)
-
-
-def _marked(name: str, u: Float, time: Float, notes: list[str]) -> str:
-    """MARKED where a sample is a mark of overload or of a missing value, told in the notes."""
-    at = faults.overload(u)
-    if at is None:
-        return ""
-    notes.append(
-        f"{name}: {u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, no "
-        "signal; the receiver was left out"
-    )
-    return MARKED
 
 
 def _quiet_samples(u: Float) -> float:

@@ -14,8 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavesim.readings.pulse import crosstalk, faults
-from wavesim.readings.pulse.central_band import band_about, central_period, sent_period
+from wavesim.readings.pulse import crosstalk
+from wavesim.readings.pulse.central_band import (
+    band_about,
+    central_period,
+    is_step,
+    sent_period,
+)
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.signals import (
     CLIPPED,
@@ -23,13 +28,26 @@ from wavesim.readings.pulse.signals import (
     checked,
     even_time_axis,
     finely,
+    marked,
 )
+from wavesim.records.faults.clipping import clipped
+from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quantisation import quanta
+from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
 
+MARK = "a mark of overload, no signal: record it again with less gain"
+NOTHING_SENT = (
+    "the transmitter's signal is constant: is --input its column? a step must be sent after the "
+    "record begins"
+)
 # What is sent begins where it has this part of its peak.
 _SENT = 0.03
+# It is over where it has less than this part for as long as it lasted.
+_BACK = 0.15
+# What varies by less than this many deviations of its noise, or of its least step, is constant.
+_NOISE = 12.0
 # Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
 # within that part of a period after the start.
 HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
@@ -74,6 +92,7 @@ class TransmissionRecord:
         risen: whether something rose out of crosstalk before that had died away.
         unusable: why amplitudes tell nothing, or "".
         notes: what was put right.
+        sampled: interval of the samples as they were recorded, s.
     """
 
     name: str
@@ -94,6 +113,7 @@ class TransmissionRecord:
     risen: bool
     unusable: str
     notes: tuple[str, ...]
+    sampled: float
 
     @property
     def interval(self) -> float:
@@ -140,12 +160,9 @@ def transmission_record(
     """
     time, notes = even_time_axis(t)
     u = checked("receiver", received, time)
-    at = faults.overload(u)
-    if at is not None:
-        raise PulseError(
-            f"{u[at]:g} at sample {at + 1} (t = {time[at]:.6g} s) is a mark of overload, "
-            "no signal: record it again with less gain"
-        )
+    found: list[Finding] = []
+    if marked(u[:, None], time, np.array([np.nan]), (name,), found).any():
+        raise PulseError(f"{found[-1].size} ({found[-1].where}) is {MARK}")
     length, v = 0.0, None if sent is None else checked("transmitter", sent, time)
     for whose, row in (("receiver", u), ("transmitter", v)):
         if row is not None and np.abs(row).max() > _LARGEST:
@@ -153,7 +170,8 @@ def transmission_record(
                 f"the {whose}'s signal reaches {np.abs(row).max():.3g}: is it its own?"
             )
     step = float(quanta(u[None, :, None])[0])
-    clipped = bool(faults.flat_tops(u[:, None])[0])
+    flat = bool(clipped(u[None, :, None], np.array([step]))[0][0])
+    sampled = float(time[-1] - time[0]) / (len(time) - 1)
     time, u, v, said = finely(time, u, v)
     notes += said
     if v is not None:
@@ -165,13 +183,13 @@ def transmission_record(
     if not np.abs(raw).max() > 0:
         raise PulseError("the receiver's signal is constant: is its column the right one?")
     noise = max(_deviation(early), step / np.sqrt(12)) if known else np.nan
-    if clipped:
+    if flat:
         notes.append("flat tops: the receiver's signal is clipped; lower the gain")
-    found = TransmissionRecord(
+    ready = TransmissionRecord(
         name, time, v, start, length, raw, raw[:0], raw, np.zeros(len(raw)), noise, start,
-        0.0, 0.0, False, False, False, CLIPPED if clipped else "", tuple(notes),
+        0.0, 0.0, False, False, False, CLIPPED if flat else "", tuple(notes), sampled,
     )  # fmt: skip
-    return _ready(found)
+    return _ready(ready)
 
 
 def _deviation(part: Float) -> float:
@@ -182,13 +200,20 @@ def _deviation(part: Float) -> float:
 
 def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
     """Start and length of what is sent, and it without its base."""
-    v = v - float(np.median(v[: max(4, len(v) // 50)]))
+    level, noise = abs(float(np.median(v))), max(fine_noise(v), float(quanta(v[None, :, None])[0]))
+    v = v - _before_sent(t, v)
     peak = float(np.abs(v).max())
-    if not peak > 0:
-        raise PulseError("the transmitter's signal is constant: is --input its column?")
+    if not peak > 0 or np.ptp(v) < min(_SENT * level, _NOISE * noise):
+        raise PulseError(NOTHING_SENT)
     above = np.flatnonzero(np.abs(v) >= _SENT * peak)
     first, last = int(above[0]), int(above[-1])
-    if last > 0.8 * len(v):
+    loud = np.flatnonzero(np.abs(v) >= _BACK * peak)
+    apart = np.flatnonzero(np.diff(loud) > loud[:-1] - loud[0] + 4)
+    if last > 0.8 * len(v) and len(apart) and not is_step(v):
+        # A gauge on a bar hears what was sent come back: that is not sent again.
+        last = int(loud[apart[0]])
+        v = np.where(np.arange(len(v)) <= last, v, 0.0)
+    elif last > 0.8 * len(v):
         # A step stays: what it sends, it sends as it rises.
         level = float(np.median(v[-max(4, len(v) // 50) :]))
         moving = np.flatnonzero(np.abs(v - level) >= 0.1 * peak)
@@ -198,6 +223,22 @@ def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
     back = min(abs(v[first]) / rise, 1.0) if rise > 0 else 0.0
     step = float(t[1] - t[0])
     return float(t[first]) - back * step, max(float(t[last] - t[first]), step), v
+
+
+def _before_sent(t: Float, v: Float) -> float:
+    """Level of the transmitter before it sends.
+
+    A record that begins no sooner may show none: what a pulse returns to, and what a step leaves,
+    is the one of its first and last levels that is nearer to 0.
+    """
+    part, early = max(4, len(v) // 50), t < -0.5 * (t[1] - t[0])
+    if early.any():
+        return float(np.median(v[early][:part]))
+    first, last = v[:part], float(np.median(v[-part:]))
+    level, much = float(np.median(first)), 0.1 * float(np.ptp(v))
+    if np.ptp(first) >= _SENT * np.ptp(v):
+        return float(v[0]) if abs(v[0]) < abs(last) - much else last
+    return level if abs(level) <= abs(last) + much else last
 
 
 def _ready(found: TransmissionRecord) -> TransmissionRecord:
@@ -210,13 +251,15 @@ def _ready(found: TransmissionRecord) -> TransmissionRecord:
     band = band_about(raw, dt, rough)
     size = envelope(band)
     quiet = band[: int(np.searchsorted(t, found.start - 0.25 * rough))]
-    noise = float(np.std(quiet)) if len(quiet) >= _FEWEST_BEFORE else 0.0
+    # Where nothing before it tells the noise, the quietest tenth of the record does.
+    known = len(quiet) >= _FEWEST_BEFORE
+    noise = float(np.std(quiet) if known else np.percentile(size, 10) / 1.25)
     # It comes with what is sent, when no wave can have come yet.
     inside = (t >= found.start) & (t <= found.start + found.rise + _AT_ONCE * rough)
     peak = float(size[inside].max()) if inside.any() else 0.0
     blank, part, unended, risen = found.start, 0.0, False, False
     heard = max(HEARD * noise, _LEAST * float(size.max()))
-    if found.start > t[0] and peak > heard and _at_once(raw, inside, dt, rough) > heard:
+    if peak > heard and _at_once(raw, inside, dt, rough) > heard:
         part = peak
         own = None
         if found.sent is not None:
@@ -334,7 +377,7 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
 
 
 def _central_period(found: TransmissionRecord, raw: Float, after: float) -> float:
-    return central_period(found.t, raw, found.sent, found.length, after)
+    return central_period(found.t, raw, found.sent, found.length, after, found.sampled)
 
 
 def _check_length(found: TransmissionRecord, after: float) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.central_band import band_about, is_step
 from wavesim.readings.pulse.first_break import division, envelope
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 
@@ -25,6 +26,8 @@ Float = NDArray[Any]
 
 # A packet counts from this part of the largest on.
 _COUNTS = 0.08
+# … and no more of them than so many of the largest.
+_MOST = 64
 # Noise that may hide packets from this part of the largest on may hide the direct one.
 DIRECT = 0.45
 # By its ratio of times a pair of packets is a P and an S wave of an elastic solid: surely between
@@ -32,6 +35,7 @@ DIRECT = 0.45
 # As near as the first, a packet is a part of the next one.
 _PAIR = (1.1, 1.25, 1.41, 1.47, 2.2, 2.6)
 _PAIR_SURE = (1.0, 0.0, 0.05, 1.0, 1.0, 0.0)
+LEAST_P_OVER_S = _PAIR[1]
 # How likely a packet of so many times the direct one's size is ahead of it, as its P wave or not;
 # and after it, as its S wave or not, as a guided wave. Also where the sender's wave is known.
 _SIZE = (0.2, 0.3, 0.5, 0.8, 1.5, 2.5, 4.0)
@@ -50,6 +54,9 @@ RIVAL = 0.2
 # What is sent is a burst from this many periods on; tops of one burst are this near, in periods,
 # and this much alike.
 _BURST, _OF_A_BURST, _ALIKE = 1.2, 1.2, 1.6
+# Edges of a long pulse are packets of this part of its largest, and lie as they were sent to so
+# many periods.
+_EDGE, _NEAR_EDGE = 0.5, 0.3
 # So many packets ahead of one, or after it, tell as much as any number: those of a train of echoes
 # run into each other.
 _TELLING = 3
@@ -105,6 +112,7 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     before_top = _BEFORE * period + max(0.0, record.length - period)
     first = int(np.searchsorted(record.t, record.blank))
     tops = tops[tops > first]
+    tops = np.sort(tops[np.argsort(size[tops])[-_MOST:]])
     for at, before in zip(tops.tolist(), [first, *tops.tolist()], strict=False):
         # It breaks after the envelope's least since the packet before, or little earlier.
         own = size[before : at + 1]
@@ -117,7 +125,29 @@ def packets(record: TransmissionRecord) -> list[Packet]:
         if begins is not None:
             place = float(record.t[0] + at * dt - record.start)
             found.append(Packet(place, *begins, float(size[at]) / largest))
-    return _bursts_whole(found, record)
+    return _without_later_edges(_bursts_whole(found, record), record)
+
+
+def _without_later_edges(found: list[Packet], record: TransmissionRecord) -> list[Packet]:
+    """What was sent may have several packets, as the edges of a long pulse: the first of them
+    stands for those that follow it as they were sent."""
+    from scipy.signal import find_peaks  # slow to import, and only a reading needs it
+
+    if record.length < _APART * record.period or record.sent is None or is_step(record.sent):
+        return found
+    size = envelope(band_about(record.sent, record.interval, record.period))
+    apart = int(_APART * record.period / record.interval)
+    tops, _ = find_peaks(size, height=_EDGE * size.max(), distance=apart, prominence=size.max() / 8)
+    edges = [((at - tops[0]) * record.interval, size[at] / size[tops[0]]) for at in tops[1:]]
+
+    def sent_with(one: Packet, other: Packet) -> bool:
+        return any(
+            abs(other.top - one.top - later) < _NEAR_EDGE * record.period
+            and other.size < _ALIKE * part * one.size
+            for later, part in edges
+        )
+
+    return [one for one in found if not any(sent_with(other, one) for other in found)]
 
 
 def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packet]:

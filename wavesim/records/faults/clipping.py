@@ -173,10 +173,14 @@ def without_stuck(
                 held = v[start]
                 jump = abs(v[stop + 1] - held) if stop + 1 < len(v) else 0.0
                 before = abs(held - v[start - 1]) if start else 0.0
+                # An average of coarse steps rests on a crest, and goes on by steps as large.
+                beside = (*np.diff(v[max(0, start - 3) : start + 1]), *np.diff(v[stop + 1 :][:4]))
                 apart = abs(held - np.nanmedian(v)) > 0.02 * size[j]
                 extreme = held in (np.nanmax(v), np.nanmin(v))
                 lost = not apart and min(before, jump) > max(_LOST * size[j], 3 * quantum[j])
-                goes_on = apart and not extreme and jump > 3 * max(before, quantum[j])
+                goes_on = (
+                    apart and not extreme and jump > 3 * np.nanmax(np.abs([*beside, quantum[j]]))
+                )
                 if stop - start >= _STUCK and start > 0 and (goes_on or lost):
                     which[j] = True
                     total += int(stop - start)
