@@ -199,7 +199,7 @@ def comes_round(component: Float) -> bool | None:
 
 
 def jump(
-    U: Any, omega: Float, x: Float, noise: Float, waves: Waves | None = None
+    U: Any, omega: Float, x: Float, noise: Float, waves_of: Waves | None = None
 ) -> tuple[int, bool, float] | None:
     """Where phases of all waves jump along a line, as from one card or cable to the next.
 
@@ -211,7 +211,8 @@ def jump(
         omega: ω, shape (m,), rad/s.
         x: places, ascending, shape (nx,), m.
         noise: its part of the power, shape (m,), –.
-        waves: lays few waves through receivers; where not given, they stand along a line.
+        waves_of: lays few waves through receivers round a ring, of which polarity alone is sought;
+            where not given, they stand along a line.
 
     Returns:
         The last receiver before it, whether those behind are reversed, and τ by which they are
@@ -220,7 +221,7 @@ def jump(
     many = len(x)
     if many < 2 * _SIDE:
         return None
-    waves, good = waves or along_line(x), np.ones(many, bool)
+    waves, good = waves_of or along_line(x), np.ones(many, bool)
 
     def left(first: int, turns: Float, each: int = 1) -> Float:
         """Part of the power with those from one on turned back, at each φ and some ω."""
@@ -234,9 +235,9 @@ def jump(
     told = waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1)
     if np.median(told) < _LEAST or np.median(told / noise) < _OF_NOISE:
         return None
-    coarse = np.arange(4) * np.pi / 2
-    firsts = range(_SIDE, many - _SIDE + 1)
-    first = min(firsts, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
+    coarse = np.arange(0, 2 * np.pi, np.pi if waves_of else np.pi / 2)
+    places = range(_SIDE, many - _SIDE + 1)
+    first = min(places, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
     fine = np.arange(_FINE) * 2 * np.pi / _FINE
     seen = left(first, fine)
     if np.median(seen.min(axis=0)) > _JUMPS * np.median(seen[0]):

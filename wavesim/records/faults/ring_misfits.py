@@ -51,6 +51,8 @@ _WIDEST, _FARTHEST = 0.3, 0.3
 _OF_MENDED = 1e-3
 # What is left above so many times the noise is the receivers' own.
 _NOISY = 2.0
+# Sides are told by so many frequencies, of so many receivers.
+_OF_SIDES, _MOST_OF_SIDES = 15, 256
 # A gain that is −1 to within this is a polarity.
 _TURNED = 0.01
 
@@ -234,8 +236,10 @@ def _reversed_side(values: Float, x: Float) -> range | None:
     """The fewer of receivers on two sides of a ring that are of opposite polarity, as two cards."""
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
     U, omega, noise = strong_frequencies(values[strongest])
-    if len(U) < FEWEST_FREQUENCIES:
+    if len(U) < FEWEST_FREQUENCIES or len(x) > _MOST_OF_SIDES:
         return None
+    some = np.unique(np.linspace(0, len(U) - 1, _OF_SIDES).astype(int))
+    U, omega = U[some], omega[some]
     part = noise / np.maximum(np.mean(np.abs(U) ** 2, axis=1), 1e-300) + 1e-300
     seen = jump(U, omega, x, part, round_ring)
     if seen is None or not seen[1]:
