@@ -60,17 +60,3 @@ def central_period(
         return max(otherwise, 20 * dt)
     centre = float(np.sum(f * weight) / weight.sum())
     return float(np.clip(1 / centre, 4 * dt, 0.2 * len(t) * dt))
-
-
-def sent_period(sent: Float | None, interval: float) -> float:
-    """1/f of the mean of the power sent; 0 where none was recorded, or it does not end."""
-    if sent is None or is_step(sent):
-        return 0.0
-    power = np.abs(np.fft.rfft(sent)) ** 2
-    f = np.fft.rfftfreq(len(sent), interval)
-    return max(float(power.sum() / np.sum(f * power)), 4 * interval)
-
-
-def is_step(sent: Float) -> bool:
-    """Whether what is sent stays."""
-    return abs(float(sent[-1])) > 0.5 * float(np.abs(sent).max())

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.central_band import band_about, is_step
+from wavesim.readings.pulse.central_band import band_about
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.sent_signal import is_step
 from wavesim.readings.pulse.transmission_record import STRONG, TransmissionRecord
 from wavesim.readings.pulse.travel_time import OPEN, REACHED, TravelTime, correlations
 from wavesim.readings.pulse.wave_packets import Packet, begun_before, breaking, rises

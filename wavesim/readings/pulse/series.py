@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.central_band import sent_period
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.sent_signal import sent_period
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
 from wavesim.readings.pulse.wave_packets import Packet

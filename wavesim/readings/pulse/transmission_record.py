@@ -15,13 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import crosstalk
-from wavesim.readings.pulse.central_band import (
-    band_about,
-    central_period,
-    is_step,
-    sent_period,
-)
+from wavesim.readings.pulse.central_band import band_about, central_period
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.sent_signal import sent_period, what_was_sent
 from wavesim.readings.pulse.signals import (
     CLIPPED,
     PulseError,
@@ -33,21 +29,10 @@ from wavesim.readings.pulse.signals import (
 from wavesim.records.faults.clipping import clipped
 from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.quantisation import quanta
-from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
 
 MARK = "a mark of overload, no signal: record it again with less gain"
-NOTHING_SENT = (
-    "the transmitter's signal is constant: is --input its column? a step must be sent after the "
-    "record begins"
-)
-# What is sent begins where it has this part of its peak.
-_SENT = 0.03
-# It is over where it has less than this part for as long as it lasted.
-_BACK = 0.15
-# What varies by less than this many deviations of its noise, or of its least step, is constant.
-_NOISE = 12.0
 # Crosstalk stands this many deviations above the noise, and this part of the largest amplitude,
 # within that part of a period after the start.
 HEARD, _LEAST, _AT_ONCE = 4.5, 0.02, 0.4
@@ -175,7 +160,7 @@ def transmission_record(
     time, u, v, said = finely(time, u, v)
     notes += said
     if v is not None:
-        start, length, v = _sent(time, v)
+        start, length, v = what_was_sent(time, v)
     before = int(np.searchsorted(time, start - 0.5 * (time[1] - time[0])))
     early = u[1:before]
     known = len(early) >= _FEWEST_BEFORE
@@ -196,49 +181,6 @@ def _deviation(part: Float) -> float:
     """Standard deviation about a parabola, so that a creeping base counts for none."""
     n = np.arange(len(part), dtype=float)
     return float(np.std(part - np.polynomial.Polynomial.fit(n, part, 2)(n), ddof=3))
-
-
-def _sent(t: Float, v: Float) -> tuple[float, float, Float]:
-    """Start and length of what is sent, and it without its base."""
-    level, noise = abs(float(np.median(v))), max(fine_noise(v), float(quanta(v[None, :, None])[0]))
-    v = v - _before_sent(t, v)
-    peak = float(np.abs(v).max())
-    if not peak > 0 or np.ptp(v) < min(_SENT * level, _NOISE * noise):
-        raise PulseError(NOTHING_SENT)
-    above = np.flatnonzero(np.abs(v) >= _SENT * peak)
-    first, last = int(above[0]), int(above[-1])
-    loud = np.flatnonzero(np.abs(v) >= _BACK * peak)
-    apart = np.flatnonzero(np.diff(loud) > loud[:-1] - loud[0] + 4)
-    if last > 0.8 * len(v) and len(apart) and not is_step(v):
-        # A gauge on a bar hears what was sent come back: that is not sent again.
-        last = int(loud[apart[0]])
-        v = np.where(np.arange(len(v)) <= last, v, 0.0)
-    elif last > 0.8 * len(v):
-        # A step stays: what it sends, it sends as it rises.
-        level = float(np.median(v[-max(4, len(v) // 50) :]))
-        moving = np.flatnonzero(np.abs(v - level) >= 0.1 * peak)
-        last = min(int(moving[-1]) + 1, len(v) - 1)  # a run may end while it is sent
-    # The start lies before the first sample above the part, by how fast it rises there.
-    rise = abs(v[min(first + 1, len(v) - 1)] - v[first])
-    back = min(abs(v[first]) / rise, 1.0) if rise > 0 else 0.0
-    step = float(t[1] - t[0])
-    return float(t[first]) - back * step, max(float(t[last] - t[first]), step), v
-
-
-def _before_sent(t: Float, v: Float) -> float:
-    """Level of the transmitter before it sends.
-
-    A record that begins no sooner may show none: what a pulse returns to, and what a step leaves,
-    is the one of its first and last levels that is nearer to 0.
-    """
-    part, early = max(4, len(v) // 50), t < -0.5 * (t[1] - t[0])
-    if early.any():
-        return float(np.median(v[early][:part]))
-    first, last = v[:part], float(np.median(v[-part:]))
-    level, much = float(np.median(first)), 0.1 * float(np.ptp(v))
-    if np.ptp(first) >= _SENT * np.ptp(v):
-        return float(v[0]) if abs(v[0]) < abs(last) - much else last
-    return level if abs(level) <= abs(last) + much else last
 
 
 def _ready(found: TransmissionRecord) -> TransmissionRecord:

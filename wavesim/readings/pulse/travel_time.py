@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.arrivals import CONVENTIONS, top
-from wavesim.readings.pulse.central_band import band_about, is_step
+from wavesim.readings.pulse.central_band import band_about
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.sent_signal import is_step
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord, blanked
 from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, endless, packets

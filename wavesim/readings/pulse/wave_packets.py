@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.central_band import band_about, is_step
+from wavesim.readings.pulse.central_band import band_about
 from wavesim.readings.pulse.first_break import division, envelope
+from wavesim.readings.pulse.sent_signal import is_step
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 
 Float = NDArray[Any]
