@@ -22,6 +22,8 @@ BRIDGED = 2
 # A frame is told by so many on either side; it moves where both of so many deviate by so many times
 # the noise, at this part of so many receivers and more.
 _SIDE, _ABOUT, _MOVES, _RECEIVERS, _MOVING, _HALF = 3, 16, 6.0, 64, 3, 0.5
+# Of more samples fewer receivers are looked at.
+_SAMPLES = 2**22
 # What is off there is so many times noise and, of one, of all, what is within so many frames; at
 # receivers at rest no more than by chance; and, unlike a pick-up, no one sign at all.
 _OFF, _ONE, _ALL, _WITHIN, _AT_REST, _ALIKE = 15.0, 8.0, 40.0, 21, 0.25, 0.5
@@ -172,7 +174,8 @@ def check_goes_on(u: Float, t: Float) -> None:
         u: one component, shape (nt, nx), finite.
         t: times, shape (nt,), s.
     """
-    u = u[:, :: -(-u.shape[1] // _RECEIVERS)]
+    some = min(_RECEIVERS, max(2 * _MOVING, _SAMPLES // len(u)))
+    u = u[:, :: -(-u.shape[1] // some)]
     u = u / np.maximum(np.sqrt(np.mean(u**2, axis=0)), 1e-300)
     count, side = len(u), _SIDE
     if count < 4 * _ABOUT:
