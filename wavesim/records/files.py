@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.arrays import Found, find
+from wavesim.records.axes import places_of
 from wavesim.records.content import Content, RecordError, UnitsError
 from wavesim.records.faults.moveout import arrivals, speed
 from wavesim.records.faults.quiet import rest
@@ -88,10 +89,13 @@ def _of_several(paths: list[Path], layout: Layout) -> Record:
     """A record whose receivers stand in files of their own, on one clock."""
     order = f"{len(paths)} files as receivers of one record, {paths[0].name} to {paths[-1].name}"
     if all(path.suffix.lower() in _SEISMIC for path in paths):  # whose clocks have a date
-        for path in paths:
-            with _named(path.name):
-                _content(path)
-        content = content_of(*paths)
+        try:
+            content = content_of(*paths)
+        except (RecordError, OSError):
+            for path in paths:  # which of them it is
+                with _named(path.name):
+                    _content(path)
+            raise
         content.notes.append(order)
         return _built(find(content, layout), layout)
     if any(own_result(path) for path in paths):
@@ -113,13 +117,9 @@ def _of_several(paths: list[Path], layout: Layout) -> Record:
         values[:frames, n] = part.values[:, j]
         t[:, n] = np.r_[own, own[-1] + step * np.arange(1, count - frames + 1)]
     x = np.array([part.x[j] for part, _, j in each])
-    if layout.positions is not None:
-        x = np.array(layout.positions, float) if not isinstance(layout.positions, str) else x
-    elif layout.spacing is not None:
-        x = layout.first + layout.spacing * np.arange(len(each))
-    if len(x) != len(each):
-        raise RecordError(f"--positions: {len(x)} given for {len(each)} receivers; one for each")
-    if layout.placed and not np.isfinite(x).all():
+    asked = replace(layout, positions=None) if isinstance(layout.positions, str) else layout
+    said = Content({"x": x} if np.isfinite(x).all() else {}, settled={"x"})
+    if (placed := places_of(said, asked, len(each))) is None:
         raise RecordError(
             f"positions of {len(each)} receivers: the files say none; give --spacing, or "
             "--positions X1,X2,… in their order"
@@ -127,7 +127,7 @@ def _of_several(paths: list[Path], layout: Layout) -> Record:
     labels = tuple(path.stem if part.values.shape[-1] == 1 else f"{path.stem} {part.labels[j]}"
                    for part, path, j in each)  # fmt: skip
     notes = dict.fromkeys(note for part in parts for note in part.notes)
-    whole = replace(parts[0], values=values, t=t, x=x, labels=labels, notes=(order, *notes))
+    whole = replace(parts[0], values=values, t=t, x=placed[0], labels=labels, notes=(order, *notes))
     return _built(whole, layout)
 
 
