@@ -35,7 +35,7 @@ Float = NDArray[Any]
 _FROM, _TO = 0.9, 1.7
 # Stretches that are tried between neighbours, and the prior's width, in ln r.
 _MOST = 0.5
-_PRIOR = (0.25, 0.06)
+_PRIOR = (0.25, 0.03)
 # Its weight beside a correlation.
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
@@ -198,7 +198,7 @@ class _Signal:
         """Correlation of the packet at ``time`` here with those at some times there, each as long
         as what was sent."""
         s = np.arange(_PACKET[0] * period, _PACKET[1] * period, period / 24)
-        as_long = other.sent_period / self.sent_period
+        as_long = other.period / self.period
         own, there = self.at(time + s), other.at(times[:, None] + as_long * s)
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         least = 0.1 * np.sqrt(np.sum(own**2) * len(s) * float(np.mean(other.u**2)))
@@ -226,7 +226,7 @@ def _voted(
             if not C[top] >= LEAST_CORRELATION:
                 continue
             row = np.zeros(n)
-            as_long = signals[j].sent_period / signals[i].sent_period
+            as_long = signals[j].period / signals[i].period
             row[j], row[i] = 1.0, -as_long
             rows.append(row)
             at = lags[0] + top_of(C, top) * (lags[1] - lags[0])
