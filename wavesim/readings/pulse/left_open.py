@@ -30,7 +30,7 @@ _SECOND = 0.9
 # Of what takes longer than this to rise, in periods, the first cycle may not stand out.
 _SLOW = 0.2
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
-_OF_A_STEP = 0.6
+_OF_A_STEP = 0.25
 # Transducers that ring delay what they pass on, in periods.
 _DELAY = 0.14
 # They ring where the envelope of what is heard takes so many periods more from half of its top to

@@ -24,6 +24,7 @@ from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import REACHED, TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
+    TELLING,
     Packet,
     begun_before,
     breaking,
@@ -215,7 +216,7 @@ def _rivals(
     wanted: Wanted,
 ) -> list[list[float]]:
     """When other waves arrive at each record that may be the direct one as well, s."""
-    as_well = [one for one in waves[1:] if one.likely >= RIVAL]
+    as_well = [one for one in waves[1:] if one.likely**TELLING >= RIVAL]
     result: list[list[float]] = []
     for i, (record, own, time) in enumerate(zip(records, heard, found.time, strict=True)):
         times = []

@@ -60,7 +60,7 @@ _BURST, _OF_A_BURST, _ALIKE = 1.2, 1.2, 1.6
 _EDGE, _NEAR_EDGE = 0.5, 0.3
 # So many packets ahead of one, or after it, tell as much as any number: those of a train of echoes
 # run into each other.
-_TELLING = 3
+TELLING = 3
 # Waves go on to the record's end where so many are of this part of the largest, and the last tenth
 # of the record reaches that one.
 _MANY, _LARGE, _AT_END = 7, 0.3, 0.5
@@ -279,7 +279,7 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
 
 def _together(each: Float) -> float:
     """Product of factors, the geometric mean of them to the power of those that tell."""
-    return float(np.prod(each) ** min(1.0, _TELLING / max(len(each), 1)))
+    return float(np.prod(each) ** min(1.0, TELLING / max(len(each), 1)))
 
 
 def rises(one: Packet, record: TransmissionRecord) -> float:
