@@ -263,6 +263,9 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
         # Times of the slower over the faster of each two, and whether they are a P and an S wave.
         ratio = np.maximum(time / travel, travel / time)
         pair = np.interp(ratio, _PAIR, _PAIR_SURE)
+        if wave == "S":
+            # P waves that went longer ways follow the first one.
+            pair[:i] = np.maximum.accumulate(pair[:i])
         size = own / one.size
 
         def mixed(at: Float, grid: tuple[float, ...], *rows: tuple[float, ...],
