@@ -118,9 +118,12 @@ def read_series(
     if reference is None:
         none = [unheard(one, float(d)) for one, d in zip(records, L, strict=True)]
         return none, Series(parameter, p, None)
-    begun = np.array([
-        np.nan if k is None else one[k].begins - delay for one, k in zip(heard, own, strict=True)
-    ])  # fmt: skip
+    begun = np.array(
+        [
+            np.nan if k is None else run_into(packet[k], one, float(d), delay, wanted)[0] - delay
+            for one, packet, k, d in zip(records, heard, own, L, strict=True)
+        ]
+    )
     order = np.argsort(p, kind="stable").tolist()
     on_line = waves[0].y if waves else foreseen
     arrival = float(begun[reference])
