@@ -42,8 +42,6 @@ _NOT_HEARD = (0.35, 0.6)
 # that where it had not ended, or was strong and longer than so many periods: a wave that began in
 # it is still there.
 _HIDDEN, _NEAR_UNENDED, _BURST = 0.1, 0.75, 1.6
-# From so many periods on a burst has a form of its own, which a wave has too.
-_LONG = 2.5
 # A wave has the form of crosstalk where they correlate so well, over so many samples at least.
 _SAME_FORM, _FEWEST = 0.95, 8
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
@@ -71,10 +69,6 @@ RINGING = (
     "--face-to-face tells their delay, and a pulse further from their resonance has less of it"
 )
 
-UNLIKE_SENT = (
-    "what breaks is not like the burst that was sent, whose first cycles may not have passed: send "
-    "a single cycle"
-)
 DELAYED = (
     "most of the error is the system's own delay, which is not said: --face-to-face FILE of the "
     "transducers in touch reads it, or --delay says it"
@@ -126,13 +120,6 @@ def left_open(
     most = max(at.noise, at.open, *(part for part, _ in others))
     why = IN_TOUCH if delays else DELAYED
     return [(at.open, ""), (delay, why if delay > most else ""), *others]
-
-
-def unlike_sent(record: TransmissionRecord, times: Mapping[str, TravelTime]) -> bool:
-    """Whether what breaks is unlike the burst that was sent: its first cycles may be unseen."""
-    if record.sent is None or record.length < _LONG * record.period or is_step(record.sent):
-        return False
-    return not math.isfinite(times["correlation"].time)
 
 
 def begun_earlier(

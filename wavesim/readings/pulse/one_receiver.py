@@ -10,14 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from wavesim.readings.pulse.left_open import (
-    UNLIKE_SENT,
     Arrived,
     hidden,
     in_crosstalk,
     left_open,
     open_between,
     second_cycle,
-    unlike_sent,
 )
 from wavesim.readings.pulse.reading import (
     OF_ONE,
@@ -147,8 +145,7 @@ def arrived(record: TransmissionRecord, begins: float, delays: Mapping[str, floa
     best, delay = found[OF_ONE], delays.get(OF_ONE, 0.0)
     return Arrived(
         OF_ONE, best.time + delay, best.error, open_between(found, best.time, record.period),
-        second_cycle(record, begins), found,
-        best.reason or UNLIKE_SENT * unlike_sent(record, found),
+        second_cycle(record, begins), found, best.reason,
     )  # fmt: skip
 
 

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.left_open import (
-    UNLIKE_SENT,
-    Arrived,
-    in_crosstalk,
-    left_open,
-    open_between,
-)
+from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
@@ -275,7 +269,6 @@ def _followed(
     unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
     hidden = [in_crosstalk(one, t + delay) for one, t in zip(records, time, strict=True)]
     none = UNLIKE_MOST * bool(np.mean(unlike | hidden) > _MOST_LOST)
-    none = none or UNLIKE_SENT * bool(np.mean([one.reason == UNLIKE_SENT for one in alone]) > 0.5)
     return [
         Arrived(
             FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,
