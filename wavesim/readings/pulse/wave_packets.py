@@ -46,6 +46,8 @@ _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
 _AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
 _AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
 _AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.15, 0.05)
+# A P wave that went a longer way is smaller than the first by this part at least.
+_NO_LARGER = 0.9
 # What is not faint ahead of a wave known as P.
 _FAINT, _BEFORE_P = 0.15, 0.1
 # A packet breaks no longer before it rises, in periods, and no longer after.
@@ -264,8 +266,9 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
         ratio = np.maximum(time / travel, travel / time)
         pair = np.interp(ratio, _PAIR, _PAIR_SURE)
         if wave == "S":
-            # P waves that went longer ways follow the first one.
-            pair[:i] = np.maximum.accumulate(pair[:i])
+            # P waves that went longer ways follow the first one, and are no larger.
+            of_first = np.triu(own[:i, None] > _NO_LARGER * own[:i])
+            pair[:i] = np.max(of_first * pair[:i, None], axis=0, initial=0.0)
         size = own / one.size
 
         def mixed(at: Float, grid: tuple[float, ...], *rows: tuple[float, ...],
