@@ -220,7 +220,7 @@ def _voted(
             i, j = order[a], order[b]
             period = max(signals[i].period, signals[j].period)
             lags = np.linspace(-1.3, 1.3, 209) * period
-            C = signals[i].shifted(signals[j], rough[i], rough[j] + lags, period)
+            C = np.abs(signals[i].shifted(signals[j], rough[i], rough[j] + lags, period))
             near = np.abs(lags) <= 0.4 * period
             top = int(np.argmax(np.where(near, C, -2.0)))
             if not C[top] >= LEAST_CORRELATION:
