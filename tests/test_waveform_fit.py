@@ -114,7 +114,7 @@ EXTRA = "medium.G_n_g"
 
 @pytest.mark.parametrize("name", BARS)
 def test_derivatives_are_exact(name, tmp_path):
-    """The slope of a quartic through the exact solution, to 1e-8; by a lag, that of its signals; and
+    """The slope of a quartic through the exact solution, to 1e-8; by a lag, of its signals; and
     Euler's law: stiffnesses and densities s times as large make u/s, Σ θ ∂u/∂θ = −u."""
     path = case(tmp_path, a=0.25, eta=0.5)
     text = path.read_text()
