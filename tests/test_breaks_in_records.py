@@ -122,12 +122,24 @@ def test_wrapped_values_are_put_right(how):
     assert not any(one.what == "wrapped" for one in record(np.round(100 * u), T, X).findings)
 
 
-def test_a_short_gain_control_is_told():
-    """A window of one period and a half: long parts are alike loud, hiss or wave."""
-    u = line()
-    power = np.stack([np.convolve(v**2, np.ones(60) / 60, "same") for v in u.T], axis=1)
-    found = record(u / np.sqrt(power), T, X)
-    assert "normalised" in {one.what for one in found.findings}
+GAINS = {
+    "as it is": lambda u: 0 * u + 1,
+    **{
+        f"automatic, of {n} frames": lambda u, n=n: (
+            np.stack([np.convolve(v**2, np.ones(n) / n, "same") for v in u.T], axis=1) ** -0.5
+        )
+        for n in (20, 60, 200)
+    },
+    "e^at": lambda u: np.exp(np.arange(len(u)) / len(u))[:, None],
+    "t": lambda u: np.arange(len(u))[:, None] / len(u),
+}
+
+
+@pytest.mark.parametrize("how", GAINS)
+def test_a_gain_that_changes_in_time_shows_in_the_noise(how):
+    """That of an instrument is as loud all through, before the signal, beneath it and after."""
+    found = record(line() * GAINS[how](line()), T, X)
+    assert ("normalised" in {one.what for one in found.findings}) == (how != "as it is")
 
 
 def test_units_of_a_field_shot_are_those_of_the_field(tmp_path):
