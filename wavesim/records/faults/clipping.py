@@ -29,10 +29,11 @@ _STUCK, _LOST = 8, 0.1
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
 # so many blocks.
 _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
-# Noise is seen in so many blocks, at so many channels, by differences of that order, above this part of the loudest:
-# alone where it is so much of all that is there, and beneath a signal where so much, as it is of
-# what is alone where a gain follows that; or it grows by more nepers than this, and than so many
-# of its errors (the variance of the logarithm of a median of m samples is the last over m).
+# Noise is seen in so many blocks, at so many channels, by differences of that order, above this
+# part of the loudest: alone where it is so much of all that is there, and beneath a signal where so
+# much, as it is of what is alone where a gain follows that; or it grows by more nepers than this,
+# and than so many of its errors (the variance of the logarithm of a median of m samples is the last
+# over m).
 _PARTS, _CHANNELS, _ORDER, _ROUNDING, _MEDIAN = 16, 64, 6, 1e-9, 0.455 * 924
 _ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE = 0.5, 0.15, 0.35, 8.0, 1.5
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
