@@ -162,7 +162,7 @@ def test_receivers_in_another_order_than_their_positions_are_told():
     record(u[:, ::-1], T, X)  # as a wave that comes from the other side
 
 
-def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
+def test_a_ring_of_which_a_side_is_reversed_is_turned_round_and_a_late_one_told():
     """Standing waves of all wavenumbers, c = 2000 m/s; 12 of 32 receivers."""
     x, t = np.arange(32) * 1e-3, np.arange(500) * 2e-7
     k = 2 * np.pi * np.arange(1, 13) / 0.032
@@ -173,6 +173,9 @@ def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
     found = record(ours, t, x, ring=True)
     assert [one.what for one in found.findings] == ["reversed"]
     assert found.values[0] == pytest.approx(u)
+    ours[3:, 20:] = -ours[:-3, 20:]
+    with pytest.raises(RecordError, match=r"from x = 0.02 m on are 3\S* frames later"):
+        record(ours[3:], t[3:], x, ring=True)
 
 
 def test_samples_that_are_blank_within_a_signal_are_missing():

@@ -29,11 +29,12 @@ _STUCK, _LOST = 8, 0.1
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
 # so many blocks.
 _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
-# Noise is seen in so many blocks by differences of that order, above this part of the loudest:
-# alone where it is so much of all that is there, and beneath a signal where so much, as it is of
-# what is alone where a gain follows that; or it grows by more nepers than this, and than so many
-# of its errors (the variance of the logarithm of a median of m samples is the last over m).
-_PARTS, _ORDER, _ROUNDING, _MEDIAN = 16, 6, 1e-9, 0.455 * 924
+# Noise is seen in so many blocks, at so many channels, by differences of that order, above this
+# part of the loudest: alone where it is so much of all that is there, and beneath a signal where so
+# much, as it is of what is alone where a gain follows that; or it grows by more nepers than this,
+# and than so many of its errors (the variance of the logarithm of a median of m samples is the last
+# over m).
+_PARTS, _CHANNELS, _ORDER, _ROUNDING, _MEDIAN = 16, 64, 6, 1e-9, 0.455 * 924
 _ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE = 0.5, 0.15, 0.35, 8.0, 1.5
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
@@ -219,12 +220,13 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"
             )
-        if _compressed(v - np.nanmedian(v, axis=0)):
+        grows, follows = _unsteady(np.nan_to_num(v - np.nanmedian(v, axis=0)))
+        if not grows and _compressed(v - np.nanmedian(v, axis=0)):
             raise RecordError(
                 "noise is less on crests than at rest, as no instrument adds it: samples are "
                 "compressed (µ-law, decibels, an amplifier that saturates); take that back first"
             )
-        gain = _unsteady(np.nan_to_num(v - np.nanmedian(v, axis=0)))
+        gain = grows or follows
         told = not gain and not flat.any() and (size > 0).all()
         alike = _of_one_size(v, quantum) if told else ""
         if alike:
@@ -272,28 +274,22 @@ def _of_one_size(v: Float, quantum: Float) -> str:
     return "" if all(one for _, one in told) else next((name for name, one in told if one), "")
 
 
-def _unsteady(v: Float) -> str:
-    """How noise changes in time, as only a gain makes it: "" where it does not.
+def _unsteady(v: Float) -> tuple[str, str]:
+    """How noise grows in time, and how it follows the signal, as only a gain makes it; or "".
 
     Noise is seen by sixth differences, in blocks of channels, (nt, nx): a gain that follows the
     signal leaves less beneath it than where noise is alone; one that grows in time, as e^{at} or
     tⁿ, makes the noise that is alone grow too, in all alike.
     """
-    m = len(v) // _PARTS
+    m, v = len(v) // _PARTS, v[:, :: max(1, v.shape[1] // _CHANNELS)]
     if m < _STUCK:
-        return ""
+        return "", ""
     blocks = np.array([v[a * m : (a + 1) * m] for a in range(_PARTS)])
     sixth = np.diff(v, _ORDER, axis=0)[: m * _PARTS - _ORDER]
     parts = [np.median(part**2, axis=0) for part in np.array_split(sixth, _PARTS)]
     noise, size = np.sqrt(np.array(parts) / _MEDIAN), blocks.std(axis=1)
     heard = noise > _ROUNDING * size.max()
     alone, beneath = heard & (noise > _ALONE * size), heard & (noise < _BENEATH * size)
-    own = np.flatnonzero(alone.any(axis=0) & beneath.any(axis=0))
-    if len(own) >= max(_SEVERAL, v.shape[1] / 2):
-        less = np.median([np.median(noise[beneath[:, j], j]) / np.median(noise[alone[:, j], j])
-                          for j in own])  # fmt: skip
-        if less < _BENEATH:
-            return f"{100 * less:.2g} % as loud beneath the signal as without it"
     count = alone.sum(axis=0)
     late = np.where(alone, np.arange(_PARTS)[:, None] / _PARTS, 0.0)
     log = np.where(alone, np.log(np.maximum(noise, 1e-300)), 0.0)
@@ -302,6 +298,13 @@ def _unsteady(v: Float) -> str:
     slope = float(np.sum(late * log)) / spread
     spare = max(int(count.sum() - (count > 0).sum()) - 1, 1)
     error = np.sqrt(max(float(np.sum((log - slope * late) ** 2)) / spare, _CHANCE / m) / spread)
+    grows = follows = ""
     if slope > max(_GROWS, _ERRORS * error):
-        return f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
-    return ""
+        grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
+    own = np.flatnonzero(alone.any(axis=0) & beneath.any(axis=0))
+    if len(own) >= max(_SEVERAL, v.shape[1] / 2):
+        less = np.median([np.median(noise[beneath[:, j], j]) / np.median(noise[alone[:, j], j])
+                          for j in own])  # fmt: skip
+        if less < _BENEATH:
+            follows = f"{100 * less:.2g} % as loud beneath the signal as without it"
+    return grows, follows
