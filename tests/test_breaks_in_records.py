@@ -122,12 +122,24 @@ def test_wrapped_values_are_put_right(how):
     assert not any(one.what == "wrapped" for one in record(np.round(100 * u), T, X).findings)
 
 
-def test_a_short_gain_control_is_told():
-    """A window of one period and a half: long parts are alike loud, hiss or wave."""
-    u = line()
-    power = np.stack([np.convolve(v**2, np.ones(60) / 60, "same") for v in u.T], axis=1)
-    found = record(u / np.sqrt(power), T, X)
-    assert "normalised" in {one.what for one in found.findings}
+GAINS = {
+    "as it is": lambda u: 0 * u + 1,
+    **{
+        f"automatic, of {n} frames": lambda u, n=n: (
+            np.stack([np.convolve(v**2, np.ones(n) / n, "same") for v in u.T], axis=1) ** -0.5
+        )
+        for n in (20, 60, 200)
+    },
+    "e^at": lambda u: np.exp(np.arange(len(u)) / len(u))[:, None],
+    "t": lambda u: np.arange(len(u))[:, None] / len(u),
+}
+
+
+@pytest.mark.parametrize("how", GAINS)
+def test_a_gain_that_changes_in_time_shows_in_the_noise(how):
+    """That of an instrument is as loud all through, before the signal, beneath it and after."""
+    found = record(line() * GAINS[how](line()), T, X)
+    assert ("normalised" in {one.what for one in found.findings}) == (how != "as it is")
 
 
 def test_units_of_a_field_shot_are_those_of_the_field(tmp_path):
@@ -150,7 +162,7 @@ def test_receivers_in_another_order_than_their_positions_are_told():
     record(u[:, ::-1], T, X)  # as a wave that comes from the other side
 
 
-def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
+def test_a_ring_of_which_a_side_is_reversed_is_turned_round_and_a_late_one_told():
     """Standing waves of all wavenumbers, c = 2000 m/s; 12 of 32 receivers."""
     x, t = np.arange(32) * 1e-3, np.arange(500) * 2e-7
     k = 2 * np.pi * np.arange(1, 13) / 0.032
@@ -161,6 +173,9 @@ def test_a_ring_of_which_a_side_is_reversed_is_turned_round():
     found = record(ours, t, x, ring=True)
     assert [one.what for one in found.findings] == ["reversed"]
     assert found.values[0] == pytest.approx(u)
+    ours[3:, 20:] = -ours[:-3, 20:]
+    with pytest.raises(RecordError, match=r"from x = 0.02 m on are 3\S* frames later"):
+        record(ours[3:], t[3:], x, ring=True)
 
 
 def test_samples_that_are_blank_within_a_signal_are_missing():

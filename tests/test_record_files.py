@@ -344,6 +344,23 @@ def test_hdf5_with_units_and_groups_with_places(tmp_path):
     same(read(tmp_path / "b.out"))
 
 
+@pytest.mark.parametrize("grouped", [False, True])
+def test_hdf5_of_an_array_for_each_receiver(tmp_path, grouped):
+    """By the order of their numbers, not 1, 10, 11, 2, and at the positions that attributes say."""
+    u, x = np.tile(U, 3) * np.arange(1, 13), 0.02 + 0.005 * np.arange(12)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["sample_rate"], file.attrs["spacing"] = 2e6, 0.005
+        for j in range(12):
+            file.create_dataset(f"ch{j + 1}" + "/data" * grouped, data=u[:, j])
+    found = read(tmp_path / "a.h5")
+    assert np.diff(found.x) == pytest.approx(0.005)
+    assert np.array_equal(found.values[0], u)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        for j in range(12):
+            file[f"ch{j + 1}"].attrs["x_mm"] = 1e3 * x[j] ** 2
+    assert read(tmp_path / "a.h5").x == pytest.approx(x**2)
+
+
 def test_matlab_both_ways(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"t": T, "x": X, "u": U})
     same(read(tmp_path / "a.mat"))

@@ -36,8 +36,9 @@ from wavesim.sources import Ricker, ToneBurst
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import judge_bar
 from wavesim.verdict.bar_answers import bar_notes
-from wavesim.verdict.check import Check, energy_checks
+from wavesim.verdict.check import Check
 from wavesim.verdict.foreseen_errors import of_frequencies, of_wavenumbers
+from wavesim.verdict.receivers_and_energy import energy_checks
 
 LONGITUDINAL = ROTATION.blocks[0]
 MEDIUM = Medium(closure="consistent", anisotropy=0.25)

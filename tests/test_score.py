@@ -157,6 +157,7 @@ def test_the_command_scores_what_it_wrote_and_what_others_did(tmp_path):
         ("a,b\n1,2\n", "has no column of k"),
         ("k (mm),omega\n1,2\n", "mm is no unit of it: give rad/m"),
         ("k (rad/m),k (1/m),omega\n1,2,3\n", "2 columns are k"),
+        ("k (1/m),omega\n1,2\n", "radians or cycles per length"),
         ("k,omega\n1,xx\n", "column omega, row 1: 'xx' is no number"),
         ("k,omega,valid\n1,2,perhaps\n", "must be True or False"),
         ("k,omega\n", "holds no points"),

@@ -7,7 +7,7 @@ import csv
 import functools
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ import click
 from click.shell_completion import CompletionItem
 
 from wavesim.report.terminal import BAD_INPUT, stop, unwritable
-from wavesim.worker import Worker
 
 
 def cases(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -227,6 +226,13 @@ def longest(at_most: str) -> float:
         stop(f"--at-most {at_most}: {error}", BAD_INPUT)
 
 
+def medium_of(case: str | None, sources: Iterable[Any] = ()) -> Any:
+    """The medium of a case; without one that of the first of some sources that knows its own."""
+    if case is None:
+        return next((s.medium for s in sources if s.medium is not None), None)
+    return read_case(case).simulation.medium
+
+
 def planned(case: str, loaded: Any) -> Any:
     """How the simulation of a case is stepped."""
     from wavesim.case.layered_case import builder
@@ -263,13 +269,6 @@ def writing(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         stop(*unwritable(error, f"--out {error.filename or folder}"))
-
-
-def drawing_beside(module: str) -> Worker:
-    """A process that loads what it will draw with, until the command ends."""
-    worker = click.get_current_context().with_resource(Worker())
-    worker.prepare("importlib.import_module", module)
-    return worker
 
 
 def told_files(files: Sequence[str]) -> str:

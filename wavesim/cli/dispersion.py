@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from shutil import move
 from statistics import median
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -27,10 +29,9 @@ from wavesim.cli.arguments import (
     SOURCES,
     WRITTEN,
     NumberIn,
-    drawing_beside,
+    medium_of,
     options,
     print_json,
-    read_case,
     record_options,
     told_files,
     write_columns,
@@ -64,47 +65,29 @@ def _layout(given: dict[str, Any]) -> Any:
     return replace(given["layout"], **own, sources=given["places"])
 
 
-def medium_of(case: str | None, sources: Sequence[Any] = ()) -> Any:
-    """The medium of a case; without one that of the first of some sources that knows its own."""
-    if case is None:
-        return next((s.medium for s in sources if s.medium is not None), None)
-    return read_case(case).simulation.medium
-
-
-def _extract(given: dict[str, Any], work: Callable[[Any], Any], travelling: bool = False) -> None:
+def _extract(given: dict[str, Any], kind: str, **asked: Any) -> None:
     """Read, extract, fit, show, write: what both commands do."""
-    from wavesim.planewave.dispersion_relation import NotHyperbolicError
-    from wavesim.records.files import own_result
-    from wavesim.records.of_medium import of_files
-    from wavesim.records.record import RecordError
-    from wavesim.report.progress import working
     from wavesim.studies.least_squares import FitError
 
     file = told_files(given["files"])
-    several = given["out"] and own_result(given["files"][0])  # sectors of a run
-    drawing = drawing_beside(_DRAWING) if several else Here()
-    medium = medium_of(given["medium"])
-    found = of_files(given["files"], _layout(given), medium, given["sector"], travelling)
+    drawn = click.get_current_context().with_resource(TemporaryDirectory())
+    results = _recovered(given, kind, asked, Path(drawn) if given["out"] else None)
     fit = None
-    try:
-        with working("reading waves off the record"):
-            results = work(found)
-        if given["parameters"]:
-            start = medium_of(given["medium"], found)
-            if start is None:
-                stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
+    if given["parameters"]:
+        start = medium_of(given["medium"], (one.origin for one in results))
+        if start is None:
+            stop("--fit: needs --medium CASE.toml to start from", BAD_INPUT)
+        try:
             fit = _fitted(results, start, [n.strip() for n in given["parameters"].split(",")])
-    except (RecordError, NotHyperbolicError) as error:
-        stop(f"{file}: {error}", BAD_INPUT)
-    except FitError as error:
-        stop(f"--fit {given['parameters']}: {error}", BAD_INPUT)
+        except FitError as error:
+            stop(f"--fit {given['parameters']}: {error}", BAD_INPUT)
     answer = _summary(results, fit)
     if given["as_json"]:
         print_json(answer)
     else:
         _show(results, answer)
     if given["out"]:
-        _write(results, answer, Path(given["out"]), drawing)
+        _write(results, answer, kind, Path(given["out"]), Path(drawn))
     if not any(one.points.valid.any() for one in results):
         from wavesim.readings.dispersion.simplest_waves import QUIET
 
@@ -115,6 +98,45 @@ def _extract(given: dict[str, Any], work: Callable[[Any], Any], travelling: bool
         stop(f"{file}: no valid point: {why}", FELL_SHORT)
     if not answer["passed"]:
         sys.exit(FELL_SHORT)
+
+
+def _recovered(
+    given: dict[str, Any], kind: str, asked: dict[str, Any], drawn: Path | None
+) -> list[Any]:
+    """Waves of a record, or of each sector of a run; while one is read the last one is drawn."""
+    from wavesim.planewave.dispersion_relation import NotHyperbolicError
+    from wavesim.records.files import own_result
+    from wavesim.records.of_medium import of_files, sectors
+    from wavesim.records.record import RecordError
+    from wavesim.report.progress import working
+
+    files = given["files"]
+    drawing: Worker | Here = Here()
+    if len(files) == 1 and (path := own_result(files[0])):
+        if drawn:
+            drawing = click.get_current_context().with_resource(Worker())
+            drawing.prepare("wavesim.figures.style.warm_up")
+            drawing.prepare("importlib.import_module", _DRAWING)
+        origins = sectors(path, travelling=kind == "attenuation")
+    else:
+        medium = medium_of(given["medium"])
+        origins = iter([of_files(files, _layout(given), medium, given["sector"])])
+    from wavesim.verdict import record  # takes a while, and the worker loads in the meantime
+
+    work = record.attenuation if kind == "attenuation" else record.dispersion
+    results, drawings = [], []
+    with working("reading waves off the record"):
+        for origin in origins:
+            try:
+                found = work([origin], **asked)
+            except (RecordError, NotHyperbolicError) as error:
+                stop(f"{told_files(files)}: {error}", BAD_INPUT)
+            if drawn:
+                drawings.append(drawing.ask(f"{_DRAWING}.write", found, drawn))
+            results += [one.without_values() for one in found]
+        for one in drawings:
+            one.result()
+    return results
 
 
 def _fitted(results: Sequence[Any], start: Any, parameters: Sequence[str]) -> Any:
@@ -288,16 +310,13 @@ def _decays(own: Any) -> Any:
     return table
 
 
-def _write(
-    results: Sequence[Any], answer: dict[str, Any], folder: Path, drawing: Worker | Here
-) -> None:
-    kind = "attenuation" if results[0].points.in_space else "dispersion"
+def _write(found: Any, answer: dict[str, Any], kind: str, folder: Path, drawn: Path) -> None:
     with writing(folder):
         write_json(folder / f"{kind}.json", answer, indent=None)
-        for one in results:
+        for one in found:
             write_columns(folder / f"{kind}_{one.origin.label}.csv", one.points.columns())
-        for drawn in [drawing.ask(f"{_DRAWING}.write", [one], folder) for one in results]:
-            drawn.result()
+        for figure in drawn.iterdir():
+            move(figure, folder / figure.name)
 
 
 @click.command(short_help="Branches ω(k) of a space-time record.")
@@ -311,12 +330,8 @@ def _write(
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
     """Branches ω(k) of the record FILE: a run, or what `wavesim inspect` reads."""
 
-    def work(found: Any) -> Any:
-        from wavesim.verdict import record
-
-        return record.dispersion(found, method, k_max, most=most, damped=not undamped)
-
-    _extract(given, work)
+    options = {"method": method, "k_max": k_max, "most": most, "damped": not undamped}
+    _extract(given, "dispersion", **options)
 
 
 @click.command(short_help="Complex k(ω) of a record, in bands and gaps.")
@@ -329,20 +344,7 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 @click.option("--clear", type=NOT_NEGATIVE, help="Distance to keep from sources, m.")
 @click.option("--spreading", type=click.Choice(("plane", "cylindrical", "spherical")),
               default="plane", help="How waves spread from --source; plane: not.")  # fmt: skip
-def attenuation(
-    band: tuple[float, float] | None,
-    frequencies: int,
-    damping: float | None,
-    pairs: int,
-    clear: float | None,
-    spreading: str,
-    **given: Any,
-) -> None:
+def attenuation(**given: Any) -> None:
     """Complex k(ω), in bands and gaps, of the record FILE: a run, or what `inspect` reads."""
-
-    def work(found: Any) -> Any:
-        from wavesim.verdict import record
-
-        return record.attenuation(found, band, frequencies, damping, pairs, clear, spreading)
-
-    _extract(given, work, travelling=True)
+    own = ("band", "frequencies", "damping", "pairs", "clear", "spreading")
+    _extract(given, "attenuation", **{name: given.pop(name) for name in own})

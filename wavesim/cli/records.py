@@ -22,6 +22,7 @@ from wavesim.cli.arguments import (
     POSITIVE,
     RING,
     SOURCES,
+    medium_of,
     print_json,
     record_options,
     told_files,
@@ -29,7 +30,6 @@ from wavesim.cli.arguments import (
     write_table,
     writing,
 )
-from wavesim.cli.dispersion import medium_of
 from wavesim.report.terminal import BAD_INPUT, FELL_SHORT, console, new_table, stop
 
 

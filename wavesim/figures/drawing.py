@@ -6,7 +6,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,6 @@ from wavesim.figures.style import (
     THEORY,
     Drawings,
     as_written,
-    second_axes,
     shade,
     symbol,
     title,
@@ -72,18 +70,6 @@ def draw(folder: Path, field: Field, found: Any, name: str, kind: str) -> Path:
     """Write one figure as png, pdf or svg; other arguments as of :func:`names`."""
     (path,) = write({name: drawings(field, found)[name]}, folder, kind)
     return path
-
-
-def warm_up() -> None:
-    """Draw something small, so that fonts and the like are there for all forks that follow."""
-    with matplotlib.rc_context(STYLE | _PLAIN):
-        figure = Figure(figsize=(2, 2))
-        axes = figure.subplots()
-        axes.plot([1.0, 2.0], [1.0, 100.0], "o-", label="φ₁ (µs)")
-        axes.set(yscale="log", title="$\\bar\\omega$", xlabel="ω/2π (kHz)")
-        second_axes(axes, (2.0, "ω̄"), None)
-        axes.legend()
-        FigureCanvasAgg(figure).print_png(BytesIO())
 
 
 Panel = Callable[[Axes], str]

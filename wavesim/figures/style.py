@@ -7,6 +7,7 @@ as by colour, so that a figure can be read in grey.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -177,6 +178,18 @@ def tiles(values: np.ndarray, axis: int, step: int) -> np.ndarray:
     return np.asarray(
         np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)
     )
+
+
+def warm_up() -> None:
+    """Draw something small, so that fonts and the like are there for all forks that follow."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(2, 2))
+        axes = figure.subplots()
+        axes.plot([1.0, 2.0], [1.0, 100.0], "o-", label="φ₁ (µs)")
+        axes.set(yscale="log", title="$\\bar\\omega$", xlabel="ω/2π (kHz)")
+        second_axes(axes, (2.0, "ω̄"), None)
+        axes.legend()
+        FigureCanvasAgg(figure).print_png(BytesIO())
 
 
 def write(drawings: Drawings, folder: Path, kind: str = "png") -> list[Path]:

@@ -27,13 +27,15 @@ class Stored:
         units: of arrays, where an attribute says one.
         texts: attributes that are one text, by path, those named a unit left out.
         numbers: attributes that are one number, by name, of the file and its groups.
-        places: positions of groups that say one (gprMax's receivers), by path, 1 to 3 numbers each.
+        own: attributes that are one number, of each array and group, by path and by name.
+        places: positions of groups that say one (gprMax's receivers), by path, 2 or 3 numbers each.
     """
 
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
+    own: dict[str, dict[str, float]] = field(default_factory=dict)
     places: dict[str, NDArray[Any]] = field(default_factory=dict)
 
 
@@ -104,7 +106,9 @@ def _attribute(found: Stored, name: str, key: str, value: Any) -> None:
         else:
             found.texts[f"{name}/{key}" if name else key] = text
         return
-    if key.lower() in ("position", "location", "coordinates") and 1 <= numbers.size <= 3:
+    if name and numbers.size == 1:
+        found.own.setdefault(name, {})[key] = float(numbers.ravel()[0])
+    if key.lower() in ("position", "location", "coordinates") and 2 <= numbers.size <= 3:
         found.places[name] = numbers.astype(float).ravel()
     elif numbers.size == 1 and key.isidentifier():
         found.numbers.setdefault(key, float(numbers.ravel()[0]))

@@ -22,7 +22,7 @@ POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offset
               "coordinates")  # fmt: skip
 INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "samplingperiod",
              "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
-             "deltax", "tinterval", "tinc", "hresolution")  # fmt: skip
+             "deltax", "tinterval", "tinc", "hresolution", "wfincrement")  # fmt: skip
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr",
          "outputdatarate")  # fmt: skip
 STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")

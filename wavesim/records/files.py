@@ -256,7 +256,7 @@ def speed_of(made: Record) -> float:
     if made.ring or not np.isfinite(made.x).all():
         return float("nan")
     own = made.values[int(np.argmax(np.abs(made.values).max(axis=(1, 2))))]
-    return speed(made.x, arrivals(own, made.t, rest(own, np.zeros(len(made.x)))))
+    return speed(made.x, arrivals(own, made.t, rest(own, np.zeros(len(made.x))))[0])
 
 
 def _scalar(arrays: Mapping[str, Float], name: str) -> float | None:

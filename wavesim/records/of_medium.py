@@ -6,7 +6,7 @@ supposes, and there is no grid.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.records.files import Layout, file_of, own_result, read
+from wavesim.records.files import Layout, file_of, read
 from wavesim.records.record import Record, RecordError
 from wavesim.records.relations import OfMedium
 
@@ -56,31 +56,23 @@ class RecordOfMedium:
 
 
 def of_files(
-    paths: Sequence[str | Path],
-    layout: Layout,
-    medium: Medium | None,
-    sector: str,
-    travelling: bool = False,
-) -> list[RecordOfMedium]:
-    """Records of files: the driven blocks of a result.h5, or one record of any others.
+    paths: Sequence[str | Path], layout: Layout, medium: Medium | None, sector: str
+) -> RecordOfMedium:
+    """One record of files that are no run's.
 
     Args:
-        paths: of the file, or the folder of a run; or of several, each of some receivers.
+        paths: of the file, or of several, each of some receivers.
         layout: what it does not say for itself.
-        medium: theory to lay over it; a result.h5 brings its own.
+        medium: theory to lay over it.
         sector: which sector's, for a record that does not say.
-        travelling: whether a result.h5 gives no more than the sectors in which waves travel, where
-            there are any.
 
     Raises:
         RecordError: the file can't be used.
     """
     path = file_of(Path(paths[0]))
-    if len(paths) == 1 and own_result(path) is not None:
-        return _of_result(path, travelling)
     record = read(paths, layout)
     if medium is None:
-        return [RecordOfMedium(path.stem, record)]
+        return RecordOfMedium(path.stem, record)
     try:
         (block, *others) = medium.family.blocks_of(sector)
     except ValueError as error:
@@ -90,10 +82,19 @@ def of_files(
             f"--sector {sector}: its waves do not travel and can't be told apart in one record; "
             "take longitudinal or transverse2"
         )
-    return [RecordOfMedium(path.stem, record, medium, block)]
+    return RecordOfMedium(path.stem, record, medium, block)
 
 
-def _of_result(path: Path, travelling: bool) -> list[RecordOfMedium]:
+def sectors(path: Path, travelling: bool = False) -> Iterator[RecordOfMedium]:
+    """Records of the driven sectors of a result.h5, each read when it is asked for.
+
+    Args:
+        path: of the file.
+        travelling: whether of no more than those in which waves travel, where there are any.
+
+    Raises:
+        RecordError: the file can't be used, or is of a bar with layers or ends.
+    """
     from wavesim.io.result_reader import StorageError
     from wavesim.records.of_field import OF_LAYERS, block_record
     from wavesim.records.run_folder import field_of
@@ -103,12 +104,11 @@ def _of_result(path: Path, travelling: bool) -> list[RecordOfMedium]:
         # Its waves are not ω(k) of one medium on a ring, which is what is looked for here.
         raise RecordError(f"{path}: {OF_LAYERS}")
     moving = [b for b in field.blocks if b.macro]
-    try:
-        return [
-            RecordOfMedium(b.name, block_record(field, b), field.medium, b, field.bar)
-            for b in (moving if travelling and moving else field.blocks)
-        ]
-    except RecordError as error:
-        raise RecordError(f"{path}: {error}") from None
-    except StorageError as error:
-        raise RecordError(str(error)) from None
+    for block in moving if travelling and moving else field.blocks:
+        try:
+            record = block_record(field, block)
+        except RecordError as error:
+            raise RecordError(f"{path}: {error}") from None
+        except StorageError as error:
+            raise RecordError(str(error)) from None
+        yield RecordOfMedium(block.name, record, field.medium, block, field.bar)

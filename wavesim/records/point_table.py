@@ -32,10 +32,13 @@ _NAMES: dict[str, dict[str, float]] = {
     "branch": {"branch": 1},
 }  # fmt: skip
 _SIZES = {
-    "rad/m": 1.0, "1/m": 1.0, "rad/cm": 100.0, "1/cm": 100.0, "rad/mm": 1e3, "1/mm": 1e3,
-    "np/m": 1.0, "rad/s": 1.0, "1/s": 1.0, "rad/ms": 1e3, "krad/s": 1e3, "rad/us": 1e6,
-    "rad/µs": 1e6, "–": 1.0, "-": 1.0,
+    "rad/m": 1.0, "rad/cm": 100.0, "rad/mm": 1e3, "np/m": 1.0, "rad/s": 1.0, "rad/ms": 1e3,
+    "krad/s": 1e3, "rad/us": 1e6, "rad/µs": 1e6, "–": 1.0, "-": 1.0,
+    **{f"{turn}/{long}": 2 * np.pi * many for turn in ("cycles", "cycle", "cyc")
+       for long, many in (("m", 1.0), ("cm", 100.0), ("mm", 1e3))},
 }  # fmt: skip
+# What may be radians or cycles: as usual for the column, and for k not known.
+_BARE = {"1/m": 1.0, "1/cm": 100.0, "1/mm": 1e3, "1/s": 1.0, "1/ms": 1e3}
 # In which the case tells.
 _CASED = {"Mrad/s": 1e6, "mrad/s": 1e-3}
 # No wave has more of anything, and sums of squares are numbers.
@@ -117,6 +120,13 @@ def _size(path: Path, heading: str, usual: float) -> float:
     unit = heading.strip().removeprefix(without_unit(heading)).strip(" ()[]{}<>/,_")
     if not unit:
         return usual
+    if unit in _BARE:
+        if without_unit(heading).strip(" ([{</,_").casefold() in _NAMES["k"]:
+            raise RecordError(
+                f"{path}: column {heading}: radians or cycles per length, 2π apart: write rad/m "
+                "or cycles/m"
+            )
+        return usual * _BARE[unit]
     if (size := _CASED.get(unit, _SIZES.get(unit.casefold()))) is not None:
         return size
     if (hertz := factor(unit, "frequency")) is not None:

@@ -241,7 +241,9 @@ def record(
     names_of = shapes.named(labels, len(x))
     if placed:
         order = np.argsort(x, kind="stable")
-        x, values = x[order], values[..., order]
+        if (order[1:] < order[:-1]).any():
+            values = values[..., order]
+        x = x[order]
         names_of = tuple(names_of[j] for j in order)
         shapes.check_places(x)
     x, spacing_error = shapes.snapped(x, storage[1], found) if placed else (x, 0.0)

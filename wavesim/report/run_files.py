@@ -99,7 +99,7 @@ def begun_beside() -> Worker:
     beside = Worker()
     beside.prepare("importlib.import_module", _DRAWING)
     beside.prepare("importlib.import_module", _PAGE_DATA)
-    beside.prepare(f"{_DRAWING}.warm_up")
+    beside.prepare("wavesim.figures.style.warm_up")
     for name in FOR_PULSE_TESTS:
         beside.prepare("importlib.import_module", name)
     return beside

@@ -21,11 +21,12 @@ from wavesim.simulation.field import Field
 from wavesim.sources import excitation
 from wavesim.timedomain.absorber import REFLECTION
 from wavesim.verdict import remedies
-from wavesim.verdict.check import Check, energy_checks, judged, signal_checks
+from wavesim.verdict.check import Check, judged
 from wavesim.verdict.foreseen_errors import (
     AMPLITUDE_TOLERANCE,
     WAVENUMBER_TOLERANCE,
 )
+from wavesim.verdict.receivers_and_energy import energy_checks, signal_checks
 
 Float = NDArray[Any]
 

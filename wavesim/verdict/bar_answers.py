@@ -29,7 +29,7 @@ from wavesim.simulation.simulation import default_samples
 from wavesim.sources import excitation, unfolded
 from wavesim.verdict import remedies
 from wavesim.verdict.bar import sent_back, wavenumbers
-from wavesim.verdict.check import energy_note, receiver_notes
+from wavesim.verdict.receivers_and_energy import energy_note, receiver_notes
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 _MOST_MODES = 5

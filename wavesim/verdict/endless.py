@@ -15,13 +15,14 @@ from wavesim.planewave.dispersion_relation import Gap, full_gaps, gaps, open_gap
 from wavesim.simulation.field import Field
 from wavesim.verdict import remedies
 from wavesim.verdict.branches import Held, faint
-from wavesim.verdict.check import Check, energy_checks, energy_note, judged
+from wavesim.verdict.check import Check, judged
 from wavesim.verdict.foreseen_errors import (
     MAXIMUM_TOLERANCE,
     MEDIAN_TOLERANCE,
     WAVENUMBER_TOLERANCE,
 )
 from wavesim.verdict.gap_rows import at_receivers, gap_row, steady_loss
+from wavesim.verdict.receivers_and_energy import energy_checks, energy_note
 from wavesim.verdict.remedies import Answers, Row, to_see_more
 
 # A branch of fewer wavenumbers is lost by their distance.

@@ -70,8 +70,8 @@ def measure(
         from wavesim.readings.bar.reading import expected
         from wavesim.readings.dispersion.extract import extract
         from wavesim.verdict.branches import hold, tables
-        from wavesim.verdict.check import receiver_notes, signal_checks
         from wavesim.verdict.endless import endless_notes, judge, of_endless
+        from wavesim.verdict.receivers_and_energy import receiver_notes, signal_checks
 
         measured = extract(field, case.k_range[1], table.frequencies, table.damping)
         held = [hold(field, m, case.k_range) for m in measured]

@@ -63,6 +63,12 @@ class Recovered:
     matched: Matched | MatchedInSpace | None
     score: Score | None = None
 
+    def without_values(self) -> Recovered:
+        """The same, its record without values: as small as it goes from process to process."""
+        record = self.origin.record
+        bare = replace(record, values=record.values[:, :0])
+        return replace(self, origin=replace(self.origin, record=bare))
+
 
 def dispersion(
     found: Sequence[RecordOfMedium],

@@ -27,12 +27,15 @@ _MOST_HELD = 16
 _STUCK, _LOST = 8, 0.1
 # Sizes of channels are one where they are apart by less than this part of what noise makes, so many
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
-# so many blocks. Loudness over a window, and one longer by a part, varies by so much of that over
-# its quarter where it is levelled, as so many channels say; noise is more of some windows than the
-# first part and of others less than the second.
+# so many blocks.
 _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
-_LEVEL, _MORE, _CHANNELS, _HISSES = 0.4, 1.4, 16, (0.3, 0.1)
-_PARTS, _EVENLY = 12, 0.35
+# Noise is seen in so many blocks, at so many channels, by differences of that order, above this
+# part of the loudest: alone where it is so much of all that is there, and beneath a signal where so
+# much, as it is of what is alone where a gain follows that; or it grows by more nepers than this,
+# and than so many of its errors (the variance of the logarithm of a median of m samples is the last
+# over m).
+_PARTS, _CHANNELS, _ORDER, _ROUNDING, _MEDIAN = 16, 64, 6, 1e-9, 0.455 * 924
+_ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE = 0.5, 0.15, 0.35, 8.0, 1.5
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
 # part.
@@ -217,24 +220,24 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"
             )
-        if _compressed(v - np.nanmedian(v, axis=0)):
+        grows, follows = _unsteady(np.nan_to_num(v - np.nanmedian(v, axis=0)))
+        if not grows and _compressed(v - np.nanmedian(v, axis=0)):
             raise RecordError(
                 "noise is less on crests than at rest, as no instrument adds it: samples are "
                 "compressed (µ-law, decibels, an amplifier that saturates); take that back first"
             )
-        window = _levelled(np.nan_to_num(v - np.nanmedian(v, axis=0)))
-        told = not window and not flat.any() and (size > 0).all()
+        gain = grows or follows
+        told = not gain and not flat.any() and (size > 0).all()
         alike = _of_one_size(v, quantum) if told else ""
         if alike:
             said = f"all receivers have one {alike} to more digits than noise lets be: each was "
             said += "divided by its own"
-        elif window:
-            said = f"all receivers are alike loud over any {window} frames, noise before the "
-            said += "signal too, as an automatic gain control makes them"
-        if alike or window:
+        elif gain:
+            said = f"noise is {gain}, at all receivers alike, as under a gain that changes in time "
+            said += "(an automatic one, e^at, t^n)"
+        if alike or gain:
             said += ", so that amplitudes along them tell nothing"
-            size_of = alike or f"{window} frames"
-            found.append(Finding(NORMALISED, "all receivers", size_of, TOLD, said))
+            found.append(Finding(NORMALISED, "all receivers", alike or gain, TOLD, said))
 
 
 def _compressed(v: Float) -> bool:
@@ -271,31 +274,37 @@ def _of_one_size(v: Float, quantum: Float) -> str:
     return "" if all(one for _, one in told) else next((name for name, one in told if one), "")
 
 
-def _levelled(v: Float) -> int:
-    """Frames of a window over which all channels, (nt, nx), are alike loud, though over a quarter
-    of it they are not; 0 where there is none. Of a hiss loudness falls as the window's root."""
-    ahead = np.fft.fft(v[:, :: max(1, v.shape[1] // _CHANNELS)], axis=0)
-    ahead[len(v) // 2 + 1 :] = 0
-    power = np.cumsum(np.abs(np.fft.ifft(ahead, axis=0)) ** 2, axis=0)  # of the envelope
+def _unsteady(v: Float) -> tuple[str, str]:
+    """How noise grows in time, and how it follows the signal, as only a gain makes it; or "".
 
-    def varies(m: int) -> float:
-        log = np.log(np.maximum(power[m:] - power[:-m], 1e-300))
-        return float(np.median(np.std(log, axis=0))) / 2
-
-    for m in np.unique(np.geomspace(8, len(v) // 3, 24).astype(int)) if len(v) > 48 else ():
-        short = varies(m // 4)
-        # Over a period loudness is the same too, but not over a part more.
-        if max(varies(m), varies(int(_MORE * m))) < _LEVEL * min(short, 1.0) * short:
-            return int(m) if _hisses_at_times(v, int(m)) else 0
-    # Of shorter windows long parts are alike loud, hiss or not.
-    m = len(v) // _PARTS
-    return m if m >= 16 and varies(m) < _EVENLY and _hisses_at_times(v, m // 2) else 0
-
-
-def _hisses_at_times(v: Float, m: int) -> bool:
-    """Whether over some m frames channels, (nt, nx), are noise and over others are not: waves
-    that go round a ring, or never end, are alike loud without a gain that follows them."""
-    blocks = [v[a : a + m] for a in range(0, len(v) - m + 1, m)]
-    part = [[fine_noise(u) / max(float(np.std(u)), 1e-300) for u in block.T] for block in blocks]
-    most, least = np.max(part, axis=0), np.min(part, axis=0)
-    return bool(np.median((most > _HISSES[0]) & (least < _HISSES[1])) > 0.5)
+    Noise is seen by sixth differences, in blocks of channels, (nt, nx): a gain that follows the
+    signal leaves less beneath it than where noise is alone; one that grows in time, as e^{at} or
+    tⁿ, makes the noise that is alone grow too, in all alike.
+    """
+    m, v = len(v) // _PARTS, v[:, :: max(1, v.shape[1] // _CHANNELS)]
+    if m < _STUCK:
+        return "", ""
+    blocks = np.array([v[a * m : (a + 1) * m] for a in range(_PARTS)])
+    sixth = np.diff(v, _ORDER, axis=0)[: m * _PARTS - _ORDER]
+    parts = [np.median(part**2, axis=0) for part in np.array_split(sixth, _PARTS)]
+    noise, size = np.sqrt(np.array(parts) / _MEDIAN), blocks.std(axis=1)
+    heard = noise > _ROUNDING * size.max()
+    alone, beneath = heard & (noise > _ALONE * size), heard & (noise < _BENEATH * size)
+    count = alone.sum(axis=0)
+    late = np.where(alone, np.arange(_PARTS)[:, None] / _PARTS, 0.0)
+    log = np.where(alone, np.log(np.maximum(noise, 1e-300)), 0.0)
+    late, log = ((w - w.sum(axis=0) / np.maximum(count, 1)) * alone for w in (late, log))
+    spread = max(float(np.sum(late**2)), 1e-300)
+    slope = float(np.sum(late * log)) / spread
+    spare = max(int(count.sum() - (count > 0).sum()) - 1, 1)
+    error = np.sqrt(max(float(np.sum((log - slope * late) ** 2)) / spare, _CHANCE / m) / spread)
+    grows = follows = ""
+    if slope > max(_GROWS, _ERRORS * error):
+        grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
+    own = np.flatnonzero(alone.any(axis=0) & beneath.any(axis=0))
+    if len(own) >= max(_SEVERAL, v.shape[1] / 2):
+        less = np.median([np.median(noise[beneath[:, j], j]) / np.median(noise[alone[:, j], j])
+                          for j in own])  # fmt: skip
+        if less < _BENEATH:
+            follows = f"{100 * less:.2g} % as loud beneath the signal as without it"
+    return grows, follows

@@ -145,8 +145,9 @@ def together(
     if not missing.any() and not as_recorded:
         check_goes_on(values[strongest], t)
     own = rest(values[strongest], quantum)
-    arrival, line = arrivals(values[strongest], t, own), not ring and np.isfinite(x).all()
-    if line and even and not as_recorded and (order := out_of_order(arrival)) is not None:
+    arrival, middle = arrivals(values[strongest], t, own)
+    line = not ring and np.isfinite(x).all()
+    if line and even and not as_recorded and (order := out_of_order(middle)) is not None:
         listed = ", ".join(str(j + 1) for j in order[:_LISTED]) + ", …"
         raise RecordError(
             f"the signal comes to the receivers in the order {listed} and evenly in that alone: "

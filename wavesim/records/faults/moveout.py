@@ -20,9 +20,9 @@ _WITHOUT_REST = 0.4
 _FIRST = 3
 _BLOCKS = 8
 _STEADY, _HISS, _LOUDER = 3.0, 2.0, 8.0
+_ARRIVED = 0.2
 # No wave is slower, m/s, or faster but light, from the slowest of it to its phase in waveguides.
 SLOWEST, FASTEST, _LIGHT = 0.1, 2e4, (1e7, 1e9)
-_ARRIVED = 0.2
 # A source is within where two arms leave less than this part of what one line leaves (squares).
 _BETTER = 0.05
 # The last receiver and the first are neighbours where the step between them is as large as those
@@ -35,13 +35,13 @@ _FEWEST_ROUND = 8
 # … and that are there, with this part of the mean power.
 _THERE = 0.01
 # Receivers are out of order where in that of arrivals these are even to this part, and so many are
-# elsewhere.
-_EVENLY, _MANY_MOVED = 0.3, 0.3
+# elsewhere, of this part at least that it is seen at.
+_EVENLY, _MANY_MOVED, _MOST_SEEN = 0.3, 0.3, 0.8
 # Phases jump between two sides of so many receivers or more, where that leaves this part of what
 # waves without the jump do, that this part of all at least, and the mean cosine of what is over is
 # 1 but for this, and so many times the noise; phases are tried so many, of each so many
-# frequencies one.
-_SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH = 3, 0.1, 2e-3, 0.1, 4.0, 16, 3
+# frequencies one, at so many places first.
+_SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH, _PLACES = 3, 0.1, 2e-3, 0.1, 4.0, 16, 3, 64
 
 
 def begun(component: Float, rest: Rest) -> Mask:
@@ -86,14 +86,17 @@ def _rumble(v: Float, blocks: Float) -> float:
 
 
 def arrivals(component: Float, t: Float, rest: Rest) -> Float:
-    """Time at which a fifth of a channel's energy has come, s; NaN where none stands out."""
-    result = np.full(component.shape[1], np.nan)
+    """When a fifth of the energy that a channel shows above its noise has come, and the middle of
+    it in time, shape (2, nx), s; NaN where none stands out."""
+    result = np.full((2, component.shape[1]), np.nan)
     for j in np.flatnonzero(rest.onset > 0):
-        power = (component[:, j]) ** 2 - rest.noise[j] ** 2
+        power = component[:, j] ** 2
         power[: rest.onset[j]] = 0
+        power[power < (_ABOVE * rest.noise[j]) ** 2] = 0
         energy = np.cumsum(power)
         if energy[-1] > 0:
-            result[j] = t[int(np.argmax(energy >= _ARRIVED * energy[-1]))]
+            first = t[int(np.argmax(energy >= _ARRIVED * energy[-1]))]
+            result[:, j] = first, t[0] + np.sum((t - t[0]) * power) / energy[-1]
     return result
 
 
@@ -127,18 +130,19 @@ def out_of_order(arrival: Float) -> NDArray[np.int64] | None:
     in that order alone: they are not where they are said to be; None where they may be.
 
     Args:
-        arrival: shape (nx,), s; NaN where it is not seen.
+        arrival: the middle of it, shape (nx,), s; NaN where it is not seen.
     """
-    many = len(arrival)
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(arrival))) != 0)
-    if many < _FEWEST_ROUND or not np.isfinite(arrival).all() or len(turns) < 2:
+    seen = np.isfinite(arrival)
+    many = int(seen.sum())
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(arrival[seen]))) != 0)
+    if many < _FEWEST_ROUND or seen.mean() < _MOST_SEEN or len(turns) < 2:
         return None
-    order = np.argsort(arrival, kind="stable")
-    steps = np.diff(arrival[order])
+    order = np.argsort(arrival[seen], kind="stable")
+    steps = np.diff(arrival[seen][order])
     even = np.std(steps) < _EVENLY * np.mean(steps)
     moved = np.abs(np.argsort(order) - np.arange(many))
     moved = np.minimum(moved, moved[::-1])  # whichever way it goes
-    return order if even and np.mean(moved > 1) > _MANY_MOVED else None
+    return np.flatnonzero(seen)[order] if even and np.mean(moved > 1) > _MANY_MOVED else None
 
 
 def speed(x: Float, arrival: Float) -> float:
@@ -211,8 +215,8 @@ def jump(
         omega: ω, shape (m,), rad/s.
         x: places, ascending, shape (nx,), m.
         noise: its part of the power, shape (m,), –.
-        waves_of: lays few waves through receivers round a ring, of which polarity alone is sought;
-            where not given, they stand along a line.
+        waves_of: lays few waves through receivers round a ring; where not given, they stand along a
+            line.
 
     Returns:
         The last receiver before it, whether those behind are reversed, and τ by which they are
@@ -235,9 +239,17 @@ def jump(
     told = waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1)
     if np.median(told) < _LEAST or np.median(told / noise) < _OF_NOISE:
         return None
-    coarse = np.arange(0, 2 * np.pi, np.pi if waves_of else np.pi / 2)
-    places = range(_SIDE, many - _SIDE + 1)
-    first = min(places, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
+    coarse = np.arange(0, 2 * np.pi, np.pi / 2)
+
+    def best(places: range) -> int:
+        return min(places, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
+
+    # A side that is a few receivers too long leaves little too.
+    step, most = -(-many // _PLACES), many - _SIDE
+    first = best(range(_SIDE, most + 1, step))
+    first = (
+        best(range(max(first - step, _SIDE), min(first + step, most) + 1)) if step > 1 else first
+    )
     fine = np.arange(_FINE) * 2 * np.pi / _FINE
     seen = left(first, fine)
     if np.median(seen.min(axis=0)) > _JUMPS * np.median(seen[0]):

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.fft import fft, ifft
 from numpy.typing import NDArray
 
+from wavesim.records.content import RecordError
 from wavesim.records.faults.channels import Mended, mend
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.moveout import jump
@@ -193,7 +194,7 @@ def ring_misfits(
     """
     nx = values.shape[2]
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
-    if not known.any() and (side := _reversed_side(values, x)) is not None:
+    if not known.any() and (side := _reversed_side(values, x, labels)) is not None:
         found.append(mend(mended, "reversed", dict.fromkeys(side, np.pi), x, labels))
         values = values * mended.factor
     seen = [gains(component, known) for component in values]
@@ -232,8 +233,12 @@ def ring_misfits(
     return mended, odd
 
 
-def _reversed_side(values: Float, x: Float) -> range | None:
-    """The fewer of receivers on two sides of a ring that are of opposite polarity, as two cards."""
+def _reversed_side(values: Float, x: Float, labels: tuple[str, ...]) -> range | None:
+    """The fewer of receivers on two sides of a ring that are of opposite polarity, as two cards.
+
+    Raises:
+        RecordError: one side is late: too many receivers to read them from the others.
+    """
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
     U, omega, noise = strong_frequencies(values[strongest])
     if len(U) < FEWEST_FREQUENCIES or len(x) > _MOST_OF_SIDES:
@@ -242,9 +247,16 @@ def _reversed_side(values: Float, x: Float) -> range | None:
     U, omega = U[some], omega[some]
     part = noise / np.maximum(np.mean(np.abs(U) ** 2, axis=1), 1e-300) + 1e-300
     seen = jump(U, omega, x, part, round_ring)
-    if seen is None or not seen[1]:
+    if seen is None:
         return None
-    first = seen[0] + 1
+    first, reversed_, late = seen[0] + 1, *seen[1:]
+    if not reversed_:
+        where = places(x, [first], labels)
+        raise RecordError(
+            f"the ring's receivers from {where} on are {abs(late):.3g} frames "
+            f"{'later' if late < 0 else 'earlier'} than those before, as of another card or cable: "
+            "put their times right"
+        )
     return range(first, len(x)) if 2 * first >= len(x) else range(first)
 
 
