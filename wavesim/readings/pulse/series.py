@@ -34,7 +34,7 @@ Float = NDArray[Any]
 _FROM, _TO = 0.9, 1.7
 # Stretches that are tried between neighbours, and the prior's width, in ln r.
 _MOST = 0.5
-_PRIOR = (0.25, 0.03)
+_PRIOR = (0.25, 0.06)
 # Its weight beside a correlation.
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
