@@ -45,7 +45,9 @@ _A_CYCLE = (0.3, 1.2)
 # of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
 _OFF_LINE = 0.06
 _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
-# Words of a parameter that make waves faster as Hertz's contacts do.
+# Words of a parameter that make waves faster as Hertz's contacts do, and the speed, m/s, up to which
+# these are: waves in rock, or in water between grains, grow by no known power.
+_LOOSE = 1000.0
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
 UNLIKE_MOST = (
@@ -105,7 +107,9 @@ def read_series(
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
     heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
-    grows = bool((p > 0).all()) and any(word in parameter.lower() for word in _STRESSES)
+    largest = [max(own, key=lambda q: q.size).top for own in heard if own]
+    loose = bool(largest) and float(L.mean() / np.median(largest)) < _LOOSE
+    grows = loose and bool((p > 0).all()) and any(w in parameter.lower() for w in _STRESSES)
     foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
     own, waves = _direct_of_each(records, heard, p, foreseen, grows, delay, L, wanted)
     reference = clearest(records, heard, own)
