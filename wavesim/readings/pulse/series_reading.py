@@ -45,8 +45,8 @@ _A_CYCLE = (0.3, 1.2)
 # of a wave's speed beside what is foreseen, mean and deviation: of a stress, and of anything else.
 _OFF_LINE = 0.06
 _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
-# Words of a parameter that make waves faster as Hertz's contacts do, and the speed, m/s, up to which
-# these are: waves in rock, or in water between grains, grow by no known power.
+# Words of a parameter that makes waves faster as Hertz's contacts do, and the speed, m/s, up to
+# which these are: waves in rock, or in water between grains, grow by no known power.
 _LOOSE = 1000.0
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
