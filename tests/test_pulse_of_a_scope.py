@@ -171,6 +171,18 @@ def test_edges_of_a_long_pulse_are_one_wave():
     assert best.error < 0.05 * best.time
 
 
+def test_a_copy_of_what_was_sent_that_comes_first_and_is_the_largest_went_straight():
+    """A bar struck at one end: what comes back at twice the time is its echo, no slower wave."""
+    t = np.arange(-1e-4, 1e-3, 2e-7)
+    sent = np.sin(np.pi * np.clip(t / 6e-5, 0, 1)) ** 2
+    got = np.interp(t - 2.2e-4, t, sent) - 0.42 * np.interp(t - 4.5e-4, t, sent)
+    got += 0.003 * np.random.default_rng(5).standard_normal(len(t))
+    best = read_one(transmission_record(t, got, sent), 1.178, {}).best
+    assert abs(best.time - 2.2e-4) <= 1.96 * best.error
+    assert best.valid
+    assert best.error < 0.1 * best.time
+
+
 def test_where_loss_is_seen_at_each_frequency_no_bound_of_q_is_told():
     """1/Q in proportion to f, from 0.1 to 2, known to 1 %: Q changes with frequency."""
     omega = 2 * np.pi * np.linspace(50, 1000, 40)

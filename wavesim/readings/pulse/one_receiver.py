@@ -30,7 +30,7 @@ from wavesim.readings.pulse.reading import (
 )
 from wavesim.readings.pulse.signals import check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.travel_time import TravelTime, travel_times
+from wavesim.readings.pulse.travel_time import TravelTime, likeness, travel_times
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     LEAST_P_OVER_S,
@@ -51,6 +51,9 @@ _TOLD = 0.27
 _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
 _APART = 0.6
+# What comes first, is the largest but for rounding and a copy of what was sent went straight: no
+# wave after it did.
+_LARGEST, _COPY = 0.999, 0.9
 # A wave rises within so many periods after it breaks.
 _OWN_CYCLE = 0.65
 # Noise that hides a wave of this part of the largest is told of.
@@ -102,6 +105,9 @@ def read_one(
         likely /= max(float(likely.max()), 1e-300)
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
+    whole = at == 0 and heard[0].size > _LARGEST and wanted.wave != "S"
+    if whole and likeness(record, heard[0].begins) > _COPY:
+        as_well[:] = False
     rivals = begun[as_well].tolist()
     begins, other = run_into(heard[at], record, distance, delay, wanted)
     rivals += [other] if math.isfinite(other) else []

@@ -232,6 +232,17 @@ def _correlation(record: TransmissionRecord, sent: Float, begins: float) -> Trav
     return TravelTime(float(time), min(float(error), 0.5) * record.interval)
 
 
+def likeness(record: TransmissionRecord, begins: float) -> float:
+    """How far the packet that breaks at a time after the start is a copy of what was sent, 0 to 1;
+    0 of a step, and of what was not recorded."""
+    if record.sent is None or is_step(record.sent):
+        return 0.0
+    sent = band_about(record.sent, record.interval, record.period)
+    packet = record.got[_packet(record, begins)]
+    size = float(np.linalg.norm(packet) * np.linalg.norm(sent))
+    return float(np.abs(cross_correlation(packet, sent)).max()) / max(size, 1e-300)
+
+
 def correlations(record: TransmissionRecord, sent: Float, begins: float) -> tuple[Float, Float]:
     """Lags about the direct wave, s, and the correlation of its packet with what was sent."""
     own = _packet(record, begins)
