@@ -47,6 +47,9 @@ _ALONE, _NEAR = 0.2, 0.25
 _PACKET = (-0.5, 1.5)
 # Neighbours up to so far apart vote.
 _REACH = 3
+# A packet that correlates better by so much the other way round, within so many periods of where
+# it was followed to, was connected so.
+_TURNED, _ABOUT = 0.05, 0.65
 # Correlations from here on count.
 LEAST_CORRELATION = 0.4
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
@@ -136,7 +139,7 @@ def follow(
             # Stretches are counted from the nearest neighbour's time.
             shift = log_time[near[0]] - log_time[i]
             C = signals[i].correlations(signals[index], np.exp(log_time[i]), lags + shift)
-            total += np.abs(C) / len(near)
+            total += C / len(near)
         expected = foreseen[index] - foreseen[near[0]]
         other = -_TRUST * (lags - expected) ** 2 / (2 * _PRIOR[sure] ** 2)
         off = np.exp(log_time[near[0]] + lags) - alone[index]
@@ -179,7 +182,9 @@ class _Signal:
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         # A stretch that reaches into silence correlates with noise alone.
         least = 0.1 * np.sqrt(np.sum(own**2) * len(tau)) * float(np.sqrt(np.mean(other.u**2)))
-        return np.asarray(there @ own / np.maximum(size, max(least, 1e-30)))
+        C = np.asarray(there @ own / np.maximum(size, max(least, 1e-30)))
+        # Of either polarity; outlines have none.
+        return C if whole else np.abs(C)
 
     def shifted(self, other: _Signal, time: float, times: Float, period: float) -> Float:
         """Correlation of the packet at ``time`` here with those at some times there, each as long
@@ -207,8 +212,11 @@ def _voted(
             i, j = order[a], order[b]
             period = max(signals[i].period, signals[j].period)
             lags = np.linspace(-1.3, 1.3, 209) * period
-            C = np.abs(signals[i].shifted(signals[j], rough[i], rough[j] + lags, period))
+            C = signals[i].shifted(signals[j], rough[i], rough[j] + lags, period)
             near = np.abs(lags) <= 0.4 * period
+            about = C[np.abs(lags) <= _ABOUT * period]
+            if -about.min() > about.max() + _TURNED:
+                C = -C
             top = int(np.argmax(np.where(near, C, -2.0)))
             if not C[top] >= LEAST_CORRELATION:
                 continue

@@ -268,6 +268,7 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
         if wave == "S":
             # P waves that went longer ways follow the first one, and are no larger.
             of_first = np.triu(own[:i, None] > _NO_LARGER * own[:i])
+            of_first &= own[:i, None] < one.size
             pair[:i] = np.max(of_first * pair[:i, None], axis=0, initial=0.0)
         size = own / one.size
 
