@@ -49,7 +49,7 @@ _PACKET = (-0.5, 1.5)
 _REACH = 3
 # A packet that correlates better by so much the other way round, within so many periods of where
 # it was followed to, was connected so.
-_TURNED, _ABOUT = 0.05, 0.65
+_TURNED, _ABOUT = 0.05, 0.9
 # Correlations from here on count.
 LEAST_CORRELATION = 0.4
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
@@ -213,7 +213,7 @@ def _voted(
             period = max(signals[i].period, signals[j].period)
             lags = np.linspace(-1.3, 1.3, 209) * period
             C = signals[i].shifted(signals[j], rough[i], rough[j] + lags, period)
-            near = np.abs(lags) <= 0.4 * period
+            near = np.abs(lags) <= 0.5 * period
             about = C[np.abs(lags) <= _ABOUT * period]
             if -about.min() > about.max() + _TURNED:
                 C = -C
