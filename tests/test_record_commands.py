@@ -234,4 +234,5 @@ def test_times_and_lengths_of_options_bear_units(tmp_path):
         np.testing.assert_allclose(x, [0, 0.005, 0.01, 0.015], atol=1e-15)
     for option in ("--interval", "--spacing"):
         refused = call("inspect", file, option, "0")
-        assert refused.exit_code == 2 and "greater than 0" in refused.output
+        assert refused.exit_code == 2
+        assert "greater than 0" in refused.output
