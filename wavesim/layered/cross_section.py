@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.material.damping import Damping
+from wavesim.material.dual import value_of
 from wavesim.material.scaling import BlockCoefficients
 
 _NEXT = 1 + 2e-15
@@ -99,7 +100,8 @@ def limit(one: Section, omega: Any) -> Limit:
     m, iota = one.losses(omega)
     square = _wide(omega**2 * iota / m) * _wide(own.i_B) * np.eye(np.shape(own.c_bb)[-1])
     # At a cutoff itself 𝒟 is infinite, and k = 0: taken a rounding beside it.
-    square = np.where(_wide(np.linalg.det(own.c_bb - square)) == 0, square * _NEXT, square)
+    at_cutoff = np.linalg.det(value_of(own.c_bb - square)) == 0
+    square = np.where(_wide(at_cutoff), square * _NEXT, square)
     X = np.linalg.inv(own.c_bb - square)
     if not one.macro:
         empty = np.zeros(X.shape[:-1])
@@ -111,7 +113,7 @@ def limit(one: Section, omega: Any) -> Limit:
 
 def _wide(values: Any) -> Any:
     """Numbers that multiply matrices."""
-    return np.asarray(values)[..., None, None]
+    return np.expand_dims(values, (-2, -1))
 
 
 def halves(one: Section, omega: Any) -> tuple[Any, Any]:
@@ -121,23 +123,25 @@ def halves(one: Section, omega: Any) -> tuple[Any, Any]:
         Shapes (N, n, n), weighted by √z.
     """
     own, p, n = one.own, one.macro, one.size
-    P = np.zeros((*np.broadcast_shapes(np.shape(own.i_B), np.shape(omega)), n, n), dtype=complex)
-    Q = np.zeros_like(P)
     at = 1j * omega
     if not one.kept:
         local = limit(one, omega)
-        P[..., 0, 0] = at / local.D
-        Q[..., 0, 0] = at * local.inertia * own.i_phi
+        P, Q = _wide(at / local.D), _wide(at * local.inertia * own.i_phi)
     else:
+        shape = (*np.broadcast_shapes(np.shape(own.i_B), np.shape(omega)), n, n)
         m, iota = one.losses(omega)
         relaxed, unit = own.c_bb, np.eye(np.shape(own.c_bb)[-1])
         if p:
             relaxed = relaxed - own.c_bp @ own.c_pb / own.c_pp
+        dynamic = _wide(m) * relaxed - _wide(omega**2 * iota * own.i_B) * unit
+        # It carries derivatives if anything does.
+        alike = dynamic + sum(np.sum(part) for part in (own.c_pp, own.gamma, own.i_phi))
+        P, Q = (np.zeros_like(alike, dtype=complex, shape=shape) for _ in range(2))
+        if p:
             P[..., 0, 0] = at / (m * own.c_pp[..., 0, 0])
             P[..., 0, 1:] = (own.c_pb / own.c_pp)[..., 0, :]
             P[..., 1:, 0] = -(own.c_bp / own.c_pp)[..., 0]
             Q[..., 0, 0] = at * iota * own.i_phi
-        dynamic = _wide(m) * relaxed - _wide(omega**2 * iota * own.i_B) * unit
         P[..., p:, p:] = -_wide(1j / omega) * dynamic
         Q[..., p:, p:] = _wide(at / m) * np.linalg.inv(own.gamma)
     even, odd = weights(one)
@@ -167,7 +171,7 @@ def generator(one: Section, omega: Any) -> Any:
     P, Q = halves(one, omega)
     place_even = np.r_[:p, n + p : 2 * n]
     place_odd = np.r_[n : n + p, p:n]
-    A = np.zeros((*P.shape[:-2], 2 * n, 2 * n), dtype=complex)
+    A = np.zeros_like(P, shape=(*P.shape[:-2], 2 * n, 2 * n))
     A[..., place_even[:, None], place_odd] = P
     A[..., place_odd[:, None], place_even] = Q
     return A

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from wavesim.layered.star_product import Piece, star, times
+from wavesim.material.dual import value_of
 
 POINTS = 8
 # By how much S may change when a step is halved. The halves are kept; where steps are resolved
@@ -83,7 +84,7 @@ def transfer(system: System, start: float, h: float, chosen: Any) -> tuple[Any, 
     # Unknown y_i for each column of y₀ = 1, and for y₀ = 0 with the source.
     matrix = -np.einsum("ij,njkl->nikjl", a, A).reshape(N, POINTS * m, POINTS * m)
     matrix[:, range(POINTS * m), range(POINTS * m)] += 1
-    given = np.zeros((N, POINTS, m, m + 1), dtype=complex)
+    given = np.zeros_like(A, shape=(N, POINTS, m, m + 1))
     given[..., :m] = np.eye(m)
     given[..., m] = np.einsum("ij,njk->nik", a, s)
     y = np.linalg.solve(matrix, given.reshape(N, POINTS * m, m + 1)).reshape(N, POINTS, m, m + 1)
@@ -96,7 +97,7 @@ def _of_one_wave(P: Any, Q: Any, s: Any) -> tuple[Any, Any]:
     o half as many are left. P, Q (N, 8), s (N, 8, 2), all times h."""
     _, a, b = butcher()
     aP, aQ, as_ = a * P[:, None, :], a * Q[:, None, :], np.einsum("ij,njk->nik", a, s)
-    e, o = (np.zeros((*P.shape, 3), dtype=complex) for _ in range(2))
+    e, o = (np.zeros_like(P + Q, shape=(*P.shape, 3)) for _ in range(2))
     e[..., 0], e[..., 2], o[..., 1], o[..., 2] = 1, as_[..., 0], 1, as_[..., 1]
     o = np.linalg.solve(np.eye(POINTS) - aQ @ aP, o + aQ @ e)
     e = e + aP @ o
@@ -154,8 +155,8 @@ def graded(system: System, start: float, end: float, count: int, strength: Any =
 
 
 def _change(one: Piece, two: Piece, strength: Any) -> Any:
-    share = np.abs(one.sent - two.sent).max(axis=1) / strength
-    return np.maximum(np.abs(one.whole - two.whole).max(axis=(1, 2)), share)
+    share = np.abs(value_of(one.sent - two.sent)).max(axis=1) / strength
+    return np.maximum(np.abs(value_of(one.whole - two.whole)).max(axis=(1, 2)), share)
 
 
 def _refined(

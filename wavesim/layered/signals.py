@@ -286,10 +286,10 @@ def named(block: Block, phi: Any, B: Any, units: Scales) -> dict[str, Any]:
     return {name: values[:, i] for i, name in enumerate(block.fields)}
 
 
-def _double_force(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int) -> Any:
-    """Π(x) on each micro-field, shape (N, b)."""
+def _double_force(stack: Stack, loads: Sequence[Load], x: float, p: int, X: Any) -> Any:
+    """Π(x) on each micro-field, shape (N, b), of X (N, b, b)."""
     here = stack.section(stack.layers.layer_at(x), x)
-    total = np.zeros((len(stack.scaled), b), dtype=complex)
+    total = np.zeros_like(X, dtype=complex, shape=X.shape[:-1])
     for load in loads:
         at = x / stack.units.length
         if load.component < p:
@@ -309,14 +309,13 @@ def _double_force(stack: Stack, loads: Sequence[Load], x: float, p: int, b: int)
 def _fields(
     stack: Stack, loads: Sequence[Load], x: float, v: Any, f: Any, held: Any
 ) -> dict[str, Any]:
-    p, b = len(stack.block.macro), len(stack.block.micro)
-    omega = stack.scaled
+    p, omega = len(stack.block.macro), stack.scaled
     u = 1j * v / omega[:, None]
     if stack.kept:
         return named(stack.block, u[:, :p] + held[:, :p], u[:, p:] + held[:, p:], stack.units)
     here = stack.section(stack.layers.layer_at(x), x)
     local = limit(here, omega)
-    pushed = _double_force(stack, loads, x, p, b)
+    pushed = _double_force(stack, loads, x, p, local.X)
     slope = (-f[:, 0] + np.sum(local.pX * pushed, axis=1)) / local.D
     B = local.Xp * slope[:, None] + times(local.X, pushed) / local.modulus[:, None]
     return named(stack.block, u + held[:, :p], B + held[:, p:], stack.units)
@@ -324,8 +323,7 @@ def _fields(
 
 def _still(stack: Stack, loads: Sequence[Load], x: float, held: Any) -> dict[str, Any]:
     """A micro-field alone, without Γ: B = X Π/m where it is driven, and nowhere else."""
-    b = len(stack.block.micro)
     here = stack.bare(stack.layers.layer_at(x), x)
     local = limit(here, stack.scaled)
-    B = times(local.X, _double_force(stack, loads, x, 0, b)) / local.modulus[:, None]
+    B = times(local.X, _double_force(stack, loads, x, 0, local.X)) / local.modulus[:, None]
     return named(stack.block, np.zeros((len(B), 0)), B + held, stack.units)

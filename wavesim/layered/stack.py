@@ -15,10 +15,12 @@ from wavesim.layered.cross_section import Section, generator, joined, limit
 from wavesim.layered.graded_layer import TooMuch, Unresolved, graded
 from wavesim.layered.star_product import Piece, jump, nothing, star, times
 from wavesim.layered.uniform_layer import Waves, reflection, uniform, waves
+from wavesim.material.dual import value_of
 from wavesim.material.family import Block
 from wavesim.material.layers import ENDS, Layer, Layers
 from wavesim.material.scaling import Scales, block_coefficients, scales
 
+_UNITS = ("length", "time", "macro", "micro", "energy")
 # Beyond this many standard deviations a Gaussian is below 1e-15 of its top, and taken as 0.
 CUT = 8.5
 
@@ -95,6 +97,7 @@ def driven(one: Section, omega: Any, component: int) -> Any:
         s[:, n + component] = 1 / np.sqrt(one.impedance[component])
     else:
         local = limit(one, omega)
+        s = np.zeros_like(local.D, shape=s.shape)
         s[:, 0] = -1j * omega * np.sqrt(one.impedance[0]) * local.pX[:, component - p] / local.D
     return s
 
@@ -122,7 +125,7 @@ class Stack:
         if (np.asarray(self.omega) == 0).any():
             raise ValueError("omega = 0: must not be 0; take a small ω for the static limit")
         for layer in self.layers.layers if self.kept else ():
-            gamma = self.bare(layer, layer.start).own.gamma
+            gamma = value_of(self.bare(layer, layer.start).own.gamma)
             if np.linalg.cond(gamma) > 1e12:
                 raise ValueError(
                     f"{layer.medium.in_words}: Γ is singular, while it counts in this bar; give "
@@ -134,7 +137,8 @@ class Stack:
     def units(self) -> Scales:
         """Units of the block in the medium at the left end."""
         first = self.layers.first
-        return scales(first).of(first.part(self.block).family)
+        found = scales(first).of(first.part(self.block).family)
+        return Scales(*(value_of(getattr(found, name)) for name in _UNITS))
 
     @cached_property
     def scaled(self) -> Any:
@@ -151,7 +155,7 @@ class Stack:
     def impedance(self) -> Any:
         """z, shape (n,): the geometric mean of the layers' own."""
         logs = [
-            np.log(self.bare(layer, (layer.start + layer.end) / 2).natural_impedance)
+            np.log(value_of(self.bare(layer, (layer.start + layer.end) / 2).natural_impedance))
             for layer in self.layers.layers
         ]
         return np.exp(np.mean(logs, axis=0))
@@ -209,17 +213,18 @@ class Stack:
 
         def system(x: Any, chosen: Any) -> tuple[Any, Any]:
             places, omega = [self.section(layer, one * length) for one in x], full[chosen]
-            s = np.zeros((len(x), len(omega), 2 * places[0].size), dtype=complex)
+            A = generator(joined(places), omega)
+            s = np.zeros_like(A[..., 0])
             for load in loads:
                 for own, here, at in zip(s, places, x, strict=True):
                     g = density(at, load.position, load.width)
                     amount = g * load.on(here, full)[chosen]
                     own += amount[:, None] * driven(here, omega, load.component)
-            return generator(joined(places), omega), s
+            return A, s
 
         if self.kept:
             A, _ = system(np.array([(x0 + x1) / 2]), np.arange(len(full)))
-            turns = float(np.abs(np.linalg.eigvals(A).real).max()) * (x1 - x0)
+            turns = float(np.abs(np.linalg.eigvals(value_of(A)).real).max()) * (x1 - x0)
             if turns > _MOST_DECAYS:
                 raise ValueError(
                     f"the graded layer from {layer.start:g} to {layer.end:g} m: Γ counts in this "
@@ -231,7 +236,8 @@ class Stack:
         if loads:
             middle = self.section(layer, (x0 + x1) / 2 * length)
             strength = sum(
-                np.abs(load.on(middle, full)) * np.abs(driven(middle, full, load.component)).max(1)
+                np.abs(value_of(load.on(middle, full)))
+                * np.abs(value_of(driven(middle, full, load.component))).max(1)
                 for load in loads
             )
             strength = np.maximum(strength, 1e-12 * strength.max()) + 1e-300
@@ -316,19 +322,17 @@ def returned(stack: Stack, left: str, right: str) -> Any:
     at one end comes in at the other.
     """
     n, count = len(stack.impedance), len(stack.scaled)
-    R = np.zeros((count, 2 * n, 2 * n), dtype=complex)
+    unit, none = np.tile(np.eye(n, dtype=complex), (count, 1, 1)), np.zeros((count, n, n))
     if left == "periodic":
-        R[:, range(n), range(n, 2 * n)] = R[:, range(n, 2 * n), range(n)] = 1
-        return R
-    for place, end in ((0, left), (n, right)):
-        inside = slice(place, place + n)
+        return np.block([[none, unit], [unit, none]])
+    R = []
+    for to_right, end in enumerate((left, right)):
+        R.append(unit.copy())
         if end == "absorbing":
-            R[:, inside, inside] = reflection(stack.end_waves(place > 0), place > 0)
-            continue
-        R[:, range(place, place + n), range(place, place + n)] = 1
-        if end == "fixed" and stack.block.macro:
-            R[:, place, place] = -1
-    return R
+            R[-1] = reflection(stack.end_waves(to_right > 0), to_right > 0)
+        elif end == "fixed" and stack.block.macro:
+            R[-1][:, 0, 0] = -1
+    return np.block([[R[0], none], [none, R[1]]])
 
 
 def waves_at_ends(whole: Piece, R: Any, p: Any) -> Any:

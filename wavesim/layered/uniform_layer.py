@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesim.layered.cross_section import Section, halves, to_vf
 from wavesim.layered.star_product import Piece, times
+from wavesim.material.dual import value_of
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,8 @@ def _eigen(matrix: Any, macro: int) -> tuple[Any, Any]:
     turn = np.ones(matrix.shape[-1], dtype=complex)
     turn[macro:] = 1j
     turned = (matrix * turn / turn[:, None])[:, ::-1, ::-1]
-    values, vectors = np.linalg.eig(turned if turned.imag.any() else turned.real)
-    return values.astype(complex), vectors[:, ::-1] * turn[:, None]
+    values, vectors = np.linalg.eig(turned if value_of(turned).imag.any() else turned.real)
+    return values + 0j, vectors[:, ::-1] * turn[:, None]
 
 
 def waves(one: Section, omega: Any) -> Waves:
@@ -53,12 +54,13 @@ def waves(one: Section, omega: Any) -> Waves:
         k = np.sqrt(-(P * Q)[:, :, 0])
     else:
         values, even = _eigen(P @ Q, one.macro)
-        even = even / np.abs(even).max(axis=1, keepdims=True)
+        even = even / np.abs(value_of(even)).max(axis=1, keepdims=True)
         k = np.sqrt(-values)
     k = np.where(k == 0, 1e-150, k)
     odd = Q @ even / (1j * k[:, None, :])
     v, f = to_vf(one, even, odd)
-    sign = outward(k, np.sum((np.conj(f) * v).real, axis=1))
+    v, f = value_of(v), value_of(f)
+    sign = outward(value_of(k), np.sum((np.conj(f) * v).real, axis=1))
     odd = odd * sign[:, None, :]
     v, f = to_vf(one, even, odd)
     mirror_v, mirror_f = to_vf(one, even, -odd)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.material.arguments import checked
+from wavesim.material.dual import Dual, value_of
 
 Complex = NDArray[np.complex128]
 
@@ -87,7 +88,7 @@ class Damping:
             y * rate / (rate - 1j * omega)
             for rate, y in zip(self.rates, self.strengths, strict=True)
         )
-        return np.asarray(self.unrelaxed * (1 - relaxed) - 1j * omega * self.stiffness)
+        return self.unrelaxed * (1 - relaxed) - 1j * omega * self.stiffness
 
     def inertia(self, omega: ArrayLike) -> Complex:
         """ι(ω), by which every inertia is multiplied; omega not 0 where mass > 0."""
@@ -191,12 +192,19 @@ def constant_quality(
     omega = np.geomspace(first, last, 40 * count)
     x = omega[:, None] / rates
     # Q Im part = real part: Σ Y (Q x + 1)/(1 + x²) = 1, from m = 1 − Σ Y (1 + ix)/(1 + x²).
-    strengths, _ = nnls((quality * x + 1) / (1 + x**2), np.ones(len(omega)))
+    matrix = (quality * x + 1) / (1 + x**2)
+    strengths, _ = nnls(value_of(matrix), np.ones(len(omega)))
     at = 2 * math.pi * (math.sqrt(low * high) if reference is None else reference)
     used = strengths > 0
-    plain = Damping(rates=tuple(rates[used].tolist()), strengths=tuple(strengths[used].tolist()))
+    own: Any = strengths[used].tolist()
+    if isinstance(quality, Dual):  # a step of Newton's that is 0, but for what it carries
+        A = matrix[:, used]
+        At = A.transpose(1, 0)
+        own = own + np.linalg.solve(At @ A, At @ (1 - A @ np.c_[own]))[:, 0]
+    plain = Damping(rates=tuple(rates[used].tolist()), strengths=tuple(own))
+    unrelaxed: Any = 1 / plain.modulus(at).real
     return Damping(
-        unrelaxed=float(1 / plain.modulus(at).real),
+        unrelaxed=unrelaxed if isinstance(quality, Dual) else float(unrelaxed),
         rates=plain.rates,
         strengths=plain.strengths,
         made=(float(quality), (float(low), float(high))) if reference is None else None,

@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.material.arguments import FREQUENCIES, WINDOW
+from wavesim.records.windows import fast_length
 
 # Columns of sums that are held at a time, and numbers.
 _AT_ONCE, _HELD = 256, 2**19
+# Samples times frequencies beyond which even frequencies are summed by chirps.
+_MANY = 2**26
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
@@ -51,9 +54,27 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
     Returns:
         Shape (n, …), unit of u times s.
     """
-    frames, step = len(t), (t[-1] - t[0]) / (len(t) - 1)
-    flat = np.asarray(values, float).reshape(frames, -1)
-    columns, complex_omega = flat.shape[1], omega + 1j * sigma
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    flat = np.asarray(values, float).reshape(len(t), -1)
+    heard = np.flatnonzero(flat.any(axis=1))
+    if not len(heard):
+        return np.zeros((len(omega), *np.shape(values)[1:]), complex)
+    some = slice(max(heard[0] - 1, 0), heard[-1] + 2)  # what a window closes is nothing
+    flat, t, complex_omega = flat[some], t[some], omega + 1j * sigma
+    apart = (omega[-1] - omega[0]) / max(len(omega) - 1, 1)
+    even = np.allclose(omega, omega[0] + apart * np.arange(len(omega)), rtol=1e-13)
+    if even and len(omega) * flat.size > _MANY:
+        total = _at_even_frequencies(flat, t, step, complex_omega[0], apart, len(omega))
+    else:
+        total = _at_each(flat, t, step, complex_omega)
+    for end in (0, -1):
+        total -= np.multiply.outer(np.exp(1j * complex_omega * t[end]) / 2, flat[end])
+    return np.asarray(step * total).reshape(len(omega), *np.shape(values)[1:])
+
+
+def _at_each(flat: Float, t: Float, step: float, omega: Complex) -> Complex:
+    """Σ_n u_n e^{iωt_n} at each ω, shape (n, columns)."""
+    frames, columns = flat.shape
     # Few columns are summed over runs of samples and then over these, which needs the exponentials
     # of some times only; of many columns the sums are what takes the time.
     runs = max(1, min(math.isqrt(frames), _AT_ONCE // max(columns, 1)))
@@ -64,7 +85,7 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
     total = np.empty((len(omega), columns), complex)
     rows = max(1, _HELD // (each + runs * columns))
     for first in range(0, len(omega), rows):  # a long record is seen at many frequencies
-        own = complex_omega[first : first + rows]
+        own = omega[first : first + rows]
         within = np.exp(1j * np.multiply.outer(own, step * np.arange(each)))
         begins = np.exp(1j * np.multiply.outer(own, t[::each]))
         found = np.empty((len(own), runs * columns), complex)
@@ -72,9 +93,31 @@ def damped_transform(values: ArrayLike, t: Float, omega: Float, sigma: float) ->
         total[first : first + rows] = (begins[:, None, :] @ found.reshape(len(own), runs, columns))[
             :, 0
         ]
-    for end in (0, -1):
-        total -= np.multiply.outer(np.exp(1j * complex_omega * t[end]) / 2, flat[end])
-    return np.asarray(step * total).reshape(len(omega), *np.shape(values)[1:])
+    return total
+
+
+def _at_even_frequencies(
+    flat: Float, t: Float, step: float, omega: complex, apart: float, count: int
+) -> Complex:
+    """The same at ω + mδ, m ≥ 0, by chirps: by nm = ½(n² + m² − (m − n)²) it is a convolution.
+
+    Rabiner, Schafer & Rader, IEEE Trans. Audio Electroacoust. 17, 86 (1969).
+    """
+    frames, turns = len(flat), apart * step / (2 * np.pi)
+
+    def chirp(n: Float) -> Complex:
+        return np.asarray(np.exp(1j * np.pi * np.fmod(turns * n * n, 2.0)))
+
+    n, m = np.arange(frames, dtype=float), np.arange(count, dtype=float)
+    size = fast_length(frames + count - 1)
+    kernel = np.zeros(size, complex)
+    kernel[:count], kernel[size - frames + 1 :] = chirp(m), chirp(n[:0:-1])
+    known, total = np.fft.fft(kernel.conj()), np.empty((count, flat.shape[1]), complex)
+    weight = np.exp(1j * omega * step * n) * chirp(n)
+    after = chirp(m) * np.exp(1j * (omega + apart * m) * t[0])
+    for column, u in enumerate(flat.T):
+        total[:, column] = np.fft.ifft(np.fft.fft(u * weight, size) * known)[:count] * after
+    return total
 
 
 def truncation(largest: Float, omega: Float, sigma: float, damping: float) -> Float:

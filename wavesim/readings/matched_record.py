@@ -169,24 +169,19 @@ def _by_place(receivers: Mapping[str, float], places: Mapping[str, float]) -> di
     return found
 
 
-def resampling(frames: int, interval: float, t: Float, slope: bool = False) -> Any:
+def resampling(frames: int, interval: float, t: Float) -> Any:
     """Matrix from frames t_n = n Δt to values at times, between them by the band-limited sinc.
 
     Args:
         frames: how many there are.
         interval: Δt, s.
         t: times, shape (nt,), s; 0 outside the frames.
-        slope: whether to values of the time derivative, 1/s.
 
     Returns:
         Sparse, shape (nt, frames).
     """
     from scipy.sparse import csr_matrix  # slow to import, and only a comparison needs it
 
-    if slope:
-        h = 2e-3 * interval
-        up, down = (resampling(frames, interval, t + s * h) for s in (1, -1))
-        return (up - down) / (2 * h)
     columns, weights = taps(t / interval)
     late, last, at_end = taps_at_end(frames, t / interval)
     inside = (columns >= 0) & (columns < frames) & ~late[:, None]

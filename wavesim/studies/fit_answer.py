@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.case.load import Case
+from wavesim.material.dual import Dual
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.readings.misfit import LARGEST_RESIDUAL, Comparison, goes_with, laid_otherwise, misfit
 from wavesim.studies.fit_terms import (
@@ -46,7 +47,8 @@ def compare(
         return found
     sim, step = case.simulation, measured.interval
     own = resampling(sim.frames, sim.interval, np.arange(0.0, sim.duration + step / 2, step))
-    there, recorded = (part - part.mean(axis=0) for part in (own @ frames, measured.values))
+    both = own @ frames.value, measured.values
+    there, recorded = (part - part.mean(axis=0) for part in both)
     reach = max(REACH * sim.duration, abs(lag or 0.0) + sim.duration / 2)
     order, sign, at = laid_otherwise(recorded, there, step, float(measured.t[0]), reach)
     sign = sign * (1 if sign.sum() > 0 else -1)
@@ -80,7 +82,7 @@ def _laid_so(columns: list[tuple[str, str, float, bool]]) -> list[str]:
 
 
 def _beside(
-    case: Case, measured: Measured, lag: float | None, scale: float | None, frames: Float
+    case: Case, measured: Measured, lag: float | None, scale: float | None, frames: Dual
 ) -> Comparison:
     """The record beside the case as it is matched, where its field at the receivers is known."""
     data = Waveforms(case, [], measured, lag, scale, known=frames)
@@ -114,8 +116,8 @@ _LOOKED_INTO, _FAR_LESS = 0.1, 0.5
 # What is left over goes with the signals where they explain this part of its power (of noise and of
 # jitter 0.04 at most was seen).
 _NO_NOISE = 0.3
-# What is held is changed by this part, to see what that does.
-_CHANGED = 1e-3
+# Places are changed by this part, to see what that does.
+_CHANGED = 1e-6
 
 
 def of_waveforms(
@@ -184,25 +186,17 @@ def _held_columns(
     gain: float | None,
 ) -> dict[str, Float]:
     """{What is held: how the residuals, (n,), change as it grows by all of its size}."""
-
-    def left(layers: Any, places: Measured, by: float = 1.0) -> Float:
-        one = replace(case, simulation=replace(case.simulation, layers=layers))
-        return Waveforms(
-            case, [], measured, lag, by * scale, known=signals_of(one, places)
-        ).residuals({})[0]
-
-    own, found = case.simulation.layers, {}
-    now = left(own, measured)
-    for one in varied:
-        changed = with_values(own, [one], [one.value_in(own) + _CHANGED * one.size_in(own)])
-        found[one.key] = (left(changed, measured) - now) / _CHANGED
+    own, data = case.simulation.layers, Waveforms(case, [*varied], measured, lag, scale)
+    now, slopes, _ = data.residuals({one.key: one.value_in(own) for one in varied})
+    found = {one.key: slope * one.size_in(own) for one, slope in zip(varied, slopes.T, strict=True)}
     for j, (name, x) in enumerate(zip(measured.names, measured.positions, strict=True)):
         away = x + _CHANGED * (x - case.simulation.sources[0].position)
         places = [*measured.positions[:j], away, *measured.positions[j + 1 :]]
-        moved = left(own, replace(measured, positions=tuple(places)))
+        known = signals_of(case, replace(measured, positions=tuple(places)))
+        moved, _, _ = Waveforms(case, [], measured, lag, scale, known=known).residuals({})
         found[f"position of {name}"] = (moved - now) / _CHANGED
     if gain is not None:
-        found["--scale"] = (left(own, measured, 1 + _CHANGED) - now) / _CHANGED
+        found["--scale"] = Waveforms(case, [], measured, lag, 2 * scale).residuals({})[0] - now
     return found
 
 

@@ -40,14 +40,16 @@ class Target:
         """What it is in layers, SI."""
         medium = layers.layers[self.layers[0]].medium
         if self.name != QUALITY:
-            return float(getattr(medium, self.name) or 0.0)
+            return float(medium.parameters[self.name])
         assert medium.damping.made is not None
         return medium.damping.made[0]
 
     def size_in(self, layers: Layers) -> float:
-        """The size of what it is, SI; 1 of a 0 that has no unit."""
-        known = layers.layers[self.layers[0]].medium.known()
-        bare = self.name in known and not known[self.name].unit
+        """The size of what it is, SI; 1 of a 0 that has no unit, 0 of what follows from others."""
+        medium = layers.layers[self.layers[0]].medium
+        if getattr(medium, self.name, 0.0) is None:
+            return 0.0
+        bare = self.name in medium.known() and not medium.known()[self.name].unit
         return abs(self.value_in(layers)) or float(bare)
 
 
@@ -157,7 +159,7 @@ def with_values(layers: Layers, varied: Sequence[Target], theta: Any) -> Layers:
         if one.name == QUALITY:
             law = made[0].medium.damping.made
             assert law is not None
-            changed = {"damping": constant_quality(float(value), law[1])}
+            changed = {"damping": constant_quality(value, law[1])}
         for number in one.layers:
             made[number] = made[number].mapped(partial(replace, **changed))
     return Layers(tuple(made))

@@ -6,21 +6,20 @@ with exact derivatives. From ω² v = K(k; θ) v and its left eigenvector u, u�
 
     ∂ω²/∂θ = uᵀ (∂K/∂θ) v,    ∂k/∂θ = −uᵀ (∂K/∂θ) v / uᵀ (∂K/∂k) v,
 
-and ∂K/∂θ is taken through the constitutive tensors by forward differentiation. Jax is loaded
-only when a fit is made.
+and ∂K/∂θ is taken through the constitutive tensors by dual numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from wavesim.material import dual
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.material.scaling import BlockCoefficients, block_coefficients, scales
@@ -36,8 +35,8 @@ Float = NDArray[Any]
 _ROUNDS = 6
 # More than the points' errors is left over where χ² per degree of freedom is above this.
 _EXCESS = 2.0
-# What is held is changed by this part of its size, to see what that does.
-_CHANGED = 1e-4
+# Wavenumbers are changed by this part, to see what that does.
+_CHANGED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ def fit(
     limits = {name: (known.low, known.high) for name, known in start.known().items()}
     limits |= dict(bounds or {})
     low, high = np.array([limits[name] for name in parameters]).T
-    first = np.array([float(getattr(start, name)) for name in parameters])
+    first = np.array([float(start.parameters[name]) for name in parameters])
     unit = np.where(np.abs(first) > 0, np.abs(first), 1.0)
     kept = [replace(o, points=o.points.take(o.points.valid)) for o in observed]
     total = sum(len(o.points) * (2 if o.points.in_space else 1) for o in kept)
@@ -193,19 +192,18 @@ def fit(
 
 def _held_columns(model: _Model, scaled: Float) -> dict[str, Float]:
     """{what is held: how residuals change as it grows by all of its size}."""
-    now, start, found = model.residuals(scaled), model.start, {}
-    for name, known in start.known().items():
-        value = float(getattr(start, name) or 0.0)
-        size = abs(value) or float(not known.unit)
-        if name not in model.parameters and size:
-            changed: dict[str, Any] = {name: value + _CHANGED * size}
-            other = replace(start, **changed)
-            found[f"medium.{name}"] = replace(model, start=other).residuals(scaled)
+    fitted = model.medium(scaled)
+    values = {n: float(getattr(fitted, n) or 0.0) for n in fitted.known()}
+    sizes = {n: abs(v) or float(not fitted.known()[n].unit) for n, v in values.items()}
+    held = tuple(n for n, size in sizes.items() if size and n not in model.parameters)
+    unit, at = (np.array([of[n] for n in held]) for of in (sizes, values))
+    slopes = replace(model, start=fitted, parameters=held, unit=unit).slopes(at / unit)
+    found = {f"medium.{n}": slope for n, slope in zip(held, slopes.T, strict=True)}
     moved = [
         replace(o, points=replace(o.points, k=o.points.k * (1 + _CHANGED))) for o in model.observed
     ]
-    found["spacing"] = replace(model, observed=moved).residuals(scaled)
-    return {name: (there - now) / _CHANGED for name, there in found.items()}
+    there = replace(model, observed=moved).residuals(scaled)
+    return found | {"spacing": (there - model.residuals(scaled)) / _CHANGED}
 
 
 def _sizes(points: BranchPoints) -> Float:
@@ -317,26 +315,13 @@ def _tangents(
     medium: Medium, block: Block, parameters: tuple[str, ...], start: Medium
 ) -> tuple[BlockCoefficients, list[BlockCoefficients]]:
     """Scaled coefficients of a block, in the units of the start, and their derivatives."""
-    at = [float(getattr(medium, name)) for name in parameters]
-    form, slopes = _differentiated(start, block.name, parameters)(at)
-    tangents = [
-        BlockCoefficients(*(np.asarray(slope[i]) for slope in slopes))
+    at = dual.parameters([getattr(medium, name) for name in parameters])
+    given: dict[str, Any] = dict(zip(parameters, at, strict=True))
+    form = block_coefficients(replace(medium, **given), block, scales(start)).per_inertia()
+    parts = [getattr(form, one.name) for one in fields(form)]
+    tangents = (
+        [one.slopes[i] if isinstance(one, dual.Dual) else np.zeros(np.shape(one)) for one in parts]
         for i in range(len(parameters))
-    ]
-    return BlockCoefficients(*(np.asarray(part) for part in form)), tangents
-
-
-@lru_cache(maxsize=64)
-def _differentiated(start: Medium, name: str, parameters: tuple[str, ...]) -> Any:
-    """Function from parameters to a block's coefficients and their derivatives, compiled once."""
-    import jax
-
-    (block,) = (b for b in start.family.blocks if b.name == name)
-    parts = tuple(BlockCoefficients.__dataclass_fields__)
-
-    def coefficients(values: Any) -> Any:
-        given = dict(zip(parameters, values, strict=True))
-        form = block_coefficients(replace(start, **given), block, scales(start)).per_inertia()
-        return tuple(jax.numpy.asarray(getattr(form, part), float) for part in parts)
-
-    return jax.jit(lambda values: (coefficients(values), jax.jacfwd(coefficients)(values)))
+    )
+    values = BlockCoefficients(*map(dual.value_of, parts))
+    return values, [BlockCoefficients(*one) for one in tangents]

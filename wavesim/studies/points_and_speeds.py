@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wavesim.case.load import Case
+from wavesim.material.dual import parameters
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.records.point_table import ERRORS, read_points
@@ -38,9 +38,7 @@ NOT_TOLD = (
     "waves but near the gaps; K_n_r is kept in its ratio to K_n_a"
 )
 _ROUNDING = 1e-9
-_STEP = 1e-6
 HELD = ("anisotropy", "branch_length", "contact_density", "density")
-Float = NDArray[Any]
 
 
 def of_speeds(
@@ -89,14 +87,10 @@ def of_speeds(
         reasons = dict.fromkeys(KEYS, reason)
         return FitAnswer("speeds", nothing, nothing, reasons, notes=(NOT_TOLD,))
 
-    at = {"v_p": v_p, "v_s": v_s} | {name: float(getattr(start, name)) for name in HELD}
-
-    def along(name: str, step: float) -> Float:
-        given: dict[str, Any] = at | {name: at[name] + step * (abs(at[name]) or 1.0)}
-        return _contacts(given.pop("v_p"), given.pop("v_s"), replace(start, **given))
-
-    slopes = [(along(name, _STEP) - along(name, -_STEP)) / (2 * _STEP) for name in at]
-    by = np.stack(slopes, axis=1)
+    at = np.array([v_p, v_s, *(getattr(start, name) for name in HELD)], float)
+    p, s, *rest = parameters(at)
+    given: dict[str, Any] = dict(zip(HELD, rest, strict=True))
+    by = _contacts(p, s, replace(start, **given)).slopes.T * np.where(at == 0, 1.0, np.abs(at))
     by_speed = by[:, :2] * (np.array(errors) / (v_p, v_s))
     held = Held(tuple(f"medium.{name}" for name in HELD), by[:, 2:], np.zeros(len(HELD)))
     covariance = by_speed @ by_speed.T
@@ -110,20 +104,20 @@ def of_speeds(
     )  # fmt: skip
 
 
-def _weights(a: float) -> tuple[float, float, float, float]:
+def _weights(a: Any) -> tuple[Any, Any, Any, Any]:
     """A, B, C, D."""
     return 21 + 12 * a, 14 + 2 * a, 7 + a, 28 + 13 * a
 
 
-def _contacts(v_p: float, v_s: float, medium: Medium) -> Float:
+def _contacts(v_p: Any, v_s: Any, medium: Medium) -> Any:
     """K_n_a and η, N/m and –."""
-    A, B, C, D = _weights(float(medium.anisotropy))
+    A, B, C, D = _weights(medium.anisotropy)
     q = (v_p / v_s) ** 2
     # Near the least ratio, (B/D)½, rounding alone tells η.
     eta = (A - q * C) / (q * D - B) if q * D > B * (1 + _ROUNDING) else math.nan
-    eta = 0.0 if abs(eta) <= 1e-12 else eta
-    stiffness = 105 * float(medium.density) / float(medium.per_contacts) * v_s**2 / (C + D * eta)
-    return np.array([stiffness, eta])
+    eta = eta - float(eta) if abs(float(eta)) <= 1e-12 else eta
+    stiffness = 105 * medium.density / medium.per_contacts * v_s**2 / (C + D * eta)
+    return np.stack([stiffness, eta])
 
 
 def of_series(

@@ -4,12 +4,12 @@
 
 with a gain s and a lag t₀ that are fitted unless they are stated, and an offset c_j of each
 receiver that is projected out. φ is the exact solution in the frequency domain, which knows no
-grid, and ∂φ/∂θ the slope of the quartic through five of it, exact but for 1e-9.
+grid, and ∂φ/∂θ its exact derivative, by dual numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.case.load import Case
-from wavesim.layered.signals import signals
+from wavesim.layered.signals import contour_of, field_spectra
+from wavesim.material.dual import Dual, parameters, value_of
+from wavesim.planewave.band_edges import keeps_gradient
 from wavesim.readings.matched_record import Measured, resampling
 from wavesim.simulation.bandlimited import cross_correlation
 from wavesim.studies.fit_terms import QUALITY, Target, with_values
@@ -30,8 +32,6 @@ GAIN, LAG = "gain", "lag"
 # A lag is looked for up to this part of the run, and beyond 1.5 periods where it explains so much
 # more.
 REACH, _FAR_BETTER = 0.5, 1.5
-# Step of differences of the exact solution, over a parameter's size.
-_STEP = 1e-4
 # A first guess that leaves this part of the power is followed by way of low frequencies.
 _FAR = 0.3
 # Low frequencies, over the centre of the record's spectrum.
@@ -49,7 +49,7 @@ class Waveforms:
         varied: what is fitted.
         measured: the record laid beside the case.
         lag, gain: stated, s and –; fitted where None.
-        known: the field at the receivers, shape (frames, m), where nothing of it is varied.
+        known: what :func:`signals_of` gives, where nothing of it is varied.
         low_pass: frequency up to which both are compared, Hz; 0 for all.
     """
 
@@ -58,7 +58,7 @@ class Waveforms:
     measured: Measured
     lag: float | None = None
     gain: float | None = None
-    known: Float | None = None
+    known: Any = None
     low_pass: float = 0.0
 
     @property
@@ -100,11 +100,12 @@ class Waveforms:
 
     def simulated(self, values: Mapping[str, float]) -> Float:
         """The field at the receivers at given parameters, shape (frames, m)."""
-        return self._at(values)[0]
+        return value_of(self._at(values))
 
     def residuals(self, values: Mapping[str, float]) -> tuple[Float, Float, NDArray[np.int_]]:
         """Residuals over the record's rms, derivatives, and the frame of each."""
-        frames, slopes = self._at(values)
+        found = self._at(values)
+        frames, (*slopes, by_lag) = found.value, found.slopes
         gain, t, sim = self.scale_of(values), self._run_times(values), self.case.simulation
         # Before its start the bar is at rest; after its end nothing is known.
         inside = t <= sim.duration
@@ -114,7 +115,7 @@ class Waveforms:
         if self.gain is None:
             columns.append(there * self.unit)
         if self.lag is None:
-            columns.append(-gain * (resampling(sim.frames, sim.interval, t, True) @ frames))
+            columns.append(gain * (W @ by_lag))
         left = gain * there - self.measured.values
         parts = [self._projected(part, inside) for part in (left, *columns)]
         size = float(np.sqrt(np.mean(self._projected(self.measured.values, inside) ** 2)))
@@ -131,7 +132,7 @@ class Waveforms:
         Returns:
             (signals, record less signals), each of shape (nt, m); NaN after the simulation's end.
         """
-        frames, _ = self._at(values)
+        frames = self.simulated(values)
         t, sim = self._run_times(values), self.case.simulation
         there = self.scale_of(values) * (resampling(sim.frames, sim.interval, t) @ frames)
         there[t > sim.duration] = np.nan
@@ -214,44 +215,39 @@ class Waveforms:
         spectrum = np.fft.rfft(values, 2 * len(values), axis=0) * keep
         return np.fft.irfft(spectrum, 2 * len(values), axis=0)[: len(values)]
 
-    def _at(self, values: Mapping[str, float]) -> tuple[Float, list[Float]]:
-        """The exact solution, and its derivatives by what is varied."""
+    def _at(self, values: Mapping[str, float]) -> Dual:
+        """The exact solution, with its derivatives by what is varied and by a lag."""
         if self.known is not None:
-            return self.known, []
-        theta = np.array([values[one.key] for one in self.varied])
-
-        def at(values: Float) -> Float:
-            layers = with_values(self.case.simulation.layers, self.varied, values)
-            simulation = replace(self.case.simulation, layers=layers)
-            return signals_of(replace(self.case, simulation=simulation), self.measured)
-
-        frames, slopes = at(theta), []
-        for j, one in enumerate(self._parameter(one) for one in self.varied):
-            step = _STEP * one.scale
-            # Beside a limit of what is admissible all of them lie on one side.
-            ways = (0, 1, -1, 2, -2)
-            there = (theta[j] + step * (np.arange(-2, 3) + way) for way in ways)
-            shift = next(w for w, x in zip(ways, there, strict=True)
-                         if one.low <= x[0] and x[-1] <= one.high)  # fmt: skip
-            offsets = np.arange(-2, 3) + shift
-            weights = np.linalg.solve(np.vander(offsets, increasing=True).T, np.eye(5)[1])
-            parts = []
-            for offset, weight in zip(offsets, weights, strict=True):
-                moved = theta.copy()
-                moved[j] += step * offset
-                parts.append((frames if offset == 0 else at(moved)) * (weight / step))
-            slopes.append(np.sum(parts, axis=0))
-        return frames, slopes
+            return self.known
+        theta = [values[one.key] for one in self.varied]
+        return signals_of(self.case, self.measured, self.varied, theta)
 
 
-def signals_of(case: Case, measured: Measured) -> Float:
-    """The case's field at the receivers, shape (frames, m), exactly."""
-    simulated, names = case.simulation, measured.names
-    found = signals(
-        simulated.layers, simulated.bar.left, simulated.bar.right, simulated.sources,
-        dict(zip(names, measured.positions, strict=True)), simulated.times,
+def signals_of(
+    case: Case, measured: Measured, varied: Sequence[Target] = (), theta: Sequence[float] = ()
+) -> Dual:
+    """The case's field at the receivers, shape (frames, m), exactly.
+
+    Args:
+        case: the case.
+        measured: at which receivers.
+        varied, theta: what is varied, and its values.
+
+    Returns:
+        The field with its derivatives by theta, and by a lag t₀ at t₀ = 0.
+    """
+    sim, names = case.simulation, measured.names
+    *values, lag = parameters([*theta, 0.0])
+    layers = with_values(sim.layers, varied, values)
+    grid = contour_of(sim.layers, sim.sources, sim.duration)
+    found = field_spectra(
+        layers, sim.bar.left, sim.bar.right, sim.sources,
+        dict(zip(names, measured.positions, strict=True)), grid.omega, keeps_gradient(sim.layers),
     )  # fmt: skip
-    return np.stack([found[name][measured.field] for name in names], axis=1)
+    of_names = np.stack([found[name][measured.field] for name in names])
+    spectra = of_names * np.exp(1j * lag * grid.omega)
+    return Dual(*(grid.signal(part, sim.times) for part in (spectra.value, spectra.slopes))
+                ).transpose(1, 0)  # fmt: skip
 
 
 def fit_waveforms(data: Waveforms) -> Solution:

@@ -15,6 +15,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.records.windows import moving_mean
+
 Float = NDArray[np.float64]
 Filter = Callable[[Float], Float]
 
@@ -77,8 +79,11 @@ def modelled(
         a = np.linalg.lstsq(own.T, u[first:stop], rcond=1e-6)[0]
         left = u[first:stop] - a @ own
         peak = float(np.abs(a @ own).max())
-        over = np.convolve(left**2, np.ones(quarter) / quarter, "valid")
-        if float(over.max()) > max(_LEFT * noise, _PART * peak) ** 2:
+        whole = slice(quarter // 2, len(left) - quarter + quarter // 2 + 1)
+        if (
+            float(moving_mean(left**2, quarter)[whole].max())
+            > max(_LEFT * noise, _PART * peak) ** 2
+        ):
             break
         found = a, span, own, left
     if found is None:
@@ -125,9 +130,8 @@ def at_once(
     """
     each = np.array(rows) - np.median(rows, axis=1, keepdims=True)
     width = max(3, int(0.5 * period / dt))
-    over = np.ones(width) / width
-    power = np.convolve(np.mean(each**2, axis=0), over, "same")
-    together = np.convolve(np.mean(each, axis=0) ** 2, over, "same")
+    power = moving_mean(np.mean(each**2, axis=0), width)
+    together = moving_mean(np.mean(each, axis=0) ** 2, width)
     begun = np.flatnonzero(power > heard**2 * noise**2)
     same = begun[together[begun] > _TOGETHER * power[begun]]
     if not len(same) or same[0] > begun[0] + width:

@@ -54,19 +54,20 @@ def weighted_line(x: Float, y: Float, weight: Float) -> tuple[Any, Any, Any]:
         (b, a, variance of b for these variances), each of shape (…). NaN where fewer than two
         distinct points count.
     """
-    i, j = np.triu_indices(np.shape(x)[-1], 1)
+    x, y, weight = np.broadcast_arrays(x, y, weight)
     total = weight.sum(axis=-1)
+    # About the point that weighs most there is nothing to cancel, however far weights are apart.
+    heaviest = np.argmax(weight, axis=-1, keepdims=True)
+    x_0, y_0 = (np.take_along_axis(v, heaviest, -1) for v in (x, y))
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean_x = (weight * x).sum(axis=-1) / total
-        mean_y = (weight * y).sum(axis=-1) / total
-        # Σ_{i<j} w_i w_j (x_i − x_j)²/Σw is Σ w (x − x̄)² with nothing to cancel, however far the
-        # weights are apart.
-        pair = (weight[..., i] / total[..., None]) * weight[..., j]
-        away = x[..., i] - x[..., j]
-        spread = (pair * away**2).sum(axis=-1)
+        mean_x = (weight * (x - x_0)).sum(axis=-1) / total
+        mean_y = (weight * (y - y_0)).sum(axis=-1) / total
+        dx, dy = x - x_0 - mean_x[..., None], y - y_0 - mean_y[..., None]
+        spread = (weight * dx**2).sum(axis=-1)
         spread = np.where((weight > 0).sum(axis=-1) >= 2, spread, np.nan)
-        b = (pair * away * (y[..., i] - y[..., j])).sum(axis=-1) / spread
-        return b, mean_y - b * mean_x, 1 / spread
+        b = (weight * dx * dy).sum(axis=-1) / spread
+        a = mean_y + y_0[..., 0] - b * (mean_x + x_0[..., 0])
+        return b, a, 1 / spread
 
 
 def arrival_velocity(x: Float, time: Float, error: Float) -> Velocity:
