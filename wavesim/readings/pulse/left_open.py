@@ -30,7 +30,7 @@ _SECOND = 0.9
 # Of what takes longer than this to rise, in periods, the first cycle may not stand out.
 _SLOW = 0.2
 # A step's near field begins this far ahead of its wave, in periods, as one standard error.
-_OF_A_STEP = 0.6
+_OF_A_STEP = 0.25
 # Transducers that ring delay what they pass on, in periods.
 _DELAY = 0.14
 # They ring where the envelope of what is heard takes so many periods more from half of its top to
@@ -40,8 +40,8 @@ _RINGS, _RINGS_ON, _NEAR_TOP = (0.15, 0.3), 0.45, 0.9
 _NOT_HEARD = (0.35, 0.6)
 # A wave that breaks within this part of a period after the crosstalk is hidden by it, and within
 # that where it had not ended, or was strong and longer than so many periods: a wave that began in
-# it is still there.
-_HIDDEN, _NEAR_UNENDED, _BURST = 0.1, 0.75, 1.6
+# it is still there; of a sweep this part of its length has its first cycle, the longest.
+_HIDDEN, _NEAR_UNENDED, _BURST, _FIRST = 0.1, 0.75, 1.6, 0.15
 # A wave has the form of crosstalk where they correlate so well, over so many samples at least.
 _SAME_FORM, _FEWEST = 0.95, 8
 # A wave of this part of the next one's size, over for no more than so many periods as that breaks,
@@ -146,7 +146,8 @@ def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
     """Whether a direct wave that seems to break at a time after the start began in crosstalk."""
     beyond = (begins + record.start - record.blank) / record.period
     long = record.crosstalk > STRONG and record.length > _BURST * record.period
-    near = beyond < (_NEAR_UNENDED if record.unended or long else _HIDDEN)
+    within = max(_NEAR_UNENDED, _FIRST * record.length / record.period)
+    near = beyond < (within if record.unended or long else _HIDDEN)
     return record.covered or near or comes_again(record, begins)
 
 

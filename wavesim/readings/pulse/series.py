@@ -16,7 +16,6 @@ VanDecar & Crosson, Bull. Seismol. Soc. Am. 80, 150 (1990).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +34,7 @@ Float = NDArray[Any]
 _FROM, _TO = 0.9, 1.7
 # Stretches that are tried between neighbours, and the prior's width, in ln r.
 _MOST = 0.5
-_PRIOR = (0.25, 0.06)
+_PRIOR = (0.25, 0.03)
 # Its weight beside a correlation.
 _TRUST = 0.15
 # What is sent is a burst from this many periods on.
@@ -48,8 +47,6 @@ _ALONE, _NEAR = 0.2, 0.25
 _PACKET = (-0.5, 1.5)
 # Neighbours up to so far apart vote.
 _REACH = 3
-# A record that correlates better by so much the other way round was connected so.
-_TURNED = 0.15
 # Correlations from here on count.
 LEAST_CORRELATION = 0.4
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
@@ -139,16 +136,12 @@ def follow(
             # Stretches are counted from the nearest neighbour's time.
             shift = log_time[near[0]] - log_time[i]
             C = signals[i].correlations(signals[index], np.exp(log_time[i]), lags + shift)
-            total += C / len(near)
+            total += np.abs(C) / len(near)
         expected = foreseen[index] - foreseen[near[0]]
         other = -_TRUST * (lags - expected) ** 2 / (2 * _PRIOR[sure] ** 2)
         off = np.exp(log_time[near[0]] + lags) - alone[index]
         other += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
-        score = total + other
-        if float(np.max(other - total)) > float(np.max(score)) + _TURNED:
-            signals[index] = signals[index].turned()
-            score = other - total
-        log_time[index] = log_time[near[0]] + lags[int(np.argmax(score))]
+        log_time[index] = log_time[near[0]] + lags[int(np.argmax(total + other))]
     return _voted(signals, order, reference, np.exp(log_time))
 
 
@@ -162,12 +155,6 @@ class _Signal:
         self.sent_period = sent_period(one.sent, one.interval) or 1.0
         self.burst = one.length > _BURST * one.period
         self.envelope = envelope(self.u)
-
-    def turned(self) -> _Signal:
-        """The same with the other sign; its envelope has none."""
-        other = copy(self)
-        other.u = -self.u
-        return other
 
     def at(self, tau: Float) -> Float:
         return np.interp(tau, self.tau, self.u, left=0.0, right=0.0)
@@ -198,7 +185,7 @@ class _Signal:
         """Correlation of the packet at ``time`` here with those at some times there, each as long
         as what was sent."""
         s = np.arange(_PACKET[0] * period, _PACKET[1] * period, period / 24)
-        as_long = other.sent_period / self.sent_period
+        as_long = other.period / self.period
         own, there = self.at(time + s), other.at(times[:, None] + as_long * s)
         size = np.sqrt(np.sum(own**2) * np.sum(there**2, axis=1))
         least = 0.1 * np.sqrt(np.sum(own**2) * len(s) * float(np.mean(other.u**2)))
@@ -220,13 +207,13 @@ def _voted(
             i, j = order[a], order[b]
             period = max(signals[i].period, signals[j].period)
             lags = np.linspace(-1.3, 1.3, 209) * period
-            C = signals[i].shifted(signals[j], rough[i], rough[j] + lags, period)
+            C = np.abs(signals[i].shifted(signals[j], rough[i], rough[j] + lags, period))
             near = np.abs(lags) <= 0.4 * period
             top = int(np.argmax(np.where(near, C, -2.0)))
             if not C[top] >= LEAST_CORRELATION:
                 continue
             row = np.zeros(n)
-            as_long = signals[j].sent_period / signals[i].sent_period
+            as_long = signals[j].period / signals[i].period
             row[j], row[i] = 1.0, -as_long
             rows.append(row)
             at = lags[0] + top_of(C, top) * (lags[1] - lags[0])

@@ -24,6 +24,7 @@ from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import REACHED, TravelTime
 from wavesim.readings.pulse.wave_packets import (
     RIVAL,
+    TELLING,
     Packet,
     begun_before,
     breaking,
@@ -111,9 +112,12 @@ def read_series(
     if reference is None:
         none = [unheard(one, float(d)) for one, d in zip(records, L, strict=True)]
         return none, Series(parameter, p, None)
-    begun = np.array([
-        np.nan if k is None else one[k].begins - delay for one, k in zip(heard, own, strict=True)
-    ])  # fmt: skip
+    begun = np.array(
+        [
+            np.nan if k is None else run_into(packet[k], one, float(d), delay, wanted)[0] - delay
+            for one, packet, k, d in zip(records, heard, own, L, strict=True)
+        ]
+    )
     order = np.argsort(p, kind="stable").tolist()
     on_line = waves[0].y if waves else foreseen
     arrival = float(begun[reference])
@@ -215,7 +219,7 @@ def _rivals(
     wanted: Wanted,
 ) -> list[list[float]]:
     """When other waves arrive at each record that may be the direct one as well, s."""
-    as_well = [one for one in waves[1:] if one.likely >= RIVAL]
+    as_well = [one for one in waves[1:] if one.likely**TELLING >= RIVAL]
     result: list[list[float]] = []
     for i, (record, own, time) in enumerate(zip(records, heard, found.time, strict=True)):
         times = []

@@ -46,6 +46,8 @@ _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
 _AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
 _AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
 _AFTER_ELSE = (1.0, 0.7, 0.4, 0.33, 0.27, 0.15, 0.05)
+# A P wave that went a longer way is smaller than the first by this part at least.
+_NO_LARGER = 0.9
 # What is not faint ahead of a wave known as P.
 _FAINT, _BEFORE_P = 0.15, 0.1
 # A packet breaks no longer before it rises, in periods, and no longer after.
@@ -60,7 +62,7 @@ _BURST, _OF_A_BURST, _ALIKE = 1.2, 1.2, 1.6
 _EDGE, _NEAR_EDGE = 0.5, 0.3
 # So many packets ahead of one, or after it, tell as much as any number: those of a train of echoes
 # run into each other.
-_TELLING = 3
+TELLING = 3
 # Waves go on to the record's end where so many are of this part of the largest, and the last tenth
 # of the record reaches that one.
 _MANY, _LARGE, _AT_END = 7, 0.3, 0.5
@@ -263,6 +265,10 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
         # Times of the slower over the faster of each two, and whether they are a P and an S wave.
         ratio = np.maximum(time / travel, travel / time)
         pair = np.interp(ratio, _PAIR, _PAIR_SURE)
+        if wave == "S":
+            # P waves that went longer ways follow the first one, and are no larger.
+            of_first = np.triu(own[:i, None] > _NO_LARGER * own[:i])
+            pair[:i] = np.max(of_first * pair[:i, None], axis=0, initial=0.0)
         size = own / one.size
 
         def mixed(at: Float, grid: tuple[float, ...], *rows: tuple[float, ...],
@@ -279,7 +285,7 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
 
 def _together(each: Float) -> float:
     """Product of factors, the geometric mean of them to the power of those that tell."""
-    return float(np.prod(each) ** min(1.0, _TELLING / max(len(each), 1)))
+    return float(np.prod(each) ** min(1.0, TELLING / max(len(each), 1)))
 
 
 def rises(one: Packet, record: TransmissionRecord) -> float:

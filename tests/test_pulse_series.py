@@ -1,0 +1,66 @@
+"""A series of pulse tests: its wave is one that moves with the state, whatever its form."""
+
+import numpy as np
+import pytest
+
+from wavesim.readings.pulse.reading import Wanted
+from wavesim.readings.pulse.series_reading import read_series
+from wavesim.readings.pulse.transmission_record import transmission_record
+
+L, STRESS = 0.1, np.array([10.0, 20.0, 40.0, 80.0, 160.0])
+TIME = L / (60 * STRESS**0.25)
+
+
+def sine(t, f):
+    return np.where((t >= 0) & (t * f < 1), np.sin(2 * np.pi * f * t), 0.0)
+
+
+def of(seed, f, waves, passed=np.inf, turned=False):
+    """A record of waves, (time, part) each; a Gaussian passes what is below a frequency."""
+    t = np.arange(-2e-4, 3e-3, 1e-6)
+    got = sum(part * sine(t - time, f) for time, part in waves)
+    if np.isfinite(passed):
+        s = np.arange(-2e-4, 2e-4, 1e-6)
+        kernel = np.exp(-((2 * np.pi * passed * s) ** 2) / 2)
+        got = np.convolve(got, kernel / kernel.sum(), "same")
+    noise = 0.004 * np.random.default_rng(seed).standard_normal(len(t))
+    return transmission_record(t, (-1 if turned else 1) * got + noise, sine(t, f), f"{seed}")
+
+
+def off(records, f, wanted="S"):
+    """How far each time is from the truth, in periods sent; all are to count, within their bars."""
+    readings, series = read_series(records, L, {}, "stress (kPa)", STRESS.tolist(), Wanted(wanted))
+    assert all(one.best.valid for one in readings)
+    times = np.array([one.best.time for one in readings])
+    errors = np.array([one.best.error for one in readings])
+    assert (np.abs(times - TIME) < 1.96 * errors).all()
+    assert (np.diff(times) < 0).all()
+    assert series.law.b == pytest.approx(0.25, abs=0.03)
+    return (times - TIME) * f
+
+
+def test_cables_that_were_changed_and_other_frequencies_jump_no_half_cycle():
+    """A reversed sine lies half a period off itself nearly as well."""
+    f = np.array([6e3, 4e3, 6e3, 6e3, 4e3])
+    turned = (False, True, True, False, True)
+    waves = [[(T, 1.0), (1.5 * T, 0.6)] for T in TIME]
+    records = [of(i, f[i], waves[i], turned=turned[i]) for i in range(5)]
+    assert np.ptp(off(records, f)) < 0.25
+
+
+def test_a_medium_that_passes_less_at_low_stress_jumps_no_cycle():
+    """What comes through has periods of its own: three times as long at the lowest stress."""
+    passed = 6e3 * (STRESS / STRESS[-1]) ** 0.5
+    waves = [
+        [(T + 0.35 / f, 1.0), (1.4 * T + 0.35 / f, 0.5)] for T, f in zip(TIME, passed, strict=True)
+    ]
+    records = [of(i, 1.5e4, waves[i], passed[i]) for i in range(5)]
+    late = off(records, passed)
+    assert np.ptp(late) < 0.5
+
+
+def test_p_waves_of_two_ways_ahead_of_an_s_wave_are_no_s_wave():
+    """A P wave of half the S wave's size, and one from the side: it is known that S is sent."""
+    waves = [[(T / 1.8, 0.5), (T / 1.35, 0.42), (T, 1.0), (1.5 * T, 0.7)] for T in TIME]
+    records = [of(i, 1.2e4, waves[i]) for i in range(5)]
+    assert np.abs(off(records, 1.2e4)).max() < 0.5
