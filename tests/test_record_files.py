@@ -493,12 +493,14 @@ def test_receivers_of_one_record_may_stand_in_files_of_their_own(tmp_path):
     whole = slice(0, 300)
     assert found.t[whole] == pytest.approx(t[whole], abs=1e-12)
     assert np.abs(found.values[0][whole] - u[whole]).max() < 1e-9
-    with pytest.raises(RecordError, match=r"12 files: positions of 12 receivers.*--spacing"):
+    with pytest.raises(
+        RecordError, match=r"R1.Z.semd and 11 more: positions of 12 receivers.*--spacing"
+    ):
         read(files)
     with pytest.raises(RecordError, match="--positions: 2 given for 12 receivers"):
         read(files, Layout(positions=(1.0, 2.0)))
     (tmp_path / "R3.Z.semd").write_text("no numbers")
-    with pytest.raises(RecordError, match=r"12 files: R3\.Z\.semd: "):
+    with pytest.raises(RecordError, match=r" and 11 more: R3\.Z\.semd: "):
         read(files, Layout(spacing=2.0))
 
 

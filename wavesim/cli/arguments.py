@@ -284,11 +284,6 @@ def writing(folder: Path) -> Iterator[None]:
         stop(*unwritable(error, f"--out {error.filename or folder}"))
 
 
-def told_files(files: Sequence[str]) -> str:
-    """Files of one record in a message."""
-    return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
-
-
 def print_json(answer: Any) -> None:
     """One line."""
     click.echo(json.dumps(answer, ensure_ascii=False))
