@@ -13,7 +13,7 @@ from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.content import RecordError
-from wavesim.records.of_field import block_record
+from wavesim.records.of_medium import block_record
 from wavesim.records.point_table import is_points
 from wavesim.records.relations import OfMedium
 from wavesim.studies.least_squares import FitError

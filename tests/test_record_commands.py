@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact import references
 from media import unit_wavenumber
 from runs import SHIPPED, call
 
 from wavesim.readings.dispersion.points import BranchPoints, joined
 from wavesim.records.files import Layout
-from wavesim.records.of_field import references
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.verdict.recovered_points import match
 
