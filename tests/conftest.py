@@ -100,7 +100,7 @@ def recovered(simulated, shared):
     from runs import once
 
     from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
-    from wavesim.records.of_field import block_record
+    from wavesim.records.of_medium import block_record
 
     @cache
     def found(closure, method="harmonic"):

@@ -14,6 +14,7 @@ from media import twelve_by_twelve
 
 from wavesim.grid.points import spread
 from wavesim.grid.stencils import modified_wavenumber
+from wavesim.records.relations import OfMedium
 
 
 def modal_field(medium, bar, sources, times, rate=False):
@@ -85,3 +86,8 @@ def _convolve(source, omega, times, rate):
         np.divide(turned.imag, omega, out=result[i], where=~slow)
         result[i][slow] = (lag * np.sinc(np.multiply.outer(omega[slow], lag) / np.pi)) @ w
     return result
+
+
+def references(field, block):
+    """Relations of the continuum and of a field's grid."""
+    return OfMedium(field.medium, block), OfMedium(field.medium, block, field.bar)

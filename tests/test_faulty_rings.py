@@ -41,6 +41,22 @@ def test_unequal_gains_make_no_waves(method, gain):
     assert np.mean(off.min(axis=0) <= own.bar) >= 0.88
 
 
+@pytest.mark.parametrize("every", [1, 2, 3])
+def test_what_too_few_receivers_show_beyond_their_wavenumbers_is_folded(every, rng):
+    """A lattice's branch, ω = 4 MHz sin(ka/2), goes on at 2π/d − k, and through k = 0."""
+    x, k = np.arange(96) * 1e-3, 2 * np.pi * np.arange(1, 48) / 0.096
+    u = np.zeros((len(T), len(x)))
+    for sign in (1, -1):
+        wave = np.exp(1j * (sign * np.outer(k, x) + rng.uniform(0, 2 * np.pi, len(k))[:, None]))
+        u += (np.exp(-1j * np.outer(T, 4e6 * np.sin(5e-4 * k))) @ wave).real
+    u = u / np.abs(u).max() + 1e-4 * rng.normal(size=u.shape)
+    found = in_time(record(u[:, ::every], T, x[::every], ring=True))
+    own = found.take(found.valid)
+    assert np.abs(own.omega - 4e6 * np.sin(5e-4 * own.k)).max() < 1e-4 * 4e6
+    assert len(own) >= 0.8 * 48 / every
+    assert sum("folded" in reason for reason in found.reason) >= 0.8 * 48 * (1 - 1 / every)
+
+
 @pytest.mark.parametrize("fault", ["hum", "clocks", "unmended clocks", "interpolated"])
 def test_what_receivers_differ_by_makes_no_waves(fault, rng):
     """A hum of unequal gains, clocks off by 0.003 to 0.1 of a period, samples between others by

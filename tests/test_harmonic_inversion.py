@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import references
 from media import unit_wavenumber
 
 from wavesim.grid.stencils import modified_wavenumber
@@ -13,7 +14,6 @@ from wavesim.readings.dispersion.frequency_at_wavenumber import in_time, series
 from wavesim.readings.dispersion.harmonic_inversion import invert
 from wavesim.readings.dispersion.sinusoids import fit
 from wavesim.records.fitness import for_frequency_at_k
-from wavesim.records.of_field import references
 from wavesim.records.record import record as as_record
 from wavesim.verdict.recovered_points import match
 

@@ -15,8 +15,7 @@ import wavesim as ws
 from wavesim.material.damping import Damping, constant_quality
 from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.decaying_waves import WEAKEST, WEAKEST_RELAXING
-from wavesim.records.of_field import block_record
-from wavesim.records.of_medium import RecordOfMedium
+from wavesim.records.of_medium import RecordOfMedium, block_record
 from wavesim.records.relations import OfMedium
 from wavesim.verdict import record as verdict
 from wavesim.verdict.recovered_points import match

@@ -13,7 +13,7 @@ from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.content import RecordError
-from wavesim.records.of_field import block_record
+from wavesim.records.of_medium import block_record
 from wavesim.records.point_table import is_points
 from wavesim.records.relations import OfMedium
 from wavesim.studies.least_squares import FitError
@@ -231,3 +231,25 @@ def test_points_of_another_program_are_points(tmp_path):
         of_points([tmp_path / "bare.csv"], case, ["anisotropy"])
     (tmp_path / "waves.csv").write_text("t,k,far\n0,1,2\n")
     assert not is_points(tmp_path / "waves.csv")
+
+
+@pytest.mark.parametrize("seed", [505, 517, 3])
+def test_points_of_two_branches_of_another_program_and_what_they_do_not_tell(seed, tmp_path):
+    """A table without branches names a k twice: each point is of its own. Density and all
+    stiffnesses together change no ω, however far along that a fit might run."""
+    made = replace(MEDIUM, anisotropy=0.22, stiffness_ratio=0.53)
+    rng = np.random.default_rng(seed)
+    k = np.repeat(np.linspace(0.05, 0.5, 30) * UNIT, 2)
+    omega = OfMedium(made, ROTATION.blocks[0]).omega(k[::2])[:, :2].real.ravel()
+    omega = omega * (1 + 1e-3 * rng.standard_normal(60))
+    path = tmp_path / "theirs_longitudinal.csv"
+    rows = [f"{a},{w},{1e-3 * w}" for a, w in zip(k, omega, strict=True)]
+    path.write_text("\n".join(["k,omega,error", *rows]))
+    keys = ["medium.anisotropy", "medium.stiffness_ratio"]
+    loaded = load("bandgap_pulse")
+    found = of_points([path], loaded, keys, None, {"": 0.0})
+    assert not any(found.reasons.values())
+    for key, true in zip(keys, (0.22, 0.53), strict=True):
+        assert abs(found.values[key] - true) < 3 * found.errors[key]
+    with pytest.raises(FitError, match="do not tell density, G_n_a, G_n_r apart"):
+        of_points([path], loaded, ["density", "G_n_a", "G_n_r"])

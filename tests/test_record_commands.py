@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact import references
 from media import unit_wavenumber
 from runs import SHIPPED, call
 
 from wavesim.readings.dispersion.points import BranchPoints, joined
 from wavesim.records.files import Layout
-from wavesim.records.of_field import references
 from wavesim.records.of_medium import RecordOfMedium
 from wavesim.verdict.recovered_points import match
 
@@ -214,3 +214,25 @@ def test_the_worked_example_of_the_guide():
     for name, true in (("anisotropy", 0.25), ("stiffness_ratio", 0.5)):
         bar = 1.96 * answer["fit"]["standard_errors"][name]
         assert abs(answer["fit"]["values"][name] - true) < bar < 0.004
+
+
+def test_times_and_lengths_of_options_bear_units(tmp_path):
+    """What --interval, --spacing and --positions say is the same in SI and with a unit."""
+    file = tmp_path / "array.npz"
+    np.savez(file, values=np.random.default_rng(1).standard_normal((200, 4)))
+    read = [
+        json.loads(call("inspect", file, "--interval", dt, *where, "--json").stdout)
+        for dt, where in (
+            ("2e-8", ("--spacing", "0.005")),
+            ("20ns", ("--spacing", "5mm")),
+            ("0.02us", ("--positions", "0,5mm,10mm,1.5cm")),
+        )
+    ]
+    assert [one["interval_s"] for one in read] == [2e-8] * 3
+    for one in read:
+        x = [receiver["position_m"] for receiver in one["receivers"]]
+        np.testing.assert_allclose(x, [0, 0.005, 0.01, 0.015], atol=1e-15)
+    for option in ("--interval", "--spacing"):
+        refused = call("inspect", file, option, "0")
+        assert refused.exit_code == 2
+        assert "greater than 0" in refused.output

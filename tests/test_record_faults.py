@@ -127,6 +127,16 @@ def test_hum_of_many_periods_is_taken_out(size):
     assert "hum" in {f.what for f in found.findings}
 
 
+def test_hum_is_taken_out_at_four_samples_to_its_period():
+    """Sampled at 200 Hz, 50 Hz and its triple are one series of numbers."""
+    t, x = np.arange(600) * 5e-3, 5.0 * np.arange(1, N + 1)
+    clean = ricker(t[:, None] - 1.5 - x / 300, 12.0)
+    clean = clean + 1e-3 * np.random.default_rng(3).standard_normal(clean.shape)
+    hum = 0.2 * np.sin(2 * np.pi * 50 * t + 0.3)[:, None]
+    found = from_arrays({"t": t, "x": x, "values": clean + hum})
+    assert np.abs(found.values - clean).max() < 0.01
+
+
 def test_no_fault_is_found_where_there_is_none():
     """Nor where a single sine begins and ends with a kink, between samples or on one."""
     assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()

@@ -305,6 +305,27 @@ def test_arrays_as_long_as_an_axis_say_which_it_is():
     assert one.t == pytest.approx(T)
 
 
+def test_images_are_no_components_of_a_line():
+    """Of a stack (times, x, y) one line is asked for, whatever else is said of times; one line of
+    it is read by its frame rate."""
+    stack = np.random.default_rng(1).standard_normal((400, 64, 24))
+    more = {"x_mm": np.arange(64.0), "y_mm": np.arange(24.0), "fps": np.array(5e5)}
+    for given in ({}, {"interval": 2e-6}):
+        with pytest.raises(RecordError, match=r"ux \(400, 64, 24\): of three axes .*ux\[:, :, 0\]"):
+            from_arrays({"ux": stack, **more}, Layout(**given))
+    found = from_arrays({"ux": stack[:, :, 0], "x_mm": more["x_mm"], "fps": more["fps"]})
+    assert found.values.shape == (1, 400, 64)
+    assert found.t[1] == pytest.approx(2e-6)
+
+
+def test_correlations_have_lags_for_times():
+    lags = np.arange(-400, 401) * 5e-3
+    values = np.random.default_rng(1).standard_normal((24, 801))
+    found = from_arrays({"ccf": values, "lags": lags, "distance_m": 5.0 * np.arange(24)})
+    assert found.values.shape == (1, 801, 24)
+    np.testing.assert_allclose(found.t, lags)
+
+
 def test_an_axis_is_known_by_its_unit_alone(tmp_path):
     """Where its name says nothing: a coordinate in cm is of places, one in ms of times."""
     import xarray
@@ -472,12 +493,14 @@ def test_receivers_of_one_record_may_stand_in_files_of_their_own(tmp_path):
     whole = slice(0, 300)
     assert found.t[whole] == pytest.approx(t[whole], abs=1e-12)
     assert np.abs(found.values[0][whole] - u[whole]).max() < 1e-9
-    with pytest.raises(RecordError, match=r"12 files: positions of 12 receivers.*--spacing"):
+    with pytest.raises(
+        RecordError, match=r"R1.Z.semd and 11 more: positions of 12 receivers.*--spacing"
+    ):
         read(files)
     with pytest.raises(RecordError, match="--positions: 2 given for 12 receivers"):
         read(files, Layout(positions=(1.0, 2.0)))
     (tmp_path / "R3.Z.semd").write_text("no numbers")
-    with pytest.raises(RecordError, match=r"12 files: R3\.Z\.semd: "):
+    with pytest.raises(RecordError, match=r" and 11 more: R3\.Z\.semd: "):
         read(files, Layout(spacing=2.0))
 
 

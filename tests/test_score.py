@@ -193,6 +193,18 @@ def test_units_and_errors_are_found_under_their_usual_names(tmp_path, exact):
     assert found["error"] == pytest.approx(0.01 * omega)
 
 
+def test_a_truth_that_is_no_number_is_refused():
+    from wavesim.records.files import from_arrays
+    from wavesim.verdict.score import truth_of
+
+    x, t = 0.01 * np.arange(5), 1e-6 * np.arange(64)
+    values = np.random.default_rng(1).standard_normal((64, 5))
+    truth = {"truth_k": np.arange(9.0), "truth_omega": np.full((9, 2), np.nan)}
+    record = from_arrays({"t": t, "x": x, "values": values, **truth})
+    with pytest.raises(RecordError, match="must be finite, arrays truth_k"):
+        truth_of(record)
+
+
 def test_a_truth_without_its_record_is_told_as_one(tmp_path, exact):
     np.savez(tmp_path / "t.npz", truth_k=exact[0], truth_omega=exact[1][:, None])
     with pytest.raises(RecordError, match=r"the truth alone.*values \(times, receivers\), t"):

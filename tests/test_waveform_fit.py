@@ -21,7 +21,7 @@ from wavesim.readings.misfit import misfit
 from wavesim.records.of_pulse_test import PulseTestRecord
 from wavesim.studies.fit_answer import compare, of_waveforms, signals_of
 from wavesim.studies.fit_terms import targets, with_values
-from wavesim.studies.least_squares import FitError, Parameter, solve
+from wavesim.studies.least_squares import FitError, Parameter, solve, tied
 from wavesim.studies.waveform_fit import Waveforms
 from wavesim.timedomain.gradient import traced_fields
 
@@ -528,3 +528,40 @@ def test_the_commands_read_a_file_and_write_what_they_found(record, tmp_path):
     wrong = CliRunner().invoke(main, ["fit", str(tmp_path / "r.csv"), str(path), "--vary", "a"])
     assert wrong.exit_code == 2
     assert "--vary a: must end in one of" in wrong.output
+
+
+def test_a_record_that_ends_before_the_waves_is_told_as_such(record, tmp_path):
+    """Its end, and not another medium, is why it is not what the case says."""
+    loaded = load(case(tmp_path, **TRUTH))
+    early = replace(record, t=record.t[:60], signals={k: v[:60] for k, v in record.signals.items()})
+    said = compare(loaded, matched(early, loaded.simulation, None)).notes[-1]
+    assert said.startswith("the record ends at 1.475e-06 s")
+    assert "record longer" in said
+    fit = of_waveforms(loaded, matched(early, loaded.simulation, None), ["anisotropy"])
+    assert "the record ends at" in fit.reasons[NAMES["a"]]
+
+
+def test_what_is_told_of_two_that_hang_together_holds_in_a_curved_valley():
+    """x and y by x + x y + y²/2 = 1 to 1e-5, and by x − y so badly that both have errors of 0.3:
+    what is said to be told is within three errors of what holds at the truth, wherever in them the
+    fit ends."""
+
+    class Valley:
+        def __init__(self, off):
+            self.off = off
+            self.parameters = [Parameter(k, 0.5, -5.0, 5.0, 1.0) for k in "xy"]
+
+        def residuals(self, v):
+            x, y = v["x"], v["y"]
+            noise = np.array([1.0, -1.0, 1.0, -1.0])
+            rows = [(x + x * y + y**2 / 2 - 1) / 1e-4] * 4, [(x - y - self.off) / 5.0] * 4
+            r = np.concatenate([np.array(rows[0]) + noise, np.array(rows[1]) + noise])
+            J = np.repeat([[(1 + y) / 1e-4, (x + y) / 1e-4], [0.2, -0.2]], 4, axis=0)
+            return r, J, np.arange(8)
+
+    truth = dict(zip("xy", (7 / 12, 0.5), strict=True))  # x (1 + y) + y²/2 = 1
+    for off in (1 / 12 - 2.0, 1 / 12 + 2.0):
+        found = solve(Valley(off))
+        (pair,) = tied(found.values, found.errors, found.covariance, 0.9, found.bend)
+        a, b = pair.keys
+        assert abs(truth[a] + pair.factor * truth[b] - pair.told) < 3 * pair.told_error

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import references
 from media import MEDIUM
 
 from wavesim.material.granular_equations import ROTATION
 from wavesim.planewave.dispersion_relation import gaps
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
-from wavesim.records.of_field import block_record, references
+from wavesim.records.of_medium import block_record
 from wavesim.records.record import RecordError, record
 from wavesim.records.relations import OfMedium
 from wavesim.records.synthetic import Pulse, Spoil, positions, synthesize

@@ -62,4 +62,6 @@ def meant_by(unit: str | None, value: str) -> str | None:
         factor = 1.0
     if factor is None:
         return None
+    if factor == 1.0:
+        return repr(number)
     return repr(float(f"{number * factor:.{_LEAST_DIGITS}g}"))

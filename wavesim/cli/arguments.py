@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import functools
 import json
@@ -65,10 +64,11 @@ class Quantity(click.ParamType):
         name: what it is.
         unit: of SI.
         forms: how it may be given.
+        positive: whether it must be greater than 0.
     """
 
-    def __init__(self, name: str, unit: str, forms: str) -> None:
-        self.name, self._unit, self._forms = name, unit, forms
+    def __init__(self, name: str, unit: str, forms: str, positive: bool = False) -> None:
+        self.name, self._unit, self._forms, self._positive = name, unit, forms, positive
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float:
         """The number in SI, else a line that says how it is given."""
@@ -77,11 +77,16 @@ class Quantity(click.ParamType):
         known = meant_by(self._unit, str(value))
         if known is None or not math.isfinite(float(known)):
             self.fail(f"{value!r} is no {self.name}; give it as {self._forms}", param, ctx)
+        if self._positive and not float(known) > 0:
+            self.fail(f"{value}: must be greater than 0", param, ctx)
         return float(known)
 
 
 FREQUENCY = Quantity("frequency", "Hz", "6e5 (Hz) or 600kHz")
 TIME = Quantity("time", "s", "2e-5 (s) or 20us")
+LENGTH = Quantity("length", "m", "0.02 (m) or 20mm")
+_INTERVAL = Quantity("time", "s", "2e-8 (s) or 20ns", positive=True)
+_SPACING = Quantity("length", "m", "0.02 (m) or 20mm", positive=True)
 
 
 def _ascending(context: Any, option: Any, band: tuple[float, float] | None) -> Any:
@@ -126,7 +131,9 @@ INPUT = click.option(
     help="The transmitter's column: its heading, or its number from 1 (times are 1); 'column 2' "
     "or 'heading 2' where either may be meant; or a file that holds it alone.",
 )
-SOURCES = click.option("--source", "places", type=NUMBER, multiple=True, help="Position in m.")
+SOURCES = click.option(
+    "--source", "places", type=LENGTH, multiple=True, help="Position in m or as 20mm."
+)
 RING = click.option("--ring", is_flag=True, help="Receivers go evenly round a periodic bar.")
 
 
@@ -148,7 +155,9 @@ BESIDE = options(
         metavar="NAME",
         help="What the record is of, such as phi1 or u1; what is driven where not given.",
     ),
-    click.option("--lag", type=NUMBER, help="Of the record's clock, s; fitted where not given."),
+    click.option(
+        "--lag", type=TIME, help="Of the record's clock, in s or as 20us; fitted where not given."
+    ),
     click.option(
         "--scale",
         type=NUMBER,
@@ -160,10 +169,11 @@ _OPTIONS = (
     click.option("--values", metavar="NAME", help="Array of the record in the file."),
     click.option("--time", metavar="NAME", help="Array of its times."),
     click.option("--positions", metavar="NAME|X1,X2,…",
-                 help="Array of its receivers' positions, or the positions themselves, in m."),
-    click.option("--interval", type=POSITIVE, help="Δt in s; stands before the file's times."),
-    click.option("--spacing", type=POSITIVE,
-                 help="Receiver spacing in m; stands before the file's positions."),
+                 help="Array of its receivers' positions, or these themselves, in m or as 20mm."),
+    click.option("--interval", type=_INTERVAL,
+                 help="Δt in s or as 20ns; stands before the file's times."),
+    click.option("--spacing", type=_SPACING,
+                 help="Receiver spacing in m or as 20mm; stands before the file's positions."),
     click.option("--receivers", type=click.IntRange(min=1),
                  help="How many, where nothing tells which axis of an array is theirs."),
     click.option("--time-unit", metavar="UNIT", help="Of the file's times: s, ms, us, ns …"),
@@ -196,9 +206,12 @@ def layout(said: dict[str, Any]) -> Any:
 
     positions = said.get("positions")
     if positions is not None:
-        parts = [part for part in positions.replace(";", ",").split(",") if part.strip()]
-        with contextlib.suppress(ValueError):  # else it is the name of an array
-            said = said | {"positions": tuple(float(part) for part in parts)}
+        from wavesim.case.units import meant_by
+
+        parts = [part.strip() for part in positions.replace(";", ",").split(",") if part.strip()]
+        meant = [float(v) for v in (meant_by("m", part) for part in parts) if v is not None]
+        if len(meant) == len(parts):  # else it is the name of an array
+            said = said | {"positions": tuple(meant)}
     return Layout(**said)
 
 
@@ -269,11 +282,6 @@ def writing(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         stop(*unwritable(error, f"--out {error.filename or folder}"))
-
-
-def told_files(files: Sequence[str]) -> str:
-    """Files of one record in a message."""
-    return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
 
 
 def print_json(answer: Any) -> None:

@@ -23,17 +23,16 @@ from wavesim.cli.arguments import (
     FILES,
     JSON,
     NOT_NEGATIVE,
-    NUMBER,
     POSITIVE,
     RING,
     SOURCES,
+    TIME,
     WRITTEN,
     NumberIn,
     medium_of,
     options,
     print_json,
     record_options,
-    told_files,
     write_columns,
     write_json,
     writing,
@@ -52,7 +51,7 @@ _OPTIONS = options(
     WRITTEN,
     JSON,
     click.option("--fit", "parameters", metavar="NAME,…", help="Fit the medium's parameters."),
-    click.option("--quiet-from", type=NUMBER, help="Time in s from which no source acts."),
+    click.option("--quiet-from", type=TIME, help="Time in s or as 20us from which no source acts."),
     SOURCES,
     RING,
     click.option("--lattice", is_flag=True, help="Receivers are all the sites there are."),
@@ -67,11 +66,12 @@ def _layout(given: dict[str, Any]) -> Any:
 
 def _extract(given: dict[str, Any], kind: str, **asked: Any) -> None:
     """Read, extract, fit, show, write: what both commands do."""
+    from wavesim.records.layout import told_files
     from wavesim.studies.least_squares import FitError
 
     file = told_files(given["files"])
     drawn = click.get_current_context().with_resource(TemporaryDirectory())
-    results = _recovered(given, kind, asked, Path(drawn) if given["out"] else None)
+    results = _recovered(file, given, kind, asked, Path(drawn) if given["out"] else None)
     fit = None
     if given["parameters"]:
         start = medium_of(given["medium"], (one.origin for one in results))
@@ -101,7 +101,7 @@ def _extract(given: dict[str, Any], kind: str, **asked: Any) -> None:
 
 
 def _recovered(
-    given: dict[str, Any], kind: str, asked: dict[str, Any], drawn: Path | None
+    file: str, given: dict[str, Any], kind: str, asked: dict[str, Any], drawn: Path | None
 ) -> list[Any]:
     """Waves of a record, or of each sector of a run; while one is read the last one is drawn."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
@@ -130,7 +130,7 @@ def _recovered(
             try:
                 found = work([origin], **asked)
             except (RecordError, NotHyperbolicError) as error:
-                stop(f"{told_files(files)}: {error}", BAD_INPUT)
+                stop(f"{file}: {error}", BAD_INPUT)
             if drawn:
                 drawings.append(drawing.ask(f"{_DRAWING}.write", found, drawn))
             results += [one.without_values() for one in found]

@@ -48,7 +48,9 @@ class _Set:
 @click.argument("files", nargs=-1, type=click.Path(), required=True)
 @INPUT
 @click.option(
-    "--distance", metavar="L|L1,L2,…", help="From tip to tip in m, or one for each record."
+    "--distance",
+    metavar="L|L1,L2,…",
+    help="From tip to tip in m or as 20mm; or one for each record.",
 )
 @click.option("--delay", type=TIME, help="Of cables and transducers, in s or as 20us.")
 @click.option(

@@ -25,7 +25,6 @@ from wavesim.cli.arguments import (
     medium_of,
     print_json,
     record_options,
-    told_files,
     write_json,
     write_table,
     writing,
@@ -230,6 +229,7 @@ def inspect(
     """
     from wavesim.readings.crosstalk_findings import crosstalk_findings
     from wavesim.records.inspection import inspect as look_over
+    from wavesim.records.layout import told_files
 
     column = None if column is not None and Path(column).is_file() else column
     found = look_over(

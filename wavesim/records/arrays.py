@@ -113,6 +113,13 @@ def find(content: Content, layout: Layout) -> Found:
         )
     values, labels, name = _values(content, layout)
     swapped = np.swapaxes(values, -1, -2)
+    first = len(values) if values.ndim == 3 else 0
+    clock = any(a.shape == (first,) and is_axis(content, n, "time") for n, a in arrays.items())
+    if first not in values.shape[1:] and (clock or first > max(values.shape[1:])):
+        raise RecordError(
+            f"{name} {values.shape}: of three axes the first must be that of components, before "
+            f"times and receivers; save one line of it, as {name}[:, :, 0], or a mean over an axis"
+        )
     if layout.receivers not in (None, *values.shape[-2:]):
         raise RecordError(f"--receivers {layout.receivers}: the record is of shape {values.shape}")
     fits = [0 if labels else as_long(content, layout, one.shape[-2:]) for one in (values, swapped)]
@@ -312,12 +319,11 @@ def _unsaid(
     """What is missing, and the options that give it."""
     frames, count = values.shape[-2:]
     # Which way round it would fit better decides what is called missing.
-    if times_of(content, layout, frames, (frames, count)) is None and (
-        times_of(content, layout, count, (count, frames)) is None
-    ):
+    ways = (frames, count), (count, frames)
+    if all(times_of(content, layout, one[0], one) is None for one in ways):
         return RecordError(
-            f"no times of {frames} entries for a record of shape {values.shape}; arrays are "
-            f"{listed(content.arrays)}"
+            f"no times of {max(frames, count)} entries for a record of shape {values.shape}; "
+            f"arrays are {listed(content.arrays)}"
             + "".join(f"; {note}" for note in content.notes if "numbers the rows" in note)
             + ": name them with --time, or give --interval"
         )

@@ -16,7 +16,7 @@ from wavesim.records.units import TIME, factor, named_as, unit_in
 Float = NDArray[Any]
 
 TIMES = ("t", "time", "times", "tt", "taxis", "timeaxis", "tvec", "timevector", "timestamp",
-          "timestamps", "rawdatatime")  # fmt: skip
+          "timestamps", "rawdatatime", "lag", "lags")  # fmt: skip
 POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offsets", "distance",
               "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
               "coordinates")  # fmt: skip
@@ -24,7 +24,7 @@ INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "s
              "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
              "deltax", "tinterval", "tinc", "hresolution", "wfincrement")  # fmt: skip
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr",
-         "outputdatarate")  # fmt: skip
+         "outputdatarate", "fps", "framerate", "framespersecond")  # fmt: skip
 STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval",
              "spatialsamplinginterval")  # fmt: skip

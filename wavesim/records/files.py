@@ -18,7 +18,7 @@ from wavesim.records.axes import places_of
 from wavesim.records.content import Content, RecordError, UnitsError
 from wavesim.records.faults.moveout import arrivals, speed
 from wavesim.records.faults.quiet import rest
-from wavesim.records.layout import Layout
+from wavesim.records.layout import Layout, told_files
 from wavesim.records.record import Record, record
 
 Float = NDArray[Any]
@@ -51,7 +51,7 @@ def read(path: str | Path | Sequence[str | Path], layout: Layout | None = None) 
         (path,) = map(file_of, paths)
         with _named(path):
             return _built(find(_content(path), layout), layout)
-    with _named(f"{len(paths)} files"):
+    with _named(told_files(paths)):
         return _of_several(paths, layout)
 
 

@@ -118,7 +118,7 @@ def _of_run(path: Path) -> Inspection:
     """A run of wavesim: its first field, and what its own commands say to it."""
     from wavesim.case.schema import CaseError
     from wavesim.io.result_reader import StorageError
-    from wavesim.records.of_field import OF_LAYERS
+    from wavesim.records.of_medium import OF_LAYERS
     from wavesim.records.of_pulse_test import of_field
     from wavesim.records.run_folder import open_run
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -64,3 +65,8 @@ class Layout:
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise RecordError(f"{name} = {value:g}: must be greater than 0")
+
+
+def told_files(files: Sequence[str | Path]) -> str:
+    """Files of one record in a message."""
+    return str(files[0]) if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"

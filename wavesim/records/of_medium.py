@@ -7,16 +7,24 @@ supposes, and there is no grid.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
 from wavesim.records.files import Layout, file_of, read
 from wavesim.records.record import Record, RecordError
+from wavesim.records.record import record as made_record
 from wavesim.records.relations import OfMedium
+
+OF_LAYERS = (
+    "is of a bar with layers or ends; its run has read its receivers already: see summary.json and "
+    "the groups exact, transmission, bloch, eigenfrequencies, pulse"
+)
 
 
 @dataclass(frozen=True)
@@ -85,6 +93,35 @@ def of_files(
     return RecordOfMedium(path.stem, record, medium, block)
 
 
+def block_record(field: Any, block: Block) -> Record:
+    """One block's components on the grid, a ring.
+
+    Components that live on half-nodes are given at the nodes half a cell before: a shift that all
+    their waves share, which changes no frequency and no wavenumber.
+
+    Args:
+        field: the field.
+        block: one of ``field.blocks``.
+
+    Returns:
+        The record, in the units of ``Field.components``.
+    """
+    parts = [values for values, _ in field.components(block)]
+    names = [next(iter(c)) for c in block.macro + block.micro]
+    own = tuple(s.position for s in field.sources if s.field in block.fields)
+    made = made_record(
+        np.stack(parts),
+        field.t,
+        field.bar.nodes,
+        names=names,
+        ring=True,
+        quiet_from=field.quiet_from,
+        sources=own,
+        trusted=True,
+    )
+    return replace(made, leak=0.0)  # all its receivers are alike
+
+
 def sectors(path: Path, travelling: bool = False) -> Iterator[RecordOfMedium]:
     """Records of the driven sectors of a result.h5, each read when it is asked for.
 
@@ -96,7 +133,6 @@ def sectors(path: Path, travelling: bool = False) -> Iterator[RecordOfMedium]:
         RecordError: the file can't be used, or is of a bar with layers or ends.
     """
     from wavesim.io.result_reader import StorageError
-    from wavesim.records.of_field import OF_LAYERS, block_record
     from wavesim.records.run_folder import field_of
 
     field = field_of(path)

@@ -46,6 +46,16 @@ def compare(
     if not found.residual > _LOOKED_INTO:
         return found
     sim, step = case.simulation, measured.interval
+    last = float(measured.t[-1]) - (lag or 0.0)
+    power = np.sum((frames.value - frames.value.mean(axis=0)) ** 2, axis=1)
+    come = float(power[sim.times <= last].sum() / (power.sum() or 1.0))
+    if found.residual > LARGEST_RESIDUAL and come < _LOOKED_INTO:
+        return replace(
+            found,
+            otherwise=f"the record ends at {measured.t[-1]:.4g} s, by when {come:.2g} of the "
+            "power of the case's signals has come: record longer, or say by --lag how late its "
+            "clock is",
+        )
     own = resampling(sim.frames, sim.interval, np.arange(0.0, sim.duration + step / 2, step))
     both = own @ frames.value, measured.values
     there, recorded = (part - part.mean(axis=0) for part in both)
@@ -168,7 +178,7 @@ def of_waveforms(
     }
     found = answered(
         "waveforms", solution.values, solution.errors, solution.covariance, held, known_to or {},
-        reasons, degenerate=solution.degenerate, residual=beside.residual,
+        reasons, bend=solution.bend, degenerate=solution.degenerate, residual=beside.residual,
         evaluations=solution.evaluations, notes=notes, comparison=beside,
     )  # fmt: skip
     if GAIN in found.nuisances:

@@ -283,6 +283,7 @@ def answered(
     known_to: Mapping[str, float],
     reasons: dict[str, str],
     least: float = TIED,
+    bend: Any = 0.0,
     **more: Any,
 ) -> FitAnswer:
     """An answer whose errors hold how well what is held is known.
@@ -295,6 +296,7 @@ def answered(
         known_to: as :meth:`Held.parts` takes it; {}, not stated: all to 1 %.
         reasons: why a value does not count, or "", of those that are wanted.
         least: correlation beyond which errors are said to hang together.
+        bend: of :class:`Solution`.
     """
     beside = held.covariance(held.parts(known_to))
     total = np.hypot([*errors.values()], np.sqrt(np.diag(beside)))
@@ -309,7 +311,7 @@ def answered(
         {key: wider[key] for key in reasons},
         reasons,
         {key: (values[key], wider[key]) for key in values if key not in reasons},
-        tied=tied(values, wider, covariance + beside, least),
+        tied=tied(values, wider, covariance + beside, least, bend),
         known_to=known_to,
         alone={key: errors[key] for key in reasons},
         held=moves,

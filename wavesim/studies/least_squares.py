@@ -40,6 +40,8 @@ _FAR_WITHIN = 0.1
 # The spectrum of noise is a mean over so many bins 2π/T to either side.
 _BINS = 8
 _MOST_EVALUATIONS = 60
+# A valley's bend is looked at within this part of an error.
+_WITHIN = 0.5
 # Correlation of errors beyond which they hang together.
 TIED = 0.9
 
@@ -76,6 +78,8 @@ class Solution:
         values: {key: value}, SI, of parameters and nuisances.
         errors: {key: standard error}, SI; NaN where the data don't tell.
         covariance: shape (p, p), in the order of values, of what is told.
+        bend: by how much values are off where the longest direction that is told is gone along by
+            one error, as valleys are curved, SI, shape (p,).
         misfit: root of the mean square of the residuals.
         evaluations: of them.
         degenerate: directions that the data don't tell, {key: part of the direction} each.
@@ -86,6 +90,7 @@ class Solution:
     values: dict[str, float]
     errors: dict[str, float]
     covariance: Float
+    bend: Float
     misfit: float
     evaluations: int
     degenerate: tuple[dict[str, float], ...]
@@ -156,6 +161,7 @@ def solve(
         dict(zip(keys, (x * scale).tolist(), strict=True)),
         dict(zip(keys, errors.tolist(), strict=True)),
         told,
+        _bend(lambda y: at(y)[0], x, r, J * scale, covariance, (low, high)) * scale,
         float(np.sqrt(np.mean(r**2))),
         int(answer.nfev),
         tuple(named),
@@ -168,6 +174,19 @@ def _within_errors(r: Float, J: Float, errors: Float) -> bool:
     """Whether the next step, by J alone, is far within the errors."""
     step = np.abs(np.linalg.lstsq(J, r, CONDITION)[0])
     return not (step > _FAR_WITHIN * errors).any()
+
+
+def _bend(residuals: Any, x: Float, r: Float, J: Float, covariance: Float, limits: Any) -> Float:
+    """−J⁺ r₂, r₂ = (r(x + v) + r(x − v))/2 − r, one error v along the longest direction."""
+    size = np.maximum(np.abs(x), 1.0)
+    length, axes = np.linalg.eigh(covariance / size[:, None] / size)
+    v = np.sqrt(max(length[-1], 0.0)) * axes[:, -1] * size
+    room = min(np.min(np.minimum(x - limits[0], limits[1] - x) / (np.abs(v) + 1e-300)), 1.0)
+    part = _WITHIN * room
+    if not part * np.abs(v).max() > 1e-9:
+        return np.zeros(len(x))
+    second = ((residuals(x + part * v) + residuals(x - part * v)) / 2 - r) / part**2
+    return -np.linalg.lstsq(J, second, CONDITION)[0]
 
 
 @dataclass(frozen=True)
@@ -188,9 +207,14 @@ class Tied:
 
 
 def tied(
-    values: Mapping[str, float], errors: Mapping[str, float], cov: Any, least: float = TIED
+    values: Mapping[str, float],
+    errors: Mapping[str, float],
+    cov: Any,
+    least: float = TIED,
+    bend: Any = 0.0,
 ) -> tuple[Tied, ...]:
-    """Pairs of parameters whose errors hang together by more than the least."""
+    """Pairs of parameters whose errors hang together by more than the least; see Solution.bend."""
+    bend = np.broadcast_to(bend, len(values))
     keys, found = list(values), []
     for i, j in zip(*np.tril_indices(len(keys), -1), strict=True):
         both = keys[i], keys[j]
@@ -201,6 +225,7 @@ def tied(
             factor = -float(cov[i, j] / cov[j, j])
             told = values[both[0]] + factor * values[both[1]]
             left = float(np.sqrt(max(cov[i, i] + factor * cov[i, j], 0.0)))
+            left = float(np.hypot(left, bend[i] + factor * bend[j]))
             found.append(Tied(both, float(cov[i, j]) / size, factor, told, left))
     return tuple(found)
 

@@ -158,17 +158,9 @@ def fit(
         if all(np.array_equal(a, b) for a, b in zip(names, again, strict=True)):
             break
         names = again
-    felt = np.linalg.norm(answer.jac, axis=0) + 1e-300
-    _, singular, rows = np.linalg.svd(answer.jac / felt)
-    if not singular[-1] > 1e-9 * singular[0]:
-        part = np.abs(rows[-1] / felt)
-        apart = [n for n, one in zip(parameters, part / part.max(), strict=True) if one > 0.15]
-        which = (f"{', '.join(apart)} apart", "one of them") if apart[1:] else (apart[0], "it")
-        beside = ", or see whether points of another sector tell, with --also FILE"
-        raise FitError(
-            f"the points do not tell {which[0]}: leave {which[1]} out of --vary"
-            + (beside if len(kept) == 1 else "")
-        )
+    # Along what is not told a fit may run to where something else tells it.
+    for jac in (model.slopes(np.clip(first / unit, low / unit, high / unit)), answer.jac):
+        _check_told(jac, parameters, len(kept) == 1)
     chi_square = 2 * answer.cost / (total - len(parameters))
     inverse = np.linalg.inv(answer.jac.T @ answer.jac)
     covariance = inverse * max(1.0, chi_square)
@@ -188,6 +180,25 @@ def fit(
     left = float(np.linalg.norm(answer.fun) / np.linalg.norm(np.concatenate(sizes)))
     return Fitted(replace(start, **values), values, errors, covariance, chi_square, total,
                   systematic, held, left)  # fmt: skip
+
+
+def _check_told(jac: Float, parameters: Sequence[str], alone: bool) -> None:
+    """Refuse parameters along a combination of which residuals do not change.
+
+    Raises:
+        FitError: there is one; the message names them.
+    """
+    felt = np.linalg.norm(jac, axis=0) + 1e-300
+    _, singular, rows = np.linalg.svd(jac / felt)
+    if not singular[-1] > 1e-9 * singular[0]:
+        part = np.abs(rows[-1] / felt)
+        apart = [n for n, one in zip(parameters, part / part.max(), strict=True) if one > 0.15]
+        which = (f"{', '.join(apart)} apart", "one of them") if apart[1:] else (apart[0], "it")
+        beside = ", or see whether points of another sector tell, with --also FILE"
+        raise FitError(
+            f"the points do not tell {which[0]}: leave {which[1]} out of --vary"
+            + (beside if alone else "")
+        )
 
 
 def _held_columns(model: _Model, scaled: Float) -> dict[str, Float]:

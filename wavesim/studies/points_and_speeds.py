@@ -293,7 +293,9 @@ def _points(path: Path) -> BranchPoints:
     valid = columns.get("valid", np.ones(len(k), bool))
     if not valid.any():
         raise FitError(f"{path}: holds no valid point")
-    branch = np.nan_to_num(columns.get("branch", np.zeros(len(k)))).astype(int)
+    # Who says no branches but gives a k twice has several, each point of its own.
+    several = np.arange(len(k)) if len(np.unique(k)) < len(k) else np.zeros(len(k))
+    branch = np.nan_to_num(columns.get("branch", several)).astype(int)
     zero, nothing = np.zeros(len(k)), np.full(len(k), "", object)
     method = "space" if np.iscomplexobj(k) else "harmonic"
     every = k, omega, zero, zero, columns["error"], zero, valid, nothing, branch

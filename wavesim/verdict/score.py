@@ -136,9 +136,10 @@ def truth_of(record: Record) -> Truth:
     k, omega = np.asarray(answer["k"], float), np.asarray(answer["omega"])
     omega = omega[:, None] if omega.ndim == 1 else omega
     ascends = k.ndim == 1 and len(k) > 1 and k[0] >= 0 and (np.diff(k) > 0).all()
+    ascends &= np.isfinite(omega).all()
     if not ascends or omega.ndim != 2 or omega.shape[0] != len(k):
         raise RecordError(
-            f"truth_k of shape {k.shape} and truth_omega of shape {omega.shape}: must be "
+            f"truth_k of shape {k.shape} and truth_omega of shape {omega.shape}: must be finite, "
             f"{TRUTH_ARRAYS}"
         )
     return Truth(k, omega)

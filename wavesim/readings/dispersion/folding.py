@@ -32,6 +32,8 @@ _FEW = 5
 # A mode goes on by lines through so many points that meet to this part of 2π/d, and after this part
 # of ω at most.
 _PIECE, _MEETS, _SOON = 12, 0.05, 0.1
+# Two branches are one curve where it misses their points by this part of its step in ω.
+_LEVEL = 0.1
 
 
 def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
@@ -121,6 +123,47 @@ def folded_branches(
         left = int((~folded[at]).sum())
         if left < _FEW and 2 * left < found:
             folded[at] = True
+    return folded
+
+
+def mirrored_branches(
+    branch: NDArray[Any], k: Float, omega: Float, gap: float
+) -> NDArray[np.bool_]:
+    """Points of branches ω(k) that go on as others beyond k = π/d, seen at 2π/d − k, shape (m,).
+
+    Of two that meet there as one smooth curve that is not level, that from k = 0 on is where it
+    seems, and of others nothing tells which; what goes on from one that is not through k = 0 is
+    not either.
+
+    Args:
+        branch: of each point, −1 for none, shape (m,).
+        k: ≥ 0, multiples of one step, rad/m.
+        omega, gap: as of :func:`is_folded`.
+    """
+    folded = np.zeros(len(k), bool)
+    own = {b: at[np.argsort(k[at])] for b in np.unique(branch[branch >= 0])
+           if len(at := np.flatnonzero(branch == b)) >= _FEWEST}  # fmt: skip
+    step = float(np.diff(np.unique(k)).min(initial=np.inf))
+
+    def goes_on(first: Any, last: Any, edge: float) -> bool:
+        near = [at[np.argsort(np.abs(k[at] - edge))[:_FEWEST]] for at in (first, last)]
+        along = np.r_[k[near[0]], 2 * edge - k[near[1]]] - edge
+        if np.abs(along).max() > (_FEWEST + 0.6) * step:
+            return False
+        at = omega[np.concatenate(near)]
+        curve = np.polyfit(along, at, 2)
+        rise = abs(curve[1]) * step
+        return bool(np.abs(np.polyval(curve, along) - at).max() < _LEVEL * rise)
+
+    pairs = [(a, b) for a, b in permutations(own, 2) if a < b]
+    for a, b in pairs:
+        if goes_on(own[a], own[b], np.pi / gap):
+            from_zero = [points_to_zero(k[own[c]], omega[own[c]], gap) for c in (a, b)]
+            for c, known in zip((a, b), from_zero, strict=True):
+                folded[own[c]] |= not known or all(from_zero)
+    for a, b in pairs * 2:
+        if folded[own[a][0]] != folded[own[b][0]] and goes_on(own[a], own[b], 0.0):
+            folded[own[a]] = folded[own[b]] = True
     return folded
 
 

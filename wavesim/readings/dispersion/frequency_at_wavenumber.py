@@ -23,6 +23,7 @@ from wavesim.readings.dispersion.fft_peaks import (
     peaks,
     power,
 )
+from wavesim.readings.dispersion.folding import FOLDED, mirrored_branches
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
 from wavesim.readings.dispersion.noise_level import leaked
@@ -185,6 +186,9 @@ def in_time(
         low = points.omega <= omega_max
         points, bends = points.take(low), bends.take(low)
     points = widened(with_branches(points, k, cell), k)
+    if not record.lattice:
+        mirrored = mirrored_branches(points.branch, points.k, points.omega, record.spacing)
+        points = points.refused(mirrored, FOLDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     close = CLOSE if method == "harmonic" else 0.0
     hides = worth(bends, points.omega, points.branch, step, cell, points.decay, close)

@@ -230,7 +230,9 @@ def jump(
     def left(first: int, turns: Float, each: int = 1) -> Float:
         """Part of the power with those from one on turned back, at each φ and some ω."""
         behind = np.arange(many) >= first
-        size = np.median(np.abs(U[:, first - 2 : first])) / np.median(np.abs(U[:, first:][:, :2]))
+        # Standing waves round a ring are not alike loud from one receiver to the next.
+        beside = np.abs(U[:, first - 2 : first + 2])
+        size = 1.0 if waves_of else np.median(beside[:, :2]) / np.median(beside[:, 2:])
         turned = np.where(behind, size * np.exp(-1j * turns)[:, None, None], 1)
         V = (U[::each] * turned).reshape(-1, many)
         power = np.mean(np.abs(V) ** 2, axis=1)
@@ -252,9 +254,11 @@ def jump(
     )
     fine = np.arange(_FINE) * 2 * np.pi / _FINE
     seen = left(first, fine)
-    if np.median(seen.min(axis=0)) > _JUMPS * np.median(seen[0]):
+    tells = seen.min(axis=0) < _JUMPS * seen[0]
+    less = np.median(seen.min(axis=0)) < _JUMPS * np.median(seen[0])
+    if not less or tells.sum() < _SIDE:
         return None
-    phase = fine[seen.argmin(axis=0)]
+    phase, omega = fine[seen[:, tells].argmin(axis=0)], omega[tells]
     late = delay_of(phase, omega)
     turned = bool(np.mean(np.cos(phase)) < _SURE - 1)
     if not turned and np.mean(np.cos(phase - omega * late)) < 1 - _SURE:
