@@ -52,8 +52,8 @@ _ABOUT_AS_FAST = 0.12
 # Packets nearer than this, in periods, are no two waves.
 _APART = 0.6
 # What comes first, is the largest but for rounding and a copy of what was sent went straight: no
-# wave after it did.
-_LARGEST, _COPY = 0.999, 0.9
+# wave after it did that is smaller than this part of it.
+_LARGEST, _COPY, _ECHO = 0.999, 0.9, 0.5
 # A wave rises within so many periods after it breaks.
 _OWN_CYCLE = 0.65
 # Noise that hides a wave of this part of the largest is told of.
@@ -107,7 +107,7 @@ def read_one(
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
     whole = at == 0 and heard[0].size > _LARGEST and wanted.wave != "S"
     if whole and likeness(record, heard[0].begins) > _COPY:
-        as_well[:] = False
+        as_well &= np.array([one.size for one in heard]) > _ECHO
     rivals = begun[as_well].tolist()
     begins, other = run_into(heard[at], record, distance, delay, wanted)
     rivals += [other] if math.isfinite(other) else []
