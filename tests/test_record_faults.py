@@ -137,6 +137,21 @@ def test_hum_is_taken_out_at_four_samples_to_its_period():
     assert np.abs(found.values - clean).max() < 0.01
 
 
+@pytest.mark.parametrize(("mains", "step"), [(50, 1e-3), (60, 2e-3)])
+def test_a_wave_of_the_mains_frequency_in_coarse_steps_is_no_hum(mains, step):
+    """Nothing of it stands before the wave, and its coda at the record's end was taken for hum: up
+    to half of the wave's peak was taken out of it."""
+    t, x = np.arange(1024) * 2e-4, 2.0 * np.arange(24)
+    s = np.maximum(t[:, None] - 0.05 - 0.0012 * np.arange(24), 0)
+    rings = np.sin(2 * np.pi * mains * s) * s * np.exp(-s / 0.05)
+    size = np.geomspace(0.12, 0.009, 24) / rings.max()
+    noise = 1.5e-4 * np.random.default_rng(5).standard_normal(rings.shape)
+    values = np.round((size * rings - 0.0025 + noise) / step) * step
+    found = from_arrays({"t": t, "x": x, "values": values})
+    assert "hum" not in {f.what for f in found.findings}
+    assert np.abs(found.values[0] - size * rings).max() < 2 * step
+
+
 def test_no_fault_is_found_where_there_is_none():
     """Nor where a single sine begins and ends with a kink, between samples or on one."""
     assert from_arrays({"t": T, "x": X, "values": CLEAN}).findings == ()

@@ -19,6 +19,7 @@ from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel, runs_on, slowness
 from wavesim.readings.dispersion.folding import FOLDED, folded_branches
+from wavesim.readings.dispersion.halves_of_line import with_unlike_halves
 from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import unknowns
 from wavesim.readings.dispersion.noise_level import excited_frequencies, noise_variance
@@ -183,6 +184,8 @@ def in_space(
     points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
     points = _with_branches(points, omega)
     points = _with_hidden(points, U, x, used, level, models)
+    if not record.ring:
+        points = with_unlike_halves(points, U, x, used, level, models)
     points = _with_branches(points.known(), omega)
     # A loss that may be none tells no direction.
     turned = (points.k.real < 0) & (points.k.imag < points.bar)

@@ -24,6 +24,8 @@ _MAINS = (50.0, 60.0)
 # Fewer periods than this of the mains are a drift.
 _PERIODS = 1.5
 _HUM = 5.0
+# Part of the power of each quarter of what is at rest that hum leaves at most.
+_LEFT = 0.95
 # Parts of the record that may lie before its signal, and what of their power may be no hum.
 _BEGINNINGS, _ALONE = (0.5, 0.25, 0.12, 0.06), 0.2
 # A rest shorter than this many times the fewest samples, off by this part of the peak, is doubted.
@@ -260,7 +262,12 @@ def _hum(v: Float, t: Float, mask: Mask, peak: float) -> Float | None:
     power, amplitude, wave = fit
     error = np.sqrt(2 * power / own.sum())
     above = amplitude > max(_HUM * error, 1e-4 * peak)
-    return wave if above and power < 0.7 * np.var(v[own]) else None
+    if not above or power > 0.7 * np.var(v[own]):
+        return None
+    # Hum is there all the time, and a wave that is too weak to be seen is not.
+    quarters = np.array_split(np.flatnonzero(own), 4)
+    there = all(np.var(v[part] - wave[part]) < _LEFT * np.var(v[part]) for part in quarters)
+    return wave if there else None
 
 
 def _humming(v: Float, interval: float, share: float) -> bool:
