@@ -207,10 +207,7 @@ def in_space(
 
 
 def _enough(points: BranchPoints, heard: Any, models: Any) -> BranchPoints:
-    """Refuse a few points where nearly all that receivers heard, (nω, nx), is no such wave.
-
-    The reason is that of what is strongest.
-    """
+    """Refuse a few points where nearly all that was heard, (nω, nx), is none, as the loudest is."""
     step = np.repeat(np.arange(len(heard)), [pairs for pairs, _, _ in models])
     power, read = np.sum(np.abs(heard) ** 2, axis=1), np.unique(step[points.valid])
     few = len(read) < min(_FEW, len(heard) / 2)
