@@ -9,6 +9,7 @@ from transducers import record
 
 import wavesim as ws
 from wavesim.cli.main import main
+from wavesim.cli.series_values import states
 from wavesim.material.layers import as_layers
 from wavesim.planewave.dispersion_relation import frequencies
 from wavesim.records.content import RecordError
@@ -249,6 +250,25 @@ def test_values_in_steady_order_are_refused_of_files_that_the_shell_has_in_anoth
         answer = pulse(*order, *given, "--against", f"stress={values}")
         law = json.loads(answer.output)["series"]["fit"]
         assert law["b"] == pytest.approx(0.27, abs=2 * law["b_error"])
+
+
+@pytest.mark.parametrize(
+    "table",
+    ["50\n100\n200\n", "stress (kPa)\n50\n100\n200", "# by hand\n1 50\n2 100\n3 200\n",
+     "scope_3.csv, 200\nscope_1.csv, 50\nscope_2.csv, 100\n"],
+)  # fmt: skip
+def test_a_series_goes_by_a_table_as_by_its_values(table, tmp_path):
+    """In the order of the files, or by their names."""
+    stresses = tmp_path / "stresses.txt"
+    stresses.write_text(table)
+    files = [f"scope_{n}.csv" for n in (1, 2, 3)]
+    assert states(f"stress={stresses}", files).values == (50, 100, 200)
+    assert ("(kPa)" in states(f"stress={stresses}", files).parameter) == ("kPa" in table)
+    if "scope" in table:
+        turned = states(f"stress={stresses}", files[::-1])
+        assert turned.values == (200, 100, 50)
+        with pytest.raises(SystemExit):
+            states(f"stress={stresses}", [*files, "scope_4.csv"])
 
 
 def test_specimens_of_several_lengths_tell_a_velocity_without_the_systems_delay(tmp_path):

@@ -61,7 +61,7 @@ class _Set:
 @click.option(
     "--against",
     metavar="NAME=V1,V2,…",
-    help="What differs from record to record, as stress=20,40,80kPa: a series.",
+    help="What differs from record to record, as stress=20,40,80kPa, or in a table, stress=FILE.",
 )
 @click.option(
     "--expected",
@@ -100,7 +100,8 @@ def pulse(
 
     layout = replace(layout, input=column)
     tests, refused = _read(files, layout)
-    setup = _setup(distance, delay, face_to_face, against, layout)
+    series_of = None if against is None else states(against, files)
+    setup = _setup(distance, delay, face_to_face, series_of, layout)
     with working(f"reading {len(tests)} pulse test{'s' * (len(tests) > 1)}"):
         readings, series = _readings(files, tests, refused, setup, expected, wave)
     found = answer(readings, series)
@@ -140,7 +141,7 @@ def _setup(
     distance: str | None,
     delay: float | None,
     face_to_face: str | None,
-    against: str | None,
+    against: States | None,
     layout: Any,
 ) -> _Set:
     from wavesim.readings.pulse.arrivals import CONVENTIONS
@@ -155,7 +156,7 @@ def _setup(
     delays = {} if delay is None else dict.fromkeys(CONVENTIONS, delay)
     if face_to_face is not None:
         delays = _delays(face_to_face, layout)
-    return _Set(distances, delays, None if against is None else states(against))
+    return _Set(distances, delays, against)
 
 
 def _delays(file: str, layout: Any) -> dict[str, float]:

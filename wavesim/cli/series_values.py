@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from wavesim.report.terminal import BAD_INPUT, stop
 
@@ -57,13 +58,39 @@ class States:
             )
 
 
-def states(against: str) -> States:
-    """What is said as NAME=V1,V2,…, with a unit behind the values or in brackets."""
+def states(against: str, files: Sequence[str] = ()) -> States:
+    """What is said as NAME=V1,V2,…, with a unit behind the values or in brackets; or as NAME=FILE.
+
+    Args:
+        against: what is said.
+        files: of the records.
+    """
     parameter, mark, listed = against.partition("=")
     if not (mark and parameter.strip()):
         stop(f"--against {against}: must be NAME=V1,V2,…, as stress=20,40,80", BAD_INPUT)
+    if Path(listed.strip()).is_file():
+        parameter, listed = _of_file(parameter.strip(), Path(listed.strip()), files)
     parameter, listed = _with_unit(parameter.strip(), listed)
     return States(parameter, numbers("--against", listed))
+
+
+def _of_file(parameter: str, file: Path, files: Sequence[str]) -> tuple[str, str]:
+    """The same of a table: the last column in the order of the records, or by their names where
+    its first has these; a heading may have the unit in brackets."""
+    lines = file.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    rows = [[cell for cell in re.split(r"[,;\s]+", line.strip()) if cell] for line in lines
+            if line.strip() and not line.lstrip().startswith(("#", "%"))]  # fmt: skip
+    if rows and not re.match(r"[-+.]?\d", rows[0][-1]):
+        unit = re.search(r"[(\[](.+?)[)\]]", rows.pop(0)[-1])
+        parameter += f" ({unit[1]})" if unit and "(" not in parameter else ""
+    stems = [Path(one).stem for one in files]
+    named = {stem: row[-1] for row in rows if row[1:] and (stem := Path(row[0]).stem) in stems}
+    if not named:
+        return parameter, ",".join(row[-1] for row in rows)
+    for one, stem in zip(files, stems, strict=True):
+        if stem not in named:
+            stop(f"--against {parameter}={file}: has no row for {one}: give it one", BAD_INPUT)
+    return parameter, ",".join(named[stem] for stem in stems)
 
 
 def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
