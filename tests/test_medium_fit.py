@@ -9,6 +9,7 @@ import pytest
 from media import MEDIUM, unit_wavenumber
 
 from wavesim.case.load import load
+from wavesim.material.dual import parameters
 from wavesim.material.granular_equations import ROTATION
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
@@ -73,6 +74,17 @@ def test_slopes_of_complex_k_against_differences(simulated):
             step = 1e-6 * np.eye(3)[i]
             rise = (model.residuals(at + step) - model.residuals(at - step)) / 2e-6
             assert np.abs(slopes[:, i] - rise).max() < 1e-5 * np.abs(slopes[:, i]).max()
+
+
+def test_products_of_vectors_are_refused_before_their_slopes_are_taken_for_a_matrix():
+    """Of three parameters and vectors of three, parameters would be summed over."""
+    a, b, c = parameters([1.0, 2.0, 3.0])
+    vector = a * np.ones(3) + b * np.arange(3.0) + c
+    for left, right in ((np.ones(3), vector), (vector, vector), (vector, np.eye(3))):
+        with pytest.raises(TypeError, match="NotImplemented"):
+            left @ right
+    product = np.ones((1, 3)) @ vector[:, None]
+    assert np.allclose(product.slopes[:, 0, 0], [3.0, 3.0, 3.0])
 
 
 def test_what_a_coarse_grid_does_to_points_is_in_the_errors():

@@ -400,6 +400,19 @@ def test_what_was_done_to_all_channels_is_told_or_refused(rng):
     assert len(record(burst, t, x).x) == 8
 
 
+def test_noise_that_a_wave_brings_with_it_is_no_gain(rng):
+    """Fine waves scattered behind the wave, that die away as it goes on; under e^{at} all grows."""
+    x, t = 0.02 + 0.005 * np.arange(8), np.arange(1000) * 5e-7
+    late = t[:, None] - 1.8e-4 - x / 3000
+    a = (np.pi * 5e4 * late) ** 2
+    u = (1 - 2 * a) * np.exp(-a) * np.exp(-8 * x)
+    coda = 3e-3 * np.exp(-1e3 * np.maximum(late, 0.0)) * (late > 0)
+    u += np.hypot(3e-4, coda) * rng.normal(size=late.shape)
+    for values, gained in ((u, False), (u * np.exp(6e3 * t)[:, None], True)):
+        told = [one.what for one in record(values, t, x).findings]
+        assert ("normalised" in told) is gained
+
+
 def test_few_receivers_that_are_left_of_many_with_flat_tops_tell_of_no_several_waves():
     """Of twelve, seven clipped: five are read. Eight: refused."""
     x, t = 0.02 + 0.005 * np.arange(12), np.arange(1000) * 5e-7

@@ -101,6 +101,8 @@ class Dual(np.lib.mixins.NDArrayOperatorsMixin):
         values, name = [value_of(one) for one in given], ufunc.__name__
         if method != "__call__" or not (out is None or isinstance(out[0], Dual)):
             return NotImplemented
+        if name == "matmul" and any(isinstance(one, Dual) and one.ndim < 2 for one in given):
+            return NotImplemented  # slopes of a vector are a matrix
         f = ufunc(*values)
         if name in _PLAIN:
             return f

@@ -33,9 +33,9 @@ _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
 # part of the loudest: alone where it is so much of all that is there, and beneath a signal where so
 # much, as it is of what is alone where a gain follows that; or it grows by more nepers than this,
 # and than so many of its errors (the variance of the logarithm of a median of m samples is the last
-# over m).
+# over m), and goes on by that part of it in the later half.
 _PARTS, _CHANNELS, _ORDER, _ROUNDING, _MEDIAN = 16, 64, 6, 1e-9, 0.455 * 924
-_ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE = 0.5, 0.15, 0.35, 8.0, 1.5
+_ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE, _GOES_ON = 0.5, 0.15, 0.35, 8.0, 1.5, 0.25
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
 # part.
@@ -290,17 +290,30 @@ def _unsteady(v: Float) -> tuple[str, str]:
     noise, size = np.sqrt(np.array(parts) / _MEDIAN), blocks.std(axis=1)
     heard = noise > _ROUNDING * size.max()
     alone, beneath = heard & (noise > _ALONE * size), heard & (noise < _BENEATH * size)
-    count = alone.sum(axis=0)
-    late = np.where(alone, np.arange(_PARTS)[:, None] / _PARTS, 0.0)
-    log = np.where(alone, np.log(np.maximum(noise, 1e-300)), 0.0)
-    late, log = ((w - w.sum(axis=0) / np.maximum(count, 1)) * alone for w in (late, log))
-    spread = max(float(np.sum(late**2)), 1e-300)
-    slope = float(np.sum(late * log)) / spread
-    spare = max(int(count.sum() - (count > 0).sum()) - 1, 1)
-    error = np.sqrt(max(float(np.sum((log - slope * late) ** 2)) / spare, _CHANCE / m) / spread)
-    grows = follows = ""
-    if slope > max(_GROWS, _ERRORS * error):
-        grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
+    at = np.arange(_PARTS)[:, None] / _PARTS
+    log = np.log(np.maximum(noise, 1e-300))
+
+    def growth(of: Mask) -> tuple[float, float]:
+        """Nepers that noise grows by over the record, in some blocks of channels, and its error."""
+        count = of.sum(axis=0)
+        late, own = (
+            (w - (w * of).sum(axis=0) / np.maximum(count, 1)) * of
+            for w in np.broadcast_arrays(at, log)
+        )
+        spread = max(float(np.sum(late**2)), 1e-300)
+        slope = float(np.sum(late * own)) / spread
+        spare = max(int(count.sum() - (count > 0).sum()) - 1, 1)
+        left = float(np.sum((own - slope * late) ** 2)) / spare
+        return slope, float(np.sqrt(max(left, _CHANCE / m) / spread))
+
+    (slope, error), grows, follows = growth(alone), "", ""
+    rows = np.flatnonzero(alone.any(axis=1))
+    if len(rows) > _SEVERAL and slope > max(_GROWS, _ERRORS * error):
+        # A gain goes on growing, and what waves bring with them (scattering, a shaker) does not.
+        middle = np.median(np.nonzero(alone)[0])
+        later = alone & (np.arange(_PARTS)[:, None] > middle)
+        if (rows > middle).sum() < 2 or growth(later)[0] > _GOES_ON * slope:
+            grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
     own = np.flatnonzero(alone.any(axis=0) & beneath.any(axis=0))
     if len(own) >= max(_SEVERAL, v.shape[1] / 2):
         less = np.median([np.median(noise[beneath[:, j], j]) / np.median(noise[alone[:, j], j])
