@@ -18,8 +18,8 @@ from wavesim.readings.dispersion.points import COMPLEX_BAR, BranchPoints
 
 Float = NDArray[Any]
 
-# Receivers of a half beyond the fit's unknowns.
-_SPARE = 2
+# Receivers of a half beyond the fit's unknowns; of what is so many times as loud as the noise.
+_SPARE, _LOUD = 2, 3.0
 
 
 def with_unlike_halves(
@@ -40,6 +40,7 @@ def with_unlike_halves(
     """
     step = np.repeat(np.arange(len(U)), [pairs for pairs, _, _ in models])
     error = points.error.copy()
+    used = used & (np.abs(U) > _LOUD * level[:, None])
     rank, count = np.cumsum(used, axis=1), used.sum(axis=1)
     near = used & (rank <= (count + 1)[:, None] // 2)
     for both in (False, True):
