@@ -80,10 +80,8 @@ def modelled(
         left = u[first:stop] - a @ own
         peak = float(np.abs(a @ own).max())
         whole = slice(quarter // 2, len(left) - quarter + quarter // 2 + 1)
-        if (
-            float(moving_mean(left**2, quarter)[whole].max())
-            > max(_LEFT * noise, _PART * peak) ** 2
-        ):
+        over = moving_mean(left**2, quarter)[whole]
+        if float(over.max()) > max(_LEFT * noise, _PART * peak) ** 2:
             break
         found = a, span, own, left
     if found is None:
