@@ -227,3 +227,14 @@ def test_noise_that_ends_with_an_amplifiers_band_is_no_signal(seed):
     best = read_one(transmission_record(t, loud, sent), 0.12, {}).best
     assert best.valid
     assert abs(best.velocity - 150) < 2 * best.velocity_error
+
+
+@pytest.mark.parametrize(("speed", "size"), [(500.0, 0.2), (500.0, 0.3), (600.0, 0.3)])
+def test_a_small_wave_that_runs_into_the_direct_one_is_a_precursor(speed, size):
+    """A P wave 1.7 times as fast, of 20 or 30 % of the S wave, runs into it over two wavelengths:
+    one packet that breaks early. Apart, a wave so small is no rival, and so it is none here: the
+    bar holds the S wave, with no word of which is meant, and not the P wave."""
+    t, sent, got = record(speed, precursor=size, guided=0.2, crosstalk=0.0, creep=0.0)
+    best = read_one(transmission_record(t, got, sent), 0.12, {}).best
+    assert best.valid
+    assert abs(best.velocity - speed) < 1.96 * best.velocity_error < 0.2 * speed
