@@ -253,6 +253,30 @@ def test_where_another_wave_takes_over_the_phase_velocity_is_of_one_wave_or_not_
     assert off.max() < 3
 
 
+@pytest.mark.parametrize("gains", [(1.0, 0.5), (1.0, 0.45, 0.6)])
+def test_what_falls_at_all_frequencies_alike_is_no_loss(gains):
+    """Waves that spread, as from 3 m to 6 m in a cross-hole test, or unlike gains: no Q of half the
+    truth, by α; the spectral ratio has the truth, and α of equal gains has it too."""
+    x = 0.02 + 0.02 * np.arange(len(gains))
+    tau = T - 3e-6
+    burst = np.where((tau >= 0) & (tau <= 6e-6), np.sin(np.pi * tau / 6e-6) ** 2, 0)
+    u = through(lambda w: LOSSY.lossless(w) / C, T, burst * np.sin(2 * np.pi * F * tau), x)
+    noise = 1e-3 * np.random.default_rng(6).standard_normal(u.shape)
+    for factors in (np.ones(len(gains)), np.array(gains)):
+        one = read_array("a", T, *named(factors * u / np.abs(u).max() + noise, x)).result
+        ratio = one.constant_quality
+        assert abs(ratio.inverse - 1 / 50) < 3 * ratio.inverse_error
+        if (factors == 1).all():
+            assert not one.quality.reason
+            assert one.quality.inverse == pytest.approx(1 / 50, abs=3 * one.quality.inverse_error)
+        else:
+            assert one.quality.reason
+            told = one.dispersion
+            exact = (LOSSY.lossless(told.omega) / C).imag
+            off = np.abs(told.attenuation - exact) / told.attenuation_error
+            assert not (off > 3).any()
+
+
 def test_waves_that_spread_have_velocities_and_no_loss():
     """Spherical ones from 20 mm before twelve receivers: c to 0.1 % as of plane ones, whose α and
     Q are read; no α of 10 to 50 Np/m that is none."""

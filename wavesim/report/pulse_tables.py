@@ -111,7 +111,8 @@ def _several(console: Console, one: Reading) -> None:
     if not ratio.reason:
         told = f"  Q {with_error(ratio.quality, ratio.error)} by the spectral ratio"
         if not quality.reason:
-            apart = abs(ratio.quality - quality.quality) / math.hypot(ratio.error, quality.error)
+            apart = abs(ratio.inverse - quality.inverse)
+            apart /= math.hypot(ratio.inverse_error, quality.inverse_error)
             told += (
                 ", which takes the velocity as constant: a check alone, "
                 f"{apart:.1f} standard errors off; report Q from α and v_g"

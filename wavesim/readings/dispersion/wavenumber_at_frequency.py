@@ -193,8 +193,8 @@ def in_space(
     beyond = grows = np.zeros(len(points), bool)
     gap = np.pi / highest_wavenumber(x)
     if not record.ring:
-        come = t[[int(envelope(one).argmax()) for one in values[:, heard].T]]
-        late = slowness(come, x, 2 * np.pi / float(np.median(points.omega.real)))
+        size = np.stack([envelope(one) for one in values[:, heard].T], axis=1)
+        late = slowness(size, t, x, 2 * np.pi / float(np.median(points.omega.real)))
         beyond, grows = against_travel(seen, late, models)
         loudest = values[:, [int(np.argmax(np.sum(values**2, axis=0)))]]
         band = excited_frequencies(loudest, record.interval, part=_LOUD)

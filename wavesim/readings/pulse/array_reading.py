@@ -16,6 +16,7 @@ from wavesim.readings.pulse.array_crosstalk import without_crosstalk, without_wh
 from wavesim.readings.pulse.echo_gate import common_period, echo_gate
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.measurement import PulseResult, measured
+from wavesim.readings.pulse.quality_over_band import all_alike
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
 from wavesim.readings.pulse.several_waves import Passing, of_one_wave, unexplained, waves_passing
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
@@ -147,6 +148,9 @@ def read_array(
     elif noise != 0 and spreads(spectra.values, result.record.x, spectra.above, None):
         result = result.without_loss(SPREADS)
         notes.insert(0, SPREADS)
+    elif noise != 0 and (levelled := _alike(result)):
+        result = replace(result, dispersion=result.dispersion.without_loss(levelled))
+        notes.insert(0, levelled)
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)
@@ -156,6 +160,16 @@ def read_array(
         for j, key in enumerate(result.record.names)
     )
     return Reading(name, receivers, best, notes=tuple(notes), result=result)
+
+
+def _alike(result: PulseResult) -> str:
+    """Why there is no α where amplitudes fall at all frequencies alike; "" elsewhere."""
+    found = result.dispersion.with_errors
+    return all_alike(
+        result.quality, result.constant_quality, found.omega, found.phase_velocity,
+        found.attenuation, found.attenuation_error, float(np.ptp(result.record.x)),
+        result.spectra.duration,
+    )  # fmt: skip
 
 
 def _without_spectra(result: PulseResult, why: str) -> PulseResult:

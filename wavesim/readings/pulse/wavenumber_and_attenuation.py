@@ -50,6 +50,8 @@ UNKNOWN = (
 )
 # kΔx of two receivers is smooth to so many rad, told by so many frequencies at least.
 _SMOOTH, _FEWEST_OF_CURVE = 0.03, 8
+# What is left over is no noise where it is so many times that of the noise, of few frequencies too.
+_CLEARLY = 5.0
 # A loss is seen where α is this many times its standard error.
 SEEN = 3.0
 
@@ -189,6 +191,11 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     known = noise[used & np.isfinite(noise)]
     if not (len(known) and np.mean(fit.residual) > NOISE_SPREAD * np.mean(known**2)):
         power = np.maximum(power, fit.residual)
+    elif (spare > 0).any() and np.mean(fit.residual) > _CLEARLY * np.mean(known**2):
+        # Gains leave the same part of all, there too where noise or few receivers hide it.
+        whole = np.sum(used * np.abs(U) ** 2, axis=1) / count
+        part = float(np.median((fit.residual / whole)[spare > 0]))
+        fit = replace(fit, residual=np.maximum(fit.residual, part * whole))
     error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
     two = spare <= 0
     x = np.where(used[two], seen.x, np.nan)
