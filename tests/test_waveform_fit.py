@@ -322,6 +322,15 @@ def test_a_record_that_lies_otherwise_on_its_case_is_said_to(
     assert not any("otherwise" in one for one in exact.notes)
 
 
+def test_noise_alone_is_said_to_hold_nothing_of_the_case(record, tmp_path, rng):
+    """Noise in place of every signal leaves all of it over: that, and not another case."""
+    loaded = load(case(tmp_path, **TRUTH))
+    noise = {name: rng.standard_normal(len(record.t)) for name in record.signals}
+    found = compare(loaded, matched(replace(record, signals=noise), loaded.simulation, None))
+    assert found.residual > 0.9
+    assert "holds noise alone" in found.notes[-1]
+
+
 def test_columns_moved_by_one_beside_a_foreign_one_are_named(tmp_path):
     """A trigger's burst first, and each signal under the next one's heading."""
     path = case(tmp_path, **TRUTH)

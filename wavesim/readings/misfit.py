@@ -23,6 +23,9 @@ Float = NDArray[Any]
 # More than this of the record left over says that the case is another than what was measured.
 LARGEST_RESIDUAL = 0.5
 UNLIKE = "the case is another than what was measured, whoever's the columns are"
+# And this much, that nothing of the case is in it.
+_NOTHING = 0.97
+ABSENT = "nothing of the case is found in the record: it is of another test, or holds noise alone"
 # Spectra are compared where both have this part of their peak.
 _IN_BAND = 0.1
 # A correlation is looked at so many times between its samples.
@@ -83,7 +86,8 @@ class Comparison:
     @property
     def notes(self) -> tuple[str, ...]:
         """Those of the record, and what is wrong with how it lies on the case."""
-        wrong = self.otherwise or (UNLIKE if self.residual > LARGEST_RESIDUAL else "")
+        unlike = UNLIKE if self.residual > LARGEST_RESIDUAL else ""
+        wrong = self.otherwise or (ABSENT if self.residual > _NOTHING else unlike)
         return (*self.measured.notes, *([wrong] if wrong else []))
 
     def summary(self) -> dict[str, Any]:
