@@ -1,4 +1,4 @@
-"""Flat tops, stuck stretches, samples that are there twice, and what was done to all of them."""
+"""Flat tops, stuck stretches, and what was done to all samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ _OFF = 0.2
 # Beside noise that is so many times the least step two samples or more at the array's extreme, or
 # three, are cut off there.
 _FINE = ((2, 1e3), (3, 10.0))
-_MOST_HELD = 16
 _STUCK, _LOST = 8, 0.1
 # Sizes of channels are one where they are apart by less than this part of what noise makes, so many
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
@@ -124,36 +123,6 @@ def _flat(v: Float, rail: float, quantum: float) -> float:
         climb += max(before, behind) > bound
         counted += int(stop - start)
     return counted / len(v) if climb * 2 > len(long) else 0.0
-
-
-def once_each(
-    values: Float, t: Float, quantum: Float, found: list[Finding]
-) -> tuple[Float, Float, int]:
-    """Every sample once, where each is held for several frames.
-
-    Returns:
-        Values, times, and how many frames each was held.
-    """
-    if values.shape[1] < 64:
-        return values, t, 1
-    same = (values[:, 1:] == values[:, :-1]).all(axis=(0, 2))
-    lively = ~same
-    if same.mean() < 0.45 or lively.sum() < 16:
-        return values, t, 1
-    first = int(np.argmax(lively)) + 1
-    changes = np.flatnonzero(lively) + 1
-    gaps = np.diff(changes)
-    for held in range(2, _MOST_HELD + 1):
-        # Where all is quiet to the last digit frames are equal by right, too.
-        if np.mean(gaps % held == 0) > 0.98 and np.mean(gaps == held) > 0.5:
-            start = first % held
-            found.append(
-                Finding("samples repeated", "all receivers", f"{held} times each", CURED,
-                        f"each sample is there {held} times: one of each taken, so that frames are "
-                        f"{held} times as far apart")
-            )  # fmt: skip
-            return values[:, start::held], t[start::held], held
-    return values, t, 1
 
 
 def without_stuck(
