@@ -23,8 +23,10 @@ from wavesim.readings.pulse.several_waves import Passing, of_one_wave, unexplain
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import (
+    BACKWARDS,
     Velocity,
     arrival_velocity,
+    telling,
     well_known,
     with_what_is_open,
 )
@@ -114,12 +116,15 @@ def read_array(
         given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
     unlike = unlike or faults.muted(looked_at.values)
-    gated, (window, overlap) = looked_at.values, echo_gate(looked_at)
+    own, (window, overlap) = looked_at, echo_gate(looked_at)
     if window is not None and not overlap:
         at = "" if math.isinf(window.velocity) else ", later at each that the wave reaches later"
         notes.append(f"the record is read up to {window.end:.4g} s, before the first echo{at}")
-        gated = looked_at.values * window.weights(looked_at.t, looked_at.x)
-    own = replace(looked_at, values=gated, known=noise)
+        weights = window.weights(looked_at.t, looked_at.x)
+        # Where no arrival stands out all of a signal is noise, up to where the gate closes.
+        closes = np.where(weights < 1, looked_at.t[:, None], np.inf).min(axis=0)
+        own = replace(own, values=own.values * weights, quiet=np.minimum(own.quiet, closes))
+    own = replace(own, known=noise)
     result = measured(own, window, source=sent, expected=expected)
     if unlike:
         result = _without_spectra(result, unlike)
@@ -264,13 +269,12 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
         return Best("correlation", math.nan, math.nan, math.nan, math.nan, False,
                     reasons[0] if reasons else why)  # fmt: skip
     # Beside an echo any of them may have read it, and the one that is nearest to all counts.
-    sure = [speeds[n] for n in told]
-    bars = {n: with_what_is_open(speeds[n], sure) for n in told}
+    bars = {n: with_what_is_open(speeds[n], speeds.values()) for n in told}
     name = min(told, key=lambda n: bars[n] / abs(speeds[n].velocity)) if overlap else told[0]
     one, bar = speeds[name], bars[name]
     remedy = "average more"
     if bar > _OPEN * one.error:
-        each = sorted(v.velocity for v in sure)
+        each = sorted(v.velocity for v in telling(speeds.values()))
         read = f"{each[0]:.4g} to {each[-1]:.4g} m/s"
         remedy = f"conventions read {read}; drive a narrower band, away from gaps"
         notes.append(
@@ -278,12 +282,7 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
             "the noise of one of them"
         )
     time = span / one.velocity
-    reason = ""
-    if not one.velocity > 0:
-        reason = (
-            "the wave runs towards smaller positions: are they counted from the source, or lengths "
-            "of specimens that take the place of a slower liquid?"
-        )
+    reason = "" if one.velocity > 0 else BACKWARDS
     error = time * bar / abs(one.velocity)
     return judged(name, time, error, span, reason, remedy=remedy)
 

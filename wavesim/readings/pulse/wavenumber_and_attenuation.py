@@ -42,6 +42,8 @@ DECIBELS_PER_NEPER = 20 / np.log(10)
 _SPAN = 7
 # Of a difference's square this many variances of its noise are explained.
 _EXPLAINED = 2.0
+# Standard error of Re k, over it, at which ω/Re k may be anything and is not given.
+_LARGEST_ERROR = 0.5
 UNKNOWN = (
     "the error of k is not known: two receivers have none to spare, and the record shows no noise "
     "before the wave; add a receiver, or begin earlier"
@@ -66,7 +68,8 @@ class Dispersion:
         k: k at real ω, shape (n,), rad/m; the same without σ.
         k_error: of real and imaginary part alike, shape (n,), rad/m: noise, and with σ the size
             of the series' last term.
-        phase_velocity, phase_error: c and its standard error, shape (n,), m/s.
+        phase_velocity, phase_error: c and its standard error, shape (n,), m/s; NaN where two errors
+            are as large as Re k, as may be in a gap.
         group_velocity, group_error: v_g and its standard error, shape (n,), m/s.
         attenuation, attenuation_error: α and its standard error, shape (n,), Np/m.
         quality, quality_error: Q_E = ω/(2αv_g) and its standard error, shape (n,), –; NaN where α
@@ -241,7 +244,8 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
     else:
         k, k_error = damped, error
     with np.errstate(divide="ignore", invalid="ignore"):
-        phase, group = omega / k.real, 1 / k1.real
+        phase = np.where(k_error >= _LARGEST_ERROR * np.abs(k.real), np.nan, omega / k.real)
+        group = 1 / k1.real
         lossy = (k.imag > 0) & (k.imag < np.abs(k.real))
         # Where no loss is seen there is no Q, but a bound of it.
         seen_loss = lossy & (k.imag >= SEEN * k_error)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used: they take a while
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
@@ -194,7 +194,7 @@ def check_goes_on(u: Float, t: Float) -> None:
     # Between frames i and i + 1: of the equations that hold both, and of frames before and behind.
     i = np.arange(side + _ABOUT, count - side - _ABOUT)
     wrong = _sums(off**2, i - 2 * side + 1, 2 * side)
-    near = maximum_filter1d(wrong, _WITHIN, axis=0, mode="constant")
+    near = scipy.ndimage.maximum_filter1d(wrong, _WITHIN, axis=0, mode="constant")
     away = 2 * side + _WITHIN // 2
     near = np.maximum(np.roll(near, away, axis=0), np.roll(near, -away, axis=0))
     power = [_sums(u**2, a, _ABOUT) / _ABOUT - (_sums(u, a, _ABOUT) / _ABOUT) ** 2
