@@ -188,6 +188,25 @@ def test_spectral_ratio(gains):
     assert pair.quality == pytest.approx(-np.pi * x[1] / C / slope, rel=1e-6)
 
 
+def test_a_phase_velocity_is_given_where_re_k_is_known(rng):
+    """Law: a wave that goes on has c > 0 at all frequencies. Over 0.2 mm, a twentieth of a
+    wavelength, noise of 2 % hides Re k at some of them: there is no c there, and every other has a
+    slowness within four of its errors in 95 of 100."""
+    x, omega = np.array([0.0, 1e-4, 2e-4]), hz(1e5, 1e6, 46)
+    clean = through(lossy, T, ricker(T, F, 4e-6), x)
+    slowness, off = lossy(omega).real / omega, []
+    for _ in range(10):
+        record = pulse_record(T, *named(clean + 0.02 * rng.standard_normal(clean.shape), x))
+        found = dispersion(record, WHOLE, omega)
+        c, error = found.phase_velocity[found.valid], found.phase_error[found.valid]
+        known = np.isfinite(c)
+        assert not known.all()
+        assert (c[known] > 0).all()
+        off.extend((np.abs(1 / c - slowness[found.valid]) * c**2 / error)[known])
+    assert len(off) > 100
+    assert np.mean(np.array(off) < 4) > 0.95
+
+
 def test_errors_hold_the_truth_at_the_stated_rate(rng):
     """Law: (found − true)/error of Re k, Im k, group velocity and 1/Q has a variance of 1, less
     where the error counts the larger of two estimates. 60 records of four receivers, noise of 1 %,

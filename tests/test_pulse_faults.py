@@ -3,12 +3,15 @@
 The wave has c(500 kHz) = 3000 m/s and Q = 50; correlation alone reads 3000.8 m/s of the clean one.
 """
 
+import math
+
 import numpy as np
 import pytest
 from pulses import named, ricker, through
 
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
+from wavesim.readings.pulse.arrivals import threshold
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
@@ -250,6 +253,30 @@ def test_where_another_wave_takes_over_the_phase_velocity_is_of_one_wave_or_not_
     assert off.max() < 3
 
 
+@pytest.mark.parametrize("gains", [(1.0, 0.5), (1.0, 0.45, 0.6)])
+def test_what_falls_at_all_frequencies_alike_is_no_loss(gains):
+    """Waves that spread, as from 3 m to 6 m in a cross-hole test, or unlike gains: no Q of half the
+    truth, by α; the spectral ratio has the truth, and α of equal gains has it too."""
+    x = 0.02 + 0.02 * np.arange(len(gains))
+    tau = T - 3e-6
+    burst = np.where((tau >= 0) & (tau <= 6e-6), np.sin(np.pi * tau / 6e-6) ** 2, 0)
+    u = through(lambda w: LOSSY.lossless(w) / C, T, burst * np.sin(2 * np.pi * F * tau), x)
+    noise = 1e-3 * np.random.default_rng(6).standard_normal(u.shape)
+    for factors in (np.ones(len(gains)), np.array(gains)):
+        one = read_array("a", T, *named(factors * u / np.abs(u).max() + noise, x)).result
+        ratio = one.constant_quality
+        assert abs(ratio.inverse - 1 / 50) < 3 * ratio.inverse_error
+        if (factors == 1).all():
+            assert not one.quality.reason
+            assert one.quality.inverse == pytest.approx(1 / 50, abs=3 * one.quality.inverse_error)
+        else:
+            assert one.quality.reason
+            told = one.dispersion
+            exact = (LOSSY.lossless(told.omega) / C).imag
+            off = np.abs(told.attenuation - exact) / told.attenuation_error
+            assert not (off > 3).any()
+
+
 def test_waves_that_spread_have_velocities_and_no_loss():
     """Spherical ones from 20 mm before twelve receivers: c to 0.1 % as of plane ones, whose α and
     Q are read; no α of 10 to 50 Np/m that is none."""
@@ -325,3 +352,34 @@ def test_tops_cut_flat_are_told_beside_noise_and_none_where_none_are_cut(steps, 
     assert not np.any(told, axis=0)[0]
     if noise * (steps or np.inf) > 1:
         assert np.all(told, axis=0)[1]
+
+
+@pytest.mark.parametrize("steps", [0.0, 0.5])
+@pytest.mark.parametrize("length", [1, 15])
+def test_noise_alone_has_no_velocity(steps, length):
+    """Law: receivers of noise alone, white or through a low pass of so many samples, rounded to
+    half a deviation or not, tell no velocity, by no convention; 4 records of four receivers."""
+    t, x = 5e-8 * np.arange(1000), 8e-3 * np.arange(1, 5)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        noise = rng.standard_normal((len(t), len(x)))
+        noise = np.stack([np.convolve(u, np.hanning(length + 2), "same") for u in noise.T], axis=1)
+        noise = np.round(noise / steps) * steps if steps else noise
+        found = read_array("noise", t, *named(noise, x))
+        assert not found.best.valid, (seed, found.best)
+        assert found.result is not None
+        assert not [v for v in found.result.velocities.values() if np.isfinite(v.velocity)], seed
+
+
+def test_a_threshold_that_a_sample_meets_is_passed_there():
+    """Law: the threshold is passed between the last sample below it and the first that is not,
+    in whole numbers too, of which some meet it but for rounding; 100 samples of noise."""
+    for seed in (124, 159, 294, *range(20)):
+        u = np.round(2 * np.random.default_rng(seed).standard_normal(100))
+        place, _, reason = threshold(u, 0.5, math.nan)
+        if not np.isfinite(place):
+            assert reason
+            continue
+        first = int(np.ceil(place - 1e-6))
+        assert np.abs(u[:first]).max() < np.abs(u[first])
+        assert np.abs(u[first]) >= np.abs(u).max() / 2

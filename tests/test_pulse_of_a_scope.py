@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from pulses import named, ricker
+from scipy.signal import butter, sosfilt
+from transducers import INTERVAL, record
 
 from wavesim.cli.main import main
 from wavesim.readings.pulse.array_reading import read_array
@@ -208,3 +210,31 @@ def test_what_comes_back_to_the_gauge_on_the_input_bar_is_not_sent_again():
     assert best.valid
     assert abs(best.time - 2.0 / 5100) <= 2 * best.error
     assert best.error < 0.05 * best.time
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_that_ends_with_an_amplifiers_band_is_no_signal(seed):
+    """Noise of 6 % up to 50 kHz lies far below the highest frequencies, where a digitiser's white
+    noise is looked for, and far above the wave's 10 kHz: its period is that of the quiet record to
+    30 %, with or without what was sent, and so are the velocity's bars, a part of a period."""
+    t, sent, got = record(150.0, guided=0.3, noise=0.0, bits=14)
+    band = butter(2, 5e4, fs=1 / INTERVAL, output="sos")
+    noise = sosfilt(band, np.random.default_rng(seed).standard_normal(len(t)))
+    loud = got + 0.06 * np.abs(got).max() / noise.std() * noise
+    for what in (sent, None):
+        quiet = transmission_record(t, got, what).period
+        assert transmission_record(t, loud, what).period == pytest.approx(quiet, rel=0.3)
+    best = read_one(transmission_record(t, loud, sent), 0.12, {}).best
+    assert best.valid
+    assert abs(best.velocity - 150) < 2 * best.velocity_error
+
+
+@pytest.mark.parametrize(("speed", "size"), [(500.0, 0.2), (500.0, 0.3), (600.0, 0.3)])
+def test_a_small_wave_that_runs_into_the_direct_one_is_a_precursor(speed, size):
+    """A P wave 1.7 times as fast, of 20 or 30 % of the S wave, runs into it over two wavelengths:
+    one packet that breaks early. Apart, a wave so small is no rival, and so it is none here: the
+    bar holds the S wave, with no word of which is meant, and not the P wave."""
+    t, sent, got = record(speed, precursor=size, guided=0.2, crosstalk=0.0, creep=0.0)
+    best = read_one(transmission_record(t, got, sent), 0.12, {}).best
+    assert best.valid
+    assert abs(best.velocity - speed) < 1.96 * best.velocity_error < 0.2 * speed

@@ -398,6 +398,12 @@ def test_what_was_done_to_all_channels_is_told_or_refused(rng):
     with pytest.raises(RecordError, match="rectified"):
         record(np.abs(burst), t, x)
     assert len(record(burst, t, x).x) == 8
+    # Pulses that swing down by a tenth, above an offset of that: a P wave ahead of its S wave.
+    one_sided = np.exp(-((late / 8e-6) ** 2)) - 0.12 * np.exp(-(((late - 1.5e-5) / 8e-6) ** 2))
+    ahead = 0.2 * np.roll(one_sided, -120, axis=0)
+    above = one_sided + ahead + 0.12 + 0.02 * rng.normal(size=late.shape)
+    assert above[:, :1].min() > -0.02
+    assert len(record(above[:, :1], t, x[:1], placed=False).x) == 1
 
 
 def test_noise_that_a_wave_brings_with_it_is_no_gain(rng):

@@ -482,6 +482,33 @@ def test_seismic_formats(tmp_path):
     assert np.abs(one.values[0, :, 0] - u[:, 0]).max() < 1e-12
 
 
+@pytest.mark.parametrize("interval", [5e-7, 2.5e-6, 1 / 512])
+def test_intervals_of_traces_are_as_the_header_has_them(tmp_path, interval):
+    """Not whole µs, which obspy makes of SAC's; SEG-Y and SU have no others, and say so."""
+    obspy = pytest.importorskip("obspy")
+    traces = [obspy.Trace(U[:, j].astype("f4"), {"delta": interval, "station": f"R{j}"})
+              for j in range(M)]  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # obspy's own
+        for j, trace in enumerate(traces):
+            trace.write(str(tmp_path / f"{j}.sac"), format="SAC")
+        obspy.Stream(traces).write(str(tmp_path / "a.segy"), format="SEGY", data_encoding=5)
+        t, u = interval * np.arange(N), U.astype("f4").astype(float)
+        same(read(sorted(tmp_path.glob("*.sac")), Layout(spacing=2.0)), t, 2.0 * np.arange(M), u)
+        if interval < 1e-6:
+            with pytest.raises(RecordError, match=r"no times .* or give --interval"):
+                read(tmp_path / "a.segy", Layout(spacing=2.0))
+        elif interval < 1e-4:
+            noted = read(tmp_path / "a.segy", Layout(spacing=2.0)).notes
+            assert any("interval of 2 µs is of whole µs" in note for note in noted)
+        same(
+            read(tmp_path / "a.segy", Layout(spacing=2.0, interval=interval)),
+            t,
+            2.0 * np.arange(M),
+            u,
+        )
+
+
 def test_receivers_of_one_record_may_stand_in_files_of_their_own(tmp_path):
     """Names as a shell lists them, R1, R10, R2; a file that begins later, and one that is cut."""
     t, x = np.arange(400) * 1e-4, 5.0 + 2.0 * np.arange(12)

@@ -205,3 +205,29 @@ def test_where_halves_of_a_line_hear_unlike_waves_the_bar_holds_both(rng):
     for speed in (200, 250):
         exact = (own.omega.real + 1j * own.omega.imag) / speed + 0.15j
         assert (np.abs(own.k - exact) <= own.bar).all()
+
+
+def test_a_sweep_that_stands_in_a_tube_is_not_folded(rng):
+    """Four microphones nearer than a quarter of a wave to each other, an end that sends back 0.7:
+    k = ω/c + iα at every frequency, though the loudest tones come to each at times of its own."""
+    c, loss, end, x = 343.5, 0.1, 0.8, np.array([0.55, 0.60, 0.66, 0.73])
+    t = np.arange(12000) / 24000
+    on = (t > 0.02) & (t < 0.22)
+    sweep = on * np.sin(2 * np.pi * (300 * (t - 0.02) + 8000 * (t - 0.02) ** 2))
+    sweep *= np.clip(np.minimum((t - 0.02) / 0.01, (0.22 - t) / 0.01), 0, 1)
+    omega = 2 * np.pi * np.fft.rfftfreq(4 * len(t), t[1])
+    k = omega / c + 1j * loss
+
+    def through(path):
+        return np.fft.irfft(np.fft.rfft(sweep, 4 * len(t)) * np.exp(-1j * k.conj() * path))
+
+    u = np.stack([through(one) + 0.7 * through(2 * end - one) for one in x], axis=1)[: len(t)]
+    u += 1e-3 * rng.standard_normal(u.shape)
+    points = in_space(record(u, t, x), 2 * np.pi * np.linspace(400, 2500, 30))
+    assert points.valid.sum() >= 28
+    exact = points.omega / c + 1j * loss
+    assert (np.abs(points.k - exact) <= points.bar)[points.valid].mean() >= 0.85
+    assert np.median(np.abs(points.k / exact - 1)[points.valid]) < 0.01
+    two = in_space(record(u[:, 1:3], t, x[1:3]), 2 * np.pi * np.linspace(400, 2500, 30))
+    assert any("both ways" in why for why in two.reason)
+    assert not any("half a turn" in why for why in two.reason)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -32,9 +32,11 @@ from wavesim.readings.dispersion.phase_beam import highest_wavenumber, phase_bea
 from wavesim.readings.dispersion.points import BAR, METHODS
 from wavesim.readings.dispersion.receiver_spectra import spectra
 from wavesim.readings.dispersion.waves_along_line import one_side
-from wavesim.readings.misfit import Comparison
 from wavesim.verdict.record import Recovered
 from wavesim.verdict.recovered_points import Matched, MatchedInSpace
+
+if TYPE_CHECKING:
+    from wavesim.readings.misfit import Comparison
 
 _MOST_POINTS = 60
 _DEEPEST = -100.0
@@ -52,7 +54,7 @@ def spectrum(one: Recovered) -> Figure:
     kept = omega <= top
     to_k, k_unit = in_wavenumber(float(k[-1]))
     to_f, f_unit = in_frequency(top)
-    figure = Figure(figsize=(5.8, 4.6))
+    figure = style.bare_figure(5.8, 4.6)
     axes = figure.subplots()
     image = axes.imshow(
         10 * np.log10(np.maximum(heights[:, kept].T / heights.max(), 1e-15)),
@@ -82,9 +84,9 @@ def spectrum(one: Recovered) -> Figure:
     axes.set(
         xlabel=f"k (rad/{k_unit})", ylabel=f"ω/2π ({f_unit})", xlim=(0, None), ylim=(0, top * to_f)
     )
-    axes.set_title(f"{as_written(one.origin.name)}: {METHODS[points.method]}")
-    figure.legend(loc="outside lower center", ncols=3)
-    figure.colorbar(image, ax=axes, label="power (dB)")
+    axes.set_title(f"{as_written(one.origin.name)}: {METHODS[points.method]}", y=1.01)
+    figure.colorbar(image, ax=axes, label="power (dB)", pad=0.03)
+    style.set_out(figure, right=0.3)
     return figure
 
 
@@ -96,7 +98,7 @@ def residuals(one: Recovered) -> Figure:
     references = (("against the continuum", True),)
     if one.origin.bar is not None:
         references = (("against the grid's exact relation", False), *references)  # type: ignore[assignment]
-    figure = Figure(figsize=(4.2 * len(references) + 0.4, 3.9))
+    figure = style.bare_figure(4.2 * len(references) + 0.4, 3.9)
     panels = np.atleast_1d(figure.subplots(1, len(references), sharey=True))
     for axes, (title, continuum) in zip(panels, references, strict=True):
         for b, name in enumerate(matched.names):
@@ -109,11 +111,11 @@ def residuals(one: Recovered) -> Figure:
             bar = (matched.bar / matched.omega)[:, b]
             axes.plot(matched.k * to_k, bar, color=shade, lw=0.8, label=f"{name}, 95 % bar")
         axes.set(yscale="log", xlabel=f"k (rad/{unit})")
-        axes.set_title(title)
+        axes.set_title(title, y=1.01)
         axes.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel("|Δω|/ω")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(as_written(one.origin.name))
+    style.set_out(figure, left=0.95)
     return figure
 
 
@@ -121,7 +123,7 @@ def attenuation(one: Recovered) -> Figure:
     """Attenuation and Re k with 95 % bands, theory at the same complex ω, and what was refused."""
     points = one.points
     to_f, f_unit = in_frequency(float(points.omega.real.max()))
-    figure = Figure(figsize=(6.0, 5.6))
+    figure = style.bare_figure(6.0, 5.6)
     loss, real = figure.subplots(2, 1, sharex=True)
     frequency = points.omega.real * to_f
     to_k, k_unit = in_wavenumber(float(np.abs(points.k.real).max()))
@@ -159,10 +161,10 @@ def attenuation(one: Recovered) -> Figure:
             room = 0.12 * max(float(np.ptp(shown)), 1e-300)
             axes.set_ylim(shown.min() - room, shown.max() + room)
     real.set_xlabel(f"ω/2π ({f_unit})")
-    figure.legend(*loss.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     loss.set_title(
-        f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s"
+        f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s", y=1.01
     )
+    style.set_out(figure, columns=4)
     return figure
 
 
@@ -172,7 +174,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     assert isinstance(matched, MatchedInSpace)
     points = matched.points
     to_f, f_unit = in_frequency(float(points.omega.real.max()))
-    figure = Figure(figsize=(5.6, 3.9))
+    figure = style.bare_figure(5.6, 3.9)
     axes = figure.subplots()
     for own, name in enumerate(("grid", "continuum")):
         if name == "continuum" or one.origin.bar is not None:
@@ -184,9 +186,9 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     axes.set(yscale="log", xlabel=f"ω/2π ({f_unit})", ylabel="|Δk|/|k|")
-    axes.set_title(as_written(one.origin.name))
+    axes.set_title(as_written(one.origin.name), y=1.01)
     axes.grid(alpha=0.25, lw=0.5)
-    figure.legend(loc="outside lower center", ncols=3)
+    style.set_out(figure, left=0.95)
     return figure
 
 
@@ -241,7 +243,7 @@ def phase_velocity(one: Recovered) -> Figure:
     k = omega[:, None] / c
     height = np.maximum(*(phase_beam(U, x, weight, sign * k) for sign in (1, -1)))
     to_f, unit = in_frequency(float(omega.max()))
-    figure = Figure(figsize=(6.0, 4.6))
+    figure = style.bare_figure(6.0, 4.6)
     axes = figure.subplots()
     image = axes.pcolormesh(
         omega * to_f, c, height.T, cmap=MAP, vmin=0, vmax=1, shading="nearest", rasterized=True
@@ -264,9 +266,9 @@ def phase_velocity(one: Recovered) -> Figure:
         xlabel=f"frequency ({unit})", ylabel="phase velocity (m/s)",
         xlim=(omega[0] * to_f, omega[-1] * to_f), ylim=(slow, fast),
     )  # fmt: skip
-    axes.set_title(f"{as_written(one.origin.name)}: phases in line, B(f, c)")
-    figure.legend(loc="outside lower center", ncols=4)
-    figure.colorbar(image, ax=axes, label="B")
+    axes.set_title(f"{as_written(one.origin.name)}: phases in line, B(f, c)", y=1.01)
+    figure.colorbar(image, ax=axes, label="B", pad=0.03)
+    style.set_out(figure, right=0.3, columns=4)
     return figure
 
 

@@ -9,17 +9,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wavesim.material.damping import UNDAMPED, Damping
 from wavesim.material.family import Block
 from wavesim.material.medium import Medium
-from wavesim.records.files import Layout, file_of, read
 from wavesim.records.record import Record, RecordError
 from wavesim.records.record import record as made_record
 from wavesim.records.relations import OfMedium
+
+if TYPE_CHECKING:
+    from wavesim.records.files import Layout
 
 OF_LAYERS = (
     "is of a bar with layers or ends; its run has read its receivers already: see summary.json and "
@@ -77,6 +79,8 @@ def of_files(
     Raises:
         RecordError: the file can't be used.
     """
+    from wavesim.records.files import file_of, read  # a run's own record needs no reader of files
+
     path = file_of(Path(paths[0]))
     record = read(paths, layout)
     if medium is None:

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used: they take a while
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
@@ -70,7 +70,9 @@ class Truth:
         """ω of each branch at k of shape (m,), rad/m; NaN beyond what is given; (m, branches)."""
         nodes, squares = self._mirrored()
         degree = min(_DEGREE_AT_REAL_K, (len(nodes) - 2) | 1)
-        found = make_interp_spline(nodes, squares, degree)(np.clip(k, nodes[0], nodes[-1]))
+        found = scipy.interpolate.make_interp_spline(nodes, squares, degree)(
+            np.clip(k, nodes[0], nodes[-1])
+        )
         root = np.sqrt(found.astype(complex))
         root = np.where(root.real < 0, -root, root)
         outside = (np.abs(k) > self.k[-1] * (1 + 1e-9))[:, None]

@@ -17,18 +17,34 @@ GROWS = (
 )
 # Arrivals tell a direction by so many errors.
 _SURELY = 4.0
+# Where its envelope is this high it goes about as fast as its top, by this part.
+_SHOULDER, _ALIKE = 0.8, 0.5
 # A pulse's k is about sω to this part.
 _ABOUT = 0.3
 
 
-def slowness(come: Float, x: Float, period: float) -> float:
-    """Of the signal along x by when it comes to receivers, shape (nx,), s; 0 where it is unsure."""
+def slowness(size: Float, t: Float, x: Float, period: float) -> float:
+    """Of the signal along x by when it comes to receivers, s/m; 0 where it is unsure.
+
+    It is so where the tops of its envelopes, and where these rise to four fifths of them and fall
+    from there, do not go alike: of a long signal with several tops each receiver may hear another.
+
+    Args:
+        size: envelopes at the receivers, shape (nt, nx).
+        t: times, shape (nt,), s.
+        x: positions, shape (nx,), m.
+        period: of the signal, s.
+    """
+    high = size >= _SHOULDER * size.max(axis=0)
+    rises, falls = t[high.argmax(axis=0)], t[len(t) - 1 - high[::-1].argmax(axis=0)]
     away = x - x.mean()
-    late = float(away @ come / (away @ away))
+    each = [away @ come / (away @ away) for come in (rises, t[size.argmax(axis=0)], falls)]
+    come, late = t[size.argmax(axis=0)], float(each[1])
     left = come - come.mean() - late * away
     error = float(np.sqrt(left @ left / max(len(x) - 2, 1) / (away @ away)))
     sure = abs(late) > _SURELY * error and abs(late) * np.ptp(x) > period / 12
-    return late if sure else 0.0
+    alike = all(abs(one - late) < _ALIKE * abs(late) + period / 12 / np.ptp(x) for one in each)
+    return late if sure and alike else 0.0
 
 
 def runs_on(points: BranchPoints, late: float, gap: float, width: float) -> NDArray[np.bool_]:

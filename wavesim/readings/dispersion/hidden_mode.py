@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used: they take a while
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
 from wavesim.readings.dispersion.sinusoids import Fit, exponentials, solve, transposed
 from wavesim.records.windows import blackman_harris
@@ -117,7 +117,9 @@ def worth(
     paired[order[beside]] = paired[order[beside + 1]] = True
     found = np.bincount(step)
     where = np.bincount(step, paired) > 0
-    most = maximum_filter1d(np.where(where, found, 0), 2 * _STEPS + 1, mode="constant")
+    most = scipy.ndimage.maximum_filter1d(
+        np.where(where, found, 0), 2 * _STEPS + 1, mode="constant"
+    )
     # Where one more wave is seen, close to another, at a step nearby, noise may hide it here.
     hidden = ~paired & (found < most)[step]
     for number in np.unique(branch[branch >= 0]):
@@ -128,11 +130,12 @@ def worth(
         many = min(len(own), 2 * _STEPS + 1)
         # The median: a few points at which another branch crosses are not all of them.
         over, usual = (
-            median_filter(v[own], many, mode="nearest") for v in (bends.over, bends.size)
+            scipy.ndimage.median_filter(v[own], many, mode="nearest")
+            for v in (bends.over, bends.size)
         )
         sure = over > _KNOWN + _SURE / np.sqrt(many)
         bend[own] = np.where(sure, np.maximum(bend[own], usual), bend[own])
-        usual = percentile_filter(bends.over[own], _MEAN, many, mode="nearest")
+        usual = scipy.ndimage.percentile_filter(bends.over[own], _MEAN, many, mode="nearest")
         together = np.sqrt(bends.noise[own] * _unseen(usual, max(many / alike, 1.0)))
         pull[own] = np.where(hidden[own], pull[own], np.minimum(pull[own], together))
     # Of waves that noise hides, those closer are left out of the bar.

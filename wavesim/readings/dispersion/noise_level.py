@@ -15,9 +15,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used: they take a while
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import gammaincinv
 
 from wavesim.records.windows import noise_density
@@ -67,7 +67,7 @@ def continuum(power: Float, per_bin: float, channels: int = 1) -> Float:
     to_median = float(gammaincinv(channels, 0.5) / gammaincinv(channels, 0.25))
     quartile = np.partition(inner, size // 4, axis=2)[:, :, size // 4] * to_median
     # Where noise ends within a block, its neighbour tells how high it is.
-    higher = maximum_filter1d(quartile, 3, axis=1, mode="nearest")
+    higher = scipy.ndimage.maximum_filter1d(quartile, 3, axis=1, mode="nearest")
     local = higher[:, np.minimum(np.arange(count) // size, blocks - 1)]
     return np.maximum(local, np.median(power, axis=1, keepdims=True))
 
@@ -91,7 +91,7 @@ def leakage(power: Float, per_bin: float, channels: int, off: float) -> tuple[Fl
     """
     n, count = power.shape
     near = 2 * round(_LOBE_BINS * per_bin) + 1
-    known = maximum_filter1d(2 * off * power.sum(axis=0), near)
+    known = scipy.ndimage.maximum_filter1d(2 * off * power.sum(axis=0), near)
     one, highest, middle = power.argmax(axis=0), power.max(axis=0), np.median(power, axis=0)
     away = np.abs(np.arange(n)[:, None] - one)
     beside = np.where((away > 0) & (away <= _BESIDE), power, 0).max(axis=0)
@@ -101,13 +101,15 @@ def leakage(power: Float, per_bin: float, channels: int, off: float) -> tuple[Fl
     own = own[(stands > _STANDS) & (own > 0) & (own < count - 1) & (n >= _FEWEST_WAVENUMBERS)]
     peak = np.zeros(power.shape)
     peak[:, 1:-1] = (power[:, 1:-1] >= power[:, :-2]) & (power[:, 1:-1] > power[:, 2:])
-    own = own[maximum_filter1d(peak, 3, axis=1)[:, own].mean(axis=0) > _AT_MOST]
+    own = own[scipy.ndimage.maximum_filter1d(peak, 3, axis=1)[:, own].mean(axis=0) > _AT_MOST]
     if len(np.unique(one[own])) < _SEVERAL:
         own = own[alike[own]]
     lines = np.zeros(count)
     lines[own] = middle[own] / np.log(2)
     # Of a fitted line the frequency is known to less than a bin.
-    return FLOOR_OVER_MEAN * known, FLOOR_OVER_MEAN * maximum_filter1d(lines, round(per_bin) + 1)
+    return FLOOR_OVER_MEAN * known, FLOOR_OVER_MEAN * scipy.ndimage.maximum_filter1d(
+        lines, round(per_bin) + 1
+    )
 
 
 def leaked(
@@ -243,7 +245,7 @@ def excited_frequencies(
     omega = 2 * np.pi * np.fft.rfftfreq(len(values), interval)[1:]
     power = np.mean(np.abs(np.fft.rfft(values, axis=0)[1:] * interval) ** 2, axis=1)
     noise = np.mean(noise_of_transform(values, interval, omega, quantum) ** 2, axis=1)
-    power = uniform_filter1d(power, _SMOOTHED, mode="nearest")
+    power = scipy.ndimage.uniform_filter1d(power, _SMOOTHED, mode="nearest")
     loud = np.flatnonzero((power > part * power.max()) & (power > _ABOVE_NOISE * noise))
     if not len(loud):
         return float(omega[0]), float(omega[-1])

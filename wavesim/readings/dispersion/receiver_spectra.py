@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used: they take a while
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from wavesim.readings.dispersion.noise_level import noise_of_transform
 from wavesim.records.windows import hann
@@ -99,7 +99,7 @@ def _weights(U: Complex, noise: Float) -> Float:
     """What each receiver's phase tells, shape of U: 1 far above the noise, 0 within it."""
     strength = np.abs(U) / np.maximum(noise, 1e-290)
     # Noise alone is above its own deviation at one of three receivers, but not all about it.
-    about = median_filter(strength, size=(1, _NEIGHBOURS), mode="nearest")
+    about = scipy.ndimage.median_filter(strength, size=(1, _NEIGHBOURS), mode="nearest")
     heard = (strength > _ABOVE_NOISE) & (about > _ABOUT)
     heard &= heard.sum(axis=1, keepdims=True) >= FEWEST
     return np.where(heard, strength**2 / (strength**2 + 1), 0.0)

@@ -33,6 +33,10 @@ _SLOWEST = 0.01
 # error, change nothing.
 _RADIANS = 1e-12
 _OF_ERROR = 1e-3
+# While steps are longer, radians over the series, inner products tell them well enough without the
+# N samples left over, of which they know the power but for this part of the series' own.
+_ROUGH = 1e-2
+_ROUNDED = 1e-8
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ class _Linear:
     """The problem at one ω, γ: best amplitudes and the slopes about them."""
 
     coefficients: Float
-    residual: Float
+    residual: Float | None
     gram: Float
     parts: Float
     step: Float
@@ -92,8 +96,14 @@ class _Linear:
 
 
 def _linear(
-    series: Float, omega: Float, decay: Float, weight: Float | None, damped: bool
+    series: Float,
+    omega: Float,
+    decay: Float,
+    weight: Float | None,
+    damped: bool,
+    power: Float | None = None,
 ) -> _Linear:
+    """At one ω, γ; of a rough step the power Σ y², shape (n,), is enough, and no residual made."""
     n, channels, count = series.shape
     p = omega.shape[1]
     z = exponentials(omega, decay, count)
@@ -105,12 +115,22 @@ def _linear(
     basis, timed = both[:, : 2 * p], both[:, 2 * p :]
     products = both @ transposed(both)
     gram, cross = products[:, : 2 * p, : 2 * p], products[:, : 2 * p, 2 * p :]
-    coefficients = transposed(solve(gram, transposed(series @ transposed(basis))))
-    residual = series - coefficients @ basis
-    # Once more for what rounding left.
-    more = transposed(solve(gram, transposed(residual @ transposed(basis))))
-    coefficients = coefficients + more
-    residual -= more @ basis
+    residual = None
+    if power is None:
+        coefficients = transposed(solve(gram, transposed(series @ transposed(basis))))
+        residual = series - coefficients @ basis
+        # Once more for what rounding left.
+        more = transposed(solve(gram, transposed(residual @ transposed(basis))))
+        coefficients = coefficients + more
+        residual -= more @ basis
+        left = np.sum(residual**2, axis=(1, 2))
+        along = residual @ transposed(timed)
+    else:
+        seen = series @ transposed(both)
+        coefficients = transposed(solve(gram, transposed(seen[..., : 2 * p])))
+        left = power - np.sum(coefficients * seen[..., : 2 * p], axis=(1, 2))
+        left[left < _ROUNDED * power] = 0.0
+        along = seen[..., 2 * p :] - coefficients @ cross
     projected = products[:, 2 * p :, 2 * p :] - transposed(cross) @ solve(gram, cross)
     # ∂y/∂ω = −δ t Re z + α t Im z and ∂y/∂γ = −α t Re z − δ t Im z for y = α Re z + δ Im z.
     alpha, delta = coefficients[..., :p], coefficients[..., p:]
@@ -119,13 +139,13 @@ def _linear(
     slope[..., j, j], slope[..., p + j, j] = -delta, alpha
     slope[..., j, p + j], slope[..., p + j, p + j] = -alpha, -delta
     parts = transposed(slope) @ (projected[:, None] @ slope)
-    pull = transposed(slope) @ (residual @ transposed(timed))[..., None]
+    pull = transposed(slope) @ along[..., None]
     normal, right = parts.sum(axis=1), pull.sum(axis=1)
     if not damped:
         normal, right = normal[:, :p, :p], right[:, :p]
     step = np.zeros((n, 2 * p))
     step[:, : right.shape[1]] = solve(normal, right)[..., 0]
-    noise = np.sqrt(np.mean(residual**2, axis=(1, 2)))
+    noise = np.sqrt(left / (channels * count))
     stiffness = np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-290)
     error = np.full((n, 2 * p), np.inf)
     error[:, : right.shape[1]] = noise[:, None] / np.sqrt(stiffness)
@@ -156,12 +176,14 @@ def fit(
     count, p = series.shape[-1], omega.shape[1]
     omega, decay = np.maximum(omega, _SLOWEST / count), decay.copy()
     active = np.arange(len(series))
+    power, rough = np.einsum("nct,nct->n", series, series), True
     for _ in range(steps):
         if not len(active):
             break
         every = len(active) == len(series)
         part = series if every else series[active]
-        now = _linear(part, omega[active], decay[active], weight, damped)
+        known = power[active] if rough else None
+        now = _linear(part, omega[active], decay[active], weight, damped, known)
         longest = np.abs(now.step).max(axis=1)
         limit = _LONGEST_STEP * 2 * np.pi / count
         step = now.step * np.minimum(1, limit / np.maximum(longest, 1e-300))[:, None]
@@ -170,8 +192,11 @@ def fit(
         omega[active] = np.maximum(np.abs(moved), _SLOWEST / count)
         decay[active] = np.clip(decay[active] + step[:, p:], _DECAY[0] / count, _DECAY[1] / count)
         small = np.abs(now.step) <= np.maximum(_RADIANS / count, _OF_ERROR * now.error)
-        active = active[~small.all(axis=1)]
+        goes_on = ~small.all(axis=1) | (rough & (now.error == 0).any(axis=1))
+        active = active[goes_on]
+        rough = rough and bool((longest[goes_on] > _ROUGH / count).any())
     last = _linear(series, omega, decay, weight, damped)
+    assert last.residual is not None
     size = 2 * p if damped else p
     unit = np.zeros((len(series), 2 * p, 2 * p))
     normal = last.parts.sum(axis=1)[:, :size, :size]

@@ -10,19 +10,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.material.shown import in_frequency
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.array_crosstalk import without_crosstalk, without_what_all_hear_at_once
 from wavesim.readings.pulse.echo_gate import common_period, echo_gate
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.measurement import PulseResult, measured
+from wavesim.readings.pulse.quality_over_band import all_alike
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
 from wavesim.readings.pulse.several_waves import Passing, of_one_wave, unexplained, waves_passing
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.travel_time import TravelTime
 from wavesim.readings.pulse.velocity import (
+    BACKWARDS,
     Velocity,
     arrival_velocity,
+    telling,
     well_known,
     with_what_is_open,
 )
@@ -112,12 +116,15 @@ def read_array(
         given, positions = cleared, {key: positions[key] for key in cleared}
         looked_at = pulse_record(t, given, positions)
     unlike = unlike or faults.muted(looked_at.values)
-    gated, (window, overlap) = looked_at.values, echo_gate(looked_at)
+    own, (window, overlap) = looked_at, echo_gate(looked_at)
     if window is not None and not overlap:
         at = "" if math.isinf(window.velocity) else ", later at each that the wave reaches later"
         notes.append(f"the record is read up to {window.end:.4g} s, before the first echo{at}")
-        gated = looked_at.values * window.weights(looked_at.t, looked_at.x)
-    own = replace(looked_at, values=gated, known=noise)
+        weights = window.weights(looked_at.t, looked_at.x)
+        # Where no arrival stands out all of a signal is noise, up to where the gate closes.
+        closes = np.where(weights < 1, looked_at.t[:, None], np.inf).min(axis=0)
+        own = replace(own, values=own.values * weights, quiet=np.minimum(own.quiet, closes))
+    own = replace(own, known=noise)
     result = measured(own, window, source=sent, expected=expected)
     if unlike:
         result = _without_spectra(result, unlike)
@@ -142,6 +149,9 @@ def read_array(
     elif noise != 0 and spreads(spectra.values, result.record.x, spectra.above, None):
         result = result.without_loss(SPREADS)
         notes.insert(0, SPREADS)
+    elif noise != 0 and (levelled := _alike(result)):
+        result = replace(result, dispersion=result.dispersion.without_loss(levelled))
+        notes.insert(0, levelled)
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)
@@ -151,6 +161,16 @@ def read_array(
         for j, key in enumerate(result.record.names)
     )
     return Reading(name, receivers, best, notes=tuple(notes), result=result)
+
+
+def _alike(result: PulseResult) -> str:
+    """Why there is no α where amplitudes fall at all frequencies alike; "" elsewhere."""
+    found = result.dispersion.with_errors
+    return all_alike(
+        result.quality, result.constant_quality, found.omega, found.phase_velocity,
+        found.attenuation, found.attenuation_error, float(np.ptp(result.record.x)),
+        result.spectra.duration,
+    )  # fmt: skip
 
 
 def _without_spectra(result: PulseResult, why: str) -> PulseResult:
@@ -249,13 +269,12 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
         return Best("correlation", math.nan, math.nan, math.nan, math.nan, False,
                     reasons[0] if reasons else why)  # fmt: skip
     # Beside an echo any of them may have read it, and the one that is nearest to all counts.
-    sure = [speeds[n] for n in told]
-    bars = {n: with_what_is_open(speeds[n], sure) for n in told}
+    bars = {n: with_what_is_open(speeds[n], speeds.values()) for n in told}
     name = min(told, key=lambda n: bars[n] / abs(speeds[n].velocity)) if overlap else told[0]
     one, bar = speeds[name], bars[name]
     remedy = "average more"
     if bar > _OPEN * one.error:
-        each = sorted(v.velocity for v in sure)
+        each = sorted(v.velocity for v in telling(speeds.values()))
         read = f"{each[0]:.4g} to {each[-1]:.4g} m/s"
         remedy = f"conventions read {read}; drive a narrower band, away from gaps"
         notes.append(
@@ -263,12 +282,7 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
             "the noise of one of them"
         )
     time = span / one.velocity
-    reason = ""
-    if not one.velocity > 0:
-        reason = (
-            "the wave runs towards smaller positions: are they counted from the source, or lengths "
-            "of specimens that take the place of a slower liquid?"
-        )
+    reason = "" if one.velocity > 0 else BACKWARDS
     error = time * bar / abs(one.velocity)
     return judged(name, time, error, span, reason, remedy=remedy)
 
@@ -285,8 +299,9 @@ def _dispersion(result: PulseResult) -> list[str]:
     error = math.hypot(found.phase_error[strongest], found.group_error[strongest])
     if abs(c - v) < max(_DISPERSES * c, 3 * error):
         return []
-    f = found.omega[strongest] / (2 * math.pi)
+    omega = float(found.omega[strongest])
+    per, unit = in_frequency(omega)
     return [
-        f"the medium disperses: at {f / 1e3:.4g} kHz phases run at {c:.4g} m/s and groups at "
-        f"{v:.4g} m/s, so that each convention reads a speed of its own"
+        f"the medium disperses: at {omega * per:.4g} {unit} phases run at {c:.4g} m/s and groups "
+        f"at {v:.4g} m/s, so that each convention reads a speed of its own"
     ]

@@ -237,7 +237,10 @@ def top(values: Float, start: int) -> float:
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function of other signs at two places is 0 between them."""
+    """Where a function of other signs at two places is 0 between them; at one, but for rounding."""
     from scipy.optimize import brentq  # slow to import, and only a reading needs it
 
+    ends = function(low), function(high)
+    if not ends[0] * ends[1] < 0:
+        return low if abs(ends[0]) < abs(ends[1]) else high
     return float(brentq(function, low, high, xtol=_EXACT))

@@ -19,10 +19,10 @@ from wavesim.readings.pulse.quality_over_band import (
     mean_quality,
     under_its_assumption,
 )
-from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
+from wavesim.readings.pulse.signals import CLIPPED, PulseError, PulseRecord, pulse_record
 from wavesim.readings.pulse.spectral_windows import Spectra, Window, spectra, whole_record
 from wavesim.readings.pulse.transmission_loss import Loss, transmission_loss
-from wavesim.readings.pulse.velocity import Velocity, arrival_velocity, told
+from wavesim.readings.pulse.velocity import Velocity, arrival_velocity, not_by_noise, told
 from wavesim.readings.pulse.wavenumber_and_attenuation import Dispersion, dispersion
 
 Float = NDArray[Any]
@@ -195,6 +195,8 @@ def measured(
     known = None if source is None else np.asarray(source, float)
     picks = {name: arrivals(record, name, fraction, known) for name in CONVENTIONS}
     speeds = {name: arrival_velocity(record.x, one.time, one.error) for name, one in picks.items()}
+    if CLIPPED not in record.unusable:
+        speeds = not_by_noise(speeds)
     grid = _band(record, window, known) if omega is None else np.atleast_1d(omega).astype(float)
     seen = spectra(record, window, grid, known)
     speed = next(

@@ -15,6 +15,7 @@ from wavesim.readings.pulse.left_open import (
     in_crosstalk,
     left_open,
     open_between,
+    ringing,
     second_cycle,
 )
 from wavesim.readings.pulse.reading import (
@@ -37,6 +38,7 @@ from wavesim.readings.pulse.wave_packets import (
     RIVAL,
     Packet,
     endless,
+    foot,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -109,7 +111,7 @@ def read_one(
     if whole and likeness(record, heard[0].begins) > _COPY:
         as_well &= np.array([one.size for one in heard]) > _ECHO
     rivals = begun[as_well].tolist()
-    begins, other = run_into(heard[at], record, distance, delay, wanted)
+    begins, other = run_into(heard[at], record, heard, distance, delay, wanted)
     rivals += [other] if math.isfinite(other) else []
     own = arrived(record, begins, delays)
     parts = left_open(record, heard, own, delays)
@@ -124,10 +126,15 @@ def read_one(
 
 
 def run_into(
-    one: Packet, record: TransmissionRecord, distance: float, delay: float, wanted: Wanted
+    one: Packet,
+    record: TransmissionRecord,
+    heard: Sequence[Packet],
+    distance: float,
+    delay: float,
+    wanted: Wanted,
 ) -> tuple[float, float]:
-    """When a packet breaks, and when it may as well, as where another wave runs into it: s after
-    the start; NaN where it is known, or where nothing else may."""
+    """When a packet breaks, one of those heard, and when it may as well, as where another wave runs
+    into it: s after the start; NaN where it is known, or where nothing else may."""
     risen = rises(one, record)
     if not hides_two(one, record):
         return one.begins, math.nan
@@ -142,6 +149,14 @@ def run_into(
         near = risen - delay < LEAST_P_OVER_S * (one.begins - delay)
         as_well = one.begins if near else math.nan
         return (risen, as_well) if wanted.wave == "S" else (one.begins, math.nan)
+    # Unless transducers ring, and so rise slowly, what stands above the rise of what was sent is a
+    # wave of its own, as likely to be the direct one as one that comes by itself.
+    if not ringing(record, one, heard):
+        ahead = foot(one, record)
+        both = [replace(one, top=one.top + one.begins - risen, size=ahead * one.size),
+                replace(one, begins=risen)]  # fmt: skip
+        if likelihoods(both, delay, wanted.wave)[0] < RIVAL:
+            return risen, math.nan
     return one.begins, risen
 
 

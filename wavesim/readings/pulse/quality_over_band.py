@@ -30,6 +30,16 @@ Float = NDArray[Any]
 _FEWEST_FREQUENCIES = 3
 UNSEEN = "no loss is seen: Q above {:.3g}"
 CHANGES = "Q changes with frequency, from {:.3g} to {:.3g} over the band, and no mean: take α(ω)"
+ALIKE = (
+    "the last receiver has {:.2g} of the first one's amplitude at all frequencies alike, beside "
+    "what falls with frequency: as of waves that spread, unlike gains, what lies between, or a "
+    "loss that does not grow with frequency; wavesim attenuation reads the decay as it is"
+)
+# A part of α that all frequencies have is told by so many standard errors beyond this part of α,
+# which velocities that change by 1/πQ, as losses make them, leave open.
+_SURELY, _PART = 3.0, 0.1
+# Or by so many by which 1/Q of α is above that of the spectral ratio.
+_APART = 2.5
 # The spectral ratio is refused where a velocity that changes puts it off by more than this part.
 _CONSTANT = 0.1
 
@@ -152,8 +162,11 @@ def mean_quality(
     along = max(0.0, float(np.sum(left[1:] * left[:-1]) / np.sum(left**2)))
     shared = max(shared, min((1 + along) / max(1 - along, 1e-9), count))
     spread = float(np.sum(1 / (error**2 + unsaid**2)))
+    # What bars hold and values do not scatter by is off at all alike, and no mean lessens it.
+    few = 2 * math.sqrt(2 * shared / count)
+    common = max(0.0, 1 - excess - few) * count / float(weight.sum())
     bar = float(np.sqrt(max(shared / weight.sum(), (excess > 1) * excess * shared / spread)))
-    bar = math.hypot(bar, unsaid)
+    bar = math.sqrt(bar**2 + unsaid**2 + common)
     least = 1 / max(max(mean, 0.0) + 2 * bar, 1e-300)
     seen, at_each = mean > 2 * bar, inverse[inverse > 2 * error]
     why = "" if seen else UNSEEN.format(least)
@@ -163,6 +176,62 @@ def mean_quality(
         1 / mean if seen else nan, bar / mean**2 if seen else nan, mean, bar, count,
         why, least, (float(f[0]), float(f[-1])), excess,
     )  # fmt: skip
+
+
+def all_alike(
+    quality: Quality,
+    ratio: Quality,
+    omega: Float,
+    c: Float,
+    loss: Float,
+    error: Float,
+    span: float,
+    duration: float,
+) -> str:
+    """Why amplitudes unlike at all frequencies alike tell no α, nor Q from it; "" elsewhere.
+
+    A Q that does not depend on frequency has α ∝ ω where the velocity is constant. Waves that
+    spread, gains, and what lies between receivers add a part α₀ that is the same at all: the line
+    α = α₀ + βω then begins above 0, or, where it curves up as viscous losses do, ∝ ω², the parabola
+    below it; and amplitudes are e^{−α₀ Δx} times as large besides.
+
+    Args:
+        quality, ratio: of :func:`mean_quality` and :func:`under_its_assumption`.
+        omega, c, loss, error: ω, phase velocity, α and its standard error, shape (n,); NaN where
+            unknown.
+        span: Δx of first and last receiver, m.
+        duration: of the window, s, as for :func:`mean_quality`.
+    """
+    own = np.isfinite(loss) & (error > 0)
+    if own.sum() <= _FEWEST_FREQUENCIES:
+        return ""
+    # At the band's ends noise makes c what it is not.
+    low, middle, high = np.percentile(c[own], (10, 50, 90))
+    if high - low > _CONSTANT * middle:
+        return ""
+    w, alpha, weight = omega[own], loss[own], 1 / error[own]
+    shared = max(1.0, 2 * np.pi / duration / float(np.median(np.diff(w))))
+
+    def beyond(degree: int) -> tuple[float, float]:
+        """α₀ of a polynomial, and how far it is from 0, in standard errors."""
+        design = weight[:, None] * (w[:, None] / w[-1]) ** np.arange(degree + 1)
+        inverse = np.linalg.pinv(design)
+        found = inverse @ (weight * alpha)
+        left = float(np.sum((weight * alpha - design @ found) ** 2)) / (len(w) - degree - 1)
+        deviation = float(np.linalg.norm(inverse[0])) * math.sqrt(shared * max(1.0, left))
+        open_ = _PART * abs(float(np.median(alpha)))
+        return float(found[0]), max(abs(float(found[0])) - open_, 0.0) / deviation
+
+    constant, sure = beyond(1)
+    if constant < 0:
+        constant, sure = beyond(2)
+    # Where α ripples, as by an echo, its mean may be surer than its line.
+    apart = quality.inverse - ratio.inverse
+    known = not ratio.reason or ratio.reason.startswith(UNSEEN.split("{")[0])
+    mean = known and apart > _APART * math.hypot(quality.inverse_error, ratio.inverse_error)
+    if not (sure > _SURELY or (mean and constant > 0)):
+        return ""
+    return ALIKE.format(math.exp(-constant * span))
 
 
 def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error: Float) -> Quality:

@@ -116,12 +116,11 @@ def read_series(
     if reference is None:
         none = [unheard(one, float(d)) for one, d in zip(records, L, strict=True)]
         return none, Series(parameter, p, None)
-    begun = np.array(
-        [
-            np.nan if k is None else run_into(packet[k], one, float(d), delay, wanted)[0] - delay
-            for one, packet, k, d in zip(records, heard, own, L, strict=True)
-        ]
-    )
+    begun = np.full(count, np.nan)
+    for i, k in enumerate(own):
+        if k is not None:
+            breaks = run_into(heard[i][k], records[i], heard[i], float(L[i]), delay, wanted)
+            begun[i] = breaks[0] - delay
     order = np.argsort(p, kind="stable").tolist()
     on_line = waves[0].y if waves else foreseen
     arrival = float(begun[reference])
@@ -167,7 +166,7 @@ def _beside(
     own = breaking(heard, at.begins, record.period)
     if own is None:
         return 0.0
-    both = np.array(run_into(own, record, distance, delay, wanted)) - at.begins
+    both = np.array(run_into(own, record, heard, distance, delay, wanted)) - at.begins
     return float(both[np.argmax(np.abs(both))]) / record.period if np.isfinite(both).all() else 0.0
 
 

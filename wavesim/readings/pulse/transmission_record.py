@@ -319,7 +319,8 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
 
 
 def _central_period(found: TransmissionRecord, raw: Float, after: float) -> float:
-    return central_period(found.t, raw, found.sent, found.length, after, found.sampled)
+    quiet = found.raw[1 : int(np.searchsorted(found.t, found.start - 0.5 * found.interval))]
+    return central_period(found.t, raw, found.sent, found.length, after, found.sampled, quiet)
 
 
 def _check_length(found: TransmissionRecord, after: float) -> None:

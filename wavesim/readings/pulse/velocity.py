@@ -19,6 +19,11 @@ _KNOWN = 0.2
 # An answer whose standard error is more than this part of it is none.
 LARGEST_ERROR = 0.25
 _FURTHEST = 0.7
+ALONE = "read by the first break alone, which noise may make: average more, or listen nearer"
+BACKWARDS = (
+    "the wave runs towards smaller positions: are they counted from the source, or lengths "
+    "of specimens that take the place of a slower liquid?"
+)
 
 
 @dataclass(frozen=True)
@@ -111,24 +116,47 @@ def well_known(one: Velocity) -> bool:
     return math.isfinite(one.velocity) and one.error < _KNOWN * abs(one.velocity)
 
 
+def not_by_noise(speeds: Mapping[str, Velocity]) -> dict[str, Velocity]:
+    """Speeds without one of the first break alone: what breaks out of noise has a top as well."""
+    first = speeds["first break"]
+    others = [one for one in speeds.values() if one is not first]
+    if not math.isfinite(first.velocity) or np.isfinite([one.velocity for one in others]).any():
+        return dict(speeds)
+    return {
+        **speeds,
+        "first break": replace(first, velocity=math.nan, error=math.nan, reason=ALONE),
+    }
+
+
+def telling(speeds: Iterable[Velocity]) -> list[Velocity]:
+    """Velocities that tell of what is open: well known, or known without an error."""
+    known = [v for v in speeds if math.isfinite(v.velocity)]
+    return [v for v in known if math.isnan(v.error) or well_known(v)]
+
+
 def with_what_is_open(one: Velocity, others: Iterable[Velocity]) -> float:
     """Standard error of a convention's velocity with what other conventions leave open, m/s.
 
-    One that is known badly tells less of what is open.
+    One that is known badly tells nothing of what is open.
     """
-    apart = [max((v.velocity - one.velocity) ** 2 - v.error**2, 0.0) for v in others]
-    return math.hypot(one.error, _FURTHEST * math.sqrt(max(apart, default=0.0)))
+    apart = [
+        (v.velocity - one.velocity) ** 2 - (0.0 if math.isnan(v.error) else v.error**2)
+        for v in telling(others)
+    ]
+    return math.hypot(one.error, _FURTHEST * math.sqrt(max([0.0, *apart])))
 
 
 def told(speeds: Mapping[str, Velocity]) -> dict[str, Velocity]:
     """Velocities as answers: a number with an error that holds what conventions leave open, or NaN
     with a reason.
 
-    There is none without an error of its own, nor where conventions are so far apart that each is
-    the speed of something else, as in a gap or where several waves pass.
+    There is none without an error of its own, or with one of more than a quarter of it, of a wave
+    that runs backwards, nor where conventions are so far apart that each is the speed of something
+    else, as in a gap or where several waves pass.
     """
-    sure = [one for one in speeds.values() if well_known(one)]
-    bars = [with_what_is_open(one, sure) / abs(one.velocity) for one in sure]
+    every = list(speeds.values())
+    sure = [one for one in every if well_known(one)]
+    bars = [with_what_is_open(one, every) / abs(one.velocity) for one in sure]
     apart = min(bars, default=0.0) > LARGEST_ERROR
     found = {}
     for name, one in speeds.items():
@@ -141,8 +169,13 @@ def told(speeds: Mapping[str, Velocity]) -> dict[str, Velocity]:
                 f"conventions read {each[0]:.4g} to {each[-1]:.4g} m/s, which is the speed of no "
                 "one wave: drive a narrower band, away from gaps, or place receivers elsewhere"
             )
+        bar = with_what_is_open(one, every)
+        if not why and not one.velocity > 0:
+            why = BACKWARDS
+        if not why and bar > LARGEST_ERROR * one.velocity:
+            why = f"{one.velocity:.3g} m/s with an error of {bar:.2g} m/s is none"
         found[name] = (
             replace(one, velocity=math.nan, error=math.nan, reason=why) if why
-            else replace(one, error=with_what_is_open(one, sure))
+            else replace(one, error=bar)
         )  # fmt: skip
     return found

@@ -301,6 +301,26 @@ def rises(one: Packet, record: TransmissionRecord) -> float:
     return float(record.t[first + below[-1]] - record.start) - record.rise
 
 
+def foot(one: Packet, record: TransmissionRecord) -> float:
+    """How far a packet's envelope stands above that of what was sent before both have half of their
+    tops, over its top, –: the size of what comes ahead of a wave and runs into it; 1 of a step, or
+    of what was not recorded."""
+    if record.sent is None or is_step(record.sent):
+        return 1.0
+    begins, top = (
+        int((when + record.start - record.t[0]) / record.interval) for when in (one.begins, one.top)
+    )
+    size = envelope(record.got)[max(begins, 0) : top + 1]
+    own = envelope(band_about(record.sent, record.interval, record.period))
+    sent = own[: int(np.argmax(own)) + 1] / own.max()
+    size = size / size[-1]
+    half = int(np.flatnonzero(np.append(True, size < 0.5))[-1])
+    there = int(np.flatnonzero(np.append(True, sent < 0.5))[-1])
+    along = np.arange(half) - half + there
+    laid = np.where(along >= 0, sent[np.clip(along, 0, len(sent) - 1)], 0.0)
+    return float(np.max(size[:half] - laid, initial=0.0))
+
+
 def hides_two(one: Packet, record: TransmissionRecord) -> bool:
     """Whether a packet breaks so long before it rises that another wave runs into it."""
     return rises(one, record) - one.begins > _RISES * record.period

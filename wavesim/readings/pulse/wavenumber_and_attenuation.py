@@ -42,12 +42,16 @@ DECIBELS_PER_NEPER = 20 / np.log(10)
 _SPAN = 7
 # Of a difference's square this many variances of its noise are explained.
 _EXPLAINED = 2.0
+# Standard error of Re k, over it, at which ω/Re k may be anything and is not given.
+_LARGEST_ERROR = 0.5
 UNKNOWN = (
     "the error of k is not known: two receivers have none to spare, and the record shows no noise "
     "before the wave; add a receiver, or begin earlier"
 )
 # kΔx of two receivers is smooth to so many rad, told by so many frequencies at least.
 _SMOOTH, _FEWEST_OF_CURVE = 0.03, 8
+# What is left over is no noise where it is so many times that of the noise, of few frequencies too.
+_CLEARLY = 5.0
 # A loss is seen where α is this many times its standard error.
 SEEN = 3.0
 
@@ -64,7 +68,8 @@ class Dispersion:
         k: k at real ω, shape (n,), rad/m; the same without σ.
         k_error: of real and imaginary part alike, shape (n,), rad/m: noise, and with σ the size
             of the series' last term.
-        phase_velocity, phase_error: c and its standard error, shape (n,), m/s.
+        phase_velocity, phase_error: c and its standard error, shape (n,), m/s; NaN where two errors
+            are as large as Re k, as may be in a gap.
         group_velocity, group_error: v_g and its standard error, shape (n,), m/s.
         attenuation, attenuation_error: α and its standard error, shape (n,), Np/m.
         quality, quality_error: Q_E = ω/(2αv_g) and its standard error, shape (n,), –; NaN where α
@@ -186,6 +191,11 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
     known = noise[used & np.isfinite(noise)]
     if not (len(known) and np.mean(fit.residual) > NOISE_SPREAD * np.mean(known**2)):
         power = np.maximum(power, fit.residual)
+    elif (spare > 0).any() and np.mean(fit.residual) > _CLEARLY * np.mean(known**2):
+        # Gains leave the same part of all, there too where noise or few receivers hide it.
+        whole = np.sum(used * np.abs(U) ** 2, axis=1) / count
+        part = float(np.median((fit.residual / whole)[spare > 0]))
+        fit = replace(fit, residual=np.maximum(fit.residual, part * whole))
     error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
     two = spare <= 0
     x = np.where(used[two], seen.x, np.nan)
@@ -234,7 +244,8 @@ def derived(seen: Spectra, guess: Guess, damped: Complex, error: Float) -> Dispe
     else:
         k, k_error = damped, error
     with np.errstate(divide="ignore", invalid="ignore"):
-        phase, group = omega / k.real, 1 / k1.real
+        phase = np.where(k_error >= _LARGEST_ERROR * np.abs(k.real), np.nan, omega / k.real)
+        group = 1 / k1.real
         lossy = (k.imag > 0) & (k.imag < np.abs(k.real))
         # Where no loss is seen there is no Q, but a bound of it.
         seen_loss = lossy & (k.imag >= SEEN * k_error)

@@ -39,8 +39,9 @@ _ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE, _GOES_ON = 0.5, 0.15, 0.35, 8.0, 1.5
 _RISES, _FALLS = 4.0, 0.5
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
-# part.
-_BELOW, _LOBE, _DIPS, _ALL_OF, _AT_REST = 0.02, 0.1, 2, 4, 0.25
+# part. Rectified noise has its least value 1.7 median deviations below its median, and noise that
+# is not 4 and more.
+_BELOW, _LOBE, _DIPS, _ALL_OF, _AT_REST, _FOLDED = 0.02, 0.1, 2, 4, 0.25, 2.5
 # Compressed samples hold less noise above this part of the peak than below that, by this factor, at
 # so many receivers.
 _CREST, _STILL, _LESS, _SEVERAL = 0.5, 0.1, 0.35, 3
@@ -186,7 +187,11 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
             dips.append(np.sum((gaps > 0) & (gaps < lobes.sum() / (1 + np.sum(gaps > 0)))))
         low = np.median(np.nanmedian(v, axis=0) < _AT_REST * size) == 1
         many = np.median(dips) >= _DIPS or (len(dips) >= _ALL_OF and min(dips) > 0)
-        if low and np.nanmin(v + _BELOW * size) > 0 and many:
+        rest = np.nanmedian(v, axis=0)
+        still = np.nanmedian(np.abs(v - rest), axis=0)
+        # Above an offset a signal may swing both ways: it falls below rest by more than noise.
+        floor = (rest - np.nanmin(v, axis=0) < np.maximum(_BELOW * size, _FOLDED * still)).all()
+        if low and np.nanmin(v + _BELOW * size) > 0 and floor and many:
             raise RecordError(
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"

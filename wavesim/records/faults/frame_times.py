@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used: they take a while
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from wavesim.records.content import RecordError
 from wavesim.records.evenness import even
@@ -91,7 +91,7 @@ def check_goes_on(u: Float, t: Float) -> None:
     # Between frames i and i + 1: of the equations that hold both, and of frames before and behind.
     i = np.arange(side + _ABOUT, count - side - _ABOUT)
     wrong = _sums(off**2, i - 2 * side + 1, 2 * side)
-    near = maximum_filter1d(wrong, _WITHIN, axis=0, mode="constant")
+    near = scipy.ndimage.maximum_filter1d(wrong, _WITHIN, axis=0, mode="constant")
     away = 2 * side + _WITHIN // 2
     near = np.maximum(np.roll(near, away, axis=0), np.roll(near, -away, axis=0))
     power = [_sums(u**2, a, _ABOUT) / _ABOUT - (_sums(u, a, _ABOUT) / _ABOUT) ** 2
@@ -139,7 +139,9 @@ def check_clock(u: Float) -> None:
     off, slope = (one - one @ shapes @ shapes.T for one in (off, slope))
     steep = np.maximum(np.sum(slope**2, axis=1), 1e-300)
     along = np.sum(off * slope, axis=1) ** 2 / steep
-    chance = np.sum(slope**2 * uniform_filter1d(off**2, _ABOUT, axis=0), axis=1) / steep
+    chance = (
+        np.sum(slope**2 * scipy.ndimage.uniform_filter1d(off**2, _ABOUT, axis=0), axis=1) / steep
+    )
     receivers = steep**2 / np.maximum(np.sum(slope**4, axis=1), 1e-300)
     moves = steep > np.median(steep)
     so_far = np.cumsum(steep * moves)

@@ -15,6 +15,8 @@ FORMATS = {
     ".sgy": "SEGY", ".segy": "SEGY", ".su": "SU", ".sac": "SAC", ".mseed": "MSEED",
     ".miniseed": "MSEED", ".msd": "MSEED", ".seg2": "SEG2", ".sg2": "SEG2", ".gse": "GSE2",
 }  # fmt: skip
+# Shorter intervals in whole µs, s, may be off by more than a hundredth.
+_COARSE = 50e-6
 
 
 def from_seismic(*paths: Path) -> Content:
@@ -45,17 +47,17 @@ def of_stream(stream: Any) -> Content:
     """
     if not len(stream):
         raise RecordError("holds no trace")
-    steps = np.array([trace.stats.delta for trace in stream])
+    steps = np.array([_interval(trace) for trace in stream])
     step = float(np.median(steps))
-    if not (step > 0 and np.abs(steps - step).max() <= 1e-6 * step):
+    if not np.abs(steps - step).max() <= 1e-6 * step:
         raise RecordError(
             f"traces have sampling intervals from {steps.min():g} to {steps.max():g} s: resample "
             "them alike, or save those of one interval"
         )
     begin = min(trace.stats.starttime for trace in stream)
-    shifts = [round((trace.stats.starttime - begin) / step) for trace in stream]
-    off = max(abs((t.stats.starttime - begin) / step - s)
-              for t, s in zip(stream, shifts, strict=True))  # fmt: skip
+    late = [(trace.stats.starttime - begin) / step if step > 0 else 0.0 for trace in stream]
+    shifts = [round(one) for one in late]
+    off = max(abs(one - shift) for one, shift in zip(late, shifts, strict=True))
     count = max(s + len(t.data) for t, s in zip(stream, shifts, strict=True))
     check_size((count, len(stream)), "traces")
     # Traces of one name that follow each other are one receiver.
@@ -67,19 +69,37 @@ def of_stream(stream: Any) -> Content:
     for trace, shift, name in zip(stream, shifts, names, strict=True):
         data = np.ma.filled(np.ma.asarray(trace.data).astype(float), np.nan)
         values[shift : shift + len(data), labels.index(name)] = data
-    content = Content({"t": step * np.arange(count), "values": values}, {"t": "s"}, tuple(labels))
+    content = Content({"values": values}, labels=tuple(labels))
+    if step > 0:
+        content.arrays["t"], content.units["t"] = step * np.arange(count), "s"
+        if any(kind in stream[0].stats for kind in ("segy", "su")) and step < _COARSE:
+            content.notes.append(
+                f"the headers' interval of {step * 1e6:g} µs is of whole µs: where it was rounded, "
+                "--interval says it"
+            )
     if off > 0.05:
         content.notes.append(
             f"traces begin up to {off:.2g} of an interval apart: taken on one clock"
         )
     first = [stream[names.index(label)] for label in labels]
     begins = {_delay(trace) for trace in first}
-    if len(begins) == 1 and begins != {0.0}:
+    if step > 0 and len(begins) == 1 and begins != {0.0}:
         (delay,) = begins
         content.arrays["t"] = delay + content.arrays["t"]
         content.notes.append(f"times begin at the delay in the headers, {delay:g} s")
     _place(content, stream, first)
     return content
+
+
+def _interval(trace: Any) -> float:
+    """Δt, s: of SAC as its header has it, in float32, as obspy makes whole µs of it; 0 where that
+    of SEG-Y or SU has none, of which obspy makes 1 s."""
+    if "sac" in trace.stats:
+        return float(f"{trace.stats.sac.delta:.7g}")
+    traces = trace.stats.get("segy") or trace.stats.get("su")
+    if traces and not traces.trace_header.get("sample_interval_in_ms_for_this_trace", 1):
+        return 0.0
+    return float(trace.stats.delta)
 
 
 def _place(content: Content, stream: Any, traces: list[Any]) -> None:
